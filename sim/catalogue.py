@@ -1,0 +1,86 @@
+"""The models a worker can evaluate: their factors and their outputs.
+
+Nothing here imports MuJoCo, so that a coordinator can describe a study without being able to run it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
+from types import MappingProxyType
+
+from sim.factors import TABLE_1, Factor
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """Something that maps named factors to named outputs."""
+
+    name: str
+    description: str
+    factors: tuple[Factor, ...]
+    #: Every output a successful evaluation reports, in the order tables show them.
+    outputs: tuple[str, ...]
+
+    def factor(self, name: str) -> Factor:
+        """Return the factor called `name`; KeyError if the model has none."""
+        for factor in self.factors:
+            if factor.name == name:
+                return factor
+        raise KeyError(name)
+
+
+ELBOW = Model(
+    name="elbow",
+    description="Elbow stiffness assessment of the arm in the exoskeleton (paper, section 2.3)",
+    factors=TABLE_1,
+    outputs=(
+        "stiffness_error",
+        "stiffness_estimate",
+        "stiffness_true",
+        "stiffness_error_paper",
+        "stiffness_estimate_paper",
+        "stiffness_true_paper",
+        "stiffness_error_authors",
+        "stiffness_estimate_authors",
+        "stiffness_true_authors",
+        "damping_estimate",
+        "peak_contact_force",
+        "tracking_rmse",
+    ),
+)
+
+ISHIGAMI = Model(
+    name="ishigami",
+    description="Ishigami and Homma 1990: sin x1 + 7 sin^2 x2 + 0.1 x3^4 sin x1",
+    factors=tuple(
+        Factor(
+            name=f"x{i}",
+            unit="1",
+            low=-pi,
+            high=pi,
+            nominal=0.0,
+            description=f"argument {i} of the Ishigami function",
+        )
+        for i in (1, 2, 3)
+    ),
+    outputs=("y",),
+)
+
+SOBOL_G = Model(
+    name="sobol_g",
+    description="Sobol's g-function with a = (0, 1, 4.5, 9, 99, 99): two factors do nothing",
+    factors=tuple(
+        Factor(
+            name=f"x{i}",
+            unit="1",
+            low=0.0,
+            high=1.0,
+            nominal=0.5,
+            description=f"argument {i} of Sobol's g-function",
+        )
+        for i in range(1, 7)
+    ),
+    outputs=("y",),
+)
+
+MODELS: Mapping[str, Model] = MappingProxyType({m.name: m for m in (ELBOW, ISHIGAMI, SOBOL_G)})

@@ -1,0 +1,91 @@
+"""Evaluate one point of a model: what a worker does with an instance."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import metadata
+from math import isfinite, sin
+from platform import machine, python_version
+from platform import system as operating_system
+from typing import Any
+
+from sim.catalogue import ELBOW, ISHIGAMI, MODELS, SOBOL_G
+
+#: Coefficients of Sobol's g-function (Saltelli and Sobol 1995): the larger, the less influential.
+G_COEFFICIENTS = (0.0, 1.0, 4.5, 9.0, 99.0, 99.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluation:
+    """What became of one point: outputs, or the name of a failure."""
+
+    #: "ok", or the name of a failure.
+    outcome: str
+    #: Every output of the model; empty unless `outcome` is "ok".
+    outputs: Mapping[str, float]
+    #: One sentence for a reader; empty when `outcome` is "ok".
+    reason: str = ""
+    #: Where the simulation stood when it failed, as JSON; None when it succeeded.
+    state: Mapping[str, Any] | None = None
+    wall_seconds: float
+
+
+def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
+    """Evaluate `model` at `parameters` (SI units; a factor left out takes its nominal value).
+
+    Raises:
+        ValueError: the model, or a parameter of it, is unknown, or a value is not finite.
+    """
+    if model not in MODELS:
+        raise ValueError(f"unknown model {model!r}: expected one of {', '.join(MODELS)}")
+    values = {factor.name: factor.nominal for factor in MODELS[model].factors}
+    for name, value in parameters.items():
+        if name not in values:
+            raise ValueError(f"{model} has no factor {name!r}: it has {', '.join(values)}")
+        if not isfinite(value):
+            raise ValueError(f"factor {name} must be finite, not {value}")
+        values[name] = float(value)
+    started = time.perf_counter()
+    if model == ELBOW.name:
+        from sim.assessment import assess
+
+        assessment = assess(values)
+        return Evaluation(
+            outcome=assessment.outcome,
+            outputs=assessment.outputs,
+            reason=assessment.reason,
+            state=assessment.state,
+            wall_seconds=time.perf_counter() - started,
+        )
+    y = _CLOSED_FORMS[model](tuple(values.values()))
+    return Evaluation(outcome="ok", outputs={"y": y}, wall_seconds=time.perf_counter() - started)
+
+
+def versions() -> dict[str, str]:
+    """Return what decides whether two machines compute the same bits."""
+    return {
+        "rehyb": metadata.version("rehyb"),
+        "mujoco": metadata.version("mujoco-core"),
+        "numpy": metadata.version("numpy"),
+        "python": python_version(),
+        "platform": f"{operating_system()}-{machine()}",
+    }
+
+
+def _ishigami(x: tuple[float, ...]) -> float:
+    """Ishigami and Homma 1990, with a = 7 and b = 0.1."""
+    return sin(x[0]) + 7.0 * sin(x[1]) ** 2 + 0.1 * x[2] ** 4 * sin(x[0])
+
+
+def _sobol_g(x: tuple[float, ...]) -> float:
+    """Saltelli and Sobol 1995: the product of (|4 x_i - 2| + a_i) / (1 + a_i)."""
+    y = 1.0
+    for x_i, a_i in zip(x, G_COEFFICIENTS, strict=True):
+        y *= (abs(4.0 * x_i - 2.0) + a_i) / (1.0 + a_i)
+    return y
+
+
+_CLOSED_FORMS: Mapping[str, Callable[[tuple[float, ...]], float]] = {
+    ISHIGAMI.name: _ishigami,
+    SOBOL_G.name: _sobol_g,
+}
