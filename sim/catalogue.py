@@ -1,6 +1,7 @@
 """The models a worker can evaluate: their factors and their outputs.
 
-Nothing here imports MuJoCo, so that a coordinator can describe a study without being able to run it.
+Nothing here imports MuJoCo, so that a coordinator can describe a study without being able to run
+it.
 """
 
 from collections.abc import Mapping

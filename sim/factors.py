@@ -1,13 +1,13 @@
 """The six uncertain factors of the paper's Table 1, with the nominal wearer made consistent.
 
 The paper states two nominal wearers: section 2.2.1 gives 36.37 cm and 34.9 cm for the upper arm and
-the forearm, section 2.3 gives 33.37 cm and 31.9 cm. We take section 2.3's lengths as nominal, because
-that is the wearer the nominal model of equation 20 describes, and read Table 1's lengths literally:
-each is a deviation from a wearer whose joints coincide with the exoskeleton's.
+the forearm, section 2.3 gives 33.37 cm and 31.9 cm. We take section 2.3's lengths as nominal,
+because that is the wearer the nominal model of equation 20 describes, and read Table 1's lengths
+literally: each is a deviation from a wearer whose joints coincide with the exoskeleton's.
 
-Section 2.2.1's masses, 2.25 kg and 1.31 kg, include the soft tissue at the attachments (0.489 kg and
-0.351 kg). Table 1 starts at 0.3 kg and 0.1 kg and is centred on 1.86 kg and 0.96 kg, so it varies what
-remains beside that tissue: nominally 1.761 kg and 0.962 kg.
+Section 2.2.1's masses, 2.25 kg and 1.31 kg, include the soft tissue at the attachments (0.489 kg
+and 0.351 kg). Table 1 starts at 0.3 kg and 0.1 kg and is centred on 1.86 kg and 0.96 kg, so it
+varies what remains beside that tissue: nominally 1.761 kg and 0.962 kg.
 """
 
 from collections.abc import Mapping
@@ -59,7 +59,7 @@ TABLE_1: tuple[Factor, ...] = (
         low=0.1,
         high=1.82,
         nominal=0.962,
-        description="mass of the forearm beside the 0.351 kg of tissue in the cuff, without the hand",
+        description="mass of the forearm beside the 0.351 kg of tissue in the cuff and the hand",
     ),
     Factor(
         name="upper_arm_elasticity",

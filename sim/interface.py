@@ -1,0 +1,295 @@
+"""Cuffs and straps: how the exoskeleton holds the arm (paper, section 2.2.3, figure 5).
+
+A cuff is a half cylinder of welded boxes that opens medially; a strap is a grid of particles on
+springs over the open half. Tissue touches only its own cuff and strap, through explicit contact
+pairs.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import cos, pi, radians, sin, tan
+
+import mujoco
+import numpy as np
+
+from sim.soft_tissue import PER_RING, RINGS, Sleeve, element_name
+
+#: Boxes of a cuff and particles across a strap: both span half a circle.
+ACROSS = 6
+#: Rows of a strap along the limb.
+ROWS = 2
+CUFF_THICKNESS = 0.030
+STRAP_THICKNESS = 0.020
+#: Weight of one strap, kg; the nominal model knows it.
+STRAP_MASS = 0.05
+#: Inertia of a particle's slides, kg, chosen like that of the tissue's elements.
+PARTICLE_INERTIA = 4.0
+#: Tension of each strap row when it is closed, N.
+STRAP_TENSION = 15.0
+#: Stiffness of one strap row from rim to rim, N/m, and damping of its segments, N s/m.
+ROW_STIFFNESS = 5000.0
+SEGMENT_DAMPING = 100.0
+#: Stiffness between the rows (N/m), against bending (N/m), and of the edges in the cuff (N/m).
+BETWEEN_ROWS, BENDING, EDGE = 10_000.0, 200.0, 500.0
+PARTICLE_DAMPING = 20.0
+#: Coulomb friction of skin and clothing on cuff and strap.
+FRICTION = 0.3
+#: Tissue and box meet only if their normals differ by less than this, rad.
+CONTACT_SECTOR = radians(80.0)
+#: Rim of a cuff: where strap ends are fixed, in inner radii.
+RIM = 1.03
+
+SEGMENTS = ACROSS + 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cuff:
+    """One semi-cylindrical cuff with its strap, in the frame of the link that carries it, in m."""
+
+    name: str
+    link: str
+    centre: tuple[float, float, float]
+    #: Unit vectors: along the limb (distal), and out of the opening (medial).
+    along: tuple[int, int, int]
+    opening: tuple[int, int, int]
+    length: float
+    radius: float
+
+    @property
+    def wall(self) -> np.ndarray:
+        """Unit vector towards the upper wall: along x opening."""
+        return np.cross(self.along, self.opening).astype(float)
+
+    def normal(self, angle: float) -> np.ndarray:
+        """Unit vector out of the cuff's axis, `angle` rad from the opening to the upper wall."""
+        return cos(angle) * np.array(self.opening, dtype=float) + sin(angle) * self.wall
+
+    def box_frame(self, angle: float) -> np.ndarray:
+        """Return a right-handed frame, columns tangent, normal, along, shape (3, 3)."""
+        normal, along = self.normal(angle), np.array(self.along, dtype=float)
+        return np.column_stack([np.cross(normal, along), normal, along])
+
+    @property
+    def cuff_angles(self) -> list[float]:
+        return [pi / 2 + (i + 0.5) * pi / ACROSS for i in range(ACROSS)]
+
+    @property
+    def strap_angles(self) -> list[float]:
+        return [-pi / 2 + (i + 0.5) * pi / ACROSS for i in range(ACROSS)]
+
+    @property
+    def row_offsets(self) -> list[float]:
+        """Position of each strap row along the limb from the centre, m."""
+        return [(row + 0.5) * self.length / ROWS - self.length / 2 for row in range(ROWS)]
+
+
+#: The upper arm's cuff sits distally, where it can carry the elbow's reaction; the forearm's is
+#: short and near the wrist, so that it can slide along the limb without jamming.
+CUFFS = (
+    Cuff(
+        name="upper_arm",
+        link="link_3",
+        centre=(0.0, 0.0, -0.10),
+        along=(0, 0, 1),
+        opening=(0, -1, 0),
+        length=0.08,
+        radius=0.040,
+    ),
+    Cuff(
+        name="forearm",
+        link="link_4",
+        centre=(0.0108, 0.14, -0.015),
+        along=(0, 1, 0),
+        opening=(0, 0, 1),
+        length=0.05,
+        radius=0.035,
+    ),
+)
+
+
+def cuff_box_name(cuff: Cuff, index: int) -> str:
+    return f"{cuff.name}_cuff_{index}"
+
+
+def particle_name(cuff: Cuff, row: int, index: int) -> str:
+    return f"{cuff.name}_strap_{row}_{index}"
+
+
+def segment_names(cuff: Cuff) -> list[str]:
+    """Return the names of the tendons that carry the strap's tension."""
+    return [f"{cuff.name}_band_{row}_{i}" for row in range(ROWS) for i in range(SEGMENTS)]
+
+
+def add_cuff(spec: mujoco.MjSpec, cuff: Cuff) -> None:
+    """Add the cuff's boxes to its link."""
+    link = spec.body(cuff.link)
+    half_width = (cuff.radius + CUFF_THICKNESS) * tan(pi / ACROSS / 2)
+    for i, angle in enumerate(cuff.cuff_angles):
+        centre = np.array(cuff.centre) + (cuff.radius + CUFF_THICKNESS / 2) * cuff.normal(angle)
+        _add_box(
+            link,
+            cuff_box_name(cuff, i),
+            centre,
+            frame=cuff.box_frame(angle),
+            size=[half_width, CUFF_THICKNESS / 2, cuff.length / 2],
+            mass=0.0,
+            rgba=(0.2, 0.45, 0.75, 0.45),
+        )
+
+
+def add_strap(spec: mujoco.MjSpec, cuff: Cuff) -> None:
+    """Add the strap's particles and the springs between them, still open (without tension)."""
+    link = spec.body(cuff.link)
+    for row, offset in enumerate(cuff.row_offsets):
+        middle = np.array(cuff.centre) + offset * np.array(cuff.along)
+        for side, angle in (("low", -pi / 2), ("high", pi / 2)):
+            link.add_site(
+                name=f"{cuff.name}_rim_{row}_{side}",
+                pos=middle + RIM * cuff.radius * cuff.normal(angle),
+                size=[0.002] * 3,
+            )
+        for i, angle in enumerate(cuff.strap_angles):
+            _add_particle(link, cuff, row, i, middle, angle)
+        sites = [
+            f"{cuff.name}_rim_{row}_low",
+            *(particle_name(cuff, row, i) for i in range(ACROSS)),
+            f"{cuff.name}_rim_{row}_high",
+        ]
+        for i, ends in enumerate(pairwise(sites)):
+            _add_spring(
+                spec,
+                f"{cuff.name}_band_{row}_{i}",
+                ends,
+                stiffness=SEGMENTS * ROW_STIFFNESS,
+                damping=SEGMENT_DAMPING,
+                width=0.003,
+            )
+        for i in range(ACROSS - 1):
+            a, b = (f"{particle_name(cuff, row, j)}_radial" for j in (i, i + 1))
+            bending = spec.add_tendon(
+                name=f"{cuff.name}_bending_{row}_{i}",
+                stiffness=[BENDING, 0.0, 0.0],
+                damping=[PARTICLE_DAMPING, 0.0, 0.0],
+            )
+            bending.wrap_joint(a, 1.0)
+            bending.wrap_joint(b, -1.0)
+    for row in range(ROWS - 1):
+        for i in range(ACROSS):
+            _add_spring(
+                spec,
+                f"{cuff.name}_between_{row}_{i}",
+                (particle_name(cuff, row, i), particle_name(cuff, row + 1, i)),
+                stiffness=BETWEEN_ROWS,
+                damping=SEGMENT_DAMPING,
+                width=0.001,
+            )
+
+
+def add_contacts(spec: mujoco.MjSpec, cuff: Cuff, sleeve: Sleeve) -> None:
+    """Let the sleeve's elements meet the boxes and particles that face them."""
+    faces = [(cuff_box_name(cuff, i), angle) for i, angle in enumerate(cuff.cuff_angles)]
+    faces += [
+        (particle_name(cuff, row, i), angle)
+        for row in range(ROWS)
+        for i, angle in enumerate(cuff.strap_angles)
+    ]
+    for ring in range(RINGS):
+        for index in range(PER_RING):
+            _, normal = sleeve.element(ring, index)
+            for box, angle in faces:
+                # In the zero pose the bone's y axis points out of the opening, its z axis to the
+                # wall.
+                if normal[1] * cos(angle) + normal[2] * sin(angle) <= cos(CONTACT_SECTOR):
+                    continue
+                pair = spec.add_pair(
+                    geomname1=element_name(sleeve, ring, index), geomname2=box, condim=3
+                )
+                pair.friction[:2] = FRICTION
+                pair.solref = [0.02, 1.0]
+                pair.solimp = [0.95, 0.99, 0.002, 0.5, 2.0]
+
+
+def _add_particle(
+    link: mujoco.MjsBody, cuff: Cuff, row: int, index: int, middle: np.ndarray, angle: float
+) -> None:
+    name = particle_name(cuff, row, index)
+    frame = cuff.box_frame(angle)
+    tangent, normal, along = frame.T
+    body = link.add_body(name=name, pos=middle + (cuff.radius + STRAP_THICKNESS / 2) * normal)
+    at_edge = index in (0, ACROSS - 1)
+    for direction, axis, stiffness in (
+        ("radial", normal, 0.0),
+        ("tangential", tangent, EDGE if at_edge else 0.0),
+        ("axial", along, EDGE if at_edge else 0.0),
+    ):
+        body.add_joint(
+            name=f"{name}_{direction}",
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=axis,
+            stiffness=[stiffness, 0.0, 0.0],
+            damping=[PARTICLE_DAMPING, 0.0, 0.0],
+            armature=PARTICLE_INERTIA,
+        )
+    body.add_site(
+        name=name,
+        pos=(RIM * cuff.radius - cuff.radius - STRAP_THICKNESS / 2) * normal,
+        size=[0.002] * 3,
+    )
+    _add_box(
+        body,
+        name,
+        np.zeros(3),
+        frame=frame,
+        size=[
+            (cuff.radius + STRAP_THICKNESS) * tan(pi / ACROSS / 2),
+            STRAP_THICKNESS / 2,
+            cuff.length / ROWS / 2,
+        ],
+        mass=STRAP_MASS / (ROWS * ACROSS),
+        rgba=(0.15, 0.15, 0.18, 0.6),
+    )
+
+
+def _add_box(
+    body: mujoco.MjsBody,
+    name: str,
+    centre: np.ndarray,
+    *,
+    frame: np.ndarray,
+    size: list[float],
+    mass: float,
+    rgba: tuple[float, float, float, float],
+) -> None:
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, frame.ravel())
+    geom = body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        pos=centre,
+        quat=quat,
+        size=size,
+        mass=mass,
+        rgba=list(rgba),
+        group=1,
+    )
+    geom.contype = geom.conaffinity = 0
+
+
+def _add_spring(
+    spec: mujoco.MjSpec,
+    name: str,
+    sites: tuple[str, str],
+    *,
+    stiffness: float,
+    damping: float,
+    width: float,
+) -> None:
+    tendon = spec.add_tendon(
+        name=name,
+        stiffness=[stiffness, 0.0, 0.0],
+        damping=[damping, 0.0, 0.0],
+        width=width,
+        rgba=[0.1, 0.1, 0.1, 1.0],
+    )
+    for site in sites:
+        tendon.wrap_site(site)

@@ -1,0 +1,200 @@
+"""The whole system as one MuJoCo model: arm, muscles, tissue, exoskeleton and what joins them."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import radians
+
+import mujoco
+import numpy as np
+from scipy.optimize import brentq
+
+from sim.control import START, Gains
+from sim.exoskeleton import JOINTS, MOTOR_GROUP, add_exoskeleton
+from sim.interface import CUFFS, STRAP_TENSION, add_contacts, add_cuff, add_strap, segment_names
+from sim.muscles import ELBOW_EXTENSORS, ELBOW_FLEXORS, add_muscles
+from sim.skeleton import (
+    ELBOW,
+    HUMAN_JOINTS,
+    add_arm,
+    add_torso,
+    empty_spec,
+    upper_arm_point,
+)
+from sim.soft_tissue import PER_RING, RINGS, add_soft_tissue, element_name, sleeves
+from sim.wearer import Wearer
+
+if mujoco.__version__ == "4.0.0":
+    raise ImportError(
+        "MuJoCo 4.0.0 factorises many sparse models wrongly (its issue 3767) and gives wrong "
+        "stiffness without a word: install mujoco-core 4.0.1 or later"
+    )
+
+#: Time step, s.
+STEP = 0.01
+
+
+@dataclass(frozen=True)
+class System:
+    """A compiled model and where its parts are; index arrays follow the names they come from."""
+
+    wearer: Wearer
+    gains: Gains
+    model: mujoco.MjModel
+
+    @cached_property
+    def exo_qpos(self) -> np.ndarray:
+        return self._joints(JOINTS, "qposadr")
+
+    @cached_property
+    def exo_dof(self) -> np.ndarray:
+        return self._joints(JOINTS, "dofadr")
+
+    @cached_property
+    def human_qpos(self) -> np.ndarray:
+        return self._joints(HUMAN_JOINTS, "qposadr")
+
+    @cached_property
+    def human_dof(self) -> np.ndarray:
+        return self._joints(HUMAN_JOINTS, "dofadr")
+
+    @cached_property
+    def motors(self) -> np.ndarray:
+        """Actuator index of each exoskeleton joint's motor."""
+        return np.array([self.model.actuator(f"{joint}_motor").id for joint in JOINTS])
+
+    @cached_property
+    def elbow_muscles(self) -> np.ndarray:
+        """Actuator index of the eight elbow muscles."""
+        return np.array(
+            [self.model.actuator(muscle.name).id for muscle in ELBOW_FLEXORS + ELBOW_EXTENSORS]
+        )
+
+    @cached_property
+    def locks(self) -> np.ndarray:
+        """Equality index of the lock on each exoskeleton joint."""
+        return np.array([self.model.equality(f"lock_{joint}").id for joint in JOINTS])
+
+    @cached_property
+    def straps(self) -> np.ndarray:
+        """Tendon index of every segment that carries strap tension."""
+        return np.array(
+            [self.model.tendon(name).id for cuff in CUFFS for name in segment_names(cuff)]
+        )
+
+    @cached_property
+    def limb_of_geom(self) -> np.ndarray:
+        """For each geom the number of the sleeve it is an element of, or -1; shape (ngeom,)."""
+        limb = np.full(self.model.ngeom, -1)
+        for number, sleeve in enumerate(sleeves(self.wearer)):
+            for ring in range(RINGS):
+                for index in range(PER_RING):
+                    limb[self.model.geom(element_name(sleeve, ring, index)).id] = number
+        return limb
+
+    def _joints(self, names: tuple[str, ...], attribute: str) -> np.ndarray:
+        return np.array([getattr(self.model.joint(name), attribute)[0] for name in names])
+
+
+def build_system(wearer: Wearer, gains: Gains) -> System:
+    """Build and compile the whole system for one wearer; the start pose is not yet set."""
+    spec = empty_spec()
+    option = spec.option
+    option.timestep = STEP
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = 1.0
+    option.tolerance = 1e-8
+    option.iterations = 50
+    # On a NaN MuJoCo would reset state and time and go on; a failure must stay visible.
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    add_torso(spec)
+    add_arm(spec, wearer)
+    add_muscles(spec, wearer)
+    add_exoskeleton(spec, kp=gains.kp, kv=gains.kv, ki=gains.ki)
+    for cuff, sleeve in zip(CUFFS, sleeves(wearer), strict=True):
+        add_soft_tissue(spec, sleeve)
+        add_cuff(spec, cuff)
+        add_strap(spec, cuff)
+        add_contacts(spec, cuff, sleeve)
+    for joint, angle in zip(JOINTS, START, strict=True):
+        _add_lock(spec, joint, angle)
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1600, 1200
+    return System(wearer=wearer, gains=gains, model=spec.compile())
+
+
+def reset_to_start(system: System) -> mujoco.MjData:
+    """Return data with the exoskeleton at the start, locked, and the arm in it, motors off.
+
+    The human shoulder takes the exoskeleton's angles, and the elbow the angle at which the
+    forearm's axis passes through the centre of its cuff: one start for every wearer, without a
+    history.
+    """
+    data = mujoco.MjData(system.model)
+    data.qpos[system.exo_qpos] = START
+    data.qpos[system.human_qpos] = START
+    data.qpos[system.human_qpos[3]] = seated_elbow_angle(system.wearer)
+    data.eq_active[system.locks] = 1
+    system.model.opt.disableactuator |= 1 << MOTOR_GROUP
+    return data
+
+
+def seated_elbow_angle(wearer: Wearer) -> float:
+    """Return the elbow angle (rad) at which the forearm's axis meets the centre of its cuff.
+
+    Solved in the plane of flexion with the exoskeleton at START. When no angle does (an arm too
+    long for it), the angle that comes closest within the elbow's reach.
+    """
+    elbow = upper_arm_point(wearer, ELBOW)[[0, 2]]
+    sleeve = sleeves(wearer)[1]
+    cuff = CUFFS[1]
+    exo_elbow = np.array([0.25, 0.0])
+    normal_offset, along = cuff.centre[0], cuff.centre[1]
+    angle = START[3]
+    centre = exo_elbow + along * _direction(angle) + normal_offset * _direction(angle + np.pi / 2)
+
+    def miss(flexion: float) -> float:
+        """Distance of the cuff's centre from the forearm's axis, m."""
+        across = _direction(flexion + np.pi / 2)
+        return float(across @ (centre - elbow)) - sleeve.axis_z
+
+    low, high = radians(60.0), radians(143.0)
+    if miss(low) * miss(high) > 0.0:
+        return low if abs(miss(low)) < abs(miss(high)) else high
+    return float(brentq(miss, low, high, xtol=1e-12))
+
+
+def slacken_straps(system: System, data: mujoco.MjData) -> None:
+    """Pull every strap with a nearly constant tension, as a hand does that closes it."""
+    model, straps = system.model, system.straps
+    mujoco.mj_fwdPosition(model, data)
+    give = 0.1
+    model.tendon_stiffness[straps] = STRAP_TENSION / give
+    model.tendon_lengthspring[straps] = (data.ten_length[straps] - give)[:, None]
+
+
+def close_straps(system: System, data: mujoco.MjData, stiffness: np.ndarray) -> None:
+    """Close the buckles: the strap keeps its present tension and regains its stiffness (N/m)."""
+    model, straps = system.model, system.straps
+    rest = data.ten_length[straps] - STRAP_TENSION / stiffness
+    model.tendon_stiffness[straps] = stiffness
+    model.tendon_lengthspring[straps] = rest[:, None]
+
+
+def _direction(angle: float) -> np.ndarray:
+    """Unit vector in the flexion plane (forward, up) at `angle` rad above forward."""
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def _add_lock(spec: mujoco.MjSpec, joint: str, angle: float) -> None:
+    reference = spec.joint(joint).ref
+    lock = spec.add_equality(
+        name=f"lock_{joint}",
+        type=mujoco.mjtEq.mjEQ_JOINT,
+        name1=joint,
+        active=False,
+        solref=[0.02, 1.0],
+    )
+    lock.data[0] = angle - reference
+    lock.solimp[:3] = [0.95, 0.99, 0.001]

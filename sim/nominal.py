@@ -1,0 +1,131 @@
+"""The nominal model of equations 4 to 6 and 20: a rigid arm perfectly aligned with the exoskeleton.
+
+It is what a clinic knows: the reference wearer's lengths and masses, the device's inertias, dampers
+and motors. The arm's segments ride rigidly on the links that carry their cuffs, so q = theta.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import mujoco
+import numpy as np
+
+from sim.exoskeleton import JOINTS, add_exoskeleton
+from sim.interface import CUFFS, STRAP_MASS
+from sim.skeleton import add_arm, empty_spec, fill_forearm, fill_upper_arm
+from sim.soft_tissue import ELEMENT_RADIUS, Sleeve, sleeves
+from sim.wearer import NOMINAL_WEARER
+
+
+@dataclass(frozen=True)
+class NominalModel:
+    """The declared model as MuJoCo sees it: four joints, no contact, no limits."""
+
+    model: mujoco.MjModel
+    elbow: int
+
+    def inverse_dynamics(
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+    ) -> np.ndarray:
+        """Return the elbow torque that the declared bodies need for a motion (equation 20).
+
+        The sum of both M, C and g terms, the joints' dampers and the motors' inertia: everything on
+        the right of equation 20 but the motor torque.
+
+        Args:
+            position: joint angles theta, rad, shape (n, 4).
+            velocity: rad/s, shape (n, 4).
+            acceleration: rad/s2, shape (n, 4).
+
+        Returns:
+            Torque at the elbow joint in Nm, shape (n,).
+        """
+        data = mujoco.MjData(self.model)
+        torque = np.empty(len(position))
+        for i in range(len(position)):
+            data.qpos[:], data.qvel[:], data.qacc[:] = position[i], velocity[i], acceleration[i]
+            mujoco.mj_inverse(self.model, data)
+            torque[i] = data.qfrc_inverse[self.elbow]
+        return torque
+
+    def bias(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """Return Coriolis, centrifugal and gravity torque at the elbow, Nm, shape (n,)."""
+        data = mujoco.MjData(self.model)
+        torque = np.empty(len(position))
+        for i in range(len(position)):
+            data.qpos[:], data.qvel[:] = position[i], velocity[i]
+            mujoco.mj_fwdPosition(self.model, data)
+            mujoco.mj_fwdVelocity(self.model, data)
+            torque[i] = data.qfrc_bias[self.elbow]
+        return torque
+
+
+@cache
+def nominal_model(*, attachments: bool = True) -> NominalModel:
+    """Build the nominal model; it is the same for every wearer, so it is built once a process.
+
+    Args:
+        attachments: whether tissue and straps are declared. The authors' published nominal model
+        leaves
+            both out, which their form of the regression needs.
+    """
+    spec = empty_spec()
+    # The declared joints have no stops: what a stop would add to the inverse is not a human torque.
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    add_exoskeleton(spec, kp=0.0, kv=0.0, ki=0.0)
+    arm = _aligned_arm_poses()
+    humerus = spec.body("link_3").add_body(name="humerus", **arm["humerus"])
+    # fill_upper_arm hangs an ulna on the humerus, which the forearm's link carries instead.
+    spec.delete(fill_upper_arm(humerus, NOMINAL_WEARER))
+    ulna = spec.body("link_4").add_body(name="ulna", **arm["ulna"])
+    fill_forearm(ulna, NOMINAL_WEARER)
+    if attachments:
+        for cuff, sleeve, bone in zip(CUFFS, sleeves(NOMINAL_WEARER), (humerus, ulna), strict=True):
+            _add_sleeve(bone, sleeve)
+            strap = spec.body(cuff.link).add_body(name=f"{cuff.name}_strap", pos=list(cuff.centre))
+            _set_inertia(strap, STRAP_MASS, radius=cuff.radius, length=cuff.length, axis=cuff.along)
+    model = spec.compile()
+    return NominalModel(model=model, elbow=model.joint(JOINTS[-1]).dofadr[0])
+
+
+def _aligned_arm_poses() -> dict[str, dict[str, list[float]]]:
+    """Return the pose of humerus and ulna in their links, both chains in their zero pose."""
+    spec = empty_spec()
+    add_arm(spec, NOMINAL_WEARER)
+    add_exoskeleton(spec, kp=0.0, kv=0.0, ki=0.0)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    poses = {}
+    for bone, link in (("humerus", "link_3"), ("ulna", "link_4")):
+        frame = data.body(link).xmat.reshape(3, 3)
+        pos = frame.T @ (data.body(bone).xpos - data.body(link).xpos)
+        quat = np.empty(4)
+        mujoco.mju_mat2Quat(quat, (frame.T @ data.body(bone).xmat.reshape(3, 3)).ravel())
+        poses[bone] = {"pos": list(pos), "quat": list(quat)}
+    return poses
+
+
+def _add_sleeve(bone: mujoco.MjsBody, sleeve: Sleeve) -> None:
+    """Add the declared tissue: the mass of the sleeve's elements, which lie on a cylinder."""
+    tissue = bone.add_body(
+        name=f"{sleeve.name}_tissue",
+        pos=[(sleeve.start + sleeve.end) / 2, sleeve.axis_y, sleeve.axis_z],
+    )
+    _set_inertia(
+        tissue,
+        sleeve.mass,
+        radius=sleeve.radius - ELEMENT_RADIUS,
+        length=sleeve.end - sleeve.start,
+        axis=(1, 0, 0),
+    )
+
+
+def _set_inertia(
+    body: mujoco.MjsBody, mass: float, *, radius: float, length: float, axis: tuple[int, int, int]
+) -> None:
+    """Give `body` the inertia of a thin-walled cylinder along `axis`."""
+    across = mass * (radius**2 / 2 + length**2 / 12)
+    body.explicitinertial = True
+    body.mass = mass
+    body.inertia = [mass * radius**2 if along else across for along in axis]

@@ -1,0 +1,91 @@
+"""What is recorded during the movement, step by step."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from sim.model import STEP, System
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """The movement at every step: n steps, angles in rad, torques in Nm, forces in N."""
+
+    #: Seconds since the movement began, shape (n,).
+    time: np.ndarray
+    #: Desired elbow angle, shape (n,).
+    reference: np.ndarray
+    #: Exoskeleton angles, velocities and accelerations of J1 to J4, shape (n, 4).
+    theta: np.ndarray
+    theta_velocity: np.ndarray
+    theta_acceleration: np.ndarray
+    #: Motor torque of J1 to J4, shape (n, 4).
+    motor_torque: np.ndarray
+    #: Human abduction, flexion, rotation and elbow angles and velocities, shape (n, 4).
+    q: np.ndarray
+    q_velocity: np.ndarray
+    #: Torque of the muscles about the human elbow, shape (n,).
+    muscle_torque: np.ndarray
+    #: Resultant force of cuff and strap on upper arm and forearm, shape (n, 2).
+    contact_force: np.ndarray
+    #: Sum of all normal forces between exoskeleton and arm, shape (n,).
+    normal_force: np.ndarray
+
+    def save(self, path: Path) -> None:
+        """Write every array under its own name to a compressed `.npz` file."""
+        with path.open("wb") as file:
+            np.savez_compressed(file, **{f.name: getattr(self, f.name) for f in fields(self)})
+
+
+class Recorder:
+    """Collects one movement; every sample holds quantities of one and the same instant."""
+
+    def __init__(self, system: System, steps: int) -> None:
+        self._system = system
+        self._steps = steps
+        self._count = 0
+        self._arrays = {
+            name: np.empty((steps, *shape))
+            for name, shape in (
+                ("time", ()),
+                ("reference", ()),
+                ("theta", (4,)),
+                ("theta_velocity", (4,)),
+                ("motor_torque", (4,)),
+                ("q", (4,)),
+                ("q_velocity", (4,)),
+                ("muscle_torque", ()),
+                ("contact_force", (2,)),
+                ("normal_force", ()),
+            )
+        }
+        self._final_velocity = np.zeros(4)
+
+    def before_step(self, data: mujoco.MjData, reference: float) -> None:
+        """Note the state and the desired elbow angle (rad) that the coming step starts from."""
+        arrays, system, i = self._arrays, self._system, self._count
+        arrays["time"][i] = i * STEP
+        arrays["reference"][i] = reference
+        arrays["theta"][i] = data.qpos[system.exo_qpos]
+        arrays["theta_velocity"][i] = data.qvel[system.exo_dof]
+        arrays["q"][i] = data.qpos[system.human_qpos]
+        arrays["q_velocity"][i] = data.qvel[system.human_dof]
+
+    def after_step(
+        self, data: mujoco.MjData, contact_force: np.ndarray, normal_force: float
+    ) -> None:
+        """Note the forces that acted in the state `before_step` saw."""
+        arrays, system, i = self._arrays, self._system, self._count
+        arrays["motor_torque"][i] = data.actuator_force[system.motors]
+        arrays["muscle_torque"][i] = data.qfrc_actuator[system.human_dof[3]]
+        arrays["contact_force"][i] = contact_force
+        arrays["normal_force"][i] = normal_force
+        self._final_velocity = data.qvel[system.exo_dof].copy()
+        self._count += 1
+
+    def record(self) -> Record:
+        """Return the finished record; accelerations are those the steps really made."""
+        velocity = np.vstack([self._arrays["theta_velocity"], self._final_velocity])
+        return Record(theta_acceleration=np.diff(velocity, axis=0) / STEP, **self._arrays)

@@ -1,0 +1,174 @@
+"""The soft tissue of upper arm and forearm: micro-elements on springs (paper, section 2.2.3).
+
+Each limb carries a cylinder of spheres on radial slides. The paper's three kinds of soft
+constraints are there: central-external (the slide's spring), external-neighbours (a tendon between
+two elements) and one that preserves the volume (a tendon over all). They are springs, so that Table
+1's N/m means N/m: the authors' own equality constraints scale with the element's mass.
+"""
+
+from dataclasses import dataclass
+from math import pi
+
+import mujoco
+import numpy as np
+
+from sim.wearer import Wearer
+
+#: Elements along and around a limb. From 8 to 12 rings is the refinement that still moves K_h.
+RINGS, PER_RING = 12, 8
+#: Radius of an element, m: large enough that none can catch on the edge of a cuff.
+ELEMENT_RADIUS = 0.024
+#: Inertia of an element's slide, kg: it has no weight and adds nothing to the limb's inertia, but
+#: makes step x viscosity comparable with mass, without which contacts are far too soft.
+ELEMENT_INERTIA = 4.0
+#: Viscosity of one reference element, N s/m (paper, section 2.4.1).
+VISCOSITY = 100.0
+#: Deflection at which the spring has doubled its stiffness, m: flesh hardens under load.
+HARDENING = 0.012
+#: Thickness that remains over the bone, m; the slide's stop lies there.
+BONE_CLEARANCE = 0.012
+#: Farthest an element may bulge outwards, m.
+BULGE = 0.03
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sleeve:
+    """The tissue of one limb, in the frame of the bone that carries it (x along the limb), in m."""
+
+    name: str
+    bone: str
+    radius: float
+    start: float
+    end: float
+    axis_y: float
+    axis_z: float
+    #: Mass of the whole sleeve, kg (paper's totals less Table 1's centre values).
+    mass: float
+    #: Stiffness of a reference element, N/m: the factor of Table 1.
+    elasticity: float
+    #: Skin area that one reference element stands for, m2.
+    reference_area: float
+
+    @property
+    def share(self) -> float:
+        """Area of one of our elements over a reference one: stiffness must not follow the mesh."""
+        area = 2 * pi * self.radius * (self.end - self.start) / (RINGS * PER_RING)
+        return area / self.reference_area
+
+    @property
+    def stiffness(self) -> float:
+        """Stiffness of one of our elements at rest, N/m."""
+        return self.elasticity * self.share
+
+    def element(self, ring: int, index: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the skin point (m) of an element and the outward normal there."""
+        x = self.start + (ring + 0.5) * (self.end - self.start) / RINGS
+        angle = 2 * pi * (index + 0.5) / PER_RING
+        normal = np.array([0.0, np.cos(angle), np.sin(angle)])
+        return np.array([x, self.axis_y, self.axis_z]) + self.radius * normal, normal
+
+
+def sleeves(wearer: Wearer) -> tuple[Sleeve, Sleeve]:
+    """Return the tissue of upper arm and forearm.
+
+    Masses are what the paper's totals (2.25 and 1.31 kg) leave beside 1.761 and 0.962 kg; reference
+    areas are those of the authors' ellipsoids, 0.0377 m2 over 162 and 0.0249 m2 over 116 elements.
+    """
+    su, sl = wearer.upper_arm_scale, wearer.forearm_scale
+    return (
+        Sleeve(
+            name="upper_arm",
+            bone="humerus",
+            radius=0.040,
+            start=0.06 * su,
+            end=0.19 * su,
+            axis_y=0.0,
+            axis_z=0.0,
+            mass=0.489,
+            elasticity=wearer.upper_arm_elasticity,
+            reference_area=0.0377 / 162,
+        ),
+        Sleeve(
+            name="forearm",
+            bone="ulna",
+            radius=0.035,
+            start=0.06 * sl,
+            end=0.22 * sl,
+            axis_y=-0.01 * sl,
+            axis_z=0.015 * sl,
+            mass=0.351,
+            elasticity=wearer.forearm_elasticity,
+            reference_area=0.0249 / 116,
+        ),
+    )
+
+
+def element_name(sleeve: Sleeve, ring: int, index: int) -> str:
+    return f"{sleeve.name}_tissue_{ring}_{index}"
+
+
+def add_soft_tissue(spec: mujoco.MjSpec, sleeve: Sleeve) -> None:
+    """Add one sleeve to a spec that has the bone it sits on."""
+    count = RINGS * PER_RING
+    mass = sleeve.mass / (count + 1)
+    bone = spec.body(sleeve.bone)
+    core = bone.add_body(
+        name=f"{sleeve.name}_tissue",
+        pos=[(sleeve.start + sleeve.end) / 2, sleeve.axis_y, sleeve.axis_z],
+    )
+    core.explicitinertial = True
+    core.mass = mass
+    core.inertia = [mass * ELEMENT_RADIUS**2 * 0.4] * 3
+    for ring in range(RINGS):
+        for index in range(PER_RING):
+            _add_element(bone, sleeve, ring, index, mass)
+    for ring in range(RINGS):
+        for index in range(PER_RING):
+            _add_neighbour(spec, sleeve, (ring, index), (ring, (index + 1) % PER_RING))
+            if ring + 1 < RINGS:
+                _add_neighbour(spec, sleeve, (ring, index), (ring + 1, index))
+    volume = spec.add_tendon(
+        name=f"{sleeve.name}_volume",
+        stiffness=[sleeve.stiffness / count, 0.0, 0.0],
+        springlength=[0.0, 0.0],
+    )
+    for ring in range(RINGS):
+        for index in range(PER_RING):
+            volume.wrap_joint(element_name(sleeve, ring, index), 1.0)
+
+
+def _add_element(bone: mujoco.MjsBody, sleeve: Sleeve, ring: int, index: int, mass: float) -> None:
+    name = element_name(sleeve, ring, index)
+    skin, normal = sleeve.element(ring, index)
+    body = bone.add_body(name=name, pos=skin)
+    slide = body.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_SLIDE,
+        axis=normal,
+        stiffness=[sleeve.stiffness, 0.0, sleeve.stiffness / HARDENING**2],
+        damping=[VISCOSITY * sleeve.share, 0.0, 0.0],
+        armature=ELEMENT_INERTIA,
+        range=[-(sleeve.radius - BONE_CLEARANCE), BULGE],
+        limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+        solref_limit=[0.02, 1.0],
+    )
+    slide.solimp_limit[:3] = [0.95, 0.99, 0.002]
+    geom = body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[ELEMENT_RADIUS, 0, 0],
+        pos=-ELEMENT_RADIUS * normal,
+        mass=mass,
+        rgba=[0.85, 0.55, 0.5, 0.35],
+        group=2,
+    )
+    geom.contype = geom.conaffinity = 0
+
+
+def _add_neighbour(
+    spec: mujoco.MjSpec, sleeve: Sleeve, first: tuple[int, int], second: tuple[int, int]
+) -> None:
+    a, b = element_name(sleeve, *first), element_name(sleeve, *second)
+    tendon = spec.add_tendon(name=f"{a}-{b}", stiffness=[sleeve.elasticity, 0.0, 0.0])
+    tendon.wrap_joint(a, 1.0)
+    tendon.wrap_joint(b, -1.0)

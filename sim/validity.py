@@ -1,0 +1,147 @@
+"""When an assessment can be believed: detectors with names, each a physical reason.
+
+Every one is pure; thresholds come from trials in which the arm was made to slip, jam or roll on
+purpose. The first that fires names the outcome.
+"""
+
+from dataclasses import dataclass
+from math import degrees, radians
+
+import numpy as np
+
+from sim.skeleton import ELBOW_RANGE
+
+#: Every way an assessment can end beside "ok", with what a reader should know about it.
+FAILURES = {
+    "diverged": "the simulation produced values that are not finite, or the engine warned",
+    "start_not_reached": "the arm still moved, or the robot was off its start, after the hold",
+    "slipped": "the arm left its cuff, or turned in it until the angles no longer belong together",
+    "penetrated": "a bone came through the tissue to the cuff",
+    "jammed": "cuff and arm pressed on each other far harder than the movement explains",
+    "human_joint_limit": "the human elbow was at the end of its range",
+    "exo_joint_limit": "the robot's elbow was at its stop",
+    "tracking_lost": "the robot did not follow the reference",
+    "ill_conditioned": "the recorded torque is not explained by stiffness and damping",
+}
+
+#: Fastest human joint at the start of the movement, rad/s, and farthest robot joint from its start.
+MAX_START_SPEED = 0.05
+MAX_START_ERROR = radians(1.0)
+#: Largest difference between human and robot elbow, rad.
+MAX_ANGLE_DIFFERENCE = radians(40.0)
+#: Farthest the cuff's centre may lie beyond the end of the tissue, m.
+MAX_OVERHANG = 0.020
+#: How far a limb's axis may come closer to the cuff than the tissue over the bone is thick, m.
+MAX_PENETRATION = 0.005
+#: Largest sum of normal forces of both cuffs and straps, N (valid trials stay below 1.05 kN).
+MAX_NORMAL_FORCE = 2000.0
+#: A joint closer than this to its limit is at it, rad.
+LIMIT_MARGIN = radians(1.0)
+#: Largest tracking error, rad (root mean square).
+MAX_TRACKING_RMSE = radians(10.0)
+#: Smallest share of torque that the affine regression must explain.
+MIN_R_SQUARED = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """Why an assessment is not a number."""
+
+    #: A key of FAILURES.
+    name: str
+    #: One sentence with the figures.
+    reason: str
+
+
+def check_start(*, human_speed: np.ndarray, exo_error: np.ndarray) -> Failure | None:
+    """Judge the start: human velocities (rad/s) and robot angle errors (rad), shapes (4,)."""
+    speed, error = float(np.abs(human_speed).max()), float(np.abs(exo_error).max())
+    if speed > MAX_START_SPEED:
+        return Failure(
+            name="start_not_reached",
+            reason=f"the arm moved at {speed:.3f} rad/s when the movement was to begin "
+            f"(allowed: {MAX_START_SPEED})",
+        )
+    if error > MAX_START_ERROR:
+        return Failure(
+            name="start_not_reached",
+            reason=f"the robot stood {degrees(error):.1f} degrees from its start "
+            f"(allowed: {degrees(MAX_START_ERROR):.0f})",
+        )
+    return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Posture:
+    """What the detectors look at in one step."""
+
+    exo_elbow: float
+    human_elbow: float
+    #: Robot's elbow range, rad.
+    exo_range: tuple[float, float]
+    #: Per limb: bone beyond what the tissue leaves free, m; positive is bone in cuff.
+    penetration: np.ndarray
+    #: Per limb: cuff centre beyond the end of the tissue, m; negative is inside.
+    overhang: np.ndarray
+    #: Sum of normal forces on both limbs, N.
+    normal_force: float
+
+
+def check_posture(posture: Posture) -> Failure | None:
+    """Judge one step of the movement."""
+    values = (posture.exo_elbow, posture.human_elbow, posture.normal_force)
+    if not (np.all(np.isfinite(values)) and np.all(np.isfinite(posture.penetration))):
+        return Failure(name="diverged", reason="a joint angle or force is not finite")
+    difference = abs(posture.human_elbow - posture.exo_elbow)
+    if difference > MAX_ANGLE_DIFFERENCE:
+        return Failure(
+            name="slipped",
+            reason=f"human and robot elbow differ by {degrees(difference):.0f} degrees "
+            f"(allowed: {degrees(MAX_ANGLE_DIFFERENCE):.0f})",
+        )
+    if posture.overhang.max() > MAX_OVERHANG:
+        return Failure(
+            name="slipped",
+            reason=f"the cuff lies {posture.overhang.max() * 1e3:.0f} mm beyond the tissue "
+            f"(allowed: {MAX_OVERHANG * 1e3:.0f})",
+        )
+    if posture.penetration.max() > MAX_PENETRATION:
+        return Failure(
+            name="penetrated",
+            reason=f"the bone is {posture.penetration.max() * 1e3:.1f} mm in the cuff's wall "
+            f"(allowed: {MAX_PENETRATION * 1e3:.0f})",
+        )
+    if posture.normal_force > MAX_NORMAL_FORCE:
+        return Failure(
+            name="jammed",
+            reason=f"contact forces sum to {posture.normal_force:.0f} N "
+            f"(allowed: {MAX_NORMAL_FORCE:.0f})",
+        )
+    for name, owner, angle, (low, high) in (
+        ("human_joint_limit", "human", posture.human_elbow, ELBOW_RANGE),
+        ("exo_joint_limit", "robot's", posture.exo_elbow, posture.exo_range),
+    ):
+        if not low + LIMIT_MARGIN < angle < high - LIMIT_MARGIN:
+            return Failure(
+                name=name,
+                reason=f"the {owner} elbow at {degrees(angle):.1f} degrees is at the end of its "
+                f"range ({degrees(low):.0f} to {degrees(high):.0f})",
+            )
+    return None
+
+
+def check_outcome(*, tracking_rmse: float, r_squared: float) -> Failure | None:
+    """Judge the whole trial: tracking error in rad and the affine regression's r squared."""
+    if tracking_rmse > MAX_TRACKING_RMSE:
+        return Failure(
+            name="tracking_lost",
+            reason=f"the robot was {degrees(tracking_rmse):.1f} degrees off the reference (rms; "
+            f"allowed: {degrees(MAX_TRACKING_RMSE):.0f})",
+        )
+    if r_squared < MIN_R_SQUARED:
+        return Failure(
+            name="ill_conditioned",
+            reason=f"stiffness and damping explain {r_squared:.0%} of the torque "
+            f"(at least {MIN_R_SQUARED:.0%} are needed)",
+        )
+    return None
