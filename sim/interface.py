@@ -12,7 +12,7 @@ from math import cos, pi, radians, sin, tan
 import mujoco
 import numpy as np
 
-from sim.soft_tissue import PER_RING, RINGS, Sleeve, element_name
+from sim.soft_tissue import PER_RING, RINGS, Sleeve, element_name, set_contact
 
 #: Boxes of a cuff and particles across a strap: both span half a circle.
 ACROSS = 6
@@ -32,8 +32,6 @@ SEGMENT_DAMPING = 100.0
 #: Stiffness between the rows (N/m), against bending (N/m), and of the edges in the cuff (N/m).
 BETWEEN_ROWS, BENDING, EDGE = 10_000.0, 200.0, 500.0
 PARTICLE_DAMPING = 20.0
-#: Coulomb friction of skin and clothing on cuff and strap.
-FRICTION = 0.3
 #: Tissue and box meet only if their normals differ by less than this, rad.
 CONTACT_SECTOR = radians(80.0)
 #: Rim of a cuff: where strap ends are fixed, in inner radii.
@@ -201,12 +199,9 @@ def add_contacts(spec: mujoco.MjSpec, cuff: Cuff, sleeve: Sleeve) -> None:
                 # wall.
                 if normal[1] * cos(angle) + normal[2] * sin(angle) <= cos(CONTACT_SECTOR):
                     continue
-                pair = spec.add_pair(
-                    geomname1=element_name(sleeve, ring, index), geomname2=box, condim=3
+                set_contact(
+                    spec.add_pair(geomname1=element_name(sleeve, ring, index), geomname2=box)
                 )
-                pair.friction[:2] = FRICTION
-                pair.solref = [0.02, 1.0]
-                pair.solimp = [0.95, 0.99, 0.002, 0.5, 2.0]
 
 
 def _add_particle(

@@ -95,9 +95,8 @@ class System:
         return np.array([getattr(self.model.joint(name), attribute)[0] for name in names])
 
 
-def build_system(wearer: Wearer, gains: Gains) -> System:
-    """Build and compile the whole system for one wearer; the start pose is not yet set."""
-    spec = empty_spec()
+def set_solver(spec: mujoco.MjSpec) -> None:
+    """Choose step, integrator, cone and solver: these need three to four iterations a step."""
     option = spec.option
     option.timestep = STEP
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -109,6 +108,12 @@ def build_system(wearer: Wearer, gains: Gains) -> System:
     option.iterations = 50
     # On a NaN MuJoCo would reset state and time and go on; a failure must stay visible.
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+
+
+def build_system(wearer: Wearer, gains: Gains) -> System:
+    """Build and compile the whole system for one wearer; the start pose is not yet set."""
+    spec = empty_spec()
+    set_solver(spec)
     add_torso(spec)
     add_arm(spec, wearer)
     add_muscles(spec, wearer)

@@ -21,7 +21,7 @@ ELEMENT_RADIUS = 0.024
 #: Inertia of an element's slide, kg: it has no weight and adds nothing to the limb's inertia, but
 #: makes step x viscosity comparable with mass, without which contacts are far too soft.
 ELEMENT_INERTIA = 4.0
-#: Viscosity of one reference element, N s/m (paper, section 2.4.1).
+#: Viscosity of one element, N s/m (paper, section 2.4.1).
 VISCOSITY = 100.0
 #: Deflection at which the spring has doubled its stiffness, m: flesh hardens under load.
 HARDENING = 0.012
@@ -29,6 +29,8 @@ HARDENING = 0.012
 BONE_CLEARANCE = 0.012
 #: Farthest an element may bulge outwards, m.
 BULGE = 0.03
+#: Coulomb friction of skin and clothing on cuff, strap or plate.
+FRICTION = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,26 +46,13 @@ class Sleeve:
     axis_z: float
     #: Mass of the whole sleeve, kg (paper's totals less Table 1's centre values).
     mass: float
-    #: Stiffness of a reference element, N/m: the factor of Table 1.
+    #: Stiffness of one element at rest, N/m: the factor of Table 1, literally.
     elasticity: float
-    #: Skin area that one reference element stands for, m2.
-    reference_area: float
-
-    @property
-    def share(self) -> float:
-        """Area of one of our elements over a reference one: stiffness must not follow the mesh."""
-        area = 2 * pi * self.radius * (self.end - self.start) / (RINGS * PER_RING)
-        return area / self.reference_area
-
-    @property
-    def stiffness(self) -> float:
-        """Stiffness of one of our elements at rest, N/m."""
-        return self.elasticity * self.share
 
     def element(self, ring: int, index: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the skin point (m) of an element and the outward normal there."""
         x = self.start + (ring + 0.5) * (self.end - self.start) / RINGS
-        angle = 2 * pi * (index + 0.5) / PER_RING
+        angle = 2 * pi * index / PER_RING
         normal = np.array([0.0, np.cos(angle), np.sin(angle)])
         return np.array([x, self.axis_y, self.axis_z]) + self.radius * normal, normal
 
@@ -71,8 +60,7 @@ class Sleeve:
 def sleeves(wearer: Wearer) -> tuple[Sleeve, Sleeve]:
     """Return the tissue of upper arm and forearm.
 
-    Masses are what the paper's totals (2.25 and 1.31 kg) leave beside 1.761 and 0.962 kg; reference
-    areas are those of the authors' ellipsoids, 0.0377 m2 over 162 and 0.0249 m2 over 116 elements.
+    Masses are what the paper's totals (2.25 and 1.31 kg) leave beside 1.761 and 0.962 kg.
     """
     su, sl = wearer.upper_arm_scale, wearer.forearm_scale
     return (
@@ -86,7 +74,6 @@ def sleeves(wearer: Wearer) -> tuple[Sleeve, Sleeve]:
             axis_z=0.0,
             mass=0.489,
             elasticity=wearer.upper_arm_elasticity,
-            reference_area=0.0377 / 162,
         ),
         Sleeve(
             name="forearm",
@@ -98,13 +85,20 @@ def sleeves(wearer: Wearer) -> tuple[Sleeve, Sleeve]:
             axis_z=0.015 * sl,
             mass=0.351,
             elasticity=wearer.forearm_elasticity,
-            reference_area=0.0249 / 116,
         ),
     )
 
 
 def element_name(sleeve: Sleeve, ring: int, index: int) -> str:
     return f"{sleeve.name}_tissue_{ring}_{index}"
+
+
+def set_contact(pair: mujoco.MjsPair) -> None:
+    """Give a contact of an element its stiffness and friction."""
+    pair.condim = 3
+    pair.friction[:2] = FRICTION
+    pair.solref = [0.02, 1.0]
+    pair.solimp = [0.95, 0.99, 0.002, 0.5, 2.0]
 
 
 def add_soft_tissue(spec: mujoco.MjSpec, sleeve: Sleeve) -> None:
@@ -129,7 +123,7 @@ def add_soft_tissue(spec: mujoco.MjSpec, sleeve: Sleeve) -> None:
                 _add_neighbour(spec, sleeve, (ring, index), (ring + 1, index))
     volume = spec.add_tendon(
         name=f"{sleeve.name}_volume",
-        stiffness=[sleeve.stiffness / count, 0.0, 0.0],
+        stiffness=[sleeve.elasticity / count, 0.0, 0.0],
         springlength=[0.0, 0.0],
     )
     for ring in range(RINGS):
@@ -145,8 +139,8 @@ def _add_element(bone: mujoco.MjsBody, sleeve: Sleeve, ring: int, index: int, ma
         name=name,
         type=mujoco.mjtJoint.mjJNT_SLIDE,
         axis=normal,
-        stiffness=[sleeve.stiffness, 0.0, sleeve.stiffness / HARDENING**2],
-        damping=[VISCOSITY * sleeve.share, 0.0, 0.0],
+        stiffness=[sleeve.elasticity, 0.0, sleeve.elasticity / HARDENING**2],
+        damping=[VISCOSITY, 0.0, 0.0],
         armature=ELEMENT_INERTIA,
         range=[-(sleeve.radius - BONE_CLEARANCE), BULGE],
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,

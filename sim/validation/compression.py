@@ -1,0 +1,138 @@
+"""The compression test of the soft tissue (paper, section 2.2.3.1, equation 18 and figure 6).
+
+The upper arm's own sleeve, as it sits on the arm, is pressed between two plates.
+"""
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from sim.model import STEP, set_solver
+from sim.skeleton import empty_spec
+from sim.soft_tissue import (
+    ELEMENT_RADIUS,
+    PER_RING,
+    RINGS,
+    Sleeve,
+    add_soft_tissue,
+    element_name,
+    set_contact,
+    sleeves,
+)
+from sim.wearer import NOMINAL_WEARER
+
+#: Force on each plate, N, in increasing steps.
+LOADS_N = np.array([1, 2, 5, 10, 20, 35, 55, 80, 110, 150, 190, 250, 320, 400], dtype=float)
+#: Elasticities of the test, N/m: Table 1's lowest, nominal and highest.
+ELASTICITIES = (100.5, 537.465, 974.43)
+#: Young's modulus of mammal muscle fibres, relaxed and contracted, Pa (Ogneva et al. 2010, as the
+#: authors' code has it).
+OGNEVA_RELAXED, OGNEVA_CONTRACTED = 30e3, 66e3
+#: Seconds at each load until the tissue rests.
+_SETTLE = 2.0
+_PLATE_MASS = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompressionTest:
+    """One sleeve under increasing load; arrays have shape (len(LOADS_N),)."""
+
+    #: Stiffness of one element, N/m.
+    elasticity: float
+    #: Shortening between the plates over their distance at first touch.
+    strain: np.ndarray
+    #: Force over the area the plates can cover, Pa.
+    stress: np.ndarray
+
+    @property
+    def modulus(self) -> np.ndarray:
+        """Secant Young's modulus at every load, Pa (equation 18)."""
+        modulus: np.ndarray = self.stress / self.strain
+        return modulus
+
+    def modulus_at(self, strain: float) -> float:
+        """Return the secant modulus (Pa) at a strain, interpolated between loads.
+
+        Raises:
+            ValueError: the test did not reach that strain.
+        """
+        if not self.strain[0] <= strain <= self.strain[-1]:
+            raise ValueError(
+                f"the test of {self.elasticity:g} N/m covers strains from {self.strain[0]:.3f} "
+                f"to {self.strain[-1]:.3f}, not {strain:g}"
+            )
+        return float(np.interp(strain, self.strain, self.stress)) / strain
+
+
+def run_compression_test(elasticity: float) -> CompressionTest:
+    """Press the upper arm's nominal sleeve with elements of `elasticity` (N/m)."""
+    sleeve = replace(sleeves(NOMINAL_WEARER)[0], elasticity=elasticity)
+    model = _build(sleeve)
+    data = mujoco.MjData(model)
+    height = sleeve_height(sleeve)
+    heights = np.empty(len(LOADS_N))
+    for i, load in enumerate(LOADS_N):
+        data.qfrc_applied[model.joint("upper_plate").dofadr[0]] = -load
+        data.qfrc_applied[model.joint("lower_plate").dofadr[0]] = load
+        mujoco.mj_step(model, data, round(_SETTLE / STEP))
+        heights[i] = (
+            height
+            + data.qpos[model.joint("upper_plate").qposadr[0]]
+            - data.qpos[model.joint("lower_plate").qposadr[0]]
+        )
+    return CompressionTest(
+        elasticity=elasticity,
+        strain=(height - heights) / height,
+        stress=LOADS_N / (2 * sleeve.radius * (sleeve.end - sleeve.start)),
+    )
+
+
+def sleeve_height(sleeve: Sleeve) -> float:
+    """Return the distance of two plates that just touch the sleeve above and below, m."""
+    tops = []
+    for index in range(PER_RING):
+        skin, normal = sleeve.element(0, index)
+        centre = skin - ELEMENT_RADIUS * normal
+        tops.append(centre[2] - sleeve.axis_z + ELEMENT_RADIUS)
+    return 2.0 * float(max(tops))
+
+
+def _build(sleeve: Sleeve) -> mujoco.MjModel:
+    """A sleeve on a fixed bone between two plates that slide towards it, without gravity."""
+    spec = empty_spec()
+    set_solver(spec)
+    spec.option.gravity = [0.0, 0.0, 0.0]
+    spec.worldbody.add_body(name=sleeve.bone)
+    add_soft_tissue(spec, sleeve)
+    half_length = (sleeve.end - sleeve.start) / 2
+    for name, side in (("upper_plate", 1.0), ("lower_plate", -1.0)):
+        plate = spec.worldbody.add_body(
+            name=name,
+            pos=[
+                (sleeve.start + sleeve.end) / 2,
+                sleeve.axis_y,
+                sleeve.axis_z + side * (sleeve_height(sleeve) / 2 + 0.01),
+            ],
+        )
+        plate.add_joint(
+            name=name,
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=[0.0, 0.0, 1.0],
+            damping=[50.0, 0.0, 0.0],
+        )
+        geom = plate.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[1.5 * half_length, 2 * sleeve.radius, 0.01],
+            mass=_PLATE_MASS,
+        )
+        geom.contype = geom.conaffinity = 0
+        for ring in range(RINGS):
+            for index in range(PER_RING):
+                _, normal = sleeve.element(ring, index)
+                if side * normal[2] > 0.0:
+                    set_contact(
+                        spec.add_pair(geomname1=element_name(sleeve, ring, index), geomname2=name)
+                    )
+    return spec.compile()

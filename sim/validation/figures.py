@@ -1,0 +1,80 @@
+"""Pictures of the validations, laid out like the paper's figures 3 and 6."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sim.figures import new_figure
+from sim.validation.compression import OGNEVA_CONTRACTED, OGNEVA_RELAXED, CompressionTest
+from sim.validation.isometric import ANGLES_DEG, MEASURED, IsometricTest
+
+
+def isometric_figure(test: IsometricTest, path: Path) -> Path:
+    """Draw both torque curves over the elbow angle beside the measured data; return `path`."""
+    figure = new_figure(width=9.0, height=3.8)
+    for column, (title, curve, attribute, peak) in enumerate(
+        (
+            ("Flexion", test.flexion_nm, "flexion_nm", test.flexion_peak),
+            ("Extension", test.extension_nm, "extension_nm", test.extension_peak),
+        )
+    ):
+        axes = figure.add_subplot(1, 2, column + 1)
+        for data, marker in zip(MEASURED, ("o", "s"), strict=True):
+            axes.plot(
+                data.angles_deg,
+                getattr(data, attribute),
+                marker + "--",
+                color="0.55",
+                markersize=4,
+                linewidth=1,
+                label=data.source,
+            )
+        axes.plot(ANGLES_DEG, curve, color="tab:blue", linewidth=2, label="this model")
+        torque, angle = peak
+        axes.plot([angle], [torque], "o", color="tab:blue")
+        axes.annotate(
+            f"{torque:.0f} Nm at {angle:.0f}°",
+            (angle, torque),
+            textcoords="offset points",
+            xytext=(0, 8 if torque > 0 else -16),
+            ha="center",
+            color="tab:blue",
+        )
+        axes.margins(y=0.15)
+        axes.set_title(f"Isometric {title.lower()}")
+        axes.set_xlabel("elbow flexion (degrees)")
+        axes.set_ylabel("torque about the elbow (Nm)")
+        axes.legend(frameon=False, fontsize=8)
+    figure.savefig(path)
+    return path
+
+
+def compression_figure(tests: Sequence[CompressionTest], path: Path) -> Path:
+    """Draw stress and secant modulus over strain with the measured moduli; return `path`."""
+    figure = new_figure(width=9.0, height=3.8)
+    stress, modulus = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
+    for test, colour in zip(tests, ("tab:cyan", "tab:blue", "tab:purple"), strict=True):
+        label = f"{test.elasticity:.0f} N/m"
+        percent = 100 * test.strain
+        stress.plot(percent, test.stress / 1e3, "o-", color=colour, markersize=3, label=label)
+        modulus.plot(percent, test.modulus / 1e3, "o-", color=colour, markersize=3, label=label)
+    strain = np.linspace(0.0, 0.28, 2)
+    for value, style, label in (
+        (OGNEVA_RELAXED, "-", "relaxed muscle (Ogneva et al. 2010)"),
+        (OGNEVA_CONTRACTED, "--", "contracted muscle"),
+    ):
+        stress.plot(100 * strain, value * strain / 1e3, style, color="tab:green", label=label)
+        modulus.axhline(value / 1e3, linestyle=style, color="tab:green")
+    modulus.axhspan(OGNEVA_RELAXED / 1e3, OGNEVA_CONTRACTED / 1e3, color="tab:green", alpha=0.12)
+    stress.set_title("Compression of the upper arm's tissue")
+    stress.set_ylabel("compressive stress (kPa)")
+    stress.legend(frameon=False, fontsize=8)
+    modulus.set_title("Secant Young's modulus")
+    modulus.set_ylabel("modulus (kPa)")
+    for axes in (stress, modulus):
+        axes.set_xlabel("strain (%)")
+        axes.set_xlim(left=0.0)
+        axes.set_ylim(bottom=0.0)
+    figure.savefig(path)
+    return path

@@ -1,0 +1,87 @@
+"""The maximal isometric torque test of the elbow (paper, section 2.2.1.1 and figure 3)."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from sim.muscles import ELBOW_EXTENSORS, ELBOW_FLEXORS, Muscle, add_muscles
+from sim.skeleton import HUMAN_JOINTS, add_arm, add_torso, empty_spec
+from sim.wearer import NOMINAL_WEARER, Wearer
+
+#: Elbow angles of the test, degrees: steps of one degree, as in the paper.
+ANGLES_DEG = np.arange(0.0, 131.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DataSet:
+    """Measured isometric torques of healthy subjects, as the authors' code lists them."""
+
+    source: str
+    angles_deg: tuple[float, ...]
+    flexion_nm: tuple[float, ...]
+    extension_nm: tuple[float, ...]
+
+
+#: The two experiments of figure 3 (figures from the authors' elbow_active_torque_eval).
+MEASURED = (
+    DataSet(
+        source="Amis et al. 1980",
+        angles_deg=(0, 30, 60, 90, 120, 145),
+        flexion_nm=(53, 68, 76, 70, 51, 35),
+        extension_nm=(-35, -41, -51, -52, -46, -42),
+    ),
+    DataSet(
+        source="Buchanan et al. 1998",
+        angles_deg=(20, 30, 40, 50, 60, 70, 80, 90, 100, 110, 120, 130),
+        flexion_nm=(40, 44, 50, 56, 62, 69, 74, 78, 78, 75, 68, 57),
+        extension_nm=(-18, -23, -30, -35, -40, -45, -48, -50, -51, -50, -47, -41),
+    ),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class IsometricTest:
+    """Torque about the elbow at full activation, shape (n,) over ANGLES_DEG, flexion positive."""
+
+    flexion_nm: np.ndarray
+    extension_nm: np.ndarray
+
+    @property
+    def flexion_peak(self) -> tuple[float, float]:
+        """Largest flexion torque (Nm) and its angle (degrees)."""
+        i = int(np.argmax(self.flexion_nm))
+        return float(self.flexion_nm[i]), float(ANGLES_DEG[i])
+
+    @property
+    def extension_peak(self) -> tuple[float, float]:
+        """Largest extension torque (Nm, negative) and its angle (degrees)."""
+        i = int(np.argmin(self.extension_nm))
+        return float(self.extension_nm[i]), float(ANGLES_DEG[i])
+
+
+def run_isometric_test(wearer: Wearer = NOMINAL_WEARER) -> IsometricTest:
+    """Contract flexors, then extensors, fully at every angle, the shoulder locked at 90 degrees."""
+    spec = empty_spec()
+    add_torso(spec)
+    add_arm(spec, wearer)
+    add_muscles(spec, wearer)
+    model = spec.compile()
+    return IsometricTest(
+        flexion_nm=_torques(model, ELBOW_FLEXORS),
+        extension_nm=_torques(model, ELBOW_EXTENSORS),
+    )
+
+
+def _torques(model: mujoco.MjModel, contracted: tuple[Muscle, ...]) -> np.ndarray:
+    """Return the elbow torque (Nm) of fully active muscles at rest, over ANGLES_DEG."""
+    data = mujoco.MjData(model)
+    joint = model.joint(HUMAN_JOINTS[3])
+    for muscle in contracted:
+        data.act[model.actuator_actadr[model.actuator(muscle.name).id]] = 1.0
+    torque = np.empty(len(ANGLES_DEG))
+    for i, angle in enumerate(np.radians(ANGLES_DEG)):
+        data.qpos[joint.qposadr[0]] = angle
+        mujoco.mj_forward(model, data)
+        torque[i] = data.qfrc_actuator[joint.dofadr[0]]
+    return torque
