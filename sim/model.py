@@ -29,6 +29,9 @@ if mujoco.__version__ == "4.0.0":
         "stiffness without a word: install mujoco-core 4.0.1 or later"
     )
 
+# MuJoCo would append each warning to a file in the working directory; ours are named outcomes.
+mujoco.set_mju_user_warning(lambda message: None)
+
 #: Time step, s.
 STEP = 0.01
 
@@ -125,7 +128,7 @@ def build_system(wearer: Wearer, gains: Gains) -> System:
         add_contacts(spec, cuff, sleeve)
     for joint, angle in zip(JOINTS, START, strict=True):
         _add_lock(spec, joint, angle)
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1600, 1200
+    _set_the_scene(spec)
     return System(wearer=wearer, gains=gains, model=spec.compile())
 
 
@@ -182,6 +185,7 @@ def slacken_straps(system: System, data: mujoco.MjData) -> None:
 def close_straps(system: System, data: mujoco.MjData, stiffness: np.ndarray) -> None:
     """Close the buckles: the strap keeps its present tension and regains its stiffness (N/m)."""
     model, straps = system.model, system.straps
+    mujoco.mj_fwdPosition(model, data)
     rest = data.ten_length[straps] - STRAP_TENSION / stiffness
     model.tendon_stiffness[straps] = stiffness
     model.tendon_lengthspring[straps] = rest[:, None]
@@ -190,6 +194,28 @@ def close_straps(system: System, data: mujoco.MjData, stiffness: np.ndarray) -> 
 def _direction(angle: float) -> np.ndarray:
     """Unit vector in the flexion plane (forward, up) at `angle` rad above forward."""
     return np.array([np.cos(angle), np.sin(angle)])
+
+
+def _set_the_scene(spec: mujoco.MjSpec) -> None:
+    """Give pictures light and a pale background."""
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1600, 1200
+    spec.visual.headlight.ambient = [0.45, 0.45, 0.45]
+    spec.visual.headlight.diffuse = [0.5, 0.5, 0.5]
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[1.0, 1.0, 1.0],
+        rgb2=[0.86, 0.89, 0.93],
+        width=64,
+        height=64,
+    )
+    spec.worldbody.add_light(
+        pos=[0.5, -1.0, 1.5],
+        dir=[-0.3, 0.6, -1.0],
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        castshadow=False,
+    )
 
 
 def _add_lock(spec: mujoco.MjSpec, joint: str, angle: float) -> None:

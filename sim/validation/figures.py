@@ -52,7 +52,7 @@ def isometric_figure(test: IsometricTest, path: Path) -> Path:
 
 def compression_figure(tests: Sequence[CompressionTest], path: Path) -> Path:
     """Draw stress and secant modulus over strain with the measured moduli; return `path`."""
-    figure = new_figure(width=9.0, height=3.8)
+    figure = new_figure(width=9.0, height=4.2)
     stress, modulus = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
     for test, colour in zip(tests, ("tab:cyan", "tab:blue", "tab:purple"), strict=True):
         label = f"{test.elasticity:.0f} N/m"
@@ -69,12 +69,13 @@ def compression_figure(tests: Sequence[CompressionTest], path: Path) -> Path:
     modulus.axhspan(OGNEVA_RELAXED / 1e3, OGNEVA_CONTRACTED / 1e3, color="tab:green", alpha=0.12)
     stress.set_title("Compression of the upper arm's tissue")
     stress.set_ylabel("compressive stress (kPa)")
-    stress.legend(frameon=False, fontsize=8)
     modulus.set_title("Secant Young's modulus")
     modulus.set_ylabel("modulus (kPa)")
     for axes in (stress, modulus):
         axes.set_xlabel("strain (%)")
         axes.set_xlim(left=0.0)
         axes.set_ylim(bottom=0.0)
+    handles, labels = stress.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False, fontsize=8)
     figure.savefig(path)
     return path

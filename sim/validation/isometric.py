@@ -22,6 +22,11 @@ class DataSet:
     flexion_nm: tuple[float, ...]
     extension_nm: tuple[float, ...]
 
+    def peak_angle_deg(self, direction: str) -> float:
+        """Return the angle of the largest torque in "flexion" or "extension", degrees."""
+        torques = self.flexion_nm if direction == "flexion" else self.extension_nm
+        return self.angles_deg[int(np.argmax(np.abs(torques)))]
+
 
 #: The two experiments of figure 3 (figures from the authors' elbow_active_torque_eval).
 MEASURED = (

@@ -1,0 +1,187 @@
+"""Whole assessments: real physics from donning to regression."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import sim.model
+from sim.assessment import Assessment, assess
+from sim.catalogue import ELBOW
+from sim.control import PID
+from sim.evaluation import evaluate
+from sim.figures import assessment_figure
+from sim.interface import CUFFS, segment_names
+from sim.model import build_system, close_straps, reset_to_start, slacken_straps
+from sim.rendering import draw_system
+from sim.validation import validate
+from sim.validity import FAILURES
+from sim.wearer import NOMINAL_WEARER
+
+
+@pytest.fixture(scope="module")
+def nominal() -> Assessment:
+    return assess({})
+
+
+def test_the_nominal_assessment_reports_every_output(nominal: Assessment) -> None:
+    assert nominal.outcome == "ok"
+    assert set(nominal.outputs) == set(ELBOW.outputs)
+    assert np.isfinite(list(nominal.outputs.values())).all()
+
+
+def test_nominal_stiffness_lies_where_the_reference_has_it(nominal: Assessment) -> None:
+    """Authors' model: affine estimate 4.5, truth about 6; in their form 6.2 and 6.1."""
+    outputs = nominal.outputs
+    assert outputs["stiffness_true"] == pytest.approx(6.5, abs=0.7)
+    assert outputs["stiffness_estimate"] == pytest.approx(4.9, abs=0.7)
+    assert outputs["stiffness_true_paper"] == pytest.approx(9.2, abs=1.0)
+    assert abs(outputs["stiffness_error_authors"]) < 0.06 * outputs["stiffness_true_authors"]
+    assert outputs["damping_estimate"] == pytest.approx(
+        nominal.diagnostics["damping_true"], abs=0.5
+    )
+
+
+def test_every_error_is_estimate_minus_truth_of_the_same_form(nominal: Assessment) -> None:
+    outputs = nominal.outputs
+    for suffix in ("", "_paper", "_authors"):
+        assert outputs[f"stiffness_error{suffix}"] == pytest.approx(
+            outputs[f"stiffness_estimate{suffix}"] - outputs[f"stiffness_true{suffix}"]
+        )
+
+
+def test_the_same_wearer_gives_the_same_bits(nominal: Assessment) -> None:
+    again = assess({})
+    assert again.outputs == nominal.outputs
+    assert again.record is not None and nominal.record is not None
+    assert np.array_equal(again.record.theta, nominal.record.theta)
+
+
+def test_a_heavier_forearm_raises_the_estimate_by_gravity_the_nominal_model_lacks(
+    nominal: Assessment,
+) -> None:
+    """About 1 Nm/rad per kg, in the authors' model too; the muscles' own stiffness stays."""
+    heavy = assess({"forearm_mass": 0.962 + 0.5})
+    gain = heavy.outputs["stiffness_estimate"] - nominal.outputs["stiffness_estimate"]
+    assert gain / 0.5 == pytest.approx(1.0, abs=0.25)
+    assert heavy.outputs["stiffness_true"] == pytest.approx(
+        nominal.outputs["stiffness_true"], abs=0.1
+    )
+
+
+@pytest.mark.parametrize("corner", ["low", "high"])
+def test_wearers_at_the_ends_of_each_range_can_be_assessed(corner: str) -> None:
+    for factor in ELBOW.factors:
+        assessment = assess({factor.name: getattr(factor, corner)})
+        assert assessment.outcome == "ok", (factor.name, assessment.reason)
+
+
+@pytest.mark.parametrize(
+    ("values", "options", "outcome"),
+    [
+        ({"upper_arm_length": 0.48}, {}, "penetrated"),
+        ({"forearm_length": 0.18}, {}, "slipped"),
+        ({"upper_arm_length": 0.20}, {}, "start_not_reached"),
+        ({"forearm_length": 0.48}, {}, "human_joint_limit"),
+        ({"forearm_mass": 40.0}, {}, "tracking_lost"),
+        ({"upper_arm_elasticity": 1e7}, {}, "diverged"),
+        ({}, {"controller": "pd"}, "exo_joint_limit"),
+    ],
+)
+def test_what_cannot_be_believed_is_a_named_outcome_with_its_state(
+    values: Mapping[str, float], options: Mapping[str, str], outcome: str
+) -> None:
+    assessment = assess(values, **options)  # type: ignore[arg-type]
+    assert assessment.outcome == outcome
+    assert outcome in FAILURES
+    assert assessment.outputs == {}
+    assert assessment.reason
+    assert assessment.state is not None
+    assert set(assessment.state) == {"time", "phase", "qpos", "qvel", "act"}
+
+
+def test_an_arm_without_a_strap_is_never_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sim.model, "STRAP_TENSION", 0.05)
+    monkeypatch.setattr("sim.interface.ROW_STIFFNESS", 10.0)
+    assert assess({}).outcome in FAILURES
+
+
+def test_bad_options_are_refused_in_a_sentence() -> None:
+    with pytest.raises(ValueError, match="unknown controller 'lqr': expected one of pid, pd"):
+        assess({}, controller="lqr")
+    with pytest.raises(ValueError, match="activation must lie between 0 and 1"):
+        assess({}, activation=1.4)
+
+
+def test_sparse_and_dense_solvers_agree_on_a_loaded_arm() -> None:
+    """MuJoCo 4.0.0 fails this: its sparse Newton factorises such trees wrongly."""
+    system = build_system(NOMINAL_WEARER, PID)
+    data = reset_to_start(system)
+    stiffness = system.model.tendon_stiffness[system.straps].copy()
+    slacken_straps(system, data)
+    data.ctrl[system.elbow_muscles] = 0.4
+    mujoco.mj_step(system.model, data, 30)
+    close_straps(system, data, stiffness)
+    mujoco.mj_step(system.model, data, 30)
+    accelerations = []
+    for jacobian in (mujoco.mjtJacobian.mjJAC_SPARSE, mujoco.mjtJacobian.mjJAC_DENSE):
+        system.model.opt.jacobian = jacobian
+        system.model.opt.tolerance = 1e-12
+        other = mujoco.MjData(system.model)
+        other.qpos[:], other.qvel[:], other.act[:] = data.qpos, data.qvel, data.act
+        other.eq_active[:], other.ctrl[:] = data.eq_active, data.ctrl
+        mujoco.mj_forward(system.model, other)
+        assert other.ncon > 20
+        accelerations.append(other.qacc.copy())
+    assert accelerations[0] == pytest.approx(accelerations[1], abs=1e-4)
+
+
+def test_closed_straps_keep_the_tension_they_were_pulled_with() -> None:
+    system = build_system(NOMINAL_WEARER, PID)
+    data = reset_to_start(system)
+    stiffness = system.model.tendon_stiffness[system.straps].copy()
+    slacken_straps(system, data)
+    mujoco.mj_step(system.model, data, 30)
+    close_straps(system, data, stiffness)
+    rest = system.model.tendon_lengthspring[system.straps, 0]
+    tension = stiffness * (data.ten_length[system.straps] - rest)
+    assert len(tension) == sum(len(segment_names(cuff)) for cuff in CUFFS)
+    assert tension == pytest.approx(15.0, abs=0.1)
+
+
+def test_evaluating_the_elbow_is_one_assessment(nominal: Assessment) -> None:
+    evaluation = evaluate("elbow", {})
+    assert evaluation.outcome == "ok"
+    assert evaluation.outputs == nominal.outputs
+    assert evaluation.wall_seconds > 0.0
+
+
+def test_a_record_keeps_the_movement_with_named_arrays(nominal: Assessment, tmp_path: Path) -> None:
+    assert nominal.record is not None
+    nominal.record.save(tmp_path / "trial.npz")
+    with np.load(tmp_path / "trial.npz", allow_pickle=False) as saved:
+        assert saved["theta"].shape == (600, 4)
+        assert saved["time"][-1] == pytest.approx(5.99)
+        assert np.array_equal(saved["muscle_torque"], nominal.record.muscle_torque)
+
+
+def test_a_recorded_assessment_and_the_system_can_be_looked_at(
+    nominal: Assessment, tmp_path: Path
+) -> None:
+    assert assessment_figure(nominal, tmp_path / "trial.png").stat().st_size > 20_000
+    assert draw_system(tmp_path / "system.png") in ("rendered", "drawn")
+    assert (tmp_path / "system.png").stat().st_size > 20_000
+    with pytest.raises(ValueError, match="nothing was recorded"):
+        assessment_figure(assess({"upper_arm_length": 0.48}), tmp_path / "no.png")
+
+
+def test_validation_reports_the_papers_figures_3_and_6_with_pictures(tmp_path: Path) -> None:
+    report = validate(tmp_path / "validation")
+    assert all(picture.stat().st_size > 20_000 for picture in report.pictures)
+    rows = {row.quantity: row for row in report.rows}
+    assert rows["isometric flexion torque, peak"].agrees
+    assert rows["isometric extension torque, peak"].agrees
+    assert rows["Young's modulus of the softest tissue at 10% strain"].measured < 30.0
+    assert rows["Young's modulus of the stiffest tissue at 10% strain"].measured > 66.0
