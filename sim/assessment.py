@@ -60,7 +60,11 @@ class _FailedError(Exception):
 
 
 def assess(
-    values: Mapping[str, float], *, controller: str = "pid", activation: float = ACTIVATION
+    values: Mapping[str, float],
+    *,
+    controller: str = "pid",
+    activation: float = ACTIVATION,
+    elbow_friction: float = 0.0,
 ) -> Assessment:
     """Assess one wearer's elbow.
 
@@ -68,6 +72,8 @@ def assess(
         values: factors of Table 1 (SI units); one left out is nominal.
         controller: "pid" (the authors' code) or "pd" (equation 19).
         activation: co-contraction of the elbow's muscles, 0 to 1.
+        elbow_friction: Coulomb friction of the robot's elbow, Nm, unknown to the nominal model; the
+            authors' model has 2.79.
 
     Raises:
         ValueError: a factor or controller is unknown, or a value is out of its domain.
@@ -78,7 +84,9 @@ def assess(
         )
     if not 0.0 <= activation <= 1.0:
         raise ValueError(f"activation must lie between 0 and 1, not {activation}")
-    system = build_system(wearer_of(values), CONTROLLERS[controller])
+    if not 0.0 <= elbow_friction < float("inf"):
+        raise ValueError(f"elbow_friction must not be negative, not {elbow_friction} Nm")
+    system = build_system(wearer_of(values), CONTROLLERS[controller], elbow_friction=elbow_friction)
     data = reset_to_start(system)
     record = None
     diagnostics: dict[str, float] = {}
@@ -104,13 +112,14 @@ def _don_and_hold(system: System, data: mujoco.MjData, activation: float) -> Non
     stiffness = model.tendon_stiffness[system.straps].copy()
     donning, hold = round(DONNING / STEP), round(HOLD / STEP)
     slacken_straps(system, data)
-    lock_torque = np.zeros((LOCK_AVERAGE, len(system.locks)))
+    lock_torque = []
     for step in range(hold):
         if step == donning:
             close_straps(system, data, stiffness)
         data.ctrl[system.elbow_muscles] = activation * min(1.0, step / donning)
         _step(system, data, "hold")
-        lock_torque[step % LOCK_AVERAGE] = _lock_torque(system, data)
+        if step >= hold - LOCK_AVERAGE:
+            lock_torque.append(_lock_torque(system, data))
     failure = check_start(
         human_speed=data.qvel[system.human_dof], exo_error=data.qpos[system.exo_qpos] - START
     )
@@ -118,7 +127,7 @@ def _don_and_hold(system: System, data: mujoco.MjData, activation: float) -> Non
         raise _FailedError(failure, "hold")
     data.eq_active[system.locks] = 0
     model.opt.disableactuator = 0
-    for motor, torque in zip(system.motors, lock_torque.mean(axis=0), strict=True):
+    for motor, torque in zip(system.motors, np.mean(lock_torque, axis=0), strict=True):
         integral = model.actuator_actadr[motor]
         if integral >= 0:
             data.act[integral] = torque / system.gains.ki
@@ -227,9 +236,9 @@ def _evaluate(record: Record, diagnostics: dict[str, float]) -> dict[str, float]
 def _step(system: System, data: mujoco.MjData, phase: str) -> None:
     """Advance one step; a warning of the engine or a value that is not finite is a failure."""
     mujoco.mj_step(system.model, data)
-    warned = [i for i, warning in enumerate(data.warning) if warning.number]
-    if warned:
-        name = mujoco.mjtWarning(warned[0]).name.removeprefix("mjWARN_")
+    warnings = data.warning.number
+    if warnings.any():
+        name = mujoco.mjtWarning(int(warnings.argmax())).name.removeprefix("mjWARN_")
         raise _FailedError(
             Failure(name="diverged", reason=f"the engine warned {name} at {data.time:.2f} s"), phase
         )

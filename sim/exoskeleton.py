@@ -93,7 +93,13 @@ MOTOR_GROUP = 1
 
 
 def add_exoskeleton(
-    spec: mujoco.MjSpec, *, kp: float, kv: float, ki: float, links: tuple[Link, ...] = NESM
+    spec: mujoco.MjSpec,
+    *,
+    kp: float,
+    kv: float,
+    ki: float,
+    elbow_friction: float = 0.0,
+    links: tuple[Link, ...] = NESM,
 ) -> None:
     """Add the chain with a controller in the engine on every joint.
 
@@ -102,6 +108,7 @@ def add_exoskeleton(
         kp: proportional gain, Nm/rad.
         kv: derivative gain, Nm s/rad; implicit in the integrator, hence stable at every step.
         ki: integral gain, Nm/(rad s); 0 for the paper's equation 19.
+        elbow_friction: Coulomb friction of the last joint, Nm, which the nominal model never knows.
         links: the device.
     """
     body = spec.worldbody
@@ -120,6 +127,7 @@ def add_exoskeleton(
             limited=mujoco.mjtLimited.mjLIMITED_TRUE,
             damping=[JOINT_DAMPING, 0.0, 0.0],
             armature=MOTOR_INERTIA,
+            frictionloss=elbow_friction if link is links[-1] else 0.0,
         )
         motor = spec.add_actuator(
             name=f"{link.joint}_motor",

@@ -113,14 +113,17 @@ def set_solver(spec: mujoco.MjSpec) -> None:
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
 
 
-def build_system(wearer: Wearer, gains: Gains) -> System:
-    """Build and compile the whole system for one wearer; the start pose is not yet set."""
+def build_system(wearer: Wearer, gains: Gains, *, elbow_friction: float = 0.0) -> System:
+    """Build and compile the whole system for one wearer; the start pose is not yet set.
+
+    `elbow_friction` is the Coulomb friction of the robot's elbow, Nm.
+    """
     spec = empty_spec()
     set_solver(spec)
     add_torso(spec)
     add_arm(spec, wearer)
     add_muscles(spec, wearer)
-    add_exoskeleton(spec, kp=gains.kp, kv=gains.kv, ki=gains.ki)
+    add_exoskeleton(spec, kp=gains.kp, kv=gains.kv, ki=gains.ki, elbow_friction=elbow_friction)
     for cuff, sleeve in zip(CUFFS, sleeves(wearer), strict=True):
         add_soft_tissue(spec, sleeve)
         add_cuff(spec, cuff)

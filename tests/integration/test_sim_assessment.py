@@ -71,6 +71,14 @@ def test_a_heavier_forearm_raises_the_estimate_by_gravity_the_nominal_model_lack
     )
 
 
+def test_the_robots_own_friction_lands_in_the_estimate_alone(nominal: Assessment) -> None:
+    rubbing = assess({}, elbow_friction=2.79)
+    assert rubbing.outputs["damping_estimate"] < nominal.outputs["damping_estimate"] - 1.0
+    assert rubbing.outputs["stiffness_true"] == pytest.approx(
+        nominal.outputs["stiffness_true"], abs=0.15
+    )
+
+
 @pytest.mark.parametrize("corner", ["low", "high"])
 def test_wearers_at_the_ends_of_each_range_can_be_assessed(corner: str) -> None:
     for factor in ELBOW.factors:
@@ -113,6 +121,8 @@ def test_bad_options_are_refused_in_a_sentence() -> None:
         assess({}, controller="lqr")
     with pytest.raises(ValueError, match="activation must lie between 0 and 1"):
         assess({}, activation=1.4)
+    with pytest.raises(ValueError, match="elbow_friction must not be negative"):
+        assess({}, elbow_friction=-1.0)
 
 
 def test_sparse_and_dense_solvers_agree_on_a_loaded_arm() -> None:

@@ -1,0 +1,39 @@
+# Every target builds .venv itself; only Python 3.11 or later and make are needed.
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test check bench picture clean
+
+help:  ## Say what each target does
+	@grep -hE '^[a-z]+:.*## ' Makefile | awk -F ':.*## ' '{printf "  make %-9s %s\n", $$1, $$2}'
+
+demo: $(READY)  ## Run the paper's two-phase study here, small; Ctrl-C and again resumes
+	$(BIN)/rehyb campaign run --preset demo --local-workers 2 --directory demo
+
+test: $(READY)  ## Run every test (unit, integration with real processes, acceptance)
+	$(BIN)/python -m pytest
+
+check: $(READY)  ## Lint, format, types and the unit tests
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest tests/unit
+
+bench: $(READY)  ## Print the figures that README and docs quote
+	$(BIN)/python -m benchmarks.table_1
+	$(BIN)/python -m benchmarks.service
+
+picture: $(READY)  ## Draw the arm in the exoskeleton (docs/system.png)
+	$(BIN)/python -m sim.rendering docs/system.png
+
+clean:  ## Remove .venv and what the targets wrote; a demo's results go too
+	rm -rf .venv demo validation *.egg-info .mypy_cache .ruff_cache .pytest_cache
+
+$(READY): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "rehyb needs Python 3.11 or later: make PYTHON=python3.11 ..."; exit 2; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $(READY)

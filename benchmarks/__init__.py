@@ -1,0 +1,1 @@
+"""Commands that print the figures README and docs quote: `make bench`."""

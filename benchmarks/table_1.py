@@ -1,0 +1,80 @@
+"""The nominal assessment beside the authors' model, and 100 wearers from all over Table 1.
+
+`python -m benchmarks.table_1 [POINTS]`
+"""
+
+import sys
+import time
+from collections import Counter
+
+import numpy as np
+from scipy.stats import qmc
+
+from benchmarks.machine import describe_machine
+from sim.assessment import assess
+from sim.factors import TABLE_1
+
+SEED = 7
+#: Estimate and truth of the authors' nominal trial, Nm/rad (their model, each form's regression).
+AUTHORS = {"affine": (4.54, 6.0), "paper": (8.47, 9.68), "authors": (6.20, 6.10)}
+
+
+def print_nominal() -> None:
+    outputs = assess({}).outputs
+    print("Nominal wearer, Nm/rad           ours                 authors' model")
+    print("form       estimate    true   error   estimate    true   error")
+    for form, (estimate, true) in AUTHORS.items():
+        suffix = "" if form == "affine" else f"_{form}"
+        ours = [outputs[f"stiffness_{name}{suffix}"] for name in ("estimate", "true", "error")]
+        print(
+            f"{form:10s} {ours[0]:8.2f} {ours[1]:7.2f} {ours[2]:7.2f} "
+            f"{estimate:10.2f} {true:7.2f} {estimate - true:7.2f}"
+        )
+    for name, unit in (
+        ("damping_estimate", "Nm s/rad"),
+        ("peak_contact_force", "N"),
+        ("tracking_rmse", "rad"),
+    ):
+        print(f"{name}: {outputs[name]:.3f} {unit}")
+
+
+def print_differences() -> None:
+    """Show what the authors' undeclared friction and mass do to the error in their own form."""
+    print("\nError in the authors' form, with what their model has and their nominal model lacks")
+    for label, values, friction in (
+        ("ours", {}, 0.0),
+        ("+ 2.79 Nm Coulomb friction in the robot's elbow", {}, 2.79),
+        ("+ 1 kg more on the forearm (their strap: 1.2 kg)", {"forearm_mass": 1.962}, 0.0),
+    ):
+        outputs = assess(values, elbow_friction=friction).outputs
+        print(f"  {label:50s} {outputs['stiffness_error_authors']:6.2f} Nm/rad")
+
+
+def print_table_1(points: int) -> None:
+    unit = qmc.LatinHypercube(len(TABLE_1), rng=np.random.default_rng(SEED)).random(points)
+    low, high = (np.array([getattr(f, end) for f in TABLE_1]) for end in ("low", "high"))
+    outcomes: Counter[str] = Counter()
+    stiffness, seconds = [], []
+    for row in low + unit * (high - low):
+        started = time.perf_counter()
+        assessment = assess({f.name: float(v) for f, v in zip(TABLE_1, row, strict=True)})
+        seconds.append(time.perf_counter() - started)
+        outcomes[assessment.outcome] += 1
+        if assessment.outcome == "ok":
+            stiffness.append(
+                [assessment.outputs[f"stiffness_{name}"] for name in ("estimate", "true", "error")]
+            )
+    print(f"\n{points} Latin-hypercube points of Table 1, seed {SEED}")
+    for outcome, count in outcomes.most_common():
+        print(f"  {outcome:20s} {count:5d}  {count / points:.1%}")
+    mean, sd = np.mean(stiffness, axis=0), np.std(stiffness, axis=0, ddof=1)
+    for i, name in enumerate(("estimate", "true", "error")):
+        print(f"  stiffness_{name:9s} mean {mean[i]:6.2f}  sd {sd[i]:5.2f} Nm/rad")
+    print(f"  seconds per assessment, one process: median {np.median(seconds):.2f}")
+
+
+if __name__ == "__main__":
+    print(describe_machine())
+    print_nominal()
+    print_differences()
+    print_table_1(int(sys.argv[1]) if len(sys.argv) > 1 else 100)

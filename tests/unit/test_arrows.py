@@ -1,0 +1,78 @@
+"""The arrows between the rooms run one way, as docs/architecture.md draws them."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("rehyb", "sim", "analysis", "server", "worker", "migrations")
+#: What each room may import of the others; a name with a dot is that module alone.
+ALLOWED = {
+    "sim": set(),
+    "analysis": set(),
+    "migrations": {"server.store"},
+    "server": {"analysis", "sim.catalogue", "sim.factors", "migrations"},
+    "worker": {"sim", "rehyb.client", "rehyb.errors"},
+    "rehyb": {"sim", "analysis", "server", "worker"},
+}
+
+
+def imports(path: Path) -> list[tuple[str, bool]]:
+    """Return the modules a file imports and whether at its top level."""
+    tree = ast.parse(path.read_text())
+    top = set(map(id, tree.body))
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found += [(alias.name, id(node) in top) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found += [(f"{node.module}.{alias.name}", id(node) in top) for alias in node.names]
+    return found
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_imports_only_what_its_arrows_allow(room: str) -> None:
+    for path in (ROOT / room).rglob("*.py"):
+        for module, _ in imports(path):
+            other = module.split(".")[0]
+            if other == room or other not in ROOMS:
+                continue
+            allowed = any(f"{module}.".startswith(f"{name}.") for name in ALLOWED[room])
+            assert allowed, f"{path.relative_to(ROOT)} imports {module}"
+
+
+def test_the_face_imports_the_other_rooms_lazily() -> None:
+    for path in (ROOT / "rehyb").rglob("*.py"):
+        for module, at_top in imports(path):
+            heavy = module.split(".")[0] in {"server", "worker", "analysis", "sim"}
+            assert not (heavy and at_top), f"{path.relative_to(ROOT)} imports {module} at its top"
+
+
+@pytest.mark.parametrize(
+    ("module", "forbidden"),
+    [
+        ("server.app", ["mujoco", "matplotlib", "worker"]),
+        ("rehyb", ["fastapi", "sqlalchemy", "mujoco", "numpy"]),
+        ("rehyb.cli", ["fastapi", "sqlalchemy", "mujoco", "numpy"]),
+        ("worker.cli", ["fastapi", "sqlalchemy", "matplotlib"]),
+        ("sim.assessment", ["httpx2", "fastapi", "sqlalchemy", "analysis", "matplotlib"]),
+    ],
+)
+def test_importing_a_room_does_not_load_what_it_must_not_know(
+    module: str, forbidden: list[str]
+) -> None:
+    code = f"import sys, {module}; print([m for m in {forbidden!r} if m in sys.modules])"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert loaded.stdout.strip() == "[]"
+
+
+def test_no_python_file_has_outgrown_its_room() -> None:
+    for room in (*ROOMS, "benchmarks"):
+        for path in (ROOT / room).rglob("*.py"):
+            lines = len(path.read_text().splitlines())
+            assert lines <= 400, f"{path.relative_to(ROOT)} has {lines} lines"
