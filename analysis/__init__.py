@@ -1,0 +1,1 @@
+"""Designs, incremental estimators and figures of a sensitivity analysis, and its service."""

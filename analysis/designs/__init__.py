@@ -1,0 +1,74 @@
+"""Which points a study evaluates.
+
+A study is made of rows: small groups of points whose outputs belong together. Row r is a pure
+function of (method, sampling, seed, r), so a study can be extended, sharded, or rebuilt without
+storing a point.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.designs.points import latin_hypercube, sobol
+from analysis.designs.radial import radial_row
+from analysis.designs.saltelli import saltelli_row
+from analysis.distributions import Distribution
+
+#: Elementary effects for screening, and variance-based indices.
+METHODS = ("morris", "saltelli")
+SAMPLINGS = ("sobol", "latin_hypercube")
+
+
+def row_width(method: str, factors: int) -> int:
+    """Return how many points a row has; ValueError if the method is unknown or nothing varies."""
+    _check(method, "sobol")
+    if factors < 1:
+        raise ValueError("a study must vary at least one factor")
+    return factors + (1 if method == "morris" else 2)
+
+
+def unit_row(method: str, sampling: str, seed: int, row: int, factors: int) -> NDArray[np.float64]:
+    """Return the points of a row in the unit cube.
+
+    Returns:
+        Shape (row_width(method, factors), factors), every value strictly between 0 and 1.
+
+    Raises:
+        ValueError: method or sampling is unknown, nothing varies, `row` is negative, or `seed` is
+            no unsigned 64 bit integer.
+    """
+    _check(method, sampling)
+    row_width(method, factors)
+    if not 0 <= seed < 2**64:
+        raise ValueError(f"seed must be an integer from 0 to 2**64 - 1, not {seed}")
+    if row < 0:
+        raise ValueError(f"row must not be negative, but is {row}")
+    point = (sobol if sampling == "sobol" else latin_hypercube)(seed, row, 2 * factors)
+    return radial_row(point) if method == "morris" else saltelli_row(point)
+
+
+def instance_parameters(
+    method: str,
+    sampling: str,
+    seed: int,
+    row: int,
+    distributions: Mapping[str, Distribution],
+) -> list[dict[str, float]]:
+    """Return the factor values of every point of a row, in position order, in the factors' units.
+
+    The order of `distributions` decides which coordinate is whose. ValueError as in `unit_row`.
+    """
+    unit = unit_row(method, sampling, seed, row, len(distributions))
+    columns = [
+        distribution.ppf(unit[:, i]).tolist()
+        for i, distribution in enumerate(distributions.values())
+    ]
+    return [dict(zip(distributions, values, strict=True)) for values in zip(*columns, strict=True)]
+
+
+def _check(method: str, sampling: str) -> None:
+    if method not in METHODS:
+        raise ValueError(f"unknown method {method!r}: expected one of {', '.join(METHODS)}")
+    if sampling not in SAMPLINGS:
+        raise ValueError(f"unknown sampling {sampling!r}: expected one of {', '.join(SAMPLINGS)}")

@@ -1,0 +1,35 @@
+"""Radial design for elementary effects (Campolongo, Saltelli and Cariboni 2011)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: An elementary effect divides by its step; a tiny step would divide noise by almost nothing.
+SMALLEST_STEP = 0.1
+
+
+def radial_row(point: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lay out one row from a point of the unit cube of twice as many dimensions as factors.
+
+    Position 0 is the base, position 1 + i is the base with factor i moved by 0.1 to 0.9 of its
+    range, around the end if need be. If `point` is uniform, so is every position.
+
+    Args:
+        point: shape (2 k,): the base, then where to step.
+
+    Returns:
+        Shape (k + 1, k).
+    """
+    base, where = np.split(point, 2)
+    step = SMALLEST_STEP + (1.0 - 2.0 * SMALLEST_STEP) * where
+    moved = base + step
+    # Around the end is a step back; rounding must not take it out of the open cube.
+    moved = np.where(moved < 1.0, moved, np.maximum(base - (1.0 - step), 2.0**-53))
+    row = np.tile(base, (base.size + 1, 1))
+    np.fill_diagonal(row[1:], moved)
+    return row
+
+
+def steps(row: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the signed step of every factor of a radial row (k + 1, k), shape (k,)."""
+    step: NDArray[np.float64] = np.diagonal(row[1:]) - row[0]
+    return step

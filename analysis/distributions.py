@@ -1,0 +1,181 @@
+"""Distributions a factor may be drawn from, by their quantile functions."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from math import isfinite, log
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri
+from scipy.stats import truncnorm
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distribution(ABC):
+    """A continuous distribution of one factor, in the factor's unit.
+
+    Raises:
+        ValueError: a parameter is not a finite number, or the parameters contradict each other.
+    """
+
+    #: The name in JSON.
+    kind: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+                raise ValueError(
+                    f"{field.name} of a {self.kind} distribution must be a finite number"
+                )
+            object.__setattr__(self, field.name, float(value))
+        self._check()
+
+    @abstractmethod
+    def _check(self) -> None:
+        """Raise ValueError if the parameters contradict each other."""
+
+    @abstractmethod
+    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+    def ppf(self, u: ArrayLike) -> NDArray[np.float64]:
+        """Return the quantiles of probabilities `u`, elementwise; ValueError unless 0 < u < 1."""
+        probabilities = np.asarray(u, dtype=np.float64)
+        if not bool(np.all((probabilities > 0.0) & (probabilities < 1.0))):
+            raise ValueError("a probability must lie strictly between 0 and 1")
+        return self._quantile(probabilities)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the distribution as `from_json` reads it."""
+        return {"kind": self.kind, **asdict(self)}
+
+    @staticmethod
+    def from_json(data: Mapping[str, Any]) -> "Distribution":
+        """Read `{"kind": ..., <parameter>: <number>, ...}`.
+
+        Raises:
+            ValueError: the kind is unknown, a parameter is missing, unknown or no finite number, or
+                the parameters contradict each other.
+        """
+        kind = data.get("kind")
+        known = {cls.kind: cls for cls in _KINDS}
+        if not isinstance(kind, str) or kind not in known:
+            raise ValueError(
+                f"kind of a distribution must be one of {', '.join(known)}, not {kind!r}"
+            )
+        parameters = {name: value for name, value in data.items() if name != "kind"}
+        wanted = [field.name for field in fields(known[kind])]
+        if set(parameters) != set(wanted):
+            given = ", ".join(map(str, parameters)) or "nothing"
+            raise ValueError(f"a {kind} distribution takes {', '.join(wanted)}, not {given}")
+        return known[kind](**parameters)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniform(Distribution):
+    """Equally likely everywhere from `low` to `high`."""
+
+    kind: ClassVar[str] = "uniform"
+    low: float
+    high: float
+
+    def _check(self) -> None:
+        _ordered(self.kind, self.low, self.high)
+
+    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.clip(self.low + u * (self.high - self.low), self.low, self.high)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Normal(Distribution):
+    """Gauss's distribution with standard deviation `sd`."""
+
+    kind: ClassVar[str] = "normal"
+    mean: float
+    sd: float
+
+    def _check(self) -> None:
+        _positive(self.kind, "sd", self.sd)
+
+    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(self.mean + self.sd * ndtri(u), dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TruncatedNormal(Distribution):
+    """A normal distribution of `mean` and `sd`, cut off below `low` and above `high`."""
+
+    kind: ClassVar[str] = "truncated_normal"
+    mean: float
+    sd: float
+    low: float
+    high: float
+
+    def _check(self) -> None:
+        _positive(self.kind, "sd", self.sd)
+        _ordered(self.kind, self.low, self.high)
+
+    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        a, b = (self.low - self.mean) / self.sd, (self.high - self.mean) / self.sd
+        x = truncnorm.ppf(u, a, b, loc=self.mean, scale=self.sd)
+        return np.clip(np.asarray(x, dtype=np.float64), self.low, self.high)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Triangular(Distribution):
+    """A density that rises linearly from `low` to `mode` and falls to `high`."""
+
+    kind: ClassVar[str] = "triangular"
+    low: float
+    mode: float
+    high: float
+
+    def _check(self) -> None:
+        _ordered(self.kind, self.low, self.high)
+        if not self.low <= self.mode <= self.high:
+            raise ValueError("mode of a triangular distribution must lie from low to high")
+
+    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        width, rise, fall = self.high - self.low, self.mode - self.low, self.high - self.mode
+        x = np.where(
+            u * width < rise,
+            self.low + np.sqrt(u * width * rise),
+            self.high - np.sqrt((1.0 - u) * width * fall),
+        )
+        return np.clip(x, self.low, self.high)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogUniform(Distribution):
+    """A logarithm that is equally likely everywhere from log `low` to log `high`."""
+
+    kind: ClassVar[str] = "loguniform"
+    low: float
+    high: float
+
+    def _check(self) -> None:
+        _positive(self.kind, "low", self.low)
+        _ordered(self.kind, self.low, self.high)
+
+    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = np.exp(log(self.low) + u * (log(self.high) - log(self.low)))
+        return np.clip(x, self.low, self.high)
+
+
+_KINDS: tuple[type[Distribution], ...] = (Uniform, Normal, TruncatedNormal, Triangular, LogUniform)
+
+
+def _ordered(kind: str, low: float, high: float) -> None:
+    if not low < high:
+        raise ValueError(
+            f"low of a {kind} distribution must be below high, not {low:g} and {high:g}"
+        )
+    if not isfinite(high - low):
+        raise ValueError(f"low and high of a {kind} distribution are too far apart")
+
+
+def _positive(kind: str, name: str, value: float) -> None:
+    if not value > 0.0:
+        raise ValueError(f"{name} of a {kind} distribution must be positive, not {value:g}")

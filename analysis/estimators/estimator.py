@@ -1,0 +1,182 @@
+"""What the estimators of both methods share: sums over rows that survive any order of arrival."""
+
+import io
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.designs import row_width
+from analysis.estimators import bootstrap
+from analysis.estimators.bootstrap import Estimate
+from analysis.estimators.exact_sum import ExactSums, Integers, divide, square
+
+#: An output of larger magnitude counts as failed: its square has no exact sum.
+LARGEST_OUTPUT = 1e100
+
+#: What rows add to the sums, by name: (points, rows, outputs, factors) or (points, rows, outputs);
+#: nan marks what a sum leaves out.
+Terms = Mapping[str, NDArray[np.float64]]
+
+#: Sums of this ending add up the exact squares of their terms.
+SQUARED = "_squared"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moments:
+    """Mean, standard deviation (n - 1) and number of each output's values, shape (outputs,)."""
+
+    mean: NDArray[np.float64]
+    sd: NDArray[np.float64]
+    n: NDArray[np.int64]
+
+
+class Estimator(ABC):
+    """Indices of several outputs from rows that arrive in any order.
+
+    It does not notice a row that is added twice: whoever feeds it must.
+
+    Args:
+        sampling, seed: of the design, one of `analysis.designs.SAMPLINGS`.
+        factors, outputs: how many.
+    """
+
+    method: ClassVar[str]
+    #: The sum of which a row must have a term to count as used.
+    use: ClassVar[str]
+    #: Sums kept per output and factor, and per output.
+    factor_sums: ClassVar[tuple[str, ...]]
+    output_sums: ClassVar[tuple[str, ...]] = ("value", "value" + SQUARED)
+
+    def __init__(self, *, sampling: str, seed: int, factors: int, outputs: int) -> None:
+        self.sampling = sampling
+        self.seed = seed
+        self.factors = factors
+        self.outputs = outputs
+        self.width = row_width(self.method, factors)
+        #: Rows of which at least one index could use a part.
+        self.rows_used = 0
+        self._columns: dict[str, slice] = {}
+        stop = 0
+        for name in self.factor_sums + self.output_sums:
+            start, stop = stop, stop + outputs * (factors if name in self.factor_sums else 1)
+            self._columns[name] = slice(start, stop)
+        self._sums = ExactSums(1 + bootstrap.REPLICATES, stop)
+        self._counts: NDArray[np.int64] = np.zeros(self._sums.shape, dtype=np.int64)
+
+    def add_rows(self, rows: Sequence[int], values: NDArray[np.float64]) -> None:
+        """Take in complete rows.
+
+        Args:
+            rows: their numbers in the design.
+            values: shape (rows, width, outputs), nan where a run failed.
+
+        Raises:
+            ValueError: the shape of `values` is another.
+        """
+        if values.shape != (len(rows), self.width, self.outputs):
+            wanted = (len(rows), self.width, self.outputs)
+            raise ValueError(f"values must have shape {wanted}, not {values.shape}")
+        if not rows:
+            return
+        usable = np.where(np.abs(values) <= LARGEST_OUTPUT, values, np.nan)
+        weights = bootstrap.weights(self.seed, rows)
+        for name, terms in self._terms(rows, usable).items():
+            columns, flat = self._columns[name], terms.reshape(*terms.shape[:2], -1)
+            valid = ~np.isnan(flat)
+            addends = np.where(valid, flat, 0.0)
+            if name.endswith(SQUARED):
+                addends = np.concatenate(square(addends))
+            self._sums.add(columns, weights, addends)
+            counts = weights @ valid.sum(axis=0, dtype=np.float64)
+            self._counts[:, columns] += counts.astype(np.int64)
+            if name == self.use:
+                self.rows_used += int(valid.any(axis=(0, 2)).sum())
+
+    def merge(self, other: Self) -> None:
+        """Add what `other` has seen; ValueError if it belongs to another study."""
+        if self._identity() != other._identity():
+            raise ValueError("only estimators of one study can be merged")
+        self._sums.merge(other._sums)
+        self._counts += other._counts
+        self.rows_used += other.rows_used
+
+    @abstractmethod
+    def indices(self, level: float = 0.9) -> dict[str, Estimate]:
+        """Return each index with its interval at `level`, arrays of shape (outputs, factors)."""
+
+    @property
+    @abstractmethod
+    def effects(self) -> NDArray[np.int64]:
+        """From how many rows each index was computed, shape (outputs, factors)."""
+
+    def moments(self) -> Moments:
+        """Return mean and spread of the outputs over the factors' distributions."""
+        with np.errstate(invalid="ignore"):
+            sd = np.sqrt(self._variance("value", ddof=1)[0])
+        return Moments(mean=self._mean("value")[0], sd=sd, n=self._first_count("value"))
+
+    def to_bytes(self) -> bytes:
+        """Return all that was summed, as an NPZ file without pickles."""
+        buffer = io.BytesIO()
+        np.savez(
+            buffer,
+            low=np.int64(self._sums.low),
+            limbs=self._sums.limbs,
+            counts=self._counts,
+            rows_used=np.int64(self.rows_used),
+        )
+        return buffer.getvalue()
+
+    def load_bytes(self, data: bytes) -> None:
+        """Replace what was summed by what `to_bytes` of an equal estimator returned.
+
+        Raises:
+            ValueError: the bytes are those of an estimator of other shape.
+        """
+        with np.load(io.BytesIO(data), allow_pickle=False) as saved:
+            if saved["counts"].shape != self._counts.shape:
+                raise ValueError("these bytes are the state of a study of other shape")
+            self._sums.low = int(saved["low"])
+            self._sums.limbs = saved["limbs"]
+            self._counts = saved["counts"]
+            self.rows_used = int(saved["rows_used"])
+
+    @abstractmethod
+    def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
+        """Return what `rows` with these (rows, width, outputs) values add to every sum."""
+
+    def _identity(self) -> tuple[object, ...]:
+        return (self.method, self.sampling, self.seed, self.factors, self.outputs)
+
+    def _shape(self, name: str) -> tuple[int, ...]:
+        of_factor = name in self.factor_sums
+        return (-1, self.outputs, self.factors) if of_factor else (-1, self.outputs)
+
+    def _count(self, name: str) -> NDArray[np.int64]:
+        return self._counts[:, self._columns[name]].reshape(self._shape(name))
+
+    def _first_count(self, name: str) -> NDArray[np.int64]:
+        """Return how many terms a sum has, every row counted once."""
+        counts: NDArray[np.int64] = self._count(name)[0]
+        return counts
+
+    def _total(self, name: str) -> tuple[Integers, int]:
+        total, shift = self._sums.integers(self._columns[name])
+        return total.reshape(self._shape(name)), shift
+
+    def _mean(self, name: str) -> NDArray[np.float64]:
+        """Return the mean of a sum in every weighting, rounded once; nan of nothing."""
+        total, shift = self._total(name)
+        return divide(total, self._count(name).astype(object), shift)
+
+    def _variance(self, name: str, *, ddof: int) -> NDArray[np.float64]:
+        """Return the variance in every weighting, rounded once, so 0 exactly if nothing varies."""
+        total, shift = self._total(name)
+        squares, _ = self._total(name + SQUARED)
+        n = self._count(name).astype(object)
+        numerator = n * (squares << shift) - total * total
+        return divide(numerator, np.where(n > ddof, n * (n - ddof), 0), 2 * shift)

@@ -1,0 +1,127 @@
+"""Sums of floating-point numbers that do not depend on the order of their terms.
+
+Every double is an integer multiple of a power of two, so it can be cut into integer limbs on one
+fixed grid. Limbs are summed as integers, which is exact, hence commutative and associative: any
+order, any batching and any tree of merges leaves the same sum, which is rounded once, when it is
+read. (The idea is Kulisch's long accumulator; the fixed grid follows Demmel and Nguyen 2015,
+Parallel reproducible summation.)
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Bits per limb. In int64 a limb has room for 2**31 terms, counted with their weights.
+LIMB_BITS = 32
+
+#: How many terms one matrix product may sum: limb 2**32 * weight 2**4 * terms 2**16 < 2**53.
+_TERMS_PER_PRODUCT = 2**16
+
+Integers = NDArray[np.object_]
+
+
+def split(values: NDArray[np.float64]) -> tuple[int, NDArray[np.float64]]:
+    """Cut finite numbers into limbs.
+
+    Returns:
+        `(low, limbs)` with `values == sum(limbs[j] * 2.0**(LIMB_BITS * (low + j)))` exactly; limbs
+        are whole numbers of magnitude below 2**LIMB_BITS, shape (limbs, *values.shape).
+
+    Raises:
+        ValueError: a value is not finite.
+    """
+    largest = float(np.max(np.abs(values), initial=0.0))
+    if not np.isfinite(largest):
+        raise ValueError("only finite numbers have a sum")
+    high = int(np.frexp(largest)[1]) // LIMB_BITS
+    limbs: list[NDArray[np.float64]] = []
+    rest, place = values, high
+    while not limbs or rest.any():
+        limb = np.trunc(np.ldexp(rest, -LIMB_BITS * place))
+        rest = rest - np.ldexp(limb, LIMB_BITS * place)
+        limbs.append(limb)
+        place -= 1
+    return place + 1, np.stack(limbs[::-1])
+
+
+class ExactSums:
+    """Weighted sums of columns of numbers, several weightings at once.
+
+    Raises:
+        ValueError: from `merge`, if the shapes differ.
+    """
+
+    def __init__(self, weightings: int, columns: int) -> None:
+        self.shape = (weightings, columns)
+        #: Place of the first limb on the grid; never above 0, so that sums are whole multiples of
+        #: 2**(LIMB_BITS * low) with a non-positive exponent.
+        self.low = 0
+        self.limbs: NDArray[np.int64] = np.zeros((1, *self.shape), dtype=np.int64)
+
+    def add(self, columns: slice, weights: NDArray[np.float64], terms: NDArray[np.float64]) -> None:
+        """Add `weights @ terms[i]`, for every i, to some of the columns.
+
+        Args:
+            columns: which.
+            weights: whole numbers from 0 to 15, shape (weightings, rows).
+            terms: finite, shape (terms per row, rows, columns of the slice).
+
+        Raises:
+            ValueError: a term is not finite.
+        """
+        per_row, rows, _ = terms.shape
+        size = max(_TERMS_PER_PRODUCT // max(per_row, 1), 1)
+        for start in range(0, rows, size):
+            batch = slice(start, start + size)
+            low, limbs = split(terms[:, batch])
+            # In floating point for the speed of BLAS: every partial sum is a whole number below
+            # 2**53, so the product is exact in whatever order it is taken.
+            product = weights[:, batch] @ limbs.sum(axis=1)
+            self._include(low, product.astype(np.int64), columns)
+
+    def merge(self, other: "ExactSums") -> None:
+        """Add the sums of `other`."""
+        if self.shape != other.shape:
+            raise ValueError(f"cannot merge sums of shape {other.shape} into {self.shape}")
+        self._include(other.low, other.limbs, slice(None))
+
+    def integers(self, columns: slice) -> tuple[Integers, int]:
+        """Return `(n, shift)` such that the exact sums of `columns` are n / 2**shift.
+
+        `n` holds Python integers, shape (weightings, columns of the slice).
+        """
+        limbs = self.limbs[:, :, columns]
+        total: Integers = np.zeros(limbs.shape[1:], dtype=object)
+        for limb in limbs[::-1]:
+            total = total * 2**LIMB_BITS + limb.astype(object)
+        return total, -LIMB_BITS * self.low
+
+    def _include(self, low: int, limbs: NDArray[np.int64], columns: slice) -> None:
+        below = max(self.low - low, 0)
+        above = max(low + len(limbs) - (self.low + len(self.limbs)), 0)
+        if below or above:
+            self.limbs = np.pad(self.limbs, ((below, above), (0, 0), (0, 0)))
+            self.low -= below
+        start = low - self.low
+        self.limbs[start : start + len(limbs), :, columns] += limbs
+
+
+def square(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return `(high, low)` with high + low the exact square (Dekker 1971), elementwise.
+
+    Exact for magnitudes from 1e-140 to 1e150.
+    """
+    scaled = values * (2.0**27 + 1.0)
+    head = scaled - (scaled - values)
+    tail = values - head
+    high = values * values
+    low = ((head * head - high) + 2.0 * head * tail) + tail * tail
+    return high, low
+
+
+def divide(numerators: Integers, denominators: Integers, shift: int = 0) -> NDArray[np.float64]:
+    """Return numerators / (denominators * 2**shift), rounded once; nan where a denominator is 0."""
+    scaled = denominators << shift if shift else denominators
+    return np.asarray(_divide(numerators, scaled), dtype=np.float64)
+
+
+_divide = np.frompyfunc(lambda n, d: n / d if d else np.nan, 2, 1)

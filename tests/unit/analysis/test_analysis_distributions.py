@@ -1,0 +1,101 @@
+"""What a distribution promises: SciPy's quantiles, a faithful JSON form, and clear refusals."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from analysis.distributions import Distribution, TruncatedNormal
+
+#: A distribution as JSON and SciPy's name for the same.
+CASES: list[tuple[dict[str, Any], Any]] = [
+    ({"kind": "uniform", "low": -2.0, "high": 5.0}, stats.uniform(-2.0, 7.0)),
+    ({"kind": "normal", "mean": 3.0, "sd": 0.5}, stats.norm(3.0, 0.5)),
+    (
+        {"kind": "truncated_normal", "mean": 1.0, "sd": 2.0, "low": 0.0, "high": 4.0},
+        stats.truncnorm(-0.5, 1.5, loc=1.0, scale=2.0),
+    ),
+    (
+        {"kind": "triangular", "low": 1.0, "mode": 2.0, "high": 5.0},
+        stats.triang(0.25, loc=1.0, scale=4.0),
+    ),
+    (
+        {"kind": "triangular", "low": 1.0, "mode": 1.0, "high": 5.0},
+        stats.triang(0.0, loc=1.0, scale=4.0),
+    ),
+    ({"kind": "loguniform", "low": 0.01, "high": 100.0}, stats.loguniform(0.01, 100.0)),
+]
+
+
+@pytest.mark.parametrize(("data", "oracle"), CASES)
+def test_quantiles_are_scipys(data: dict[str, Any], oracle: Any) -> None:
+    u = np.linspace(0.001, 0.999, 101)
+    np.testing.assert_allclose(Distribution.from_json(data).ppf(u), oracle.ppf(u), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("data", "oracle"), CASES)
+def test_json_survives_a_round_trip(data: dict[str, Any], oracle: Any) -> None:
+    distribution = Distribution.from_json(data)
+    assert distribution.to_json() == data
+    assert Distribution.from_json(distribution.to_json()) == distribution
+
+
+@pytest.mark.parametrize(("data", "oracle"), CASES)
+def test_no_quantile_leaves_the_support(data: dict[str, Any], oracle: Any) -> None:
+    x = Distribution.from_json(data).ppf([2.0**-53, 1.0 - 2.0**-53])
+    low, high = oracle.support()
+    assert np.all((x >= low) & (x <= high))
+
+
+def test_a_far_tail_of_a_normal_is_still_a_distribution() -> None:
+    x = TruncatedNormal(mean=0.0, sd=1.0, low=20.0, high=21.0).ppf(np.linspace(0.01, 0.99, 9))
+    assert np.all(np.diff(x) > 0.0)
+    assert np.all((x > 20.0) & (x < 21.0))
+
+
+def test_whole_numbers_are_read_as_numbers() -> None:
+    assert Distribution.from_json({"kind": "uniform", "low": 0, "high": 2}).ppf(0.5) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        ({"low": 0.0, "high": 1.0}, "kind of a distribution must be one of uniform, normal"),
+        ({"kind": "cauchy"}, "not 'cauchy'"),
+        ({"kind": ["uniform"]}, "kind of a distribution must be one of"),
+        ({"kind": "uniform", "low": 0.0}, "takes low, high, not low"),
+        ({"kind": "uniform"}, "takes low, high, not nothing"),
+        ({"kind": "normal", "mean": 0.0, "sd": 1.0, "low": 0.0}, "takes mean, sd"),
+        (
+            {"kind": "uniform", "low": 1.0, "high": 1.0},
+            "low of a uniform .* must be below",
+        ),
+        ({"kind": "uniform", "low": -1e308, "high": 1e308}, "too far apart"),
+        (
+            {"kind": "uniform", "low": float("nan"), "high": 1.0},
+            "low of a uniform .* finite",
+        ),
+        (
+            {"kind": "uniform", "low": 0.0, "high": float("inf")},
+            "high of a uniform .* finite",
+        ),
+        ({"kind": "uniform", "low": "0", "high": 1.0}, "low of a uniform .* finite"),
+        ({"kind": "uniform", "low": False, "high": 1.0}, "low of a uniform .* finite"),
+        (
+            {"kind": "normal", "mean": 0.0, "sd": 0.0},
+            "sd of a normal .* must be positive",
+        ),
+        ({"kind": "loguniform", "low": 0.0, "high": 1.0}, "low of a loguniform .* positive"),
+        ({"kind": "triangular", "low": 0.0, "mode": 2.0, "high": 1.0}, "mode of a triangular"),
+    ],
+)
+def test_nonsense_is_refused_in_one_sentence(data: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        Distribution.from_json(data)
+
+
+@pytest.mark.parametrize("u", [0.0, 1.0, -0.1, float("nan")])
+def test_a_probability_of_zero_or_one_has_no_quantile(u: float) -> None:
+    with pytest.raises(ValueError, match="strictly between"):
+        Distribution.from_json({"kind": "normal", "mean": 0.0, "sd": 1.0}).ppf(u)
