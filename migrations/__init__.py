@@ -1,0 +1,1 @@
+"""Alembic migrations: the only way the coordinator's database comes to be or changes."""

@@ -1,0 +1,66 @@
+"""The coordinator as a web application."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+
+from fastapi import FastAPI
+from sqlalchemy.engine import Engine
+from sqlalchemy.exc import SQLAlchemyError
+
+from server import problems
+from server.guards import BearerToken, BodyLimit
+from server.routes import health, indices, leases, progress, results, studies, workers
+from server.routes.common import clock
+from server.settings import Settings
+from server.store import create_engine, queue, require_current
+
+log = logging.getLogger(__name__)
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """Return the application; it opens the database when it starts.
+
+    Starting raises SchemaError unless `server.store.upgrade` has been run on the database.
+    """
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        engine = app.state.engine
+        require_current(engine)
+        queue.excuse_silence(engine, now=clock(), ttl=settings.lease_seconds)
+        reaper = asyncio.create_task(_reap_for_ever(engine, settings.lease_seconds))
+        try:
+            yield
+        finally:
+            reaper.cancel()
+            with suppress(asyncio.CancelledError):
+                await reaper
+            engine.dispose()
+
+    # The interactive documentation loads scripts from elsewhere; a lab may have no internet.
+    app = FastAPI(
+        title="rehyb coordinator", version="1", docs_url=None, redoc_url=None, lifespan=lifespan
+    )
+    app.state.settings = settings
+    app.state.engine = create_engine(settings.database_url)
+    problems.install(app)
+    for noun in (studies, progress, indices, results, leases, workers, health):
+        app.include_router(noun.router)
+    app.add_middleware(BodyLimit)
+    app.add_middleware(BearerToken, token=settings.token.get_secret_value())
+    return app
+
+
+async def _reap_for_ever(engine: Engine, ttl: float) -> None:
+    """Take back expired leases even while no worker asks, so that progress tells the truth."""
+    while True:
+        await asyncio.sleep(ttl / 4.0)
+        try:
+            lost = await asyncio.to_thread(queue.reap, engine, now=clock())
+        except SQLAlchemyError:
+            log.exception("expired leases could not be taken back; trying again")
+            continue
+        if lost:
+            log.warning("%d instances came back from workers that fell silent", lost)

@@ -1,0 +1,26 @@
+"""Why the coordinator refuses, as one small tree; `server.problems` maps it to HTTP once."""
+
+
+class CoordinatorError(Exception):
+    """The coordinator cannot do what was asked; the message says what and what would be right."""
+
+
+class NotFoundError(CoordinatorError):
+    """There is no such thing."""
+
+
+class ConflictError(CoordinatorError):
+    """The request contradicts what is already so."""
+
+
+class InvalidStudyError(CoordinatorError):
+    """A study cannot be drawn up from the request."""
+
+    def __init__(self, pointer: str, detail: str) -> None:
+        super().__init__(detail)
+        #: Where in the request the fault lies, as an RFC 6901 JSON pointer.
+        self.pointer = pointer
+
+
+class SchemaError(CoordinatorError):
+    """The database's schema is not the one this version works with."""

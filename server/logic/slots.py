@@ -1,0 +1,85 @@
+"""The life of one instance: pending -> leased -> done, with a budget for every cause of return.
+
+A failed simulation is a result and final at once. What says more about the machine than about the
+simulation (a crash, a time out, a report that makes no sense, silence) is tried again, each cause
+on its own budget, so that a lost host does not use up the patience meant for crashes.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+#: How often an instance may come back for a cause; the last time, the cause is its final outcome.
+BUDGETS: Mapping[str, int] = {"crashed": 3, "timed_out": 3, "invalid": 3, "lost": 5}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slot:
+    """Where one instance stands."""
+
+    row: int
+    position: int
+    #: "pending", "leased" or "done".
+    state: str
+    #: The lease that holds it; None unless leased.
+    lease: str | None
+    #: How often it came back, by cause.
+    attempts: Mapping[str, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """The final result of one instance."""
+
+    row: int
+    position: int
+    #: "ok" or the name of a failure.
+    outcome: str
+    #: The study's outputs; None unless `outcome` is "ok".
+    outputs: Mapping[str, float] | None
+    reason: str
+    state: Mapping[str, Any] | None
+    wall_seconds: float | None
+
+    def same_as(self, other: "Result") -> bool:
+        """Say whether both report the same; how long it took and in which words does not count."""
+        return self.outcome == other.outcome and self.outputs == other.outputs
+
+
+def settled(slot: Slot) -> Slot:
+    """Return the slot with its final result in."""
+    return replace(slot, state="done", lease=None)
+
+
+def handed_back(slot: Slot) -> Slot:
+    """Return the slot of an instance its worker gave up unharmed: nothing is counted."""
+    return replace(slot, state="pending", lease=None)
+
+
+def after_attempt(
+    slot: Slot,
+    *,
+    cause: str,
+    reason: str,
+    state: Mapping[str, Any] | None = None,
+    wall_seconds: float | None = None,
+) -> tuple[Slot, Result | None]:
+    """Count one attempt that ended for `cause`, a key of BUDGETS.
+
+    Returns:
+        The slot, pending again, and None; or, the budget spent, the slot done and its final result.
+    """
+    count = slot.attempts.get(cause, 0) + 1
+    counted = replace(slot, attempts={**slot.attempts, cause: count})
+    if count < BUDGETS[cause]:
+        return handed_back(counted), None
+    final = Result(
+        row=slot.row,
+        position=slot.position,
+        outcome=cause,
+        outputs=None,
+        reason=reason,
+        state=state,
+        wall_seconds=wall_seconds,
+    )
+    return settled(counted), final

@@ -1,0 +1,219 @@
+"""What a study is, and how one is drawn up from a request."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from analysis.designs import METHODS, SAMPLINGS, instance_parameters, row_width
+from analysis.distributions import Distribution
+from analysis.records import StudyPlan
+from server.errors import InvalidStudyError
+from sim.catalogue import MODELS, Model
+
+#: Sobol points are numbered in 30 bits; a study beyond this would take a fleet a human lifetime.
+MAX_ROWS = 10_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class FactorChoice:
+    """How a request wants one factor sampled: a range, a distribution, or the model's own range."""
+
+    name: str
+    range: tuple[float, float] | None = None
+    distribution: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Everything that decides which points a study evaluates: its manifest."""
+
+    name: str
+    model: str
+    method: str
+    sampling: str
+    rows: int
+    seed: int
+    #: Sampled factors, in the model's order.
+    distributions: Mapping[str, Distribution]
+    #: Every other factor of the model, with the value it keeps (SI units).
+    fixed: Mapping[str, float]
+    #: Outputs kept, in the model's order.
+    outputs: tuple[str, ...]
+
+    @property
+    def width(self) -> int:
+        """Instances in one row of the design."""
+        return row_width(self.method, len(self.distributions))
+
+    @property
+    def instances(self) -> int:
+        """Instances in the whole study."""
+        return self.rows * self.width
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """A plan and how far it has come."""
+
+    id: str
+    plan: Plan
+    #: "running", "complete" or "cancelled".
+    state: str
+    created_at: float
+    #: When the study was completed or cancelled; None while it runs.
+    finished_at: float | None
+    #: Instances handed out at least once: always the first ones in (row, position) order.
+    handed_out: int
+    #: Instances a worker holds now.
+    leased: int
+    #: Final results, which are numbered 1, 2, ... in the order they came.
+    result_count: int
+    ok_count: int
+    #: Rows in which every position has a final result.
+    rows_complete: int
+    #: Final failures by outcome.
+    failures: Mapping[str, int]
+
+    @property
+    def pending(self) -> int:
+        """Instances without a final result that nobody holds."""
+        return self.plan.instances - self.result_count - self.leased
+
+    @property
+    def returned(self) -> int:
+        """Instances that were handed out and came back without a final result."""
+        return self.handed_out - self.result_count - self.leased
+
+
+def instance_id(study_id: str, row: int, position: int) -> str:
+    """Name an instance so that a reader can replay it: study, row and position in the row."""
+    return f"{study_id}:{row}:{position}"
+
+
+def parameters(plan: Plan, row: int) -> list[dict[str, float]]:
+    """Return every factor's value for every instance of a row, in position order (SI units)."""
+    points = instance_parameters(plan.method, plan.sampling, plan.seed, row, plan.distributions)
+    return [{**plan.fixed, **point} for point in points]
+
+
+def for_analysis(study: Study) -> StudyPlan:
+    """Return what the analysis needs to know of a study."""
+    return StudyPlan(
+        id=study.id,
+        method=study.plan.method,
+        seed=study.plan.seed,
+        sampling=study.plan.sampling,
+        rows=study.plan.rows,
+        factors=tuple(study.plan.distributions),
+        outputs=study.plan.outputs,
+    )
+
+
+def draw_up(
+    *,
+    name: str,
+    model: str,
+    method: str,
+    sampling: str,
+    rows: int,
+    seed: int,
+    factors: Sequence[FactorChoice] | None,
+    fixed: Mapping[str, float],
+    outputs: Sequence[str] | None,
+) -> Plan:
+    """Check a request and complete it from the model's own factors and outputs.
+
+    Factors left out altogether (None) means: sample every factor that is not fixed, uniformly over
+    its own range. A factor neither sampled nor fixed keeps its nominal value.
+
+    Raises:
+        InvalidStudyError: with a pointer to what is wrong and a sentence saying what is right.
+    """
+    described = _known("/model", "model", model, MODELS)
+    _known("/method", "method", method, METHODS)
+    _known("/sampling", "sampling", sampling, SAMPLINGS)
+    if not 1 <= rows <= MAX_ROWS:
+        raise InvalidStudyError("/rows", f"rows must lie between 1 and {MAX_ROWS}, not {rows}")
+    names = [factor.name for factor in described.factors]
+    for factor, value in fixed.items():
+        _known(f"/fixed/{factor}", f"factor of {model}", factor, names)
+        if not isfinite(value):
+            raise InvalidStudyError(f"/fixed/{factor}", f"{factor} must be finite, not {value}")
+    if factors is None:
+        factors = [FactorChoice(name=factor) for factor in names if factor not in fixed]
+    sampled = _sampled(described, factors, fixed)
+    return Plan(
+        name=name,
+        model=model,
+        method=method,
+        sampling=sampling,
+        rows=rows,
+        seed=seed,
+        distributions={factor: sampled[factor] for factor in names if factor in sampled},
+        fixed={
+            factor.name: float(fixed.get(factor.name, factor.nominal))
+            for factor in described.factors
+            if factor.name not in sampled
+        },
+        outputs=_outputs(described, outputs),
+    )
+
+
+def _known(pointer: str, what: str, name: str, known: Any) -> Any:
+    """Return what `known` has under `name` (or the name itself, if it is a plain sequence)."""
+    if name not in known:
+        raise InvalidStudyError(
+            pointer, f"unknown {what} {name!r}: expected one of {', '.join(known)}"
+        )
+    return known[name] if isinstance(known, Mapping) else name
+
+
+def _sampled(
+    model: Model, choices: Sequence[FactorChoice], fixed: Mapping[str, float]
+) -> dict[str, Distribution]:
+    """Return the distribution of every factor that `choices` asks to sample."""
+    if not choices:
+        raise InvalidStudyError("/factors", "a study must sample at least one factor")
+    names = [factor.name for factor in model.factors]
+    sampled: dict[str, Distribution] = {}
+    for i, choice in enumerate(choices):
+        pointer = f"/factors/{i}"
+        _known(f"{pointer}/name", f"factor of {model.name}", choice.name, names)
+        if choice.name in sampled:
+            raise InvalidStudyError(f"{pointer}/name", f"{choice.name} is listed twice")
+        if choice.name in fixed:
+            raise InvalidStudyError(
+                f"{pointer}/name", f"{choice.name} cannot be both fixed and sampled"
+            )
+        if choice.range is not None and choice.distribution is not None:
+            raise InvalidStudyError(pointer, f"{choice.name}: give a range or a distribution")
+        sampled[choice.name] = _distribution(model, choice, pointer)
+    return sampled
+
+
+def _distribution(model: Model, choice: FactorChoice, pointer: str) -> Distribution:
+    """Return the distribution one choice means; the model's own range if it names none."""
+    if choice.distribution is not None:
+        pointer, described = f"{pointer}/distribution", dict(choice.distribution)
+    else:
+        own = model.factor(choice.name)
+        low, high = choice.range or (own.low, own.high)
+        pointer, described = f"{pointer}/range", {"kind": "uniform", "low": low, "high": high}
+    try:
+        return Distribution.from_json(described)
+    except ValueError as error:
+        raise InvalidStudyError(pointer, f"{choice.name}: {error}") from error
+
+
+def _outputs(model: Model, wanted: Sequence[str] | None) -> tuple[str, ...]:
+    """Return the outputs to keep, in the model's order."""
+    if wanted is None:
+        return model.outputs
+    if not wanted:
+        raise InvalidStudyError("/outputs", "a study must keep at least one output")
+    for i, output in enumerate(wanted):
+        _known(f"/outputs/{i}", f"output of {model.name}", output, model.outputs)
+        if output in wanted[:i]:
+            raise InvalidStudyError(f"/outputs/{i}", f"{output} is listed twice")
+    return tuple(output for output in model.outputs if output in wanted)

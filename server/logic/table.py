@@ -1,0 +1,42 @@
+"""Results as a table, one line per instance."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from server.logic.slots import Result
+from server.logic.study import Plan, parameters
+
+
+def header(plan: Plan) -> list[str]:
+    """Return the names of the columns."""
+    return [
+        "row",
+        "position",
+        *plan.distributions,
+        "outcome",
+        *plan.outputs,
+        "wall_seconds",
+        "worker",
+    ]
+
+
+def lines(plan: Plan, results: Iterable[tuple[Result, str]]) -> Iterator[Sequence[object]]:
+    """Yield a line per result, in the order of `header`; what there is not is None.
+
+    Args:
+        plan: the study's.
+        results: results and their workers, those of one row next to each other.
+    """
+    row, points = -1, list[dict[str, float]]()
+    for result, worker in results:
+        if result.row != row:
+            row, points = result.row, parameters(plan, result.row)
+        point, outputs = points[result.position], result.outputs or {}
+        yield [
+            result.row,
+            result.position,
+            *(point[factor] for factor in plan.distributions),
+            result.outcome,
+            *(outputs.get(name) for name in plan.outputs),
+            result.wall_seconds,
+            worker,
+        ]

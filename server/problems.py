@@ -1,0 +1,100 @@
+"""Every refusal as an RFC 9457 problem: one body shape for 4xx and 5xx alike."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from server.errors import (
+    ConflictError,
+    CoordinatorError,
+    InvalidStudyError,
+    NotFoundError,
+)
+
+log = logging.getLogger(__name__)
+
+_STATUS: Mapping[type[CoordinatorError], HTTPStatus] = {
+    NotFoundError: HTTPStatus.NOT_FOUND,
+    ConflictError: HTTPStatus.CONFLICT,
+    InvalidStudyError: HTTPStatus.UNPROCESSABLE_ENTITY,
+}
+
+
+def problem(
+    status: int,
+    detail: str,
+    *,
+    headers: Mapping[str, str] | None = None,
+    members: Mapping[str, Any] | None = None,
+) -> JSONResponse:
+    """Return a problem response.
+
+    Args:
+        status: HTTP status; it also says the problem's title.
+        detail: one sentence for the reader of this occurrence.
+        headers: further response headers.
+        members: further members of the body, such as `pointer`.
+    """
+    body = {
+        # RFC 9457, 4.2.1: nothing is to be known beyond what the status says.
+        "type": "about:blank",
+        "title": HTTPStatus(status).phrase,
+        "status": int(status),
+        "detail": detail,
+        **(members or {}),
+    }
+    return JSONResponse(
+        body, status, headers=dict(headers or {}), media_type="application/problem+json"
+    )
+
+
+def install(app: FastAPI) -> None:
+    """Make `app` answer every error with a problem."""
+
+    @app.exception_handler(CoordinatorError)
+    def refused(_request: Request, error: CoordinatorError) -> JSONResponse:
+        members = {"pointer": error.pointer} if isinstance(error, InvalidStudyError) else {}
+        return problem(_STATUS[type(error)], str(error), members=members)
+
+    @app.exception_handler(RequestValidationError)
+    def invalid(_request: Request, error: RequestValidationError) -> JSONResponse:
+        return problem(
+            HTTPStatus.UNPROCESSABLE_ENTITY,
+            "the request is not what this route takes",
+            members={"errors": [_fault(item) for item in error.errors()]},
+        )
+
+    @app.exception_handler(HTTPException)
+    def http(_request: Request, error: HTTPException) -> JSONResponse:
+        return problem(error.status_code, str(error.detail), headers=error.headers)
+
+    @app.exception_handler(Exception)
+    def failed(request: Request, _error: Exception) -> JSONResponse:
+        log.error("%s %s failed", request.method, request.url.path)
+        return problem(
+            HTTPStatus.INTERNAL_SERVER_ERROR,
+            "the coordinator failed to answer; its log says why",
+        )
+
+
+def _fault(item: Mapping[str, Any]) -> dict[str, str]:
+    """Return one validation error as an entry of `errors`."""
+    if item["type"] == "json_invalid":
+        why = f"the body is not JSON: {item['ctx']['error']} at character {item['loc'][1]}"
+        return {"pointer": "", "detail": why}
+    return {"pointer": _pointer(item["loc"]), "detail": item["msg"]}
+
+
+def _pointer(location: Sequence[str | int]) -> str:
+    """Return a validation error's location as a JSON pointer into the body, or a parameter's name.
+
+    The first part says where the value came from: "body", "path", "header" or "query".
+    """
+    source, *inside = (str(part).replace("~", "~0").replace("/", "~1") for part in location)
+    return "".join(f"/{part}" for part in (inside if source == "body" else [source, *inside]))

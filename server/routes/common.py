@@ -1,0 +1,46 @@
+"""What the routes share: where they find the store and the time, and how strictly they read."""
+
+import time
+from typing import Annotated
+
+from fastapi import Depends, Path, Request
+from pydantic import BaseModel, ConfigDict, StringConstraints
+from sqlalchemy.engine import Engine
+
+from server.settings import Settings
+
+
+class Body(BaseModel):
+    """A request body: nothing unknown, nothing converted, no NaN and no infinity."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+def _engine(request: Request) -> Engine:
+    engine: Engine = request.app.state.engine
+    return engine
+
+
+def _settings(request: Request) -> Settings:
+    settings: Settings = request.app.state.settings
+    return settings
+
+
+def clock() -> float:
+    """Return the coordinator's time in seconds, UTC epoch. Tests put their own in its place."""
+    return time.time()
+
+
+Store = Annotated[Engine, Depends(_engine)]
+Configured = Annotated[Settings, Depends(_settings)]
+Now = Annotated[float, Depends(clock)]
+
+#: One line without control characters, which PostgreSQL and terminals would stumble over.
+PRINTABLE = r"^[^\x00-\x1f\x7f]+$"
+
+#: A name somebody gave to something: one line, no control characters.
+Name = Annotated[str, StringConstraints(min_length=1, max_length=128, pattern=PRINTABLE)]
+#: An identifier in a path.
+Id = Annotated[str, Path(max_length=128, pattern=PRINTABLE)]
+#: A whole number that a database can hold.
+MAX_INTEGER = 2**63 - 1

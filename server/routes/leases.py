@@ -1,0 +1,101 @@
+"""Leases: ask for work, keep it, give it back."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Response
+from pydantic import Field, StringConstraints
+
+from server.logic.study import instance_id, parameters
+from server.routes.common import MAX_INTEGER, Body, Configured, Id, Name, Now, Store
+from server.store import queue
+from server.store.queue import Grant
+
+router = APIRouter(prefix="/v1/leases", tags=["leases"])
+
+#: Seconds a worker without work should wait before it asks again.
+RETRY_AFTER_SECONDS = 1
+
+Fence = Annotated[int, Field(ge=0, le=MAX_INTEGER)]
+
+
+class WorkerBody(Body):
+    """Who asks."""
+
+    id: Name
+    host: Annotated[str, StringConstraints(max_length=255, pattern=r"^[^\x00-\x1f]*$")]
+    versions: dict[Name, Name] = Field(default_factory=dict, max_length=50)
+
+
+class LeaseBody(Body):
+    """What a worker asks for."""
+
+    worker: WorkerBody
+    models: list[Name] = Field(min_length=1, max_length=100)
+    max_instances: int = Field(ge=1, le=1000)
+
+
+class FenceBody(Body):
+    """Proof that a lease is the bearer's."""
+
+    fence: Fence
+
+
+@router.post("", status_code=201, response_model=None)
+def lease(
+    body: LeaseBody, store: Store, settings: Configured, now: Now
+) -> dict[str, Any] | Response:
+    """Lease instances of one study; 204 if there is nothing to do now."""
+    queue.reap(store, now=now)
+    grant = queue.grant(
+        store,
+        worker=body.worker.id,
+        host=body.worker.host,
+        versions=body.worker.versions,
+        models=body.models,
+        max_instances=body.max_instances,
+        now=now,
+        ttl=settings.lease_seconds,
+    )
+    if grant is None:
+        return Response(status_code=204, headers={"Retry-After": str(RETRY_AFTER_SECONDS)})
+    return {
+        "id": grant.lease.id,
+        "fence": grant.lease.fence,
+        "expires_at": grant.lease.expires_at,
+        "ttl_seconds": settings.lease_seconds,
+        "instances": _instances(grant),
+    }
+
+
+@router.post("/{lease_id}/renew")
+def renew(
+    lease_id: Id, body: FenceBody, store: Store, settings: Configured, now: Now
+) -> dict[str, Any]:
+    """Keep a lease for another ttl."""
+    ttl = settings.lease_seconds
+    expires_at = queue.renew(store, lease_id, fence=body.fence, now=now, ttl=ttl)
+    return {"expires_at": expires_at, "ttl_seconds": ttl}
+
+
+@router.post("/{lease_id}/release")
+def release(lease_id: Id, body: FenceBody, store: Store, now: Now) -> dict[str, Any]:
+    """Give back, unharmed, what a lease still holds."""
+    queue.release(store, lease_id, fence=body.fence, now=now)
+    return {"released": True}
+
+
+def _instances(grant: Grant) -> list[dict[str, Any]]:
+    """Return the leased instances with their parameters, which no table holds."""
+    plan = grant.study.plan
+    rows = {row: parameters(plan, row) for row, _ in grant.lease.instances}
+    return [
+        {
+            "id": instance_id(grant.study.id, row, position),
+            "study": grant.study.id,
+            "model": plan.model,
+            "row": row,
+            "position": position,
+            "parameters": rows[row][position],
+        }
+        for row, position in grant.lease.instances
+    ]

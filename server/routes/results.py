@@ -1,0 +1,97 @@
+"""Results: workers post them, readers download them."""
+
+import csv
+import io
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, islice
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Response
+from fastapi.responses import StreamingResponse
+from pydantic import Field, StringConstraints
+
+from server.logic.table import header, lines
+from server.logic.verdicts import Report
+from server.routes.common import Body, Configured, Id, Name, Now, Store
+from server.routes.leases import Fence
+from server.store import results, studies
+
+router = APIRouter(prefix="/v1", tags=["results"])
+
+Short = Annotated[str, StringConstraints(max_length=256)]
+
+#: Lines sent at a time.
+CHUNK = 500
+
+
+class ResultBody(Body):
+    """One result; its values are judged one result at a time, so that one cannot spoil all."""
+
+    instance: Short
+    outcome: Short
+    outputs: dict[str, Any] | None = None
+    reason: str | None = None
+    state: dict[str, Any] | None = None
+    wall_seconds: Any = None
+
+
+class ResultsBody(Body):
+    """Results of one lease."""
+
+    lease: Name
+    fence: Fence
+    worker: Name
+    results: list[ResultBody] = Field(min_length=1, max_length=1000)
+
+
+@router.post("/results")
+def post(
+    body: ResultsBody, store: Store, settings: Configured, now: Now, response: Response
+) -> dict[str, Any]:
+    """Take in results; 409 if any was refused, and its verdict says why."""
+    verdicts = results.post(
+        store,
+        [
+            Report(
+                instance=result.instance,
+                outcome=result.outcome,
+                outputs=result.outputs or {},
+                reason=result.reason or "",
+                state=result.state,
+                wall_seconds=result.wall_seconds,
+            )
+            for result in body.results
+        ],
+        lease_id=body.lease,
+        fence=body.fence,
+        worker=body.worker,
+        now=now,
+        ttl=settings.lease_seconds,
+    )
+    response.status_code = 409 if any(verdict.refused for verdict in verdicts) else 200
+    return {
+        "verdicts": [
+            {"instance": v.instance, "verdict": v.verdict, "detail": v.detail} for v in verdicts
+        ]
+    }
+
+
+@router.get("/studies/{study_id}/results.csv")
+def table(study_id: Id, store: Store) -> StreamingResponse:
+    """Stream the results so far, by row and position, with the factor values they belong to."""
+    study = studies.get(store, study_id)
+    rows = lines(study.plan, results.in_order(store, study))
+    return StreamingResponse(
+        _csv(chain([header(study.plan)], rows)),
+        media_type="text/csv; charset=utf-8",
+        headers={"Content-Disposition": f'attachment; filename="{study.id}.csv"'},
+    )
+
+
+def _csv(rows: Iterable[Sequence[object]]) -> Iterator[str]:
+    """Yield rows as text, some at a time."""
+    remaining = iter(rows)
+    while chunk := list(islice(remaining, CHUNK)):
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows(chunk)
+        yield text.getvalue()

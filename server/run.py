@@ -1,0 +1,74 @@
+"""Run a coordinator in this process."""
+
+import signal
+import socket
+import sys
+
+import uvicorn
+from pydantic import ValidationError
+
+from server.app import create_app
+from server.errors import SchemaError
+from server.settings import Settings
+from server.store import upgrade
+
+#: Seconds a stopping coordinator gives requests under way.
+GRACE_SECONDS = 10
+
+
+def serve(settings: Settings) -> None:
+    """Bring the database up to date and serve until SIGTERM or SIGINT, then return.
+
+    Prints `listening on http://HOST:PORT` to standard output once connections are accepted.
+
+    Raises:
+        SchemaError: the database was made by a newer version.
+        OSError: the address cannot be listened on.
+    """
+    upgrade(settings.database_url)
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    with socket.create_server((settings.host, settings.port), family=family) as listener:
+        # Connections inherit it. Without it, Nagle's algorithm and delayed acknowledgements hold
+        # every answer back for 40 ms.
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        config = uvicorn.Config(
+            create_app(settings),
+            access_log=False,
+            log_level="warning",
+            timeout_graceful_shutdown=GRACE_SECONDS,
+        )
+        server = _AnnouncingServer(config)
+        # Uvicorn raises the signal that stopped it once more when it is done; with its own handler
+        # in place of the default one that is harmless, and this function returns.
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, server.handle_exit)
+        server.run(sockets=[listener])
+    if not server.started:
+        raise SystemExit(1)
+
+
+class _AnnouncingServer(uvicorn.Server):
+    """A server that says when it listens, and where."""
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started and sockets:
+            host, port = sockets[0].getsockname()[:2]
+            print(f"listening on http://{f'[{host}]' if ':' in host else host}:{port}", flush=True)
+
+
+def main() -> None:
+    """Serve with the settings in the environment."""
+    try:
+        settings = Settings()
+    except ValidationError as error:
+        first = error.errors()[0]
+        sys.exit(f"REHYB_{str(first['loc'][0]).upper()}: {first['msg']}")
+    try:
+        serve(settings)
+    except (SchemaError, OSError) as error:
+        sys.exit(str(error))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,28 @@
+"""What an operator decides about a coordinator, from the environment: REHYB_TOKEN and the like."""
+
+from pydantic import Field, SecretStr, field_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+class Settings(BaseSettings):
+    """Settings of one coordinator; each is read from the environment with the prefix REHYB_."""
+
+    model_config = SettingsConfigDict(env_prefix="REHYB_", frozen=True, extra="ignore")
+
+    #: SQLAlchemy URL of the database: sqlite:///FILE or postgresql+psycopg://USER@HOST/NAME.
+    database_url: str = "sqlite:///rehyb.sqlite3"
+    #: What every request to /v1 must bear. It must be given: a coordinator is never open.
+    token: SecretStr = Field(default=SecretStr(""), validate_default=True)
+    #: Address to listen on.
+    host: str = "127.0.0.1"
+    #: Port to listen on; 0 takes any free one.
+    port: int = Field(default=8787, ge=0, le=65535)
+    #: Seconds a lease lasts unless its worker is heard from.
+    lease_seconds: float = Field(default=60.0, gt=0.0, le=86400.0)
+
+    @field_validator("token")
+    @classmethod
+    def _is_given(cls, token: SecretStr) -> SecretStr:
+        if not token.get_secret_value():
+            raise ValueError("set it to a secret that every request to /v1 must bear")
+        return token

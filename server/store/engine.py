@@ -1,0 +1,83 @@
+"""Connections and transactions, on SQLite and on PostgreSQL."""
+
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from functools import partial
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.engine import Connection, Engine
+
+#: Seconds a transaction waits for another process to finish writing.
+BUSY_SECONDS = 30
+
+
+def create_engine(url: str) -> Engine:
+    """Return an engine whose transactions are opened with `reading` and `writing` only.
+
+    Args:
+        url: sqlite:///FILE or postgresql+psycopg://...; the file need not exist yet.
+    """
+    engine = sa.create_engine(
+        url,
+        json_serializer=partial(json.dumps, allow_nan=False, separators=(",", ":")),
+        execution_options={"writer": threading.Lock()},
+        pool_size=10,
+        max_overflow=40,
+    )
+    if engine.dialect.name == "sqlite":
+        sa.event.listen(engine, "connect", _open_sqlite)
+        sa.event.listen(engine, "begin", _begin_sqlite)
+    return engine
+
+
+@contextmanager
+def reading(engine: Engine) -> Iterator[Connection]:
+    """Open a transaction that sees one consistent state and writes nothing."""
+    with engine.connect() as connection:
+        if connection.dialect.name == "postgresql":
+            connection = connection.execution_options(isolation_level="REPEATABLE READ")
+        with connection.begin():
+            yield connection
+
+
+@contextmanager
+def writing(engine: Engine) -> Iterator[Connection]:
+    """Open a transaction that may write; it is committed unless an exception leaves the block.
+
+    SQLite has one writer at a time. The threads of this process queue on a lock, which wakes the
+    next one at once; SQLite's own busy handler sleeps and polls, and is left for other processes.
+    """
+    sqlite_only = engine.dialect.name == "sqlite"
+    turn = engine.get_execution_options()["writer"] if sqlite_only else nullcontext()
+    with turn, engine.connect() as connection:
+        connection = connection.execution_options(immediate=True)
+        with connection.begin():
+            yield connection
+
+
+def insert(connection: Connection, table: sa.Table) -> postgresql.Insert | sqlite.Insert:
+    """Return an INSERT that has `on_conflict_do_nothing` and `on_conflict_do_update`."""
+    if connection.dialect.name == "sqlite":
+        return sqlite.insert(table)
+    return postgresql.insert(table)
+
+
+def _open_sqlite(connection: Any, _record: Any) -> None:
+    """Set up one SQLite connection."""
+    # sqlite3 would open transactions by its own lights; `_begin_sqlite` does it instead.
+    connection.isolation_level = None
+    connection.execute(f"PRAGMA busy_timeout = {BUSY_SECONDS * 1000}")
+    connection.execute("PRAGMA journal_mode = WAL")
+    # Losing power may lose the last commits, never consistency: their instances are leased again.
+    connection.execute("PRAGMA synchronous = NORMAL")
+    connection.execute("PRAGMA foreign_keys = ON")
+
+
+def _begin_sqlite(connection: Connection) -> None:
+    """Begin a transaction; a writing one takes the write lock now and need never start again."""
+    immediate = connection.get_execution_options().get("immediate", False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if immediate else "BEGIN")

@@ -1,0 +1,209 @@
+"""The instances of a study and its counters, which change together or not at all."""
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Connection
+
+from server.logic.slots import Result, Slot
+from server.logic.study import Study
+from server.store import studies
+from server.store.schema import instances, results
+
+#: (row, position) of an instance in its study.
+Place = tuple[int, int]
+
+#: Values in one IN list: well under what any SQLite takes.
+_IN_LIST = 500
+
+
+@dataclass(frozen=True, kw_only=True)
+class Filed:
+    """A final result and who is to be named for it."""
+
+    result: Result
+    worker: str
+
+
+def slots(connection: Connection, study: Study, places: Iterable[Place]) -> dict[Place, Slot]:
+    """Return where the instances at `places` stand, leaving out those never handed out."""
+    wanted = set(places)
+    found: dict[Place, Slot] = {}
+    for rows in _chunks({row for row, _ in wanted}):
+        query = sa.select(instances).where(
+            instances.c.study_id == study.id, instances.c.row.in_(rows)
+        )
+        for row in connection.execute(query):
+            if (row.row, row.position) in wanted:
+                found[row.row, row.position] = _slot(row)
+    return found
+
+
+def returned(connection: Connection, study: Study, limit: int) -> list[Slot]:
+    """Return up to `limit` instances that were handed out and came back, first rows first."""
+    query = (
+        sa.select(instances)
+        .where(instances.c.study_id == study.id, instances.c.state == "pending")
+        .order_by(instances.c.row, instances.c.position)
+        .limit(limit)
+    )
+    return [_slot(row) for row in connection.execute(query)]
+
+
+def hand_out(
+    connection: Connection, study: Study, fresh: Sequence[Slot], again: Sequence[Slot]
+) -> Study:
+    """Write leased slots, `fresh` ones for the first time; returns the study as it is now."""
+    if fresh:
+        connection.execute(sa.insert(instances), [_row(study, slot) for slot in fresh])
+    _update(connection, study, again)
+    study = replace(
+        study,
+        handed_out=study.handed_out + len(fresh),
+        leased=study.leased + len(fresh) + len(again),
+    )
+    studies.save(connection, study)
+    return study
+
+
+def settle(
+    connection: Connection,
+    study: Study,
+    *,
+    before: Mapping[Place, Slot],
+    after: Mapping[Place, Slot],
+    filed: Sequence[Filed],
+    now: float,
+) -> Study:
+    """Write what became of leased or returned instances.
+
+    Args:
+        connection: a transaction that has locked the study.
+        study: as it was.
+        before: the slots as they were; may hold more than changed.
+        after: the slots that changed, as they are now: pending or done.
+        filed: the final results, in the order they are to be numbered.
+        now: seconds, UTC epoch.
+
+    Returns:
+        The study as it is now, complete if this was the last of it.
+    """
+    if not after:
+        return study
+    _update(connection, study, after.values())
+    let_go = sum(before[place].state == "leased" for place in after)
+    study = replace(study, leased=study.leased - let_go)
+    if filed:
+        _append(connection, study, filed, now)
+        outcomes = Counter(item.result.outcome for item in filed)
+        ok = outcomes.pop("ok", 0)
+        done = study.result_count + len(filed)
+        finished = done == study.plan.instances and study.state == "running"
+        study = replace(
+            study,
+            result_count=done,
+            ok_count=study.ok_count + ok,
+            failures=dict(Counter(study.failures) + outcomes),
+            # A row is complete with the last of its results, so no row is counted twice.
+            rows_complete=study.rows_complete
+            + _complete(connection, study, {item.result.row for item in filed}),
+            state="complete" if finished else study.state,
+            finished_at=now if finished else study.finished_at,
+        )
+    studies.save(connection, study)
+    return study
+
+
+def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: float) -> None:
+    """Append final results to the study's log."""
+    connection.execute(
+        sa.insert(results),
+        [
+            {
+                "study_id": study.id,
+                "seq": seq,
+                "row": item.result.row,
+                "position": item.result.position,
+                "outcome": item.result.outcome,
+                "outputs": item.result.outputs,
+                "reason": item.result.reason,
+                "state": item.result.state,
+                "wall_seconds": item.result.wall_seconds,
+                "worker_id": item.worker,
+                "received_at": now,
+            }
+            for seq, item in enumerate(filed, start=study.result_count + 1)
+        ],
+    )
+
+
+def _complete(connection: Connection, study: Study, rows: Collection[int]) -> int:
+    """Return how many of `rows` have a final result in every position."""
+    complete = 0
+    for chunk in _chunks(rows):
+        query = (
+            sa.select(instances.c.row)
+            .where(
+                instances.c.study_id == study.id,
+                instances.c.row.in_(chunk),
+                instances.c.state == "done",
+            )
+            .group_by(instances.c.row)
+            .having(sa.func.count() == study.plan.width)
+        )
+        complete += len(connection.execute(query).all())
+    return complete
+
+
+def _update(connection: Connection, study: Study, changed: Iterable[Slot]) -> None:
+    """Write slots that exist already."""
+    values = [
+        {
+            "at_row": slot.row,
+            "at_position": slot.position,
+            "state": slot.state,
+            "lease_id": slot.lease,
+            "attempts": dict(slot.attempts),
+        }
+        for slot in changed
+    ]
+    if values:
+        connection.execute(
+            sa.update(instances).where(
+                instances.c.study_id == study.id,
+                instances.c.row == sa.bindparam("at_row"),
+                instances.c.position == sa.bindparam("at_position"),
+            ),
+            values,
+        )
+
+
+def _row(study: Study, slot: Slot) -> dict[str, Any]:
+    return {
+        "study_id": study.id,
+        "row": slot.row,
+        "position": slot.position,
+        "state": slot.state,
+        "lease_id": slot.lease,
+        "attempts": dict(slot.attempts),
+    }
+
+
+def _slot(row: Any) -> Slot:
+    return Slot(
+        row=row.row,
+        position=row.position,
+        state=row.state,
+        lease=row.lease_id,
+        attempts=row.attempts,
+    )
+
+
+def _chunks(values: Collection[int]) -> Iterable[list[int]]:
+    """Cut values into lists that fit into one query."""
+    ordered = sorted(values)
+    for start in range(0, len(ordered), _IN_LIST):
+        yield ordered[start : start + _IN_LIST]

@@ -1,0 +1,217 @@
+"""Leases: handing instances out, and taking back what nobody works on any more."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+from uuid import uuid4
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Connection, Engine
+
+from server.errors import ConflictError
+from server.logic.leases import (
+    Lease,
+    expiry,
+    objection_to_release,
+    objection_to_renewal,
+)
+from server.logic.slots import Slot, after_attempt, handed_back
+from server.logic.study import Study
+from server.store import ledger, studies, workers
+from server.store.engine import reading, writing
+from server.store.schema import leases
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grant:
+    """A new lease and the study its instances belong to."""
+
+    lease: Lease
+    study: Study
+
+
+def grant(
+    engine: Engine,
+    *,
+    worker: str,
+    host: str,
+    versions: Mapping[str, str],
+    models: Sequence[str],
+    max_instances: int,
+    now: float,
+    ttl: float,
+) -> Grant | None:
+    """Lease instances of the oldest running study the worker can evaluate.
+
+    Those that came back go first, so that begun rows are finished before new ones are begun.
+
+    Returns:
+        The lease of 1 to `max_instances` instances; None if there is nothing to do.
+    """
+    lease_id = uuid4().hex
+    with writing(engine) as connection:
+        study = studies.oldest_with_work(connection, models)
+        workers.introduce(connection, worker, host=host, versions=versions, now=now)
+        if study is None:
+            return None
+        again = ledger.returned(connection, study, max_instances) if study.returned else []
+        room = min(max_instances - len(again), study.plan.instances - study.handed_out)
+        first = study.handed_out
+        fresh = [
+            Slot(row=row, position=position, state="leased", lease=lease_id, attempts={})
+            for row, position in (
+                divmod(number, study.plan.width) for number in range(first, first + room)
+            )
+        ]
+        again = [replace(slot, state="leased", lease=lease_id) for slot in again]
+        study = ledger.hand_out(connection, study, fresh, again)
+        places = tuple((slot.row, slot.position) for slot in [*again, *fresh])
+        values = {
+            "id": lease_id,
+            "worker_id": worker,
+            "study_id": study.id,
+            "state": "open",
+            "granted_at": now,
+            "expires_at": expiry(now, ttl),
+            "instances": places,
+        }
+        fence = connection.scalar(sa.insert(leases).values(values).returning(leases.c.fence))
+    lease = Lease(
+        id=lease_id,
+        fence=int(fence or 0),
+        worker=worker,
+        study=study.id,
+        state="open",
+        expires_at=expiry(now, ttl),
+        instances=places,
+    )
+    return Grant(lease=lease, study=study)
+
+
+def renew(engine: Engine, lease_id: str, *, fence: int, now: float, ttl: float) -> float:
+    """Extend a lease and return when it expires now.
+
+    Raises:
+        ConflictError: the lease has ended, or never was the bearer's.
+    """
+    with writing(engine) as connection:
+        lease = find(connection, lease_id, lock=True)
+        objection = objection_to_renewal(lease, fence=fence, now=now)
+        if lease is None or objection is not None:
+            raise ConflictError(f"lease {lease_id!r} cannot be renewed: {objection}")
+        extend(connection, lease, now=now, ttl=ttl)
+        workers.heard_from(connection, lease.worker, now=now)
+    return expiry(now, ttl)
+
+
+def release(engine: Engine, lease_id: str, *, fence: int, now: float) -> None:
+    """Take back unharmed what a lease still holds; does nothing if it has ended.
+
+    Raises:
+        ConflictError: the lease never was the bearer's.
+    """
+    with reading(engine) as connection:
+        lease = find(connection, lease_id)
+    objection = objection_to_release(lease, fence=fence)
+    if lease is None or objection is not None:
+        raise ConflictError(f"lease {lease_id!r} cannot be released: {objection}")
+    with writing(engine) as connection:
+        study = studies.find(connection, lease.study, lock=True)
+        if not end(connection, lease, "released"):
+            return
+        before = held(connection, study, lease)
+        after = {place: handed_back(slot) for place, slot in before.items()}
+        ledger.settle(connection, study, before=before, after=after, filed=(), now=now)
+        workers.heard_from(connection, lease.worker, now=now)
+
+
+def reap(engine: Engine, *, now: float) -> int:
+    """Take back what expired leases still hold, as lost; returns how many instances that were."""
+    run_out = sa.and_(leases.c.state == "open", leases.c.expires_at <= now)
+    with reading(engine) as connection:
+        concerned = connection.scalars(sa.select(leases.c.study_id).where(run_out).distinct()).all()
+    lost = 0
+    for study_id in concerned:
+        with writing(engine) as connection:
+            study = studies.find(connection, study_id, lock=True)
+            query = sa.select(leases).where(run_out, leases.c.study_id == study_id)
+            query = query.order_by(leases.c.fence).with_for_update()
+            for row in connection.execute(query).all():
+                lease = _lease(row)
+                end(connection, lease, "expired")
+                before = held(connection, study, lease)
+                study = _lose(connection, study, lease, before, now)
+                lost += len(before)
+    return lost
+
+
+def excuse_silence(engine: Engine, *, now: float, ttl: float) -> None:
+    """Extend every open lease: a coordinator that was away cannot tell whose worker is gone."""
+    with writing(engine) as connection:
+        connection.execute(
+            sa.update(leases)
+            .where(leases.c.state == "open", leases.c.expires_at < expiry(now, ttl))
+            .values(expires_at=expiry(now, ttl))
+        )
+
+
+def find(connection: Connection, lease_id: str, *, lock: bool = False) -> Lease | None:
+    """Return a lease within a transaction; None if there is none of that id."""
+    query = sa.select(leases).where(leases.c.id == lease_id)
+    row = connection.execute(query.with_for_update() if lock else query).one_or_none()
+    return None if row is None else _lease(row)
+
+
+def extend(connection: Connection, lease: Lease, *, now: float, ttl: float) -> None:
+    """Let a lease last `ttl` seconds from `now`, unless it has ended."""
+    connection.execute(
+        sa.update(leases)
+        .where(leases.c.id == lease.id, leases.c.state == "open", leases.c.expires_at > now)
+        .values(expires_at=expiry(now, ttl))
+    )
+
+
+def end(connection: Connection, lease: Lease, state: str) -> bool:
+    """Close a lease; False if it was closed before."""
+    closed = connection.execute(
+        sa.update(leases)
+        .where(leases.c.id == lease.id, leases.c.state == "open")
+        .values(state=state)
+    )
+    return closed.rowcount == 1
+
+
+def held(connection: Connection, study: Study, lease: Lease) -> dict[ledger.Place, Slot]:
+    """Return the instances a lease holds still."""
+    slots = ledger.slots(connection, study, lease.instances)
+    return {place: slot for place, slot in slots.items() if slot.lease == lease.id}
+
+
+def _lose(
+    connection: Connection,
+    study: Study,
+    lease: Lease,
+    before: Mapping[ledger.Place, Slot],
+    now: float,
+) -> Study:
+    """Count instances as lost once more; returns the study as it is now."""
+    after: dict[ledger.Place, Slot] = {}
+    filed: list[ledger.Filed] = []
+    for place, slot in before.items():
+        reason = f"lost with lease {lease.id} of worker {lease.worker}, which fell silent"
+        after[place], final = after_attempt(slot, cause="lost", reason=reason)
+        if final is not None:
+            filed.append(ledger.Filed(result=final, worker=lease.worker))
+    return ledger.settle(connection, study, before=before, after=after, filed=filed, now=now)
+
+
+def _lease(row: Any) -> Lease:
+    return Lease(
+        id=row.id,
+        fence=row.fence,
+        worker=row.worker_id,
+        study=row.study_id,
+        state=row.state,
+        expires_at=row.expires_at,
+        instances=tuple((place[0], place[1]) for place in row.instances),
+    )

@@ -1,0 +1,171 @@
+"""Results: taking them in, and reading them out in order."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Connection, Engine
+
+from server.logic.leases import objection_to_results
+from server.logic.slots import Result, Slot
+from server.logic.study import Study, instance_id
+from server.logic.verdicts import Judgement, Report, Verdict, judge
+from server.store import ledger, queue, studies, workers
+from server.store.engine import reading, writing
+from server.store.schema import conflicts, results
+
+#: Results read out per transaction, so that a slow reader keeps nobody waiting.
+PAGE = 1000
+
+
+def post(
+    engine: Engine,
+    reports: Sequence[Report],
+    *,
+    lease_id: str,
+    fence: int,
+    worker: str,
+    now: float,
+    ttl: float,
+) -> list[Verdict]:
+    """Judge and file reports, the good ones whatever becomes of the others.
+
+    Returns:
+        A verdict for each report, in order.
+    """
+    with writing(engine) as connection:
+        lease = queue.find(connection, lease_id)
+        if lease is None:
+            return _to_all(reports, "unknown", "there is no such lease")
+        objection = objection_to_results(lease, fence=fence, worker=worker)
+        if objection is not None:
+            return _to_all(reports, "invalid", objection)
+        study = studies.find(connection, lease.study, lock=True)
+        places = {instance_id(study.id, *place): place for place in lease.instances}
+        named = [places[report.instance] for report in reports if report.instance in places]
+        before = ledger.slots(connection, study, named)
+        judgements = _judge(
+            reports,
+            places=places,
+            slots=dict(before),
+            stored=_stored(connection, study, before),
+            lease=lease_id,
+            outputs=study.plan.outputs,
+        )
+        final = [j.result for j in judgements if j.result is not None]
+        changed = [j.slot for j in judgements if j.slot is not None]
+        ledger.settle(
+            connection,
+            study,
+            before=before,
+            after={(slot.row, slot.position): slot for slot in changed},
+            filed=[ledger.Filed(result=result, worker=worker) for result in final],
+            now=now,
+        )
+        contradictions = [j.conflict for j in judgements if j.conflict is not None]
+        _record_conflicts(connection, study, contradictions, worker=worker, now=now)
+        if queue.held(connection, study, lease):
+            queue.extend(connection, lease, now=now, ttl=ttl)
+        else:
+            queue.end(connection, lease, "finished")
+        workers.heard_from(connection, worker, done=len(final), now=now)
+    return [judgement.verdict for judgement in judgements]
+
+
+def in_order(engine: Engine, study: Study) -> Iterator[tuple[Result, str]]:
+    """Yield a study's results and who reported each, by row and position, a page at a time."""
+    at = (-1, -1)
+    while True:
+        query = (
+            sa.select(results)
+            .where(
+                results.c.study_id == study.id,
+                sa.tuple_(results.c.row, results.c.position) > sa.tuple_(*at),
+            )
+            .order_by(results.c.row, results.c.position)
+            .limit(PAGE)
+        )
+        with reading(engine) as connection:
+            page = connection.execute(query).all()
+        for row in page:
+            yield _result(row), row.worker_id
+        if len(page) < PAGE:
+            return
+        at = (page[-1].row, page[-1].position)
+
+
+def _judge(
+    reports: Sequence[Report],
+    *,
+    places: dict[str, ledger.Place],
+    slots: dict[ledger.Place, Slot],
+    stored: dict[ledger.Place, Result],
+    lease: str,
+    outputs: Sequence[str],
+) -> list[Judgement]:
+    """Judge reports one after the other, each in the light of those before it."""
+    judgements = []
+    for report in reports:
+        place = places.get(report.instance, (-1, -1))
+        judgement = judge(
+            report, slot=slots.get(place), stored=stored.get(place), lease=lease, outputs=outputs
+        )
+        if judgement.slot is not None:
+            slots[place] = judgement.slot
+        if judgement.result is not None:
+            stored[place] = judgement.result
+        judgements.append(judgement)
+    return judgements
+
+
+def _to_all(reports: Sequence[Report], verdict: str, detail: str) -> list[Verdict]:
+    return [Verdict(instance=r.instance, verdict=verdict, detail=detail) for r in reports]
+
+
+def _stored(
+    connection: Connection, study: Study, slots: dict[ledger.Place, Slot]
+) -> dict[ledger.Place, Result]:
+    """Return the final results of those slots that have one."""
+    done = {place for place, slot in slots.items() if slot.state == "done"}
+    if not done:
+        return {}
+    query = sa.select(results).where(
+        results.c.study_id == study.id, results.c.row.in_({row for row, _ in done})
+    )
+    found = {(row.row, row.position): _result(row) for row in connection.execute(query)}
+    return {place: found[place] for place in done}
+
+
+def _record_conflicts(
+    connection: Connection, study: Study, found: Sequence[Result], *, worker: str, now: float
+) -> None:
+    if not found:
+        return
+    connection.execute(
+        sa.insert(conflicts),
+        [
+            {
+                "study_id": study.id,
+                "row": result.row,
+                "position": result.position,
+                "outcome": result.outcome,
+                "outputs": result.outputs,
+                "reason": result.reason,
+                "worker_id": worker,
+                "received_at": now,
+            }
+            for result in found
+        ],
+    )
+
+
+def _result(row: Any) -> Result:
+    return Result(
+        row=row.row,
+        position=row.position,
+        outcome=row.outcome,
+        outputs=row.outputs,
+        reason=row.reason,
+        state=row.state,
+        wall_seconds=row.wall_seconds,
+    )

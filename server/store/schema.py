@@ -1,0 +1,139 @@
+"""The tables as queries see them. Alembic makes them: see `migrations/versions`."""
+
+import sqlalchemy as sa
+
+metadata = sa.MetaData()
+
+#: One row per study: its plan, and counters that make its progress cheap to tell. Whoever changes
+#: a study's instances or results locks this row first.
+studies = sa.Table(
+    "studies",
+    metadata,
+    sa.Column("id", sa.String(32), primary_key=True),
+    sa.Column("name", sa.String(200), nullable=False),
+    sa.Column("model", sa.String(64), nullable=False),
+    sa.Column("method", sa.String(32), nullable=False),
+    sa.Column("sampling", sa.String(32), nullable=False),
+    sa.Column("rows", sa.BigInteger, nullable=False),
+    sa.Column("seed", sa.BigInteger, nullable=False),
+    sa.Column("distributions", sa.JSON, nullable=False),
+    sa.Column("fixed", sa.JSON, nullable=False),
+    sa.Column("outputs", sa.JSON, nullable=False),
+    sa.Column("state", sa.String(16), nullable=False),
+    sa.Column("created_at", sa.Double, nullable=False),
+    sa.Column("finished_at", sa.Double),
+    sa.Column("idempotency_key", sa.String(255), unique=True),
+    sa.Column("request_digest", sa.String(64), nullable=False),
+    sa.Column("instances", sa.BigInteger, nullable=False),
+    sa.Column("handed_out", sa.BigInteger, nullable=False),
+    sa.Column("leased", sa.BigInteger, nullable=False),
+    sa.Column("result_count", sa.BigInteger, nullable=False),
+    sa.Column("ok_count", sa.BigInteger, nullable=False),
+    sa.Column("rows_complete", sa.BigInteger, nullable=False),
+    sa.Column("failures", sa.JSON, nullable=False),
+    sa.Index("studies_by_age", "state", "created_at", "id"),
+)
+
+#: Instances that were handed out at least once. The others need no row: they are the study's next
+#: ones, and the parameters of any are a pure function of its study, row and position.
+instances = sa.Table(
+    "instances",
+    metadata,
+    sa.Column("study_id", sa.ForeignKey("studies.id"), primary_key=True),
+    sa.Column("row", sa.BigInteger, primary_key=True),
+    sa.Column("position", sa.Integer, primary_key=True),
+    sa.Column("state", sa.String(16), nullable=False),
+    sa.Column("lease_id", sa.String(32)),
+    sa.Column("attempts", sa.JSON, nullable=False),
+    sqlite_with_rowid=False,
+)
+sa.Index(
+    "instances_returned",
+    instances.c.study_id,
+    instances.c.row,
+    instances.c.position,
+    sqlite_where=instances.c.state == "pending",
+    postgresql_where=instances.c.state == "pending",
+)
+
+#: Every lease ever granted, so that late results can still be told from forged ones.
+leases = sa.Table(
+    "leases",
+    metadata,
+    sa.Column("fence", sa.BigInteger().with_variant(sa.Integer, "sqlite"), primary_key=True),
+    sa.Column("id", sa.String(32), nullable=False, unique=True),
+    sa.Column("worker_id", sa.ForeignKey("workers.id"), nullable=False),
+    sa.Column("study_id", sa.ForeignKey("studies.id"), nullable=False),
+    sa.Column("state", sa.String(16), nullable=False),
+    sa.Column("granted_at", sa.Double, nullable=False),
+    sa.Column("expires_at", sa.Double, nullable=False),
+    sa.Column("instances", sa.JSON, nullable=False),
+    sqlite_autoincrement=True,
+)
+sa.Index(
+    "leases_open",
+    leases.c.expires_at,
+    sqlite_where=leases.c.state == "open",
+    postgresql_where=leases.c.state == "open",
+)
+
+#: The one final result of an instance, numbered per study in the order of arrival.
+results = sa.Table(
+    "results",
+    metadata,
+    sa.Column("study_id", sa.ForeignKey("studies.id"), primary_key=True),
+    sa.Column("seq", sa.BigInteger, primary_key=True, autoincrement=False),
+    sa.Column("row", sa.BigInteger, nullable=False),
+    sa.Column("position", sa.Integer, nullable=False),
+    sa.Column("outcome", sa.String(40), nullable=False),
+    sa.Column("outputs", sa.JSON(none_as_null=True)),
+    sa.Column("reason", sa.Text, nullable=False),
+    sa.Column("state", sa.JSON(none_as_null=True)),
+    sa.Column("wall_seconds", sa.Double),
+    sa.Column("worker_id", sa.ForeignKey("workers.id"), nullable=False),
+    sa.Column("received_at", sa.Double, nullable=False),
+    sa.Index("results_by_instance", "study_id", "row", "position", unique=True),
+)
+
+#: Results that contradict a stored one: evidence about a host, never used in an estimate.
+conflicts = sa.Table(
+    "conflicts",
+    metadata,
+    sa.Column("id", sa.BigInteger().with_variant(sa.Integer, "sqlite"), primary_key=True),
+    sa.Column("study_id", sa.ForeignKey("studies.id"), nullable=False, index=True),
+    sa.Column("row", sa.BigInteger, nullable=False),
+    sa.Column("position", sa.Integer, nullable=False),
+    sa.Column("outcome", sa.String(40), nullable=False),
+    sa.Column("outputs", sa.JSON(none_as_null=True)),
+    sa.Column("reason", sa.Text, nullable=False),
+    sa.Column("worker_id", sa.ForeignKey("workers.id"), nullable=False),
+    sa.Column("received_at", sa.Double, nullable=False),
+)
+
+#: Who has ever asked for work.
+workers = sa.Table(
+    "workers",
+    metadata,
+    sa.Column("id", sa.String(128), primary_key=True),
+    sa.Column("host", sa.String(255), nullable=False),
+    sa.Column("versions", sa.JSON, nullable=False),
+    sa.Column("last_seen", sa.Double, nullable=False),
+    sa.Column("instances_done", sa.BigInteger, nullable=False),
+)
+
+#: Where the analysis of a study stands; `cursor` is the last result it has taken in.
+estimator_states = sa.Table(
+    "estimator_states",
+    metadata,
+    sa.Column("study_id", sa.ForeignKey("studies.id"), primary_key=True),
+    sa.Column("cursor", sa.BigInteger, nullable=False),
+    sa.Column("state", sa.LargeBinary, nullable=False),
+)
+
+#: What the analysis last published about a study.
+snapshots = sa.Table(
+    "snapshots",
+    metadata,
+    sa.Column("study_id", sa.ForeignKey("studies.id"), primary_key=True),
+    sa.Column("snapshot", sa.JSON, nullable=False),
+)

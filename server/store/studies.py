@@ -1,0 +1,221 @@
+"""Studies: making, finding and cancelling them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+from uuid import uuid4
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Connection, Engine
+
+from analysis.distributions import Distribution
+from server.errors import ConflictError, NotFoundError
+from server.logic.progress import window_start
+from server.logic.study import Plan, Study
+from server.store.engine import insert, reading, writing
+from server.store.schema import leases, results, studies
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """A study and what else its progress is told from."""
+
+    study: Study
+    #: When the result from which on the rate is counted arrived (seconds, UTC epoch).
+    window_opened_at: float
+    #: Workers that hold a lease of this study now.
+    workers: int
+
+
+def create(
+    engine: Engine, plan: Plan, *, key: str | None, digest: str, now: float
+) -> tuple[Study, bool]:
+    """Store a new study, whatever its size, in constant time.
+
+    Args:
+        engine: where.
+        plan: what the study is to evaluate.
+        key: idempotency key of the request; a key that was used before makes no second study.
+        digest: digest of the request, to tell a repeated request from another under the same key.
+        now: seconds, UTC epoch.
+
+    Returns:
+        The study, and whether it is new.
+
+    Raises:
+        ConflictError: the key was used for a different request.
+    """
+    study = Study(
+        id=uuid4().hex[:12],
+        plan=plan,
+        state="running",
+        created_at=now,
+        finished_at=None,
+        handed_out=0,
+        leased=0,
+        result_count=0,
+        ok_count=0,
+        rows_complete=0,
+        failures={},
+    )
+    values = {**_row(study), "idempotency_key": key, "request_digest": digest}
+    with writing(engine) as connection:
+        statement = insert(connection, studies).values(values)
+        statement = statement.on_conflict_do_nothing(index_elements=["idempotency_key"])
+        # Not every driver counts inserted rows, but all return them.
+        if connection.scalar(statement.returning(studies.c.id)) is not None:
+            return study, True
+        first = connection.execute(sa.select(studies).where(studies.c.idempotency_key == key)).one()
+    if first.request_digest != digest:
+        raise ConflictError(f"the idempotency key {key!r} was used for a different study")
+    return _study(first), False
+
+
+def get(engine: Engine, study_id: str) -> Study:
+    """Return a study; NotFoundError if there is none of that id."""
+    with reading(engine) as connection:
+        return find(connection, study_id)
+
+
+def every(engine: Engine) -> list[Study]:
+    """Return all studies, oldest first."""
+    with reading(engine) as connection:
+        found = connection.execute(sa.select(studies).order_by(studies.c.created_at, studies.c.id))
+        return [_study(row) for row in found]
+
+
+def standing(engine: Engine, study_id: str, *, now: float) -> Standing:
+    """Return a study and how it has been going; NotFoundError if there is none of that id."""
+    with reading(engine) as connection:
+        study = find(connection, study_id)
+        opened = connection.scalar(
+            sa.select(results.c.received_at).where(
+                results.c.study_id == study_id,
+                results.c.seq == window_start(study.result_count),
+            )
+        )
+        workers = connection.scalar(
+            sa.select(sa.func.count(leases.c.worker_id.distinct())).where(
+                leases.c.study_id == study_id,
+                leases.c.state == "open",
+                leases.c.expires_at > now,
+            )
+        )
+    return Standing(
+        study=study,
+        window_opened_at=study.created_at if opened is None else opened,
+        workers=workers or 0,
+    )
+
+
+def cancel(engine: Engine, study_id: str, *, now: float) -> Study:
+    """Stop handing out a study's instances; results of those already out are still taken.
+
+    Raises:
+        NotFoundError: there is no study of that id.
+        ConflictError: the study is already complete.
+    """
+    with writing(engine) as connection:
+        study = find(connection, study_id, lock=True)
+        if study.state == "complete":
+            raise ConflictError(f"study {study_id} is already complete")
+        if study.state == "running":
+            study = replace(study, state="cancelled", finished_at=now)
+            save(connection, study)
+    return study
+
+
+def find(connection: Connection, study_id: str, *, lock: bool = False) -> Study:
+    """Return a study within a transaction; NotFoundError if there is none of that id.
+
+    Args:
+        connection: the transaction.
+        study_id: which study.
+        lock: make every other transaction that locks this study wait until this one ends.
+    """
+    query = sa.select(studies).where(studies.c.id == study_id)
+    row = connection.execute(query.with_for_update() if lock else query).one_or_none()
+    if row is None:
+        raise NotFoundError(f"there is no study {study_id!r}")
+    return _study(row)
+
+
+def oldest_with_work(connection: Connection, models: Sequence[str]) -> Study | None:
+    """Return, locked, the oldest running study of one of `models` with something to hand out."""
+    row = connection.execute(
+        sa.select(studies)
+        .where(
+            studies.c.state == "running",
+            studies.c.model.in_(models),
+            studies.c.instances > studies.c.result_count + studies.c.leased,
+        )
+        .order_by(studies.c.created_at, studies.c.id)
+        .limit(1)
+        .with_for_update()
+    ).one_or_none()
+    return None if row is None else _study(row)
+
+
+def save(connection: Connection, study: Study) -> None:
+    """Write back how far a study is, which was read, locked, in the same transaction."""
+    connection.execute(sa.update(studies).where(studies.c.id == study.id).values(_course(study)))
+
+
+def _row(study: Study) -> dict[str, Any]:
+    plan = study.plan
+    return {
+        "id": study.id,
+        "name": plan.name,
+        "model": plan.model,
+        "method": plan.method,
+        "sampling": plan.sampling,
+        "rows": plan.rows,
+        "seed": plan.seed,
+        # A list, because the order of the factors is the order of the design's columns.
+        "distributions": [[name, d.to_json()] for name, d in plan.distributions.items()],
+        "fixed": dict(plan.fixed),
+        "outputs": list(plan.outputs),
+        "created_at": study.created_at,
+        "instances": plan.instances,
+        **_course(study),
+    }
+
+
+def _course(study: Study) -> dict[str, Any]:
+    """Return the columns that change while a study runs."""
+    return {
+        "state": study.state,
+        "finished_at": study.finished_at,
+        "handed_out": study.handed_out,
+        "leased": study.leased,
+        "result_count": study.result_count,
+        "ok_count": study.ok_count,
+        "rows_complete": study.rows_complete,
+        "failures": dict(study.failures),
+    }
+
+
+def _study(row: Any) -> Study:
+    return Study(
+        id=row.id,
+        plan=Plan(
+            name=row.name,
+            model=row.model,
+            method=row.method,
+            sampling=row.sampling,
+            rows=row.rows,
+            seed=row.seed,
+            distributions={n: Distribution.from_json(d) for n, d in row.distributions},
+            fixed=row.fixed,
+            outputs=tuple(row.outputs),
+        ),
+        state=row.state,
+        created_at=row.created_at,
+        finished_at=row.finished_at,
+        handed_out=row.handed_out,
+        leased=row.leased,
+        result_count=row.result_count,
+        ok_count=row.ok_count,
+        rows_complete=row.rows_complete,
+        failures=row.failures,
+    )

@@ -1,0 +1,77 @@
+"""The schema comes to be, and changes, through the migrations only."""
+
+from pathlib import Path
+
+from alembic import command
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy.engine import Connection, Engine
+
+import migrations
+from server.errors import SchemaError
+from server.store.engine import create_engine, reading, writing
+
+#: Any number, as long as every version of this program takes the same PostgreSQL advisory lock.
+_UPGRADE_LOCK = 827_346_501
+
+
+def upgrade(url: str) -> None:
+    """Bring the database at `url` to this version's schema, making it if there is none.
+
+    All or nothing, and safe to call from several processes at once.
+
+    Raises:
+        SchemaError: the database was made by a newer version.
+    """
+    engine = create_engine(url)
+    try:
+        with writing(engine) as connection:
+            if connection.dialect.name == "postgresql":
+                connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({_UPGRADE_LOCK})")
+            config = _config(connection)
+            if _current(connection, config) != _head(config):
+                command.upgrade(config, "head")
+    finally:
+        engine.dispose()
+
+
+def require_current(engine: Engine) -> None:
+    """Raise SchemaError unless the database has this version's schema."""
+    with reading(engine) as connection:
+        config = _config(connection)
+        current, head = _current(connection, config), _head(config)
+    if current != head:
+        raise SchemaError(
+            f"the database has schema {current or 'none'}, this rehyb works with {head}: "
+            "run `rehyb db upgrade`"
+        )
+
+
+def _config(connection: Connection) -> Config:
+    """Return an Alembic configuration that works on `connection`, without any file."""
+    config = Config()
+    config.set_main_option("script_location", str(Path(str(migrations.__file__)).parent))
+    config.set_main_option("path_separator", "os")
+    config.attributes["connection"] = connection
+    return config
+
+
+def _head(config: Config) -> str:
+    """Return the newest schema this version knows."""
+    head = ScriptDirectory.from_config(config).get_current_head()
+    if head is None:
+        raise SchemaError("this installation of rehyb has no migrations: install it again")
+    return head
+
+
+def _current(connection: Connection, config: Config) -> str | None:
+    """Return the database's schema, None if it has none; SchemaError if it is unknown here."""
+    current = MigrationContext.configure(connection).get_current_revision()
+    known = {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
+    if current is not None and current not in known:
+        raise SchemaError(
+            f"the database has schema {current}, which this rehyb does not know (its newest is "
+            f"{_head(config)}): it was made by a newer version; upgrade rehyb"
+        )
+    return current

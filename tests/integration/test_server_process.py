@@ -1,0 +1,236 @@
+"""A coordinator as a process: real sockets, real signals, many clients at once."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx2
+import pytest
+
+TOKEN = "only for this test"
+STUDY = {"name": "s", "model": "ishigami", "method": "saltelli", "rows": 40}
+STARTED = re.compile(r"listening on (http://127\.0\.0\.1:\d+)\n")
+
+Start = Callable[..., "Coordinator"]
+
+
+class Coordinator:
+    """A process started by `python -m server.run`."""
+
+    def __init__(self, database: Path, **settings: str) -> None:
+        environment = {
+            **os.environ,
+            "REHYB_DATABASE_URL": f"sqlite:///{database}",
+            "REHYB_TOKEN": TOKEN,
+            "REHYB_HOST": "127.0.0.1",
+            "REHYB_PORT": "0",
+            **settings,
+        }
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "server.run"],
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert self.process.stdout is not None
+        match = STARTED.fullmatch(self.process.stdout.readline())
+        assert match is not None, self.process.communicate()[1]
+        self.url = match[1]
+
+    def client(self, token: str = TOKEN) -> httpx2.Client:
+        headers = {"Authorization": f"Bearer {token}"}
+        return httpx2.Client(base_url=self.url, headers=headers, trust_env=False, timeout=30.0)
+
+    def stop(self, number: signal.Signals = signal.SIGTERM) -> tuple[int, str, str]:
+        """Send a signal; returns the exit code and what else was written."""
+        self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=20)
+        return self.process.returncode, out, err
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Start coordinators on one database; those still running are killed in the end."""
+    started: list[Coordinator] = []
+
+    def run(**settings: str) -> Coordinator:
+        started.append(Coordinator(tmp_path / "rehyb.sqlite3", **settings))
+        return started[-1]
+
+    yield run
+    for coordinator in started:
+        coordinator.process.kill()
+        coordinator.process.communicate()
+
+
+def _asking(worker: str, n: int) -> dict[str, Any]:
+    who = {"id": worker, "host": "h", "versions": {}}
+    return {"worker": who, "models": ["ishigami"], "max_instances": n}
+
+
+def _answering(lease: dict[str, Any], worker: str, **changes: Any) -> dict[str, Any]:
+    results = [
+        {"instance": i["id"], "outcome": "ok", "outputs": {"y": i["parameters"]["x1"]}}
+        for i in lease["instances"]
+    ]
+    proof = {"lease": lease["id"], "fence": lease["fence"], "worker": worker}
+    return {**proof, "results": results, **changes}
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_it_announces_itself_serves_and_stops_cleanly_on_a_signal(
+    start: Start, number: signal.Signals
+) -> None:
+    coordinator = start()
+    with coordinator.client("wrong") as stranger:
+        assert stranger.get("/healthz").status_code == 200
+        assert stranger.get("/readyz").status_code == 200
+        assert stranger.get("/v1/studies").status_code == 401
+    with coordinator.client() as client:
+        assert client.get("/v1/studies").json() == {"studies": []}
+    assert coordinator.stop(number) == (0, "", "")
+
+
+def test_without_a_token_it_says_so_in_a_sentence_and_does_not_start(tmp_path: Path) -> None:
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("REHYB_")}
+    ended = subprocess.run(
+        [sys.executable, "-m", "server.run"],
+        env={**environment, "REHYB_DATABASE_URL": f"sqlite:///{tmp_path / 'x'}"},
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    assert ended.returncode == 1
+    assert ended.stderr.startswith("REHYB_TOKEN: ")
+    assert "Traceback" not in ended.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_restart_keeps_studies_results_and_leases(start: Start, number: signal.Signals) -> None:
+    first = start()
+    with first.client() as client:
+        study = client.post("/v1/studies", json=STUDY).json()
+        done = client.post("/v1/leases", json=_asking("w", 5)).json()
+        assert client.post("/v1/results", json=_answering(done, "w")).status_code == 200
+        held = client.post("/v1/leases", json=_asking("w", 5)).json()
+    first.stop(number)
+    with start().client() as client:
+        assert client.get(f"/v1/studies/{study['id']}").json() == study
+        proof = {"fence": held["fence"]}
+        assert client.post(f"/v1/leases/{held['id']}/renew", json=proof).status_code == 200
+        assert client.post("/v1/results", json=_answering(held, "w")).status_code == 200
+        progress = client.get(f"/v1/studies/{study['id']}/progress").json()
+        assert (progress["ok"], progress["leased"], progress["rows_complete"]) == (10, 0, 2)
+
+
+def test_many_workers_at_once_never_share_an_instance_and_finish_the_study(start: Start) -> None:
+    coordinator = start()
+    with coordinator.client() as client:
+        study = client.post("/v1/studies", json=STUDY).json()
+    taken: list[str] = []
+    refused: list[Any] = []
+
+    def work(worker: str) -> None:
+        with coordinator.client() as client:
+            while True:
+                response = client.post("/v1/leases", json=_asking(worker, 7))
+                if response.status_code == 204:
+                    return
+                lease = response.json()
+                taken.extend(instance["id"] for instance in lease["instances"])
+                answer = client.post("/v1/results", json=_answering(lease, worker))
+                if answer.status_code != 200:
+                    refused.append(answer.json())
+
+    threads = [threading.Thread(target=work, args=(f"w{i}",)) for i in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert refused == []
+    assert len(taken) == len(set(taken)) == study["instances"] == 200
+    with coordinator.client() as client:
+        progress = client.get(f"/v1/studies/{study['id']}/progress").json()
+        workers = client.get("/v1/workers").json()["workers"]
+        table = client.get(f"/v1/studies/{study['id']}/results.csv").text
+    assert (progress["state"], progress["ok"], progress["rows_complete"]) == ("complete", 200, 40)
+    assert sum(worker["instances_done"] for worker in workers) == 200
+    assert len(table.splitlines()) == 201
+
+
+def test_a_silent_worker_s_instances_come_back_without_anybody_asking(start: Start) -> None:
+    with start(REHYB_LEASE_SECONDS="0.4").client() as client:
+        study = client.post("/v1/studies", json=STUDY).json()
+        client.post("/v1/leases", json=_asking("w", 5))
+        deadline = time.monotonic() + 10.0
+        leased = 5
+        while leased and time.monotonic() < deadline:
+            time.sleep(0.05)
+            leased = client.get(f"/v1/studies/{study['id']}/progress").json()["leased"]
+        assert leased == 0
+
+
+def test_whatever_a_hostile_worker_posts_nothing_gets_in_and_the_coordinator_lives(
+    start: Start,
+) -> None:
+    coordinator = start()
+    with coordinator.client() as client:
+        study = client.post("/v1/studies", json=STUDY).json()
+        mine = client.post("/v1/leases", json=_asking("me", 5)).json()
+        theirs = client.post("/v1/leases", json=_asking("they", 5)).json()
+        good = _answering(mine, "me")
+        first = good["results"][0]
+        attacks: list[dict[str, Any]] = [
+            {"fence": mine["fence"] + 1},
+            {"fence": theirs["fence"]},
+            {"worker": "they"},
+            {"lease": theirs["id"], "fence": theirs["fence"]},
+            {"lease": "../../etc/passwd"},
+            {"results": _answering(theirs, "they")["results"]},
+            {"results": [{**first, "instance": f"{study['id']}:39:4"}]},
+            {"results": [{**first, "instance": "'; DROP TABLE results; --"}]},
+            {"results": [{**first, "outputs": {"y": "1.0"}}]},
+            {"results": [{**first, "outputs": {"y": 10**400}}]},
+            {"results": [{**first, "outputs": {}}]},
+            {"results": [{**first, "outputs": []}]},
+            {"results": [{**first, "outcome": "lost"}]},
+            {"results": [{**first, "admin": True}]},
+            {"results": [first] * 1001},
+        ]
+        for attack in attacks:
+            response = client.post("/v1/results", json={**good, **attack})
+            assert response.status_code in (409, 422), attack
+        for body in [
+            b"",
+            b"\xff\xfe",
+            b"[" * 50_000,
+            b'{"lease": NaN}',
+            b'"\\ud800"',
+            b"0" * 9_000,
+        ]:
+            response = client.post(
+                "/v1/results", content=body, headers={"Content-Type": "application/json"}
+            )
+            assert response.status_code in (400, 422), body[:20]
+        too_large = client.post("/v1/results", content=b"0" * (9 * 1024 * 1024))
+        assert too_large.status_code == 413
+        progress = client.get(f"/v1/studies/{study['id']}/progress").json()
+        assert (progress["ok"], progress["failed"], progress["pending"]) == (0, 0, 191)
+        verdicts = client.post("/v1/results", json=good).json()["verdicts"]
+        assert [v["verdict"] for v in verdicts] == ["accepted"] * 5
+    code, _, err = coordinator.stop()
+    assert (code, err) == (0, "")
+
+
+def test_the_coordinator_does_without_mujoco() -> None:
+    code = "import sys, server.run, server.store.result_log; sys.exit('mujoco' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

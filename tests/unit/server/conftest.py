@@ -1,0 +1,122 @@
+"""A coordinator on a fresh database, with a clock that tests set."""
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import pytest
+import sqlalchemy as sa
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from pydantic import SecretStr
+from sqlalchemy.engine import Engine
+
+from server.app import create_app
+from server.logic.study import Plan, draw_up
+from server.logic.verdicts import Report
+from server.routes.common import clock as real_clock
+from server.settings import Settings
+from server.store import create_engine, upgrade
+
+TOKEN = "correct horse"
+#: A PostgreSQL server on which databases may be made; the tests of the store then run on it too.
+POSTGRESQL = os.environ.get("REHYB_TEST_POSTGRESQL_URL")
+
+
+class Clock:
+    """Seconds since the epoch, as a test wants them."""
+
+    def __init__(self) -> None:
+        self.now = 1_000_000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def advance(self, seconds: float) -> None:
+        self.now += seconds
+
+
+@pytest.fixture(params=["sqlite", "postgresql"] if POSTGRESQL else ["sqlite"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """The URL of an empty database."""
+    if request.param == "sqlite":
+        yield f"sqlite:///{tmp_path / 'rehyb.sqlite3'}"
+        return
+    name = f"rehyb_{uuid4().hex}"
+    server = sa.create_engine(str(POSTGRESQL), isolation_level="AUTOCOMMIT")
+    with server.connect() as connection:
+        connection.exec_driver_sql(f"CREATE DATABASE {name}")
+        yield server.url.set(database=name).render_as_string(hide_password=False)
+        connection.exec_driver_sql(f"DROP DATABASE {name} WITH (FORCE)")
+    server.dispose()
+
+
+@pytest.fixture
+def engine(url: str) -> Iterator[Engine]:
+    """A database with the current schema."""
+    upgrade(url)
+    engine = create_engine(url)
+    yield engine
+    engine.dispose()
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def app(url: str, clock: Clock) -> FastAPI:
+    upgrade(url)
+    app = create_app(Settings(database_url=url, token=SecretStr(TOKEN), lease_seconds=60.0))
+    app.dependency_overrides[real_clock] = clock
+    return app
+
+
+@pytest.fixture
+def client(app: FastAPI, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestClient]:
+    """A client that bears the token."""
+    monkeypatch.setattr("server.app.clock", clock)
+    headers = {"Authorization": f"Bearer {TOKEN}"}
+    with TestClient(app, headers=headers, raise_server_exceptions=False) as client:
+        yield client
+
+
+@pytest.fixture
+def plan() -> Callable[..., Plan]:
+    """Draws up a study of the Ishigami function: two rows of four instances, unless told other."""
+
+    def make(**changes: Any) -> Plan:
+        request: dict[str, Any] = {
+            "name": "a study",
+            "model": "ishigami",
+            "method": "morris",
+            "sampling": "sobol",
+            "rows": 2,
+            "seed": 1,
+            "factors": None,
+            "fixed": {},
+            "outputs": None,
+        }
+        return draw_up(**{**request, **changes})
+
+    return make
+
+
+@pytest.fixture
+def report() -> Callable[..., Report]:
+    """A faultless report of the Ishigami function unless told otherwise."""
+
+    def make(instance: str, **changes: Any) -> Report:
+        said: dict[str, Any] = {
+            "outcome": "ok",
+            "outputs": {"y": 1.5},
+            "reason": "",
+            "state": None,
+            "wall_seconds": 0.25,
+        }
+        return Report(instance=instance, **{**said, **changes})
+
+    return make

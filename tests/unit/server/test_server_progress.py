@@ -1,0 +1,85 @@
+"""How fast a study goes."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from server.logic.progress import RATE_WINDOW, pace, window_start
+from server.logic.study import Plan, Study
+
+
+@pytest.fixture
+def study(plan: Callable[..., Plan]) -> Callable[..., Study]:
+    """A study of 4000 instances, created at 100 s."""
+
+    def make(**changes: Any) -> Study:
+        standing: dict[str, Any] = {
+            "state": "running",
+            "finished_at": None,
+            "handed_out": 0,
+            "leased": 0,
+            "result_count": 0,
+            "ok_count": 0,
+        }
+        return Study(
+            id="s",
+            plan=plan(rows=1000),
+            created_at=100.0,
+            rows_complete=0,
+            failures={},
+            **{**standing, **changes},
+        )
+
+    return make
+
+
+def test_nothing_is_foretold_before_the_first_result(study: Callable[..., Study]) -> None:
+    speed = pace(study(), window_opened_at=100.0, now=130.0)
+    assert (speed.results_per_second, speed.eta_seconds, speed.elapsed_seconds) == (0.0, None, 30.0)
+
+
+def test_the_first_results_are_counted_from_the_start(study: Callable[..., Study]) -> None:
+    speed = pace(study(result_count=400), window_opened_at=100.0, now=120.0)
+    assert speed.results_per_second == 20.0
+    assert speed.eta_seconds == 180.0
+
+
+def test_later_only_the_last_results_count(study: Callable[..., Study]) -> None:
+    speed = pace(study(result_count=3000), window_opened_at=190.0, now=200.0)
+    assert speed.results_per_second == RATE_WINDOW / 10.0
+    assert speed.eta_seconds == 1000 / (RATE_WINDOW / 10.0)
+
+
+def test_silence_lowers_the_rate(study: Callable[..., Study]) -> None:
+    running = study(result_count=400)
+    rates = [
+        pace(running, window_opened_at=100.0, now=now).results_per_second for now in (110, 120, 400)
+    ]
+    assert rates == sorted(rates, reverse=True)
+
+
+def test_a_finished_study_tells_its_average_and_has_nothing_left(
+    study: Callable[..., Study],
+) -> None:
+    done = study(state="complete", result_count=4000, finished_at=300.0)
+    speed = pace(done, window_opened_at=299.0, now=9000.0)
+    assert (speed.results_per_second, speed.eta_seconds) == (20.0, 0.0)
+    assert speed.elapsed_seconds == 200.0
+
+
+def test_a_clock_set_back_breaks_nothing(study: Callable[..., Study]) -> None:
+    speed = pace(study(result_count=10), window_opened_at=100.0, now=90.0)
+    assert (speed.results_per_second, speed.eta_seconds, speed.elapsed_seconds) == (0.0, None, 0.0)
+
+
+@pytest.mark.parametrize(("results", "start"), [(0, 0), (RATE_WINDOW, 0), (RATE_WINDOW + 7, 7)])
+def test_the_window_is_the_last_results(results: int, start: int) -> None:
+    assert window_start(results) == start
+
+
+def test_what_is_pending_and_what_came_back_follows_from_the_counters(
+    study: Callable[..., Study],
+) -> None:
+    running = study(handed_out=50, leased=8, result_count=30)
+    assert (running.pending, running.returned) == (4000 - 38, 12)

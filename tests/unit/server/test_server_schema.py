@@ -1,0 +1,77 @@
+"""The schema and how it comes to be."""
+
+import threading
+
+import pytest
+import sqlalchemy as sa
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy.engine import Engine
+
+from server.errors import SchemaError
+from server.store import create_engine, require_current, upgrade
+from server.store.engine import writing
+from server.store.schema import metadata
+
+
+def test_the_migrations_make_the_tables_that_the_queries_use(engine: Engine) -> None:
+    with engine.connect() as connection:
+        context = MigrationContext.configure(connection, opts={"compare_type": True})
+        assert compare_metadata(context, metadata) == []
+
+
+def test_upgrading_twice_changes_nothing(url: str) -> None:
+    upgrade(url)
+    upgrade(url)
+    engine = create_engine(url)
+    require_current(engine)
+    engine.dispose()
+
+
+def test_several_processes_may_upgrade_at_once(url: str) -> None:
+    failures: list[Exception] = []
+
+    def run() -> None:
+        try:
+            upgrade(url)
+        except Exception as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=run) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert failures == []
+
+
+def test_a_database_without_a_schema_is_refused(url: str) -> None:
+    engine = create_engine(url)
+    with pytest.raises(SchemaError, match=r"has schema none, .* run `rehyb db upgrade`"):
+        require_current(engine)
+    engine.dispose()
+
+
+def test_a_newer_schema_is_refused_and_left_alone(engine: Engine, url: str) -> None:
+    with writing(engine) as connection:
+        connection.exec_driver_sql("UPDATE alembic_version SET version_num = '9999'")
+    for attempt in (lambda: upgrade(url), lambda: require_current(engine)):
+        with pytest.raises(SchemaError, match=r"schema 9999, .* made by a newer version"):
+            attempt()
+    with engine.connect() as connection:
+        assert connection.exec_driver_sql("SELECT * FROM alembic_version").scalar() == "9999"
+
+
+def test_a_failed_migration_leaves_no_half_made_schema(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("power cut")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("alembic.op.create_index", fail)
+        with pytest.raises(RuntimeError, match="power cut"):
+            upgrade(url)
+    engine = create_engine(url)
+    assert sa.inspect(engine).get_table_names() == []
+    engine.dispose()
