@@ -1,0 +1,5 @@
+"""`python -m rehyb` is `rehyb`."""
+
+from rehyb.cli import main
+
+main()

@@ -1,0 +1,315 @@
+"""The paper's two-phase study: screen all factors, fix the least influential, rank the others.
+
+Phase 1 is the elementary effects test of section 3.1 and phase 2 the variance-based analysis of
+section 3.2, both on Latin hypercube samples as there. What has been decided is kept in the
+campaign's directory before it is acted on, so an interrupted campaign resumes where it was.
+"""
+
+import json
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rehyb.client import Client, Json
+from rehyb.errors import CampaignError, ServerError, Unreachable
+
+T = TypeVar("T")
+
+POLL_SECONDS = 0.5
+MANIFEST = "campaign.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What a campaign is to compute; the same plan resumes the same campaign."""
+
+    model: str
+    #: The output whose uncertainty is ranked.
+    output: str
+    #: Rows of phase 1, each of k + 1 instances (r in the paper).
+    screening_rows: int
+    #: Rows of phase 2, each of k + 1 instances for the k - 1 factors left (N in the paper).
+    variance_rows: int
+    seed: int = 1
+
+
+#: Rows of phase 1 and of phase 2.
+PRESETS: Mapping[str, tuple[int, int]] = {
+    # Minutes on a laptop: enough to see the ranking emerge, not to trust it.
+    "demo": (10, 32),
+    # Sections 3.1 and 3.2.
+    "paper": (150, 3000),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """What there is to see of a campaign at one moment."""
+
+    phase: int
+    title: str
+    output: str
+    progress: Json
+    snapshot: Json
+    #: One sentence when something keeps the campaign waiting; else empty.
+    waiting: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What a campaign found, and where it is written."""
+
+    plan: Plan
+    fixed: str
+    fixed_at: float
+    #: Whether the interval separates the fixed factor from the influential ones.
+    separated: bool
+    evidence: str
+    phase1: Json
+    phase2: Json
+    failures: Mapping[str, int]
+    instances: int
+    #: Wall time that the campaign has run, over all its sessions.
+    seconds: float
+    files: tuple[Path, ...]
+
+    def to_json(self) -> Json:
+        """Return the report as plain JSON, paths as strings."""
+        return asdict(self) | {"files": [str(path) for path in self.files]}
+
+
+class Campaign:
+    """One campaign in one directory.
+
+    Args:
+        client: the coordinator, which must have workers and an analysis.
+        plan: what to compute.
+        directory: made if missing; holds the manifest and the results.
+        show: called with a View twice a second.
+        tick: called twice a second; an exception from it ends the campaign.
+
+    Raises:
+        CampaignError: the directory holds a campaign with a different plan.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        plan: Plan,
+        directory: Path,
+        *,
+        show: Callable[[View], None],
+        tick: Callable[[], None],
+    ) -> None:
+        self._client = client
+        self._plan = plan
+        self._directory = directory
+        self._show = show
+        self._tick = tick
+        self._view: View | None = None
+        self._since = time.monotonic()
+        self._manifest = _manifest(directory, plan)
+
+    def run(self) -> Report:
+        """Run what is left of the campaign and write its files.
+
+        Raises:
+            CampaignError: a study was cancelled, or too few instances succeeded to rank anything.
+            RehybError: the coordinator refuses a study.
+        """
+        try:
+            return self._run()
+        finally:
+            self._save()
+
+    def _run(self) -> Report:
+        from sim.catalogue import MODELS
+
+        model = MODELS[self._plan.model]
+        phase1 = self._phase(
+            1,
+            "screening (elementary effects)",
+            {"method": "morris", "rows": self._plan.screening_rows},
+        )
+        decision = self._decide(phase1["indices"])
+        fixed = model.factor(decision["fixed"])
+        unit = "" if fixed.unit == "1" else f" {fixed.unit}"
+        phase2 = self._phase(
+            2,
+            f"variance (Sobol indices), {fixed.name} fixed at {fixed.nominal:g}{unit}",
+            {
+                "method": "saltelli",
+                "rows": self._plan.variance_rows,
+                "fixed": {fixed.name: fixed.nominal},
+                "factors": [
+                    {"name": factor.name, "range": [factor.low, factor.high]}
+                    for factor in model.factors
+                    if factor.name != fixed.name
+                ],
+            },
+        )
+        return self._report(decision, fixed.nominal, phase1, phase2)
+
+    def _phase(self, number: int, title: str, study: Json) -> Json:
+        """Run one study to its end and return {"study", "progress", "indices"}."""
+        begun = self._manifest["phases"][number - 1]
+        # Kept, because the coordinator takes a key again only with the very same study.
+        begun["study"] = begun["study"] or {
+            "name": f"phase {number}: {title}",
+            "model": self._plan.model,
+            "sampling": "latin_hypercube",
+            "seed": self._plan.seed,
+            **study,
+        }
+        self._save()
+        submitted = self._ask(
+            lambda: self._client.submit(begun["study"], idempotency_key=begun["key"])
+        )
+        study_id = submitted["id"]
+        while True:
+            progress = self._ask(lambda: self._client.progress(study_id))
+            snapshot = self._ask(lambda: self._client.indices(study_id))
+            done, waiting = _is_done(progress, snapshot)
+            self._view = View(
+                phase=number,
+                title=title,
+                output=self._plan.output,
+                progress=progress,
+                snapshot=snapshot,
+                waiting=waiting,
+            )
+            self._show(self._view)
+            if done:
+                break
+            time.sleep(POLL_SECONDS)
+        phase = {"study": submitted, "progress": progress, "indices": snapshot}
+        _write(self._directory / f"phase{number}.json", phase)
+        table = self._directory / f"phase{number}.csv"
+        self._ask(lambda: self._client.results_csv(study_id, table))
+        return phase
+
+    def _ask(self, call: Callable[[], T]) -> T:
+        """Make a call of the client; once the coordinator was there, wait for it to come back."""
+        while True:
+            self._tick()
+            try:
+                return call()
+            except (Unreachable, ServerError) as error:
+                if self._view is None:
+                    raise
+                self._show(replace(self._view, waiting=f"{error}; trying again"))
+            time.sleep(POLL_SECONDS)
+
+    def _decide(self, snapshot: Json) -> Json:
+        """Choose the factor to fix, once; a resumed campaign keeps its choice."""
+        from analysis.screening import least_influential, propose_fixing
+
+        if decision := self._manifest["decision"]:
+            return dict(decision)
+        output = self._plan.output
+        proposal = propose_fixing(snapshot, output)
+        fixed = proposal.factor or least_influential(snapshot, output)
+        if fixed is None:
+            raise CampaignError(
+                f"phase 1 ranks nothing: too few instances gave {output}; see "
+                f"{self._directory / 'phase1.csv'} for why, or ask for more rows"
+            )
+        evidence = proposal.evidence
+        if proposal.factor is None:
+            evidence += (
+                " That does not settle it; as the paper does, phase 2 fixes the least influential "
+                f"factor all the same: {fixed}."
+            )
+        decision = {"fixed": fixed, "separated": proposal.factor is not None, "evidence": evidence}
+        self._manifest["decision"] = decision
+        self._save()
+        return decision
+
+    def _report(self, decision: Json, fixed_at: float, phase1: Json, phase2: Json) -> Report:
+        from analysis.figures import campaign_figure
+
+        picture = self._directory / "campaign.png"
+        campaign_figure(phase1["indices"], phase2["indices"], self._plan.output, picture)
+        failures: dict[str, int] = {}
+        for phase in (phase1, phase2):
+            for cause, count in phase["progress"]["failures"].items():
+                failures[cause] = failures.get(cause, 0) + count
+        names = ("phase1.csv", "phase2.csv", "phase1.json", "phase2.json", MANIFEST)
+        report = Report(
+            plan=self._plan,
+            fixed=decision["fixed"],
+            fixed_at=fixed_at,
+            separated=decision["separated"],
+            evidence=decision["evidence"],
+            phase1=phase1["indices"],
+            phase2=phase2["indices"],
+            failures=failures,
+            instances=phase1["progress"]["instances"] + phase2["progress"]["instances"],
+            seconds=self._seconds(),
+            files=(picture, *(self._directory / name for name in names)),
+        )
+        self._manifest["failures"] = failures
+        self._manifest["instances"] = report.instances
+        return report
+
+    def _seconds(self) -> float:
+        """Return the wall seconds of this session and of those before it."""
+        now = time.monotonic()
+        self._manifest["seconds"] += now - self._since
+        self._since = now
+        seconds: float = self._manifest["seconds"]
+        return seconds
+
+    def _save(self) -> None:
+        self._seconds()
+        _write(self._directory / MANIFEST, self._manifest)
+
+
+def _is_done(progress: Json, snapshot: Json) -> tuple[bool, str]:
+    """Return whether the indices are final, and else what is waited for, if not for results."""
+    if progress["state"] == "cancelled":
+        raise CampaignError(f"study {progress['study']} was cancelled before it was complete")
+    if progress["state"] != "complete":
+        return False, "" if progress["workers"] else "waiting for a worker"
+    if snapshot["rows_complete"] < progress["rows"]:
+        return False, (
+            f"all results are in; the analysis has seen {snapshot['rows_complete']} "
+            f"of {progress['rows']} rows"
+        )
+    return True, ""
+
+
+def _manifest(directory: Path, plan: Plan) -> Json:
+    """Return the directory's manifest; make it first, so that its keys outlive a lost answer."""
+    path = directory / MANIFEST
+    directory.mkdir(parents=True, exist_ok=True)
+    if path.exists():
+        manifest: Json = json.loads(path.read_text())
+        if manifest.get("plan") != asdict(plan):
+            raise CampaignError(
+                f"{directory} holds a different campaign ({_words(manifest.get('plan'))}): "
+                f"ask for that one again, or use another directory"
+            )
+        return manifest
+    manifest = {
+        "plan": asdict(plan),
+        "phases": [{"key": str(uuid.uuid4()), "study": None} for _ in range(2)],
+        "decision": None,
+        "seconds": 0.0,
+    }
+    _write(path, manifest)
+    return manifest
+
+
+def _words(plan: Mapping[str, Any] | None) -> str:
+    return ", ".join(f"{name} {value}" for name, value in (plan or {}).items())
+
+
+def _write(path: Path, content: Json) -> None:
+    """Write JSON so that a reader, or a resumed campaign, never finds half a file."""
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n")
+    partial.replace(path)

@@ -1,0 +1,42 @@
+"""The `rehyb` command: one module per noun, errors as one sentence.
+
+Exit status: 0 done, 1 failed, 2 used wrongly, 130 interrupted.
+"""
+
+import sys
+
+import typer
+
+from rehyb.cli import campaigns, services, simulation, studies
+from rehyb.errors import Invalid, RehybError
+
+app = typer.Typer(
+    help="Simulate, sample and rank what makes a robot's arm-stiffness measurement wrong.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+app.add_typer(studies.app, name="study")
+app.add_typer(campaigns.app, name="campaign")
+app.add_typer(services.database, name="db")
+app.command()(services.up)
+app.command()(services.coordinator)
+app.command()(services.analysis)
+app.command()(studies.workers)
+app.command()(simulation.assess)
+app.command()(simulation.validate)
+
+
+def main() -> None:
+    """Run the command; a failure is one sentence on stderr."""
+    try:
+        app(prog_name="rehyb")
+    except RehybError as error:
+        print(f"rehyb: {error}", file=sys.stderr)
+        sys.exit(2 if isinstance(error, Invalid) else 1)
+    except OSError as error:
+        # A file that cannot be written, a port that cannot be listened on.
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"rehyb: {where}{error.strerror or error}", file=sys.stderr)
+        sys.exit(1)

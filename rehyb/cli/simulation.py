@@ -1,0 +1,131 @@
+"""Commands that simulate here and now: `assess` and `validate`."""
+
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rehyb.cli.options import AsJson, assignment, number, print_json
+
+
+def assess(
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="FACTOR=VALUE",
+            help="A factor that is not nominal, in SI units; repeat.",
+            show_default=False,
+        ),
+    ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.npz", help="Save the recorded motion.", show_default=False),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Draw the assessment.", show_default=False),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate one elbow-stiffness assessment.
+
+    Exit status 1 if the assessment fails: the simulated exercise, that is, not the command.
+    """
+    from sim.assessment import assess as simulate
+    from sim.factors import NOMINAL
+
+    values = dict(NOMINAL)
+    for name, value in map(assignment, settings or ()):
+        if name not in values:
+            raise typer.BadParameter(f"there is no factor {name!r}: take {', '.join(values)}")
+        values[name] = number(value, name)
+    try:
+        assessment = simulate(values)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
+    if assessment.record is None:
+        if record is not None or plot is not None:
+            print("there is nothing to save or to draw: no motion was recorded", file=sys.stderr)
+        record = plot = None
+    else:
+        if record is not None:
+            assessment.record.save(record)
+        if plot is not None:
+            from sim.figures import assessment_figure
+
+            assessment_figure(assessment, plot)
+    if as_json:
+        print_json(
+            {
+                "outcome": assessment.outcome,
+                "reason": assessment.reason,
+                "parameters": values,
+                "outputs": dict(assessment.outputs),
+                "diagnostics": dict(assessment.diagnostics),
+            }
+        )
+    else:
+        _print_assessment(assessment.outcome, assessment.reason, assessment.outputs)
+        for path in (record, plot):
+            if path is not None:
+                typer.echo(str(path))
+    if assessment.outcome != "ok":
+        raise typer.Exit(1)
+
+
+def validate(
+    out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path("validation"),
+    as_json: AsJson = False,
+) -> None:
+    """Repeat the paper's validation experiments.
+
+    Exit status 1 if a quantity disagrees.
+    """
+    from sim.validation import validate as repeat
+
+    report = repeat(out)
+    if as_json:
+        print_json(
+            {
+                "rows": [asdict(row) for row in report.rows],
+                "pictures": [str(picture) for picture in report.pictures],
+            }
+        )
+    else:
+        _print_validation(report)
+    if not all(row.agrees for row in report.rows):
+        raise typer.Exit(1)
+
+
+def _print_assessment(outcome: str, reason: str, outputs: Mapping[str, float]) -> None:
+    typer.echo(outcome if outcome == "ok" else f"{outcome}: {reason}")
+    for name, value in outputs.items():
+        typer.echo(f"  {name:28} {value: .6g}")
+
+
+def _print_validation(report: Any) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("quantity", "measured", "expected", "unit", "", box=SIMPLE_HEAD, pad_edge=False)
+    for row in report.rows:
+        table.add_row(
+            row.quantity,
+            _text(row.measured),
+            _text(row.expected),
+            row.unit,
+            "agrees" if row.agrees else "differs",
+        )
+    console = Console(soft_wrap=True)
+    console.print(table)
+    for picture in report.pictures:
+        console.print(str(picture))
+
+
+def _text(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

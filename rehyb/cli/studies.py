@@ -1,0 +1,241 @@
+"""Commands about studies: `study submit`, `list`, `show`, `progress`, `indices`, and so on."""
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rehyb.cli.options import AsJson, Token, Url, assignment, number, print_json
+from rehyb.client import Client, Json
+from rehyb.errors import Invalid
+
+app = typer.Typer(help="Submit studies and see what becomes of them.", no_args_is_help=True)
+
+Id = Annotated[str, typer.Argument(help="The study's id.", metavar="STUDY")]
+
+
+@app.command()
+def submit(
+    file: Annotated[
+        Path | None,
+        typer.Argument(help="The study as JSON; - reads standard input.", show_default=False),
+    ] = None,
+    model: Annotated[str | None, typer.Option(help="elbow, ishigami or sobol_g.")] = None,
+    method: Annotated[str | None, typer.Option(help="morris or saltelli.")] = None,
+    rows: Annotated[int | None, typer.Option(min=1, help="Rows of the design.")] = None,
+    name: Annotated[str | None, typer.Option(help="What to call it.")] = None,
+    factor: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=LOW:HIGH", help="Sample this factor; repeat. Default: all."),
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Hold this factor; repeat."),
+    ] = None,
+    output: Annotated[
+        list[str] | None, typer.Option(help="Rank this output; repeat. Default: all.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Default: 1.")] = None,
+    sampling: Annotated[
+        str | None, typer.Option(help="sobol or latin_hypercube. Default: sobol.")
+    ] = None,
+    key: Annotated[
+        str | None,
+        typer.Option(help="Idempotency key: submitting again returns the same study."),
+    ] = None,
+    url: Url = None,
+    token: Token = None,
+    as_json: AsJson = False,
+) -> None:
+    """Submit a study, from a JSON file or from options; options win over the file."""
+    study = _read(file) if file else {}
+    given: Json = {
+        "name": name,
+        "model": model,
+        "method": method,
+        "rows": rows,
+        "seed": seed,
+        "sampling": sampling,
+        "outputs": output or None,
+        "factors": [_factor(text) for text in factor] if factor else None,
+        "fixed": {n: number(v, n) for n, v in map(assignment, fix)} if fix else None,
+    }
+    study |= {field: value for field, value in given.items() if value is not None}
+    if missing := [field for field in ("model", "method", "rows") if field not in study]:
+        raise typer.BadParameter(
+            f"a study needs {', '.join(missing)}: give --{' --'.join(missing)}, or a FILE"
+        )
+    study.setdefault("name", f"{study['model']} {study['method']} {study['rows']}")
+    with Client(url, token) as client:
+        answer = client.submit(study, idempotency_key=key)
+    if as_json:
+        print_json(answer)
+    else:
+        typer.echo(f"{answer['id']}  {answer['name']}: {answer['instances']} instances")
+
+
+@app.command("list")
+def list_studies(url: Url = None, token: Token = None, as_json: AsJson = False) -> None:
+    """List the studies."""
+    with Client(url, token) as client:
+        studies = client.studies()
+    if as_json:
+        print_json({"studies": studies})
+    else:
+        _print_rows(("id", "name", "model", "method", "rows", "state"), studies)
+
+
+@app.command()
+def show(study: Id, url: Url = None, token: Token = None, as_json: AsJson = False) -> None:
+    """Show what a study samples."""
+    with Client(url, token) as client:
+        answer = client.study(study)
+    if as_json:
+        print_json(answer)
+        return
+    for field, value in answer.items():
+        typer.echo(f"{field:12} {value if isinstance(value, str | int) else json.dumps(value)}")
+
+
+@app.command()
+def progress(
+    study: Id,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Print a line per second until it is complete.")
+    ] = False,
+    url: Url = None,
+    token: Token = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show how far a study is, its rate, and its failures by cause."""
+    from rehyb.display import progress_in_words
+
+    def show_one(answer: Json) -> None:
+        if as_json:
+            print(json.dumps(answer), flush=True)
+        else:
+            print(f"{answer['state']}: {progress_in_words(answer)}", flush=True)
+
+    with Client(url, token) as client:
+        if watch:
+            client.wait(study, on_progress=show_one)
+        else:
+            show_one(client.progress(study))
+
+
+@app.command()
+def indices(
+    study: Id,
+    plot: Annotated[
+        Path | None, typer.Option(help="Also draw them.", metavar="FILE.png", show_default=False)
+    ] = None,
+    url: Url = None,
+    token: Token = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show a study's sensitivity indices with their confidence intervals."""
+    from rich.console import Console
+
+    from rehyb.display import indices_table
+
+    with Client(url, token) as client:
+        snapshot = client.indices(study)
+    outputs = list(snapshot["outputs"])
+    if plot is not None:
+        from analysis.figures import screening_figure, variance_figure
+
+        if not outputs:
+            raise Invalid(f"there is nothing to draw: study {study} has no indices yet")
+        draw = screening_figure if snapshot["method"] == "morris" else variance_figure
+        draw(snapshot, outputs[0], plot)
+    if as_json:
+        print_json(snapshot)
+        return
+    console = Console()
+    console.print(f"{snapshot['rows_complete']} of {snapshot['rows']} rows are complete")
+    for output in outputs:
+        console.print(indices_table(snapshot, output, output))
+
+
+@app.command()
+def cancel(study: Id, url: Url = None, token: Token = None, as_json: AsJson = False) -> None:
+    """Stop handing out a study's instances; results already there stay."""
+    with Client(url, token) as client:
+        answer = client.cancel(study)
+    if as_json:
+        print_json(answer)
+    else:
+        typer.echo(f"{study} is {answer['state']}")
+
+
+@app.command()
+def results(
+    study: Id,
+    out: Annotated[
+        Path | None, typer.Option(help="Default: STUDY.csv.", show_default=False)
+    ] = None,
+    url: Url = None,
+    token: Token = None,
+    as_json: AsJson = False,
+) -> None:
+    """Download a study's results as CSV, one line per instance."""
+    path = out or Path(f"{study}.csv")
+    with Client(url, token) as client:
+        client.results_csv(study, path)
+    if as_json:
+        print_json({"file": str(path)})
+    else:
+        typer.echo(str(path))
+
+
+def workers(url: Url = None, token: Token = None, as_json: AsJson = False) -> None:
+    """List the workers the coordinator knows."""
+    with Client(url, token) as client:
+        known = client.workers()
+    if as_json:
+        print_json({"workers": known})
+    else:
+        now = time.time()
+        for worker in known:
+            worker["last_seen"] = f"{max(0.0, now - worker['last_seen']):.0f} s ago"
+        _print_rows(("id", "host", "last_seen", "instances_done"), known)
+
+
+def _read(file: Path) -> Json:
+    try:
+        study = json.loads(sys.stdin.read() if str(file) == "-" else file.read_text())
+    except OSError as error:
+        raise typer.BadParameter(f"{file} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise typer.BadParameter(f"{file} is not JSON: {error}") from None
+    if not isinstance(study, dict):
+        raise typer.BadParameter(f"{file} must hold one JSON object, a study")
+    return study
+
+
+def _factor(text: str) -> Json:
+    name, value = assignment(text)
+    low, colon, high = value.partition(":")
+    if not colon:
+        raise typer.BadParameter(f"{text!r} is not of the form NAME=LOW:HIGH")
+    return {
+        "name": name,
+        "range": [
+            number(low, f"the lower end of {name}"),
+            number(high, f"the upper end of {name}"),
+        ],
+    }
+
+
+def _print_rows(columns: tuple[str, ...], rows: list[dict[str, Any]]) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(*columns, box=SIMPLE_HEAD, pad_edge=False)
+    for row in rows:
+        table.add_row(*(str(row.get(column, "")) for column in columns))
+    Console().print(table)

@@ -1,0 +1,299 @@
+"""Talk to a coordinator: plain dictionaries in, plain dictionaries out."""
+
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from http import HTTPStatus
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import httpx2
+
+from rehyb.errors import (
+    Conflict,
+    Invalid,
+    NotFound,
+    RehybError,
+    ServerError,
+    Unauthorized,
+    Unreachable,
+)
+
+Json = dict[str, Any]
+
+DEFAULT_URL = "http://127.0.0.1:8787"
+#: Never asked of a proxy, whatever the environment says.
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+_ERRORS: Mapping[int, type[RehybError]] = {
+    HTTPStatus.UNAUTHORIZED: Unauthorized,
+    HTTPStatus.FORBIDDEN: Unauthorized,
+    HTTPStatus.NOT_FOUND: NotFound,
+    HTTPStatus.CONFLICT: Conflict,
+}
+
+
+class Client:
+    """A connection to one coordinator.
+
+    Args:
+        url: where the coordinator listens; default REHYB_URL, else http://127.0.0.1:8787.
+        token: the coordinator's token; default REHYB_TOKEN.
+        timeout: seconds to wait for one answer.
+        transport: for tests: what carries the requests instead of the network.
+
+    Every method raises Unreachable when nothing answers, Unauthorized when the token is refused,
+    Invalid when the coordinator cannot use the request, and ServerError when the coordinator fails.
+
+    Raises:
+        Unauthorized: there is no token.
+    """
+
+    def __init__(
+        self,
+        url: str | None = None,
+        token: str | None = None,
+        timeout: float = 30.0,
+        *,
+        transport: httpx2.BaseTransport | None = None,
+    ) -> None:
+        self.url = (url or os.environ.get("REHYB_URL") or DEFAULT_URL).rstrip("/")
+        token = token or os.environ.get("REHYB_TOKEN")
+        if not token:
+            raise Unauthorized(
+                f"there is no token for {self.url}: set REHYB_TOKEN to the coordinator's token"
+            )
+        #: Seconds the coordinator last asked a worker without work to wait before asking again.
+        self.retry_after = 1.0
+        try:
+            self._http = httpx2.Client(
+                base_url=self.url,
+                headers={"Authorization": f"Bearer {token}"},
+                timeout=timeout,
+                transport=transport,
+                trust_env=httpx2.URL(self.url).host not in LOOPBACK,
+            )
+        except (httpx2.InvalidURL, UnicodeError) as error:
+            raise Invalid(f"{self.url} is not a coordinator's address: {error}") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._http.close()
+
+    # Studies
+
+    def submit(self, study: Mapping[str, Any], idempotency_key: str | None = None) -> Json:
+        """Submit a study and return it as the coordinator understood it.
+
+        Args:
+            study: name, model, method and rows; optionally factors, fixed, seed, outputs, sampling.
+            idempotency_key: submitting again with the same key returns the study already there.
+
+        Raises:
+            Conflict: the key was used for a different study.
+        """
+        headers = {"Idempotency-Key": idempotency_key} if idempotency_key else {}
+        return self._json("POST", "/v1/studies", body=study, headers=headers)
+
+    def studies(self) -> list[Json]:
+        """Return every study."""
+        studies: list[Json] = self._json("GET", "/v1/studies")["studies"]
+        return studies
+
+    def study(self, study_id: str) -> Json:
+        """Return one study; NotFound if there is none."""
+        return self._json("GET", f"/v1/studies/{study_id}")
+
+    def progress(self, study_id: str) -> Json:
+        """Return how far a study is: counts, failures by cause, rate and remaining time."""
+        return self._json("GET", f"/v1/studies/{study_id}/progress")
+
+    def indices(self, study_id: str) -> Json:
+        """Return the latest snapshot of a study's sensitivity indices with their intervals."""
+        return self._json("GET", f"/v1/studies/{study_id}/indices")
+
+    def cancel(self, study_id: str) -> Json:
+        """Stop handing out a study's instances; results already there stay."""
+        return self._json("POST", f"/v1/studies/{study_id}/cancel")
+
+    def results_csv(self, study_id: str, path: Path) -> None:
+        """Write a study's results to `path`; a download cut short leaves no file behind."""
+        partial = path.with_name(path.name + ".partial")
+        try:
+            with (
+                self._http.stream("GET", f"/v1/studies/{study_id}/results.csv") as response,
+                partial.open("wb") as file,
+            ):
+                if response.status_code != HTTPStatus.OK:
+                    response.read()
+                    raise _error(response)
+                for chunk in response.iter_bytes():
+                    file.write(chunk)
+            partial.replace(path)
+        except httpx2.TransportError as error:
+            raise self._unreachable(error) from error
+        finally:
+            partial.unlink(missing_ok=True)
+
+    def wait(
+        self,
+        study_id: str,
+        *,
+        poll_seconds: float = 1.0,
+        on_progress: Callable[[Json], None] = lambda progress: None,
+    ) -> Json:
+        """Block until a study is complete or cancelled and return its last progress."""
+        while True:
+            progress = self.progress(study_id)
+            on_progress(progress)
+            if progress["state"] != "running":
+                return progress
+            time.sleep(poll_seconds)
+
+    # Workers
+
+    def workers(self) -> list[Json]:
+        """Return every worker the coordinator has heard of."""
+        workers: list[Json] = self._json("GET", "/v1/workers")["workers"]
+        return workers
+
+    def lease(
+        self, *, worker: Mapping[str, Any], models: Sequence[str], max_instances: int
+    ) -> Json | None:
+        """Lease up to `max_instances` instances; None (and `retry_after` set) if there are none.
+
+        Args:
+            worker: {"id", "host", "versions"}.
+            models: the models this worker can evaluate.
+        """
+        body = {"worker": worker, "models": list(models), "max_instances": max_instances}
+        response = self._request("POST", "/v1/leases", body=body)
+        if response.status_code == HTTPStatus.NO_CONTENT:
+            seconds = response.headers.get("Retry-After", "")
+            self.retry_after = float(seconds) if seconds.isdigit() else 1.0
+            return None
+        return _body(response)
+
+    def renew(self, lease_id: str, fence: int) -> Json:
+        """Keep a lease for another ttl; Conflict or NotFound if it is no longer this worker's."""
+        return self._json("POST", f"/v1/leases/{lease_id}/renew", body={"fence": fence})
+
+    def release(self, lease_id: str, fence: int) -> None:
+        """Give back what is unfinished of a lease."""
+        self._request("POST", f"/v1/leases/{lease_id}/release", body={"fence": fence})
+
+    def post_results(
+        self, *, lease: str, fence: int, worker: str, results: Sequence[Mapping[str, Any]]
+    ) -> list[Json]:
+        """Post results and return one verdict for each: {"instance", "verdict", "detail"}.
+
+        Refused results do not raise: their verdict says so, and the others are taken.
+        """
+        body = {"lease": lease, "fence": fence, "worker": worker, "results": list(results)}
+        response = self._send("POST", "/v1/results", body=body)
+        if response.status_code not in (HTTPStatus.OK, HTTPStatus.CONFLICT):
+            raise _error(response)
+        answer = _body(response)
+        if "verdicts" not in answer:
+            raise _error(response)
+        verdicts: list[Json] = answer["verdicts"]
+        return verdicts
+
+    # Plumbing
+
+    def _json(
+        self,
+        method: str,
+        path: str,
+        *,
+        body: Mapping[str, Any] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> Json:
+        return _body(self._request(method, path, body=body, headers=headers))
+
+    def _request(
+        self,
+        method: str,
+        path: str,
+        *,
+        body: Mapping[str, Any] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> httpx2.Response:
+        response = self._send(method, path, body=body, headers=headers)
+        if not response.is_success:
+            raise _error(response)
+        return response
+
+    def _send(
+        self,
+        method: str,
+        path: str,
+        *,
+        body: Mapping[str, Any] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> httpx2.Response:
+        try:
+            return self._http.request(method, path, json=body, headers=headers)
+        except (httpx2.TransportError, httpx2.DecodingError) as error:
+            raise self._unreachable(error) from error
+        except ValueError as error:
+            raise Invalid(f"the request cannot be written as JSON: {error}") from error
+
+    def _unreachable(self, error: Exception) -> Unreachable:
+        cause = str(error) or type(error).__name__
+        return Unreachable(
+            f"no coordinator answers at {self.url} ({cause}): start one with `rehyb up`, "
+            "or set REHYB_URL to where it listens"
+        )
+
+
+def _body(response: httpx2.Response) -> Json:
+    try:
+        body = response.json()
+    except ValueError:
+        body = None
+    if not isinstance(body, dict):
+        raise ServerError(f"{response.request.url} did not answer with a JSON object")
+    return body
+
+
+def _error(response: httpx2.Response) -> RehybError:
+    """Turn a refusal into the error that a caller can tell apart, worded by the coordinator."""
+    status = response.status_code
+    try:
+        problem = response.json()
+    except ValueError:
+        problem = None
+    if not isinstance(problem, dict):
+        problem = {}
+    message = str(problem.get("detail") or problem.get("title") or HTTPStatus(status).phrase)
+    if pointer := problem.get("pointer"):
+        message += f" (at {pointer})"
+    if errors := [_entry(error) for error in problem.get("errors") or ()]:
+        message += ": " + "; ".join(errors)
+    kind = _ERRORS.get(
+        status, Invalid if status < HTTPStatus.INTERNAL_SERVER_ERROR else ServerError
+    )
+    if not problem:
+        message = f"{response.request.url} answered {status} {message}"
+    return kind(message, problem)
+
+
+def _entry(error: object) -> str:
+    if not isinstance(error, dict):
+        return str(error)
+    where = error.get("pointer") or error.get("loc") or ""
+    what = error.get("detail") or error.get("msg") or ""
+    return f"{where} {what}".strip()

@@ -1,0 +1,122 @@
+"""The two-phase study as a person runs it: from one command, interrupted, and run again."""
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROWS = ("--screening-rows", "30", "--variance-rows", "500")
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Iterator[Path]:
+    """A campaign's directory; whatever a failed test leaves running there is ended."""
+    yield tmp_path / "campaign"
+    for pid in processes_of(tmp_path / "campaign"):
+        os.kill(pid, signal.SIGKILL)
+
+
+def start(directory: Path, *options: str) -> "subprocess.Popen[str]":
+    command = [sys.executable, "-m", "rehyb", "campaign", "run", "--preset", "demo"]
+    command += ["--model", "sobol_g", "--local-workers", "2", "--directory", str(directory)]
+    return subprocess.Popen(
+        [*command, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def processes_of(directory: Path) -> list[int]:
+    """Return the processes that were started for the fleet in `directory`, children included."""
+    mark = f"{directory}/rehyb.sqlite3".encode()
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if mark in (process / "environ").read_bytes():
+                found.append(int(process.name))
+        except OSError:
+            continue
+    return found
+
+
+def wait_for_results_of_phase_2(directory: Path) -> None:
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline:
+        if (directory / "phase1.json").exists():
+            with sqlite3.connect(directory / "rehyb.sqlite3") as database:
+                studies = database.execute("SELECT result_count FROM studies").fetchall()
+            database.close()
+            if len(studies) == 2 and min(studies)[0] > 0:
+                return
+        time.sleep(0.02)
+    raise AssertionError("phase 2 had no result within 60 s")
+
+
+def test_an_interrupted_campaign_leaves_nothing_running_and_resumes_to_the_same_end(
+    directory: Path,
+) -> None:
+    first = start(directory, *ROWS)
+    wait_for_results_of_phase_2(directory)
+    assert processes_of(directory)
+    first.send_signal(signal.SIGINT)
+    _, words = first.communicate(timeout=40)
+    assert first.returncode == 130
+    assert "run the same command again" in words
+    assert "Traceback" not in words
+    assert processes_of(directory) == []
+    decision = json.loads((directory / "campaign.json").read_text())["decision"]
+    phase1 = (directory / "phase1.csv").read_bytes()
+
+    second = start(directory, *ROWS, "--json")
+    out, words = second.communicate(timeout=90)
+    assert second.returncode == 0, words
+    assert processes_of(directory) == []
+    report = json.loads(out)
+    assert (directory / "phase1.csv").read_bytes() == phase1
+    assert {key: report[key] for key in decision} == decision
+    with sqlite3.connect(directory / "rehyb.sqlite3") as database:
+        studies = database.execute("SELECT state, instances, result_count FROM studies").fetchall()
+    database.close()
+    assert sorted(studies) == [("complete", 210, 210), ("complete", 3500, 3500)]
+
+
+def test_a_campaign_finds_what_matters_and_says_where_it_is_written(directory: Path) -> None:
+    campaign = start(directory, "--screening-rows", "20", "--variance-rows", "64", "--json")
+    out, words = campaign.communicate(timeout=90)
+    assert campaign.returncode == 0, words
+    report = json.loads(out)
+    assert report["fixed"] in ("x5", "x6")
+    assert report["separated"] is True
+    assert (report["failures"], report["instances"]) == ({}, 20 * 7 + 64 * 7)
+    factors = report["phase2"]["outputs"]["y"]["factors"]
+    assert report["fixed"] not in factors
+    totals = {name: entry["total_order"]["value"] for name, entry in factors.items()}
+    assert sorted(totals, key=totals.__getitem__, reverse=True)[:2] == ["x1", "x2"]
+    # Closed form, Saltelli and Sobol 1995, for the five factors left at a = (0, 1, 4.5, 9, 99).
+    entry = factors["x1"]["total_order"]
+    assert entry["low"] < 0.787 < entry["high"]
+    for path in report["files"]:
+        assert Path(path).stat().st_size > 0
+    assert {Path(path).name for path in report["files"]} >= {"campaign.png", "phase2.csv"}
+    assert (directory / "token").stat().st_mode & 0o777 == 0o600
+    assert "failures: none" in words
+
+
+def test_sigkill_of_the_command_leaves_nothing_running(directory: Path) -> None:
+    campaign = start(directory, *ROWS)
+    wait_for_results_of_phase_2(directory)
+    campaign.kill()
+    campaign.communicate(timeout=10)
+    deadline = time.monotonic() + 30.0
+    while processes_of(directory) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert processes_of(directory) == []

@@ -1,0 +1,231 @@
+"""A real worker process against a real coordinator process, with real signals.
+
+A child that is stopped with SIGSTOP stands for an instance that takes long: no code knows of it.
+"""
+
+import os
+import re
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from rehyb import Client
+
+TOKEN = "token-of-the-worker-tests"
+#: Enough instances that a worker is in the midst of them when it gets its signal.
+STUDY = {"name": "many", "model": "ishigami", "method": "morris", "rows": 5000}
+
+
+def until(ask: Callable[[], object], seconds: float = 30.0) -> None:
+    """Wait until the answer is true."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if ask():
+            return
+        time.sleep(0.02)
+    raise AssertionError(f"still not so after {seconds} s")
+
+
+class Lab:
+    """A coordinator and the workers started for it, all in one folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        self.environment = os.environ | {
+            "REHYB_TOKEN": TOKEN,
+            "REHYB_URL": f"http://127.0.0.1:{port}",
+            "REHYB_PORT": str(port),
+            "REHYB_DATABASE_URL": f"sqlite:///{folder}/lab.sqlite3",
+        }
+        self.client = Client(self.environment["REHYB_URL"], TOKEN)
+        self.processes: list[subprocess.Popen[bytes]] = []
+        self.coordinator = self.start_coordinator()
+
+    def start_coordinator(self) -> subprocess.Popen[bytes]:
+        log = self.folder / f"coordinator-{len(self.processes)}.log"
+        self.coordinator = self._start(log, "rehyb", "coordinator")
+        until(lambda: re.search("^listening on ", log.read_text()))
+        return self.coordinator
+
+    def start_worker(self, *options: str) -> subprocess.Popen[bytes]:
+        spool = str(self.folder / "spool")
+        log = self.folder / f"worker-{len(self.processes)}.log"
+        return self._start(log, "worker", "--spool", spool, "--processes", "1", *options)
+
+    def _start(self, log: Path, *command: str) -> subprocess.Popen[bytes]:
+        with log.open("wb") as file:
+            process = subprocess.Popen(
+                [sys.executable, "-m", *command],
+                env=self.environment,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        self.processes.append(process)
+        return process
+
+    def close(self) -> None:
+        self.client.close()
+        for process in self.processes:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Iterator[Lab]:
+    lab = Lab(tmp_path)
+    yield lab
+    lab.close()
+
+
+def child_of(worker: subprocess.Popen[bytes]) -> int:
+    """Return the process id of the child that evaluates."""
+    found: list[int] = []
+
+    def look() -> bool:
+        children = Path(f"/proc/{worker.pid}/task/{worker.pid}/children").read_text().split()
+        for child in children:
+            if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
+                found.append(int(child))
+        return bool(found)
+
+    until(look)
+    return found[0]
+
+
+def hang_up(worker: subprocess.Popen[bytes]) -> int:
+    """Stop the child that evaluates in the midst of an instance and return its process id."""
+    child = child_of(worker)
+    os.kill(child, signal.SIGSTOP)
+    # It may have been between two instances; by now it has been given the next one.
+    time.sleep(0.8)
+    return child
+
+
+def results_in(spool: Path) -> int:
+    """Return how many results wait in the spool files of a folder."""
+    waiting = 0
+    for path in spool.glob("*.spool"):
+        database = sqlite3.connect(path)
+        waiting += database.execute("SELECT count(*) FROM results").fetchone()[0]
+        database.close()
+    return waiting
+
+
+def test_a_worker_computes_a_study_and_leaves_when_there_is_no_more(lab: Lab) -> None:
+    study = lab.client.submit({**STUDY, "rows": 50})["id"]
+    worker = lab.start_worker("--max-idle", "0.5")
+    assert worker.wait(30) == 0
+    progress = lab.client.progress(study)
+    assert (progress["state"], progress["ok"], progress["failed"]) == ("complete", 200, 0)
+    assert not list((lab.folder / "spool").iterdir())
+    (known,) = lab.client.workers()
+    assert known["instances_done"] == 200
+    assert {"mujoco", "numpy", "platform", "rehyb"} <= set(known["versions"])
+
+
+def test_sigterm_finishes_what_runs_posts_it_and_releases_the_rest(lab: Lab) -> None:
+    study = lab.client.submit(STUDY)["id"]
+    worker = lab.start_worker("--batch", "1000")
+    until(lambda: lab.client.progress(study)["ok"] > 0)
+    child = hang_up(worker)
+    worker.send_signal(signal.SIGTERM)
+    with pytest.raises(subprocess.TimeoutExpired):
+        worker.wait(1.0)
+    os.kill(child, signal.SIGCONT)
+    assert worker.wait(20) == 0
+    progress = lab.client.progress(study)
+    assert progress["leased"] == 0
+    assert 0 < progress["ok"] < progress["instances"]
+    assert not list((lab.folder / "spool").iterdir())
+
+
+def test_a_second_sigterm_releases_at_once(lab: Lab) -> None:
+    study = lab.client.submit(STUDY)["id"]
+    worker = lab.start_worker("--batch", "1000")
+    until(lambda: lab.client.progress(study)["ok"] > 0)
+    hang_up(worker)
+    worker.send_signal(signal.SIGTERM)
+    time.sleep(0.5)
+    worker.send_signal(signal.SIGTERM)
+    assert worker.wait(5) == 0
+    assert lab.client.progress(study)["leased"] == 0
+
+
+def test_a_killed_child_and_a_hung_child_cost_an_attempt_but_no_instance(lab: Lab) -> None:
+    study = lab.client.submit({**STUDY, "rows": 1000})["id"]
+    worker = lab.start_worker("--batch", "100", "--instance-seconds", "1", "--max-idle", "1")
+    until(lambda: lab.client.progress(study)["ok"] > 0)
+    os.kill(child_of(worker), signal.SIGKILL)
+    before = lab.client.progress(study)["ok"]
+    until(lambda: lab.client.progress(study)["ok"] > before)
+    os.kill(child_of(worker), signal.SIGSTOP)
+    assert worker.wait(30) == 0
+    progress = lab.client.progress(study)
+    assert (progress["state"], progress["ok"], progress["failed"]) == ("complete", 4000, 0)
+
+
+def test_results_wait_on_disk_while_the_coordinator_is_away_and_are_posted_later(lab: Lab) -> None:
+    study = lab.client.submit(STUDY)["id"]
+    worker = lab.start_worker("--batch", "1000")
+    until(lambda: lab.client.progress(study)["ok"] > 0)
+    child = hang_up(worker)
+    lab.coordinator.kill()
+    lab.coordinator.wait()
+    os.kill(child, signal.SIGCONT)
+    # What it has leased it goes on computing.
+    time.sleep(1.0)
+    for _ in range(2):
+        worker.send_signal(signal.SIGTERM)
+        time.sleep(0.3)
+    assert worker.wait(15) == 0
+    waiting = results_in(lab.folder / "spool")
+    assert waiting > 0
+
+    lab.start_coordinator()
+    before = lab.client.progress(study)["ok"]
+    heir = lab.start_worker("--batch", "10")
+    until(lambda: lab.client.progress(study)["ok"] >= before + waiting)
+    heir.send_signal(signal.SIGTERM)
+    assert heir.wait(20) == 0
+    by_worker = {known["id"]: known["instances_done"] for known in lab.client.workers()}
+    first = next(done for name, done in by_worker.items() if f"-{worker.pid}-" in name)
+    assert first >= waiting
+
+
+def test_a_worker_waits_for_a_coordinator_that_is_not_there_yet_and_outlasts_its_restart(
+    lab: Lab,
+) -> None:
+    lab.coordinator.terminate()
+    assert lab.coordinator.wait(20) == 0
+    worker = lab.start_worker("--batch", "50")
+    time.sleep(1.0)
+    assert worker.poll() is None
+    lab.start_coordinator()
+    study = lab.client.submit({**STUDY, "rows": 500})["id"]
+    until(lambda: lab.client.progress(study)["ok"] > 0)
+    lab.coordinator.kill()
+    lab.coordinator.wait()
+    lab.start_coordinator()
+    until(lambda: lab.client.progress(study)["state"] == "complete")
+    assert lab.client.progress(study)["ok"] == 2000
+    worker.terminate()
+    assert worker.wait(20) == 0
+
+
+def test_a_worker_with_a_wrong_token_says_so_in_one_sentence(lab: Lab) -> None:
+    worker = lab.start_worker("--token", "wrong")
+    assert worker.wait(20) == 1
+    log = (lab.folder / "worker-1.log").read_text()
+    assert "Traceback" not in log
+    assert log.splitlines()[-1].startswith("rehyb-worker: ")

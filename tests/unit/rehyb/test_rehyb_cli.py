@@ -1,0 +1,189 @@
+"""The command says in one sentence what is wrong, and by its exit status whose fault it is."""
+
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import httpx2
+import pytest
+
+from rehyb.cli import main
+from rehyb.client import Client
+
+Run = Callable[..., tuple[int, str, str]]
+
+STUDY = {
+    "id": "s1",
+    "name": "n",
+    "model": "ishigami",
+    "method": "morris",
+    "rows": 5,
+    "state": "running",
+    "instances": 20,
+}
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run the command and return its exit status, its output and its errors."""
+    monkeypatch.setenv("REHYB_TOKEN", "t")
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["rehyb", *arguments])
+        status = 0
+        try:
+            main()
+        except SystemExit as leaving:
+            status = int(leaving.code or 0)
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return run
+
+
+@pytest.fixture
+def sent(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+    """A coordinator that takes every study; what it was sent."""
+    bodies: list[dict[str, Any]] = []
+
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        if request.method == "POST":
+            bodies.append(json.loads(request.content))
+            return httpx2.Response(201, json=STUDY)
+        if request.url.path == "/v1/studies":
+            return httpx2.Response(200, json={"studies": [STUDY]})
+        return httpx2.Response(404, json={"detail": "there is no study s9: see /v1/studies"})
+
+    mocked = partial(Client, transport=httpx2.MockTransport(answer))
+    monkeypatch.setattr("rehyb.cli.studies.Client", mocked)
+    return bodies
+
+
+def test_a_study_is_submitted_from_options(run: Run, sent: list[dict[str, Any]]) -> None:
+    options = "--model ishigami --method morris --rows 5 --factor x1=0:1 --fix x2=0.5 --output y"
+    status, out, _ = run("study", "submit", *options.split())
+    assert (status, out) == (0, "s1  n: 20 instances\n")
+    assert sent == [
+        {
+            "name": "ishigami morris 5",
+            "model": "ishigami",
+            "method": "morris",
+            "rows": 5,
+            "factors": [{"name": "x1", "range": [0.0, 1.0]}],
+            "fixed": {"x2": 0.5},
+            "outputs": ["y"],
+        }
+    ]
+
+
+def test_options_win_over_a_study_file(
+    run: Run, sent: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    file = tmp_path / "study.json"
+    study = {"name": "n", "model": "ishigami", "method": "morris", "rows": 5}
+    file.write_text(json.dumps(study))
+    status, out, _ = run("study", "submit", str(file), "--rows", "7", "--json")
+    assert (status, json.loads(out)) == (0, STUDY)
+    assert sent == [{**study, "rows": 7}]
+
+
+def test_a_list_is_a_table_or_json(run: Run, sent: list[dict[str, Any]]) -> None:
+    assert "ishigami" in run("study", "list")[1]
+    assert json.loads(run("study", "list", "--json")[1]) == {"studies": [STUDY]}
+
+
+def test_what_the_coordinator_does_not_know_fails_in_its_words(
+    run: Run, sent: list[dict[str, Any]]
+) -> None:
+    status, out, err = run("study", "show", "s9")
+    assert (status, out, err) == (1, "", "rehyb: there is no study s9: see /v1/studies\n")
+
+
+def test_a_coordinator_that_is_not_there_fails_with_what_to_do(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("REHYB_URL", "http://127.0.0.1:9")
+    status, _, err = run("study", "list")
+    assert status == 1
+    assert "rehyb up" in err
+    assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("study submit --rows 5", "a study needs model, method: give --model --method, or a FILE"),
+        ("study submit no-such-file.json", "no-such-file.json cannot be read: No such file"),
+        ("study submit --factor x1", "'x1' is not of the form name=value"),
+        ("study submit --factor x1=3", "'x1=3' is not of the form NAME=LOW:HIGH"),
+        ("study submit --fix x1=much", "x1 must be a number, not 'much'"),
+        ("campaign run --directory d --preset huge", "no preset 'huge': take demo or paper"),
+        ("campaign run --directory d --model leg", "no model 'leg': take one of elbow, ishigami"),
+        ("campaign run --directory d --output z", "elbow has no output 'z': it has stiffness_err"),
+        ("assess --set leg_length=1", "there is no factor 'leg_length': take upper_arm_length"),
+        ("assess --set forearm_mass=heavy", "forearm_mass must be a number, not 'heavy'"),
+        ("assess --set forearm_mass=-1", "factor forearm_mass must be positive and finite"),
+        ("study", "Usage"),
+        ("no-such-command", "No such command"),
+    ],
+)
+def test_wrong_use_has_status_2_and_says_what_would_be_right(
+    run: Run, command: str, words: str
+) -> None:
+    status, out, err = run(*command.split())
+    assert status == 2
+    assert words in out + err
+    assert "Traceback" not in err
+
+
+def test_a_file_that_cannot_be_written_is_one_sentence(
+    run: Run, sent: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    status, _, err = run("study", "results", "s1", "--out", str(tmp_path / "no" / "r.csv"))
+    assert status == 1
+    assert err.endswith("r.csv.partial: No such file or directory\n")
+    assert len(err.splitlines()) == 1
+
+
+def test_a_coordinator_without_a_token_is_not_started(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("REHYB_TOKEN")
+    status, _, err = run("coordinator")
+    assert status == 2
+    assert err.startswith("rehyb: REHYB_TOKEN: ")
+    assert len(err.splitlines()) == 1
+
+
+def test_a_database_that_cannot_be_opened_is_one_sentence(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("REHYB_DATABASE_URL", "sqlite:////nowhere/at/all.sqlite3")
+    status, _, err = run("db", "upgrade")
+    assert (status, err) == (
+        1,
+        "rehyb: the database cannot be used: unable to open database file\n",
+    )
+
+
+def test_every_command_explains_itself_and_has_a_json_form(run: Run) -> None:
+    for command in (
+        "study submit",
+        "study list",
+        "study show",
+        "study progress",
+        "study indices",
+        "study cancel",
+        "study results",
+        "workers",
+        "campaign run",
+        "assess",
+        "validate",
+        "up",
+        "db upgrade",
+    ):
+        status, out, _ = run(*command.split(), "--help")
+        assert status == 0, command
+        assert "--json" in out, command

@@ -1,0 +1,152 @@
+"""The client speaks the coordinator's REST API and turns every refusal into an error to catch."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx2
+import pytest
+
+from rehyb import (
+    Client,
+    Conflict,
+    Invalid,
+    NotFound,
+    RehybError,
+    ServerError,
+    Unauthorized,
+    Unreachable,
+)
+
+Answer = Callable[[httpx2.Request], httpx2.Response]
+
+
+def client(answer: Answer) -> Client:
+    return Client("http://coordinator:1", "secret", transport=httpx2.MockTransport(answer))
+
+
+def always(status: int, **content: object) -> Answer:
+    return lambda request: httpx2.Response(status, **content)  # type: ignore[arg-type]
+
+
+def test_every_request_bears_the_token() -> None:
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        assert request.headers["Authorization"] == "Bearer secret"
+        return httpx2.Response(200, json={"studies": []})
+
+    assert client(answer).studies() == []
+
+
+def test_url_and_token_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("REHYB_URL", "http://lab:9000/")
+    monkeypatch.setenv("REHYB_TOKEN", "from the environment")
+
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        assert str(request.url) == "http://lab:9000/v1/workers"
+        return httpx2.Response(200, json={"workers": [{"id": "w"}]})
+
+    assert Client(transport=httpx2.MockTransport(answer)).workers() == [{"id": "w"}]
+
+
+def test_a_client_without_a_token_says_what_to_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("REHYB_TOKEN", raising=False)
+    with pytest.raises(Unauthorized, match="set REHYB_TOKEN"):
+        Client("http://lab:9000")
+
+
+def test_a_study_is_submitted_with_its_idempotency_key() -> None:
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        assert (request.method, request.url.path) == ("POST", "/v1/studies")
+        assert request.headers["Idempotency-Key"] == "k1"
+        return httpx2.Response(201, json={"id": "s1", **json.loads(request.content)})
+
+    assert client(answer).submit({"rows": 3}, idempotency_key="k1") == {"id": "s1", "rows": 3}
+
+
+@pytest.mark.parametrize(
+    ("status", "kind"),
+    [
+        (400, Invalid),
+        (401, Unauthorized),
+        (403, Unauthorized),
+        (404, NotFound),
+        (409, Conflict),
+        (413, Invalid),
+        (422, Invalid),
+        (500, ServerError),
+        (503, ServerError),
+    ],
+)
+def test_a_refusal_is_an_error_of_its_kind_in_the_coordinators_words(
+    status: int, kind: type[RehybError]
+) -> None:
+    problem = {"title": "No", "status": status, "detail": "rows must be at least 1"}
+    with pytest.raises(kind, match=r"^rows must be at least 1$") as caught:
+        client(always(status, json=problem)).study("s1")
+    assert type(caught.value) is kind
+    assert caught.value.problem == problem
+
+
+def test_a_refusal_says_where_in_the_request_the_faults_are() -> None:
+    errors = [{"pointer": "/rows", "detail": "is missing"}, {"pointer": "/seed", "detail": "is -1"}]
+    refusal = always(422, json={"detail": "the study cannot be used", "errors": errors})
+    with pytest.raises(Invalid, match="cannot be used: /rows is missing; /seed is -1"):
+        client(refusal).submit({})
+
+
+def test_a_refusal_by_something_that_is_no_coordinator_names_the_address() -> None:
+    with pytest.raises(ServerError, match="http://coordinator:1/v1/studies answered 502 Bad Gat"):
+        client(always(502, text="<html>proxy</html>")).studies()
+
+
+def test_an_answer_that_is_no_json_object_is_the_coordinators_fault() -> None:
+    with pytest.raises(ServerError, match="did not answer with a JSON object"):
+        client(always(200, text="hello")).study("s1")
+
+
+def test_silence_says_what_to_start_or_set() -> None:
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        raise httpx2.ConnectError("connection refused")
+
+    with pytest.raises(Unreachable, match=r"coordinator:1 \(connection refused\): .* `rehyb up`"):
+        client(answer).studies()
+
+
+def test_a_number_that_json_does_not_have_is_refused_before_it_is_sent() -> None:
+    with pytest.raises(Invalid, match="cannot be written as JSON"):
+        client(always(500)).submit({"fixed": {"x1": float("nan")}})
+
+
+def test_no_work_is_none_and_says_when_to_ask_again() -> None:
+    idle = client(always(204, headers={"Retry-After": "3"}))
+    assert idle.lease(worker={"id": "w"}, models=["ishigami"], max_instances=4) is None
+    assert idle.retry_after == 3.0
+
+
+def test_verdicts_come_back_even_when_some_results_are_refused() -> None:
+    verdicts = [{"instance": "i", "verdict": "conflict", "detail": "another value is there"}]
+    answered = client(always(409, json={"verdicts": verdicts, "title": "Conflict"})).post_results(
+        lease="l", fence=1, worker="w", results=[{"instance": "i"}]
+    )
+    assert answered == verdicts
+
+
+def test_waiting_ends_with_the_study_and_reports_on_the_way() -> None:
+    states = iter(["running", "running", "complete"])
+    seen: list[str] = []
+    last = client(lambda request: httpx2.Response(200, json={"state": next(states)})).wait(
+        "s1", poll_seconds=0.0, on_progress=lambda progress: seen.append(progress["state"])
+    )
+    assert last == {"state": "complete"}
+    assert seen == ["running", "running", "complete"]
+
+
+def test_results_are_downloaded_to_a_file(tmp_path: Path) -> None:
+    client(always(200, text="row,position\n0,0\n")).results_csv("s1", tmp_path / "r.csv")
+    assert (tmp_path / "r.csv").read_text() == "row,position\n0,0\n"
+
+
+def test_a_download_that_fails_leaves_no_file_behind(tmp_path: Path) -> None:
+    with pytest.raises(NotFound, match="no study"):
+        client(always(404, json={"detail": "no study s1"})).results_csv("s1", tmp_path / "r.csv")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,84 @@
+"""What README and docs name exists: targets, commands, routes, settings, outputs, links."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pydantic import SecretStr
+
+from server.app import create_app
+from server.settings import Settings
+from sim.catalogue import ELBOW
+from sim.validity import FAILURES
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
+SIMULATION = (ROOT / "docs" / "simulation.md").read_text()
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def test_every_make_target_in_the_readme_exists_and_says_what_it_does() -> None:
+    help_text = subprocess.run(
+        ["make", "help"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+    for target in set(re.findall(r"\bmake ([a-z]+)\b", README)):
+        assert f"make {target} " in help_text or target == "help"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_link_leads_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
+        if "://" not in target:
+            assert (page.parent / target).exists(), target
+
+
+def test_every_rehyb_command_in_the_readme_exists() -> None:
+    code = "\n".join(
+        re.findall(r"`([^`\n]+)`", README) + re.findall(r"```sh\n(.*?)```", README, re.S)
+    )
+    commands = set(re.findall(r"\brehyb ((?:study |campaign )?[a-z]+)", code))
+    verbs = re.search(r"rehyb study ([a-z]+(?:\|[a-z]+)+)", README)
+    assert verbs is not None
+    commands |= {f"study {verb}" for verb in verbs[1].split("|")}
+    assert {"up", "assess", "validate", "study submit", "study indices"} <= commands
+    for command in commands:
+        ran = subprocess.run(
+            [sys.executable, "-m", "rehyb", *command.split(), "--help"],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert ran.returncode == 0, f"rehyb {command}: {ran.stderr}"
+
+
+def test_every_documented_route_is_served_and_every_route_is_documented(tmp_path: Path) -> None:
+    settings = Settings(database_url=f"sqlite:///{tmp_path}/db", token=SecretStr("t"))
+    paths = create_app(settings).openapi()["paths"]
+    served = {
+        f"{method.upper()} {re.sub(r'{[a-z_]+}', '{id}', path)}"
+        for path, methods in paths.items()
+        for method in methods
+    }
+    documented = set()
+    for row in re.findall(r"^\| (`(?:GET|POST) .*?) \|", ARCHITECTURE, flags=re.MULTILINE):
+        verb = "GET"
+        for word in re.findall(r"`([^`]+)`", row):
+            verb, _, path = word.rpartition(" ") if " " in word else (verb, "", word)
+            documented.add(f"{verb} {path}")
+    assert served == documented
+
+
+def test_every_setting_is_in_the_readme() -> None:
+    for name in Settings.model_fields:
+        assert f"REHYB_{name.upper()}" in README
+
+
+def test_every_output_and_failure_is_explained() -> None:
+    for output in ELBOW.outputs:
+        assert output.removesuffix("_paper").removesuffix("_authors") in README
+    for failure in FAILURES:
+        assert f"`{failure}`" in SIMULATION

@@ -1,0 +1,57 @@
+"""`rehyb-worker` says in one sentence what is wrong."""
+
+from pathlib import Path
+
+import pytest
+
+from worker.cli import _default_spool, main
+
+
+def run(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str
+) -> tuple[int, str]:
+    monkeypatch.setattr("sys.argv", ["rehyb-worker", *arguments])
+    with pytest.raises(SystemExit) as leaving:
+        main()
+    assert isinstance(leaving.value.code, int)
+    captured = capsys.readouterr()
+    return leaving.value.code, captured.out + captured.err
+
+
+def test_without_a_token_it_says_what_to_set(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("REHYB_TOKEN", raising=False)
+    status, words = run(monkeypatch, capsys, "--url", "http://lab:9000")
+    assert status == 1
+    assert words.startswith("rehyb-worker: there is no token for http://lab:9000: set REHYB_TOKEN")
+
+
+@pytest.mark.parametrize(
+    "arguments", [("--processes", "0"), ("--batch", "none"), ("--instance-seconds", "0")]
+)
+def test_an_impossible_option_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: tuple[str, str]
+) -> None:
+    status, words = run(monkeypatch, capsys, *arguments)
+    assert status == 2
+    assert arguments[0] in words
+
+
+def test_its_help_names_every_option(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, words = run(monkeypatch, capsys, "--help")
+    assert status == 0
+    options = "url token processes max-idle batch instance-seconds spool"
+    assert all(f"--{option}" in words for option in options.split())
+
+
+def test_results_for_different_coordinators_wait_in_different_folders(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    first, second = _default_spool("http://a:1"), _default_spool("http://b:1")
+    assert first != second
+    assert first == _default_spool("http://a:1")
+    assert tmp_path in first.parents

@@ -1,0 +1,141 @@
+"""Whatever becomes of a child process, its instance gets exactly one well-formed result."""
+
+import json
+import os
+import signal
+import time
+from collections.abc import Iterator, Mapping
+
+import pytest
+
+from sim.evaluation import Evaluation
+from worker.pool import Finished, Pool
+
+
+def behave(model: str, parameters: Mapping[str, float]) -> Evaluation:
+    """Stand in for the simulation: the model's name says how it behaves."""
+    if model == "segfault":
+        os.kill(os.getpid(), signal.SIGSEGV)
+    if model == "exit":
+        os._exit(3)
+    if model == "hang":
+        time.sleep(60)
+    if model == "raise":
+        raise ZeroDivisionError("the arm has no length")
+    if model == "environment":
+        threads = float(os.environ["OMP_NUM_THREADS"])
+        outputs = {"threads": threads, "nice": float(os.nice(0))}
+        return Evaluation(outcome="ok", outputs=outputs, wall_seconds=0.0)
+    if model == "not_a_number":
+        return Evaluation(outcome="ok", outputs={"y": float("nan")}, wall_seconds=0.0)
+    if model == "unstable":
+        state = {"qpos": [0.1, float("inf")], "time": float("nan")}
+        return Evaluation(
+            outcome="unstable", outputs={}, reason="it blew up", state=state, wall_seconds=0.1
+        )
+    return Evaluation(outcome="ok", outputs={"y": parameters["x"] * 2.0}, wall_seconds=0.0)
+
+
+@pytest.fixture
+def pool() -> Iterator[Pool]:
+    pool = Pool(processes=1, instance_seconds=20.0, evaluate=behave)
+    yield pool
+    pool.kill()
+
+
+def instance(model: str, x: float = 1.0) -> dict[str, object]:
+    return {"id": f"{model}-{x}", "model": model, "parameters": {"x": x}}
+
+
+def finish(pool: Pool) -> Finished:
+    deadline = time.monotonic() + 30.0
+    while time.monotonic() < deadline:
+        if finished := pool.wait(0.5):
+            (one,) = finished
+            return one
+    raise AssertionError("nothing finished within 30 s")
+
+
+def compute(pool: Pool, model: str, x: float = 1.0) -> Finished:
+    pool.start(instance(model, x), ticket=x)
+    return finish(pool)
+
+
+def test_an_instance_comes_back_with_its_ticket_and_its_outputs(pool: Pool) -> None:
+    done = compute(pool, "double", 0.1)
+    assert done.ticket == 0.1
+    assert done.result["instance"] == "double-0.1"
+    assert (done.result["outcome"], done.result["outputs"]) == ("ok", {"y": 0.2})
+
+
+@pytest.mark.parametrize(("model", "how"), [("segfault", "SIGSEGV"), ("exit", "status 3")])
+def test_a_crash_is_a_result_and_the_next_instance_is_computed(
+    pool: Pool, model: str, how: str
+) -> None:
+    crashed = compute(pool, model).result
+    assert crashed["outcome"] == "crashed"
+    assert how in crashed["reason"]
+    assert compute(pool, "double").result["outcome"] == "ok"
+
+
+def test_an_exception_is_a_crash_with_its_traceback(pool: Pool) -> None:
+    crashed = compute(pool, "raise").result
+    assert crashed["outcome"] == "crashed"
+    assert crashed["reason"] == "ZeroDivisionError: the arm has no length"
+    assert "in behave" in crashed["state"]["traceback"]
+
+
+def test_a_hang_is_ended_and_reported_as_timed_out() -> None:
+    pool = Pool(processes=1, instance_seconds=1.5, evaluate=behave)
+    try:
+        began = time.monotonic()
+        hung = compute(pool, "hang").result
+        assert hung["outcome"] == "timed_out"
+        assert "1.5 s" in hung["reason"]
+        assert 1.5 <= time.monotonic() - began < 10.0
+        assert pool.free == 1
+    finally:
+        pool.kill()
+
+
+def test_an_output_that_is_no_number_is_a_failure_that_says_which(pool: Pool) -> None:
+    result = compute(pool, "not_a_number").result
+    assert (result["outcome"], result["outputs"]) == ("not_finite", {})
+    assert result["reason"] == "y came out as nan"
+
+
+def test_a_failure_keeps_its_name_and_a_state_that_is_plain_json(pool: Pool) -> None:
+    result = compute(pool, "unstable").result
+    assert (result["outcome"], result["reason"]) == ("unstable", "it blew up")
+    assert result["state"] == {"qpos": [0.1, None], "time": None}
+    json.dumps(result, allow_nan=False)
+
+
+def test_a_child_uses_one_thread_and_yields_to_others(pool: Pool) -> None:
+    outputs = compute(pool, "environment").result["outputs"]
+    assert outputs == {"threads": 1.0, "nice": float(os.nice(0)) + 5.0}
+
+
+def test_a_child_that_died_while_idle_costs_no_instance(pool: Pool) -> None:
+    compute(pool, "double")
+    (child,) = pool._idle
+    child._process.kill()
+    child._process.join()
+    assert compute(pool, "double", 3.0).result["outputs"] == {"y": 6.0}
+
+
+def test_signals_to_the_whole_group_do_not_interrupt_an_instance(pool: Pool) -> None:
+    compute(pool, "double")
+    (child,) = pool._idle
+    assert child._process.pid is not None
+    for number in (signal.SIGTERM, signal.SIGINT):
+        os.kill(child._process.pid, number)
+    assert compute(pool, "double", 2.0).result["outputs"] == {"y": 4.0}
+    assert pool._idle == [child]
+
+
+def test_more_than_one_instance_per_process_is_a_mistake(pool: Pool) -> None:
+    pool.start(instance("hang"), ticket=None)
+    assert (pool.free, pool.running) == (0, 1)
+    with pytest.raises(RuntimeError, match="busy"):
+        pool.start(instance("double"), ticket=None)

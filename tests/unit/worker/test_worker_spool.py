@@ -1,0 +1,103 @@
+"""A finished result is on disk until the coordinator has acknowledged it."""
+
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from worker.spool import Spool
+
+DIES_WITH_RESULTS = """
+import os, sys
+from pathlib import Path
+from worker.spool import Spool
+spool = Spool(Path(sys.argv[1]), "dead")
+for i in range(3):
+    spool.add(lease="lease-a", fence=4, result={"instance": f"i{i}", "outputs": {"y": 0.1 + i}})
+os._exit(9)
+"""
+
+
+def result(instance: str) -> dict[str, object]:
+    return {"instance": instance, "outcome": "ok", "outputs": {"y": 0.1}}
+
+
+def test_a_new_spool_has_nothing_to_post(tmp_path: Path) -> None:
+    assert Spool(tmp_path, "w").next_batch() is None
+
+
+def test_results_of_one_lease_are_posted_together_oldest_first(tmp_path: Path) -> None:
+    spool = Spool(tmp_path, "w")
+    for lease, instance in (("a", "1"), ("b", "2"), ("a", "3")):
+        spool.add(lease=lease, fence=1, result=result(instance))
+    first = spool.next_batch()
+    assert first is not None
+    assert (first.lease, first.worker) == ("a", "w")
+    assert [r["instance"] for r in first.results] == ["1", "3"]
+    spool.acknowledge(first.keys)
+    second = spool.next_batch()
+    assert second is not None
+    assert (second.lease, [r["instance"] for r in second.results]) == ("b", ["2"])
+
+
+def test_a_batch_is_offered_again_until_it_is_acknowledged(tmp_path: Path) -> None:
+    spool = Spool(tmp_path, "w")
+    spool.add(lease="a", fence=1, result=result("1"))
+    batch = spool.next_batch()
+    assert batch is not None
+    assert spool.next_batch() == batch
+    spool.acknowledge(batch.keys)
+    assert spool.next_batch() is None
+
+
+def test_a_batch_is_no_longer_than_asked(tmp_path: Path) -> None:
+    spool = Spool(tmp_path, "w")
+    for i in range(5):
+        spool.add(lease="a", fence=1, result=result(str(i)))
+    batch = spool.next_batch(limit=2)
+    assert batch is not None
+    assert [r["instance"] for r in batch.results] == ["0", "1"]
+
+
+def test_results_of_a_worker_that_died_are_adopted_with_its_name_and_fence(tmp_path: Path) -> None:
+    died = subprocess.run([sys.executable, "-c", DIES_WITH_RESULTS, str(tmp_path)], check=False)
+    assert died.returncode == 9
+    spool = Spool(tmp_path, "heir")
+    assert spool.adopt() == 3
+    batch = spool.next_batch()
+    assert batch is not None
+    assert (batch.lease, batch.fence, batch.worker) == ("lease-a", 4, "dead")
+    assert [r["outputs"]["y"] for r in batch.results] == [0.1, 1.1, 2.1]
+    assert [path.name for path in tmp_path.glob("*.spool")] == ["heir.spool"]
+
+
+def test_results_of_a_worker_that_lives_are_left_alone(tmp_path: Path) -> None:
+    living = Spool(tmp_path, "living")
+    living.add(lease="a", fence=1, result=result("1"))
+    assert Spool(tmp_path, "other").adopt() == 0
+    assert len(living) == 1
+
+
+def test_two_workers_cannot_share_a_spool(tmp_path: Path) -> None:
+    first = Spool(tmp_path, "w")
+    with pytest.raises(sqlite3.OperationalError, match="locked"):
+        Spool(tmp_path, "w")
+    first.close()
+
+
+def test_closing_keeps_what_is_not_acknowledged_and_removes_an_empty_file(tmp_path: Path) -> None:
+    full, empty = Spool(tmp_path, "full"), Spool(tmp_path, "empty")
+    full.add(lease="a", fence=1, result=result("1"))
+    full.close()
+    empty.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["full.spool"]
+    assert len(Spool(tmp_path, "full")) == 1
+
+
+def test_a_file_that_is_no_spool_is_left_alone(tmp_path: Path) -> None:
+    stray = tmp_path / "stray.spool"
+    stray.write_text("this is not a database, and long enough to be taken for the header of one")
+    assert Spool(tmp_path, "w").adopt() == 0
+    assert stray.exists()

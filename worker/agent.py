@@ -1,0 +1,306 @@
+"""The parent process of a worker: keeps leases alive, children busy and results safe."""
+
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from random import Random
+from typing import Any
+
+from rehyb.client import Client
+from rehyb.errors import Conflict, Invalid, NotFound, RehybError, ServerError, Unreachable
+from worker.backoff import full_jitter
+from worker.pool import Finished, Pool
+from worker.spool import Batch, Spool
+
+log = logging.getLogger(__name__)
+
+#: Seconds the loop waits for a child before it looks at the clock and at its signals again.
+TICK_SECONDS = 0.2
+#: Results wait at most this long for company before they are posted.
+POST_SECONDS = 0.5
+#: Work to ask for at once: little enough that the last rows of a study are spread over all
+#: workers, and much enough that asking does not matter.
+LEASE_SECONDS = 2.0
+#: Weight of the newest instance in the running mean of how long one takes.
+NEWEST_WEIGHT = 0.2
+#: A draining worker stays this long for a coordinator that is away; then the results stay on disk.
+FAREWELL_SECONDS = 10.0
+
+
+@dataclass(kw_only=True)
+class _Lease:
+    """Instances this worker has promised to compute."""
+
+    id: str
+    fence: int
+    ttl_seconds: float
+    renew_at: float
+    #: Instances without a result.
+    open: set[Any] = field(default_factory=set)
+    #: Some of it will not be computed here, so the coordinator is to be told.
+    given_up: bool = False
+
+    def extend(self, now: float) -> None:
+        self.renew_at = now + self.ttl_seconds / 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Ticket:
+    lease: _Lease
+    instance: Mapping[str, Any]
+
+
+def lease_size(seconds_each: float | None, processes: int, batch: int) -> int:
+    """Return how many instances to ask for at once.
+
+    Args:
+        seconds_each: how long one instance takes; None before the first is done.
+        processes: how many run at the same time.
+        batch: the most to ask for.
+    """
+    if seconds_each is None:
+        return min(processes, batch)
+    if seconds_each * batch <= LEASE_SECONDS * processes:
+        return batch
+    return max(1, int(LEASE_SECONDS * processes / seconds_each))
+
+
+class Agent:
+    """One worker, from its first lease to its last result.
+
+    Args:
+        client: the coordinator.
+        pool: the children.
+        spool: where results wait to be acknowledged.
+        worker: {"id", "host", "versions"} as the coordinator is to know this worker.
+        models: names of the models the children can evaluate.
+        batch: the most instances to ask for at once.
+        max_idle: leave after this many seconds without work; None: never.
+        rng: spreads the waits of many workers.
+    """
+
+    def __init__(
+        self,
+        *,
+        client: Client,
+        pool: Pool,
+        spool: Spool,
+        worker: Mapping[str, Any],
+        models: Sequence[str],
+        batch: int,
+        max_idle: float | None,
+        rng: Random,
+    ) -> None:
+        self._client = client
+        self._pool = pool
+        self._spool = spool
+        self._worker = worker
+        self._models = models
+        self._batch = batch
+        self._max_idle = max_idle
+        self._rng = rng
+        self._leases: list[_Lease] = []
+        self._queue: deque[_Ticket] = deque()
+        self._requests_to_stop = 0
+        self._draining_since: float | None = None
+        self._failures = 0
+        self._silent_until = 0.0
+        self._ask_at = 0.0
+        self._post_at = 0.0
+        self._seconds_each: float | None = None
+        self.finished = 0
+
+    def stop(self) -> None:
+        """Drain: finish what runs, post it, release the rest. Called again: release at once.
+
+        Safe to call from a signal handler.
+        """
+        self._requests_to_stop += 1
+
+    def run(self) -> None:
+        """Work until stopped or idle for too long.
+
+        Raises:
+            Unauthorized: the coordinator refuses the token; finished results stay on disk.
+        """
+        if adopted := self._spool.adopt():
+            log.info("found %d results of an earlier worker that nobody has acknowledged", adopted)
+        busy_at = time.monotonic()
+        try:
+            while self._requests_to_stop < 2:
+                self._keep(self._pool.wait(TICK_SECONDS))
+                now = time.monotonic()
+                if self._requests_to_stop and self._draining_since is None:
+                    self._drain(now)
+                self._feed()
+                if now >= self._silent_until:
+                    self._speak(now)
+                    self._feed()
+                if self._queue or self._pool.running:
+                    busy_at = now
+                elif (
+                    self._max_idle is not None
+                    and self._draining_since is None
+                    and now - busy_at >= self._max_idle
+                ):
+                    log.info("no work for %g s: leaving", self._max_idle)
+                    self.stop()
+                    self._drain(now)
+                if self._draining_since is not None and self._drained(now):
+                    break
+        finally:
+            self._leave()
+
+    def _drain(self, now: float) -> None:
+        log.info("draining: %d instances still run", self._pool.running)
+        self._draining_since = now
+        self._give_up(self._queue)
+        self._queue.clear()
+
+    def _drained(self, now: float) -> bool:
+        if self._pool.running:
+            # The farewell is counted from the moment the last result is there.
+            self._draining_since = now
+            return False
+        return not (self._leases or len(self._spool)) or (
+            now - (self._draining_since or now) > FAREWELL_SECONDS
+        )
+
+    def _leave(self) -> None:
+        """Tell the coordinator all it should know, once; what it does not hear expires or waits."""
+        self._pool.kill()
+        for lease in self._leases:
+            lease.given_up |= bool(lease.open)
+            lease.open.clear()
+        try:
+            while batch := self._spool.next_batch():
+                self._post(batch)
+            self._release()
+        except RehybError as error:
+            log.warning("left without a farewell: %s", error)
+        if left := len(self._spool):
+            log.warning("%d results stay on disk for the next worker to post", left)
+        self._spool.close()
+        log.info("finished %d instances", self.finished)
+
+    def _keep(self, finished: Sequence[Finished]) -> None:
+        for done in finished:
+            lease = done.ticket.lease
+            self._spool.add(lease=lease.id, fence=lease.fence, result=done.result)
+            lease.open.discard(done.result["instance"])
+            self.finished += 1
+            seconds = done.result["wall_seconds"]
+            before = seconds if self._seconds_each is None else self._seconds_each
+            self._seconds_each = before + NEWEST_WEIGHT * (seconds - before)
+
+    def _feed(self) -> None:
+        while self._queue and self._pool.free:
+            ticket = self._queue.popleft()
+            self._pool.start(ticket.instance, ticket)
+
+    def _speak(self, now: float) -> None:
+        """Post, renew, release and lease as is due; stay silent for a while if nobody answers."""
+        try:
+            if now >= self._post_at or any(not lease.open for lease in self._leases):
+                while batch := self._spool.next_batch():
+                    self._post(batch)
+                self._post_at = now + POST_SECONDS
+                self._release()
+            self._renew(now)
+            if self._draining_since is None and len(self._queue) < self._pool.processes:
+                self._lease(now)
+        except (Unreachable, ServerError) as error:
+            self._failures += 1
+            wait = full_jitter(self._failures, self._rng)
+            self._silent_until = now + wait
+            if self._failures == 1:
+                log.warning("%s; trying again, results are kept on disk", error)
+        else:
+            if self._failures:
+                log.info("the coordinator answers again")
+            self._failures = 0
+
+    def _post(self, batch: Batch) -> None:
+        try:
+            verdicts = self._client.post_results(
+                lease=batch.lease, fence=batch.fence, worker=batch.worker, results=batch.results
+            )
+        except Invalid as error:
+            if len(batch.results) > 1:
+                # One of them spoils the request for the others.
+                for key, result in zip(batch.keys, batch.results, strict=True):
+                    self._post(replace(batch, keys=(key,), results=(result,)))
+                return
+            log.error("the coordinator cannot use a result: %s: %s", error, batch.results[0])
+            self._spool.acknowledge(batch.keys)
+            return
+        # Whatever the verdict, it is final: posting the same result again would not change it.
+        self._spool.acknowledge(batch.keys)
+        for verdict in verdicts:
+            if verdict["verdict"] not in ("accepted", "duplicate"):
+                log.warning(
+                    "instance %s: %s: %s",
+                    verdict["instance"],
+                    verdict["verdict"],
+                    verdict.get("detail"),
+                )
+        for lease in self._leases:
+            if lease.id == batch.lease:
+                lease.extend(time.monotonic())
+
+    def _release(self) -> None:
+        """Let go of the leases in which nothing is open."""
+        for lease in [lease for lease in self._leases if not lease.open]:
+            if lease.given_up:
+                self._if_still_ours(partial(self._client.release, lease.id, lease.fence))
+            self._leases.remove(lease)
+
+    def _renew(self, now: float) -> None:
+        for lease in [lease for lease in self._leases if lease.open and now >= lease.renew_at]:
+            if self._if_still_ours(partial(self._client.renew, lease.id, lease.fence)):
+                lease.extend(now)
+                continue
+            log.warning("lease %s expired: its instances go to other workers", lease.id)
+            self._leases.remove(lease)
+            # What runs goes on: a result that arrives late is still taken if nobody was faster.
+            self._queue = deque(ticket for ticket in self._queue if ticket.lease is not lease)
+
+    @staticmethod
+    def _if_still_ours(call: Callable[[], object]) -> bool:
+        try:
+            call()
+        except (Conflict, NotFound):
+            return False
+        return True
+
+    def _lease(self, now: float) -> None:
+        if now < self._ask_at:
+            return
+        answer = self._client.lease(
+            worker=self._worker,
+            models=self._models,
+            max_instances=lease_size(self._seconds_each, self._pool.processes, self._batch),
+        )
+        if answer is None:
+            self._ask_at = now + self._client.retry_after * self._rng.uniform(0.5, 1.0)
+            return
+        lease = _Lease(
+            id=answer["id"],
+            fence=answer["fence"],
+            ttl_seconds=answer["ttl_seconds"],
+            renew_at=now + answer["ttl_seconds"] / 3.0,
+            open={instance["id"] for instance in answer["instances"]},
+        )
+        self._leases.append(lease)
+        self._queue.extend(
+            _Ticket(lease=lease, instance=instance) for instance in answer["instances"]
+        )
+
+    @staticmethod
+    def _give_up(tickets: Iterable[_Ticket]) -> None:
+        for ticket in tickets:
+            ticket.lease.open.discard(ticket.instance["id"])
+            ticket.lease.given_up = True

@@ -1,0 +1,138 @@
+"""Results on disk until the coordinator has acknowledged them.
+
+One SQLite file per running worker, held under SQLite's exclusive lock. The kernel drops the lock
+when the worker dies, however it dies, so an unlocked file in the folder is an orphan: the next
+worker that starts adopts what is in it.
+"""
+
+import json
+import logging
+import sqlite3
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+log = logging.getLogger(__name__)
+
+SUFFIX = ".spool"
+#: Results sent in one request.
+BATCH = 100
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """Results to be posted together."""
+
+    lease: str
+    fence: int
+    #: The worker that computed them: not this one if they were adopted.
+    worker: str
+    keys: tuple[int, ...]
+    results: tuple[dict[str, Any], ...]
+
+
+class Spool:
+    """The results of one worker that nobody has acknowledged.
+
+    Args:
+        directory: shared by the workers of one machine for one coordinator; made if missing.
+        worker: the worker's id, which names its file.
+    """
+
+    def __init__(self, directory: Path, worker: str) -> None:
+        directory.mkdir(parents=True, exist_ok=True)
+        self._worker = worker
+        self._path = directory / f"{worker}{SUFFIX}"
+        self._database = _open(self._path)
+
+    def __len__(self) -> int:
+        return int(self._database.execute("SELECT count(*) FROM results").fetchone()[0])
+
+    def add(self, *, lease: str, fence: int, result: Mapping[str, Any]) -> None:
+        """Keep one result; it survives the death of this process from here on."""
+        self._insert([(lease, fence, self._worker, json.dumps(result))])
+
+    def next_batch(self, limit: int = BATCH) -> Batch | None:
+        """Return the oldest results that share a lease, or None if everything is acknowledged."""
+        rows = self._database.execute(
+            """
+            SELECT key, lease, fence, worker, result FROM results
+            WHERE (lease, worker) = (SELECT lease, worker FROM results ORDER BY key LIMIT 1)
+            ORDER BY key LIMIT ?
+            """,
+            (limit,),
+        ).fetchall()
+        if not rows:
+            return None
+        _, lease, fence, worker, _ = rows[0]
+        return Batch(
+            lease=lease,
+            fence=fence,
+            worker=worker,
+            keys=tuple(row[0] for row in rows),
+            results=tuple(json.loads(row[4]) for row in rows),
+        )
+
+    def acknowledge(self, keys: Sequence[int]) -> None:
+        """Forget the results under `keys`: the coordinator has them, or will never take them."""
+        with self._database:
+            self._database.executemany(
+                "DELETE FROM results WHERE key = ?", [(key,) for key in keys]
+            )
+
+    def adopt(self) -> int:
+        """Take over the results that dead workers left in the folder; return how many."""
+        adopted = 0
+        for path in sorted(self._path.parent.glob(f"*{SUFFIX}")):
+            if path == self._path:
+                continue
+            try:
+                orphan = _open(path)
+            except sqlite3.DatabaseError as error:
+                # Locked: its worker lives. Anything else: a file that is no spool is not ours.
+                if "locked" not in str(error):
+                    log.warning("%s is not a spool: %s", path, error)
+                continue
+            rows = orphan.execute("SELECT lease, fence, worker, result FROM results").fetchall()
+            self._insert(rows)
+            with orphan:
+                orphan.execute("DELETE FROM results")
+            orphan.close()
+            path.unlink(missing_ok=True)
+            adopted += len(rows)
+        return adopted
+
+    def close(self) -> None:
+        """Close the file, and remove it if everything in it is acknowledged."""
+        empty = len(self) == 0
+        self._database.close()
+        if empty:
+            self._path.unlink(missing_ok=True)
+
+    def _insert(self, rows: Iterable[tuple[str, int, str, str]]) -> None:
+        with self._database:
+            self._database.executemany(
+                "INSERT INTO results (lease, fence, worker, result) VALUES (?, ?, ?, ?)", rows
+            )
+
+
+def _open(path: Path) -> sqlite3.Connection:
+    """Open and lock a spool file; sqlite3.OperationalError at once if another process has it."""
+    database = sqlite3.connect(path, timeout=0.0)
+    try:
+        database.execute("PRAGMA locking_mode = EXCLUSIVE")
+        # The kernel keeps what was written when a process dies. A result lost to a power cut is
+        # computed again after its lease expires, which is cheaper than a disk flush per result.
+        database.execute("PRAGMA synchronous = OFF")
+        database.execute("BEGIN EXCLUSIVE")
+        database.execute(
+            "CREATE TABLE IF NOT EXISTS results (key INTEGER PRIMARY KEY AUTOINCREMENT, "
+            "lease TEXT NOT NULL, fence INTEGER NOT NULL, worker TEXT NOT NULL, "
+            "result TEXT NOT NULL)"
+        )
+        database.commit()
+    except sqlite3.DatabaseError:
+        database.close()
+        raise
+    return database
