@@ -2,13 +2,10 @@
 
 import signal
 import socket
-import sys
 
 import uvicorn
-from pydantic import ValidationError
 
 from server.app import create_app
-from server.errors import SchemaError
 from server.settings import Settings
 from server.store import upgrade
 
@@ -55,20 +52,3 @@ class _AnnouncingServer(uvicorn.Server):
         if self.started and sockets:
             host, port = sockets[0].getsockname()[:2]
             print(f"listening on http://{f'[{host}]' if ':' in host else host}:{port}", flush=True)
-
-
-def main() -> None:
-    """Serve with the settings in the environment."""
-    try:
-        settings = Settings()
-    except ValidationError as error:
-        first = error.errors()[0]
-        sys.exit(f"REHYB_{str(first['loc'][0]).upper()}: {first['msg']}")
-    try:
-        serve(settings)
-    except (SchemaError, OSError) as error:
-        sys.exit(str(error))
-
-
-if __name__ == "__main__":
-    main()

@@ -19,8 +19,13 @@ class Model:
     name: str
     description: str
     factors: tuple[Factor, ...]
-    #: Every output a successful evaluation reports, in the order tables show them.
-    outputs: tuple[str, ...]
+    #: Every output a successful evaluation reports, in the order tables show them, and its unit.
+    units: Mapping[str, str]
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return tuple(self.units)
 
     def factor(self, name: str) -> Factor:
         """Return the factor called `name`; KeyError if the model has none."""
@@ -34,19 +39,17 @@ ELBOW = Model(
     name="elbow",
     description="Elbow stiffness assessment of the arm in the exoskeleton (paper, section 2.3)",
     factors=TABLE_1,
-    outputs=(
-        "stiffness_error",
-        "stiffness_estimate",
-        "stiffness_true",
-        "stiffness_error_paper",
-        "stiffness_estimate_paper",
-        "stiffness_true_paper",
-        "stiffness_error_authors",
-        "stiffness_estimate_authors",
-        "stiffness_true_authors",
-        "damping_estimate",
-        "peak_contact_force",
-        "tracking_rmse",
+    units=MappingProxyType(
+        {
+            f"stiffness_{quantity}{form}": "Nm/rad"
+            for form in ("", "_paper", "_authors")
+            for quantity in ("error", "estimate", "true")
+        }
+        | {
+            "damping_estimate": "Nm s/rad",
+            "peak_contact_force": "N",
+            "tracking_rmse": "rad",
+        }
     ),
 )
 
@@ -64,7 +67,7 @@ ISHIGAMI = Model(
         )
         for i in (1, 2, 3)
     ),
-    outputs=("y",),
+    units=MappingProxyType({"y": "1"}),
 )
 
 SOBOL_G = Model(
@@ -81,7 +84,7 @@ SOBOL_G = Model(
         )
         for i in range(1, 7)
     ),
-    outputs=("y",),
+    units=MappingProxyType({"y": "1"}),
 )
 
 MODELS: Mapping[str, Model] = MappingProxyType({m.name: m for m in (ELBOW, ISHIGAMI, SOBOL_G)})

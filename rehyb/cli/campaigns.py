@@ -49,6 +49,9 @@ def run(
     variance_rows: Annotated[
         int | None, typer.Option(min=2, help="Rows of phase 2. Default: the preset's.")
     ] = None,
+    sampling: Annotated[
+        str | None, typer.Option(help="sobol or latin_hypercube. Default: the preset's.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of both designs.")] = 1,
     url: Url = None,
     token: Token = None,
@@ -67,12 +70,13 @@ def run(
     outputs = MODELS[model].outputs
     if output is not None and output not in outputs:
         raise typer.BadParameter(f"{model} has no output {output!r}: it has {', '.join(outputs)}")
-    screening, variance = PRESETS[preset]
+    sizes = PRESETS[preset]
     plan = Plan(
         model=model,
         output=output or outputs[0],
-        screening_rows=screening_rows or screening,
-        variance_rows=variance_rows or variance,
+        screening_rows=screening_rows or sizes.screening_rows,
+        variance_rows=variance_rows or sizes.variance_rows,
+        sampling=sampling or sizes.sampling,
         seed=seed,
     )
     try:

@@ -1,6 +1,7 @@
 """Commands that simulate here and now: `assess` and `validate`."""
 
 import sys
+import time
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -29,6 +30,15 @@ def assess(
         Path | None,
         typer.Option(metavar="FILE.png", help="Draw the assessment.", show_default=False),
     ] = None,
+    controller: Annotated[
+        str, typer.Option(help="pid: as in the authors' code. pd: equation 19 to the letter.")
+    ] = "pid",
+    activation: Annotated[
+        float, typer.Option(help="Co-contraction of the elbow's muscles, 0 to 1.")
+    ] = 0.4,
+    elbow_friction: Annotated[
+        float, typer.Option(help="Coulomb friction of the robot's elbow, Nm.")
+    ] = 0.0,
     as_json: AsJson = False,
 ) -> None:
     """Simulate one elbow-stiffness assessment.
@@ -43,10 +53,14 @@ def assess(
         if name not in values:
             raise typer.BadParameter(f"there is no factor {name!r}: take {', '.join(values)}")
         values[name] = number(value, name)
+    started = time.perf_counter()
     try:
-        assessment = simulate(values)
+        assessment = simulate(
+            values, controller=controller, activation=activation, elbow_friction=elbow_friction
+        )
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
+    wall_seconds = time.perf_counter() - started
     if assessment.record is None:
         if record is not None or plot is not None:
             print("there is nothing to save or to draw: no motion was recorded", file=sys.stderr)
@@ -62,10 +76,12 @@ def assess(
         print_json(
             {
                 "outcome": assessment.outcome,
+                **assessment.outputs,
+                "wall_seconds": wall_seconds,
                 "reason": assessment.reason,
                 "parameters": values,
-                "outputs": dict(assessment.outputs),
                 "diagnostics": dict(assessment.diagnostics),
+                "state": assessment.state,
             }
         )
     else:
@@ -81,10 +97,7 @@ def validate(
     out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path("validation"),
     as_json: AsJson = False,
 ) -> None:
-    """Repeat the paper's validation experiments.
-
-    Exit status 1 if a quantity disagrees.
-    """
+    """Repeat the paper's validation experiments and say what agrees with its figures."""
     from sim.validation import validate as repeat
 
     report = repeat(out)
@@ -97,14 +110,14 @@ def validate(
         )
     else:
         _print_validation(report)
-    if not all(row.agrees for row in report.rows):
-        raise typer.Exit(1)
 
 
 def _print_assessment(outcome: str, reason: str, outputs: Mapping[str, float]) -> None:
     typer.echo(outcome if outcome == "ok" else f"{outcome}: {reason}")
+    from sim.catalogue import ELBOW
+
     for name, value in outputs.items():
-        typer.echo(f"  {name:28} {value: .6g}")
+        typer.echo(f"  {name:28} {value: 9.4f} {ELBOW.units[name]}")
 
 
 def _print_validation(report: Any) -> None:

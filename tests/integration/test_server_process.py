@@ -22,7 +22,7 @@ Start = Callable[..., "Coordinator"]
 
 
 class Coordinator:
-    """A process started by `python -m server.run`."""
+    """A process started by `rehyb coordinator`."""
 
     def __init__(self, database: Path, **settings: str) -> None:
         environment = {
@@ -34,7 +34,7 @@ class Coordinator:
             **settings,
         }
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "server.run"],
+            [sys.executable, "-m", "rehyb", "coordinator"],
             env=environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -102,15 +102,15 @@ def test_it_announces_itself_serves_and_stops_cleanly_on_a_signal(
 def test_without_a_token_it_says_so_in_a_sentence_and_does_not_start(tmp_path: Path) -> None:
     environment = {k: v for k, v in os.environ.items() if not k.startswith("REHYB_")}
     ended = subprocess.run(
-        [sys.executable, "-m", "server.run"],
+        [sys.executable, "-m", "rehyb", "coordinator"],
         env={**environment, "REHYB_DATABASE_URL": f"sqlite:///{tmp_path / 'x'}"},
         capture_output=True,
         text=True,
         timeout=30,
         check=False,
     )
-    assert ended.returncode == 1
-    assert ended.stderr.startswith("REHYB_TOKEN: ")
+    assert ended.returncode == 2
+    assert ended.stderr.startswith("rehyb: REHYB_TOKEN: ")
     assert "Traceback" not in ended.stderr
 
 
