@@ -41,12 +41,12 @@ def print_nominal() -> None:
 def print_differences() -> None:
     """Show what the authors' undeclared friction and mass do to the error in their own form."""
     print("\nError in the authors' form, with what their model has and their nominal model lacks")
-    for label, values, friction in (
-        ("ours", {}, 0.0),
-        ("+ 2.79 Nm Coulomb friction in the robot's elbow", {}, 2.79),
-        ("+ 1 kg more on the forearm (their strap: 1.2 kg)", {"forearm_mass": 1.962}, 0.0),
+    for label, values in (
+        ("ours", {}),
+        ("+ 2.79 Nm Coulomb friction in the robot's elbow", {"robot_friction": 2.79}),
+        ("+ 1 kg more on the forearm (their strap: 1.2 kg)", {"forearm_mass": 1.962}),
     ):
-        outputs = assess(values, elbow_friction=friction).outputs
+        outputs = assess(values).outputs
         print(f"  {label:50s} {outputs['stiffness_error_authors']:6.2f} Nm/rad")
 
 

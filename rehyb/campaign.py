@@ -155,7 +155,7 @@ class Campaign:
                 "fixed": {fixed.name: fixed.nominal},
                 "factors": [
                     {"name": factor.name, "range": [factor.low, factor.high]}
-                    for factor in model.factors
+                    for factor in model.sampled
                     if factor.name != fixed.name
                 ],
             },

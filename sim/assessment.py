@@ -13,17 +13,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from sim.conditions import split
 from sim.contact import InterfaceGauge
-from sim.control import CONTROLLERS, DURATION, START, elbow_reference
+from sim.control import CONTROLLERS, DURATION, START, extension_reference
 from sim.estimation import Fit, IllConditionedError, estimate_forms
-from sim.model import STEP, System, build_system, close_straps, reset_to_start, slacken_straps
+from sim.fidelity import FIDELITIES
+from sim.model import System, build_system, close_straps, reset_to_start, slacken_straps
 from sim.nominal import nominal_model
 from sim.record import Record, Recorder
 from sim.validity import Failure, Posture, check_outcome, check_posture, check_start
-from sim.wearer import wearer_of
 
-#: Co-contraction of the elbow's muscles (paper, section 2.3).
-ACTIVATION = 0.4
 #: Straps are pulled and the muscles' activation ramps up for so long, s.
 DONNING = 0.3
 #: The movement begins after so long, s; after 1.2 s one corner of Table 1 still moved.
@@ -63,35 +62,32 @@ def assess(
     values: Mapping[str, float],
     *,
     controller: str = "pid",
-    activation: float = ACTIVATION,
-    elbow_friction: float = 0.0,
+    fidelity: str = "campaign",
 ) -> Assessment:
     """Assess one wearer's elbow.
 
     Args:
-        values: factors of Table 1 (SI units); one left out is nominal.
+        values: factors of Table 1 and of `sim.factors.CONDITIONS` (SI units); one left out is
+            nominal.
         controller: "pid" (the authors' code) or "pd" (equation 19).
-        activation: co-contraction of the elbow's muscles, 0 to 1.
-        elbow_friction: Coulomb friction of the robot's elbow, Nm, unknown to the nominal model; the
-            authors' model has 2.79.
+        fidelity: a key of `sim.fidelity.FIDELITIES`.
 
     Raises:
-        ValueError: a factor or controller is unknown, or a value is out of its domain.
+        ValueError: a factor, controller or fidelity is unknown, or a value out of its domain.
     """
-    if controller not in CONTROLLERS:
-        raise ValueError(
-            f"unknown controller {controller!r}: expected one of {', '.join(CONTROLLERS)}"
-        )
-    if not 0.0 <= activation <= 1.0:
-        raise ValueError(f"activation must lie between 0 and 1, not {activation}")
-    if not 0.0 <= elbow_friction < float("inf"):
-        raise ValueError(f"elbow_friction must not be negative, not {elbow_friction} Nm")
-    system = build_system(wearer_of(values), CONTROLLERS[controller], elbow_friction=elbow_friction)
+    for what, name, known in (
+        ("controller", controller, CONTROLLERS),
+        ("fidelity", fidelity, FIDELITIES),
+    ):
+        if name not in known:
+            raise ValueError(f"unknown {what} {name!r}: expected one of {', '.join(known)}")
+    wearer, conditions = split(values)
+    system = build_system(wearer, CONTROLLERS[controller], conditions, FIDELITIES[fidelity])
     data = reset_to_start(system)
     record = None
     diagnostics: dict[str, float] = {}
     try:
-        _don_and_hold(system, data, activation)
+        _don_and_hold(system, data)
         record = _extend(system, data)
         outputs = _evaluate(record, diagnostics)
     except _FailedError as failed:
@@ -106,17 +102,18 @@ def assess(
     return Assessment(outcome="ok", outputs=outputs, diagnostics=diagnostics, record=record)
 
 
-def _don_and_hold(system: System, data: mujoco.MjData, activation: float) -> None:
+def _don_and_hold(system: System, data: mujoco.MjData) -> None:
     """Close the straps, wait until the arm rests, hand over from the locks to the controllers."""
     model = system.model
     stiffness = model.tendon_stiffness[system.straps].copy()
-    donning, hold = round(DONNING / STEP), round(HOLD / STEP)
+    step_seconds = system.fidelity.step
+    donning, hold = round(DONNING / step_seconds), round(HOLD / step_seconds)
     slacken_straps(system, data)
     lock_torque = []
     for step in range(hold):
         if step == donning:
             close_straps(system, data, stiffness)
-        data.ctrl[system.elbow_muscles] = activation * min(1.0, step / donning)
+        data.ctrl[system.elbow_muscles] = system.conditions.activation * min(1.0, step / donning)
         _step(system, data, "hold")
         if step >= hold - LOCK_AVERAGE:
             lock_torque.append(_lock_torque(system, data))
@@ -136,8 +133,13 @@ def _don_and_hold(system: System, data: mujoco.MjData, activation: float) -> Non
 def _extend(system: System, data: mujoco.MjData) -> Record:
     """Let the controllers follow the reference and record every step."""
     model = system.model
-    steps = round(DURATION / STEP)
-    reference, velocity = elbow_reference(np.arange(steps) * STEP)
+    steps = round(DURATION / system.fidelity.step)
+    reference, velocity = extension_reference(
+        np.arange(steps) * system.fidelity.step,
+        start=START[3],
+        amplitude=system.conditions.movement_amplitude,
+        rate=system.conditions.movement_rate,
+    )
     position_input = model.actuator_ctrladr[system.motors]
     gauge, recorder = InterfaceGauge(system), Recorder(system, steps)
     exo_range = tuple(model.jnt_range[model.dof_jntid[system.exo_dof[3]]])

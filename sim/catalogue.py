@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import pi
 from types import MappingProxyType
 
-from sim.factors import TABLE_1, Factor
+from sim.factors import CONDITIONS, TABLE_1, Factor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +27,11 @@ class Model:
         """Names of the outputs."""
         return tuple(self.units)
 
+    @property
+    def sampled(self) -> tuple[Factor, ...]:
+        """The factors a study samples unless it says otherwise."""
+        return tuple(factor for factor in self.factors if not factor.optional)
+
     def factor(self, name: str) -> Factor:
         """Return the factor called `name`; KeyError if the model has none."""
         for factor in self.factors:
@@ -38,7 +43,7 @@ class Model:
 ELBOW = Model(
     name="elbow",
     description="Elbow stiffness assessment of the arm in the exoskeleton (paper, section 2.3)",
-    factors=TABLE_1,
+    factors=TABLE_1 + CONDITIONS,
     units=MappingProxyType(
         {
             f"stiffness_{quantity}{form}": "Nm/rad"

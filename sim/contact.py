@@ -3,9 +3,8 @@
 import mujoco
 import numpy as np
 
-from sim.interface import CUFFS
 from sim.model import System
-from sim.soft_tissue import BONE_CLEARANCE, sleeves
+from sim.soft_tissue import BONE_CLEARANCE
 
 
 class InterfaceGauge:
@@ -14,14 +13,14 @@ class InterfaceGauge:
     def __init__(self, system: System) -> None:
         model = system.model
         self._limb_of_geom = system.limb_of_geom
-        self._sleeves = sleeves(system.wearer)
-        self._links = [model.body(cuff.link).id for cuff in CUFFS]
+        self._sleeves, self._cuffs = system.sleeves, system.cuffs
+        self._links = [model.body(cuff.link).id for cuff in self._cuffs]
         self._bones = [model.body(sleeve.bone).id for sleeve in self._sleeves]
         # Centre and both ends of each cuff's axis in its link, shape (3, 3).
         self._axes = [
             np.array(cuff.centre)
             + np.outer([0.0, -cuff.length / 2, cuff.length / 2], np.array(cuff.along, dtype=float))
-            for cuff in CUFFS
+            for cuff in self._cuffs
         ]
 
     def forces(self, data: mujoco.MjData) -> tuple[np.ndarray, float]:
@@ -57,7 +56,7 @@ class InterfaceGauge:
         tissue.
         """
         penetration, overhang = np.empty(2), np.empty(2)
-        for i, (sleeve, cuff) in enumerate(zip(self._sleeves, CUFFS, strict=True)):
+        for i, (sleeve, cuff) in enumerate(zip(self._sleeves, self._cuffs, strict=True)):
             link, bone = self._links[i], self._bones[i]
             world = data.xpos[link] + self._axes[i] @ data.xmat[link].reshape(3, 3).T
             local = (world - data.xpos[bone]) @ data.xmat[bone].reshape(3, 3)

@@ -1,7 +1,6 @@
 """The reference movement and the exoskeleton's controller (paper, section 2.3, equation 19)."""
 
 from dataclasses import dataclass
-from math import radians
 
 import numpy as np
 
@@ -23,25 +22,29 @@ CONTROLLERS = {"pid": PID, "pd": PD}
 
 #: Start of an elbow assessment: J1 to J4, rad (authors' code).
 START = np.radians([0.0, -90.0, 0.0, 110.0])
-#: Share of the start angle that the movement covers is 1/1.1 (authors' code).
-AMPLITUDE = radians(110.0) / 1.1
-#: Rate and centre of the sigmoid, 1/s and s.
-RATE, CENTRE = 2.0, 2.5
+#: Centre of the sigmoid, s; its amplitude and rate are conditions of an assessment.
+CENTRE = 2.5
 #: Duration of the movement, s.
 DURATION = 6.0
 
 
-def elbow_reference(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the elbow's desired angle (rad) and velocity (rad/s): a sigmoid extension from START.
+def extension_reference(
+    time: np.ndarray, *, start: float, amplitude: float, rate: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the moved joint's desired angle (rad) and velocity (rad/s): a sigmoid from `start`.
 
     Args:
         time: seconds since the movement began, shape (n,).
+        start: angle at time 0, rad.
+        amplitude: how far the angle falls in the end, rad (authors' code: 1/1.1 of the elbow's
+            start).
+        rate: of the sigmoid, 1/s (authors' code: 2).
 
     Returns:
-        Two arrays of shape (n,). The angle is exactly START at time 0.
+        Two arrays of shape (n,).
     """
-    sigmoid = 1.0 / (1.0 + np.exp(-RATE * (time - CENTRE)))
-    offset = 1.0 / (1.0 + np.exp(RATE * CENTRE))
-    angle = START[3] - AMPLITUDE * (sigmoid - offset)
-    velocity = -AMPLITUDE * RATE * sigmoid * (1.0 - sigmoid)
+    sigmoid = 1.0 / (1.0 + np.exp(-rate * (time - CENTRE)))
+    offset = 1.0 / (1.0 + np.exp(rate * CENTRE))
+    angle = start - amplitude * (sigmoid - offset)
+    velocity = -amplitude * rate * sigmoid * (1.0 - sigmoid)
     return angle, velocity

@@ -11,6 +11,8 @@ from math import radians
 
 import mujoco
 
+from sim.control import Gains
+
 
 @dataclass(frozen=True, kw_only=True)
 class Link:
@@ -94,21 +96,21 @@ MOTOR_GROUP = 1
 
 def add_exoskeleton(
     spec: mujoco.MjSpec,
+    gains: Gains,
     *,
-    kp: float,
-    kv: float,
-    ki: float,
-    elbow_friction: float = 0.0,
+    friction: float = 0.0,
+    joint: str = ELBOW_JOINT,
     links: tuple[Link, ...] = NESM,
 ) -> None:
     """Add the chain with a controller in the engine on every joint.
 
+    The derivative gain is implicit in the integrator, hence stable at every step.
+
     Args:
         spec: the model under construction.
-        kp: proportional gain, Nm/rad.
-        kv: derivative gain, Nm s/rad; implicit in the integrator, hence stable at every step.
-        ki: integral gain, Nm/(rad s); 0 for the paper's equation 19.
-        elbow_friction: Coulomb friction of the last joint, Nm, which the nominal model never knows.
+        gains: of every motor.
+        friction: Coulomb friction of `joint`, Nm, which the nominal model never knows.
+        joint: the joint that has it.
         links: the device.
     """
     body = spec.worldbody
@@ -127,7 +129,7 @@ def add_exoskeleton(
             limited=mujoco.mjtLimited.mjLIMITED_TRUE,
             damping=[JOINT_DAMPING, 0.0, 0.0],
             armature=MOTOR_INERTIA,
-            frictionloss=elbow_friction if link is links[-1] else 0.0,
+            frictionloss=friction if link.joint == joint else 0.0,
         )
         motor = spec.add_actuator(
             name=f"{link.joint}_motor",
@@ -137,7 +139,7 @@ def add_exoskeleton(
             forcerange=[-MOTOR_LIMIT, MOTOR_LIMIT],
             group=MOTOR_GROUP,
         )
-        motor.set_to_pid(kp=kp, kv=kv, ki=ki)
+        motor.set_to_pid(kp=gains.kp, kv=gains.kv, ki=gains.ki)
     _draw(spec)
 
 

@@ -25,6 +25,8 @@ class Factor:
     high: float
     nominal: float
     description: str
+    #: Whether a study samples it only if told to.
+    optional: bool = False
 
 
 #: Paper, Table 1.
@@ -80,3 +82,37 @@ TABLE_1: tuple[Factor, ...] = (
 )
 
 NOMINAL: Mapping[str, float] = {factor.name: factor.nominal for factor in TABLE_1}
+
+
+def _condition(
+    name: str, unit: str, low: float, high: float, nominal: float, description: str
+) -> Factor:
+    return Factor(
+        name=name,
+        unit=unit,
+        low=low,
+        high=high,
+        nominal=nominal,
+        description=description,
+        optional=True,
+    )
+
+
+#: Not in the paper's Table 1, off unless a study asks for them. Ranges are what a lab may meet.
+CONDITIONS: tuple[Factor, ...] = (
+    _condition("activation", "1", 0.2, 0.5, 0.4, "co-contraction of the joint's muscles"),
+    _condition(
+        "cuff_friction", "1", 0.1, 0.5, 0.3, "Coulomb friction of cuff and strap on the arm"
+    ),
+    _condition("strap_tension", "N", 15.0, 60.0, 30.0, "tension each strap is closed with"),
+    _condition("tissue_scale", "1", 0.2, 1.0, 1.0, "stiffness and viscosity of all tissue"),
+    _condition(
+        "cuff_position", "m", -0.02, 0.02, 0.0, "forearm cuff, from its place towards the hand"
+    ),
+    _condition(
+        "cuff_compliance", "m/N", 0.0, 0.002, 0.0, "forearm cuff on a slide along the forearm"
+    ),
+    _condition("robot_friction", "Nm", 0.0, 3.0, 0.0, "Coulomb friction of the joint, undeclared"),
+    _condition("movement_amplitude", "rad", 1.2, 1.75, 1.7453292519943295, "range of the movement"),
+    _condition("movement_rate", "1/s", 1.5, 3.0, 2.0, "rate of the sigmoid"),
+)

@@ -5,29 +5,24 @@ springs over the open half. Tissue touches only its own cuff and strap, through 
 pairs.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import cos, pi, radians, sin, tan
 
 import mujoco
 import numpy as np
 
-from sim.soft_tissue import PER_RING, RINGS, Sleeve, element_name, set_contact
+from sim.fidelity import CAMPAIGN, Fidelity
+from sim.soft_tissue import Sleeve, element_name, set_contact
 
-#: Boxes of a cuff and particles across a strap: both span half a circle.
-ACROSS = 6
-#: Rows of a strap along the limb.
-ROWS = 2
+#: Boxes of a cuff, which span half a circle.
+BOXES = 6
 CUFF_THICKNESS = 0.030
 STRAP_THICKNESS = 0.020
 #: Weight of one strap, kg; the nominal model knows it.
 STRAP_MASS = 0.05
-#: Inertia of a particle's slides, kg, chosen like that of the tissue's elements.
-PARTICLE_INERTIA = 4.0
-#: Tension of each strap row when it is closed, N.
-STRAP_TENSION = 15.0
-#: Stiffness of one strap row from rim to rim, N/m, and damping of its segments, N s/m.
-ROW_STIFFNESS = 5000.0
+#: Stiffness of a strap from rim to rim, N/m, and damping of each of its segments, N s/m.
+STRAP_STIFFNESS = 10_000.0
 SEGMENT_DAMPING = 100.0
 #: Stiffness between the rows (N/m), against bending (N/m), and of the edges in the cuff (N/m).
 BETWEEN_ROWS, BENDING, EDGE = 10_000.0, 200.0, 500.0
@@ -36,8 +31,10 @@ PARTICLE_DAMPING = 20.0
 CONTACT_SECTOR = radians(80.0)
 #: Rim of a cuff: where strap ends are fixed, in inner radii.
 RIM = 1.03
-
-SEGMENTS = ACROSS + 1
+#: Body and joint of the slide.
+SLIDE = "forearm_cuff_slide"
+#: A cuff on a slide: inertia, kg, and damping, N s/m.
+SLIDE_INERTIA, SLIDE_DAMPING = 1.0, 20.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +49,10 @@ class Cuff:
     opening: tuple[int, int, int]
     length: float
     radius: float
+    #: Strap particles along the limb and across it.
+    rows: int = CAMPAIGN.strap_rows
+    across: int = CAMPAIGN.strap_across
+    particle_inertia: float = CAMPAIGN.particle_inertia
 
     @property
     def wall(self) -> np.ndarray:
@@ -69,16 +70,16 @@ class Cuff:
 
     @property
     def cuff_angles(self) -> list[float]:
-        return [pi / 2 + (i + 0.5) * pi / ACROSS for i in range(ACROSS)]
+        return [pi / 2 + (i + 0.5) * pi / BOXES for i in range(BOXES)]
 
     @property
     def strap_angles(self) -> list[float]:
-        return [-pi / 2 + (i + 0.5) * pi / ACROSS for i in range(ACROSS)]
+        return [-pi / 2 + (i + 0.5) * pi / self.across for i in range(self.across)]
 
     @property
     def row_offsets(self) -> list[float]:
         """Position of each strap row along the limb from the centre, m."""
-        return [(row + 0.5) * self.length / ROWS - self.length / 2 for row in range(ROWS)]
+        return [(row + 0.5) * self.length / self.rows - self.length / 2 for row in range(self.rows)]
 
 
 #: The upper arm's cuff sits distally, where it can carry the elbow's reaction; the forearm's is
@@ -105,6 +106,47 @@ CUFFS = (
 )
 
 
+def cuffs(fidelity: Fidelity, *, position: float = 0.0, slides: bool = False) -> tuple[Cuff, Cuff]:
+    """Return both cuffs as divided at a fidelity.
+
+    Args:
+        fidelity: how finely the straps are divided.
+        position: the forearm's cuff moved towards the hand, m.
+        slides: whether the forearm's cuff is carried by a slide of its own.
+    """
+    upper_arm, forearm = (
+        replace(
+            cuff,
+            rows=fidelity.strap_rows,
+            across=fidelity.strap_across,
+            particle_inertia=fidelity.particle_inertia,
+        )
+        for cuff in CUFFS
+    )
+    moved = np.array(forearm.centre) + position * np.array(forearm.along)
+    return upper_arm, replace(
+        forearm,
+        centre=(float(moved[0]), float(moved[1]), float(moved[2])),
+        link=SLIDE if slides else forearm.link,
+    )
+
+
+def add_slide(spec: mujoco.MjSpec, compliance: float) -> None:
+    """Add the slide that may carry the forearm's cuff along the forearm; `compliance` in m/N."""
+    forearm = CUFFS[1]
+    slide = spec.body(forearm.link).add_body(name=SLIDE)
+    slide.explicitinertial = True
+    slide.mass, slide.inertia = 1e-6, [1e-9] * 3
+    slide.add_joint(
+        name=SLIDE,
+        type=mujoco.mjtJoint.mjJNT_SLIDE,
+        axis=list(forearm.along),
+        stiffness=[1.0 / compliance, 0.0, 0.0],
+        damping=[SLIDE_DAMPING, 0.0, 0.0],
+        armature=SLIDE_INERTIA,
+    )
+
+
 def cuff_box_name(cuff: Cuff, index: int) -> str:
     return f"{cuff.name}_cuff_{index}"
 
@@ -115,13 +157,15 @@ def particle_name(cuff: Cuff, row: int, index: int) -> str:
 
 def segment_names(cuff: Cuff) -> list[str]:
     """Return the names of the tendons that carry the strap's tension."""
-    return [f"{cuff.name}_band_{row}_{i}" for row in range(ROWS) for i in range(SEGMENTS)]
+    return [
+        f"{cuff.name}_band_{row}_{i}" for row in range(cuff.rows) for i in range(cuff.across + 1)
+    ]
 
 
 def add_cuff(spec: mujoco.MjSpec, cuff: Cuff) -> None:
     """Add the cuff's boxes to its link."""
     link = spec.body(cuff.link)
-    half_width = (cuff.radius + CUFF_THICKNESS) * tan(pi / ACROSS / 2)
+    half_width = (cuff.radius + CUFF_THICKNESS) * tan(pi / BOXES / 2)
     for i, angle in enumerate(cuff.cuff_angles):
         centre = np.array(cuff.centre) + (cuff.radius + CUFF_THICKNESS / 2) * cuff.normal(angle)
         _add_box(
@@ -150,7 +194,7 @@ def add_strap(spec: mujoco.MjSpec, cuff: Cuff) -> None:
             _add_particle(link, cuff, row, i, middle, angle)
         sites = [
             f"{cuff.name}_rim_{row}_low",
-            *(particle_name(cuff, row, i) for i in range(ACROSS)),
+            *(particle_name(cuff, row, i) for i in range(cuff.across)),
             f"{cuff.name}_rim_{row}_high",
         ]
         for i, ends in enumerate(pairwise(sites)):
@@ -158,11 +202,11 @@ def add_strap(spec: mujoco.MjSpec, cuff: Cuff) -> None:
                 spec,
                 f"{cuff.name}_band_{row}_{i}",
                 ends,
-                stiffness=SEGMENTS * ROW_STIFFNESS,
+                stiffness=(cuff.across + 1) * STRAP_STIFFNESS / cuff.rows,
                 damping=SEGMENT_DAMPING,
                 width=0.003,
             )
-        for i in range(ACROSS - 1):
+        for i in range(cuff.across - 1):
             a, b = (f"{particle_name(cuff, row, j)}_radial" for j in (i, i + 1))
             bending = spec.add_tendon(
                 name=f"{cuff.name}_bending_{row}_{i}",
@@ -171,8 +215,8 @@ def add_strap(spec: mujoco.MjSpec, cuff: Cuff) -> None:
             )
             bending.wrap_joint(a, 1.0)
             bending.wrap_joint(b, -1.0)
-    for row in range(ROWS - 1):
-        for i in range(ACROSS):
+    for row in range(cuff.rows - 1):
+        for i in range(cuff.across):
             _add_spring(
                 spec,
                 f"{cuff.name}_between_{row}_{i}",
@@ -183,25 +227,22 @@ def add_strap(spec: mujoco.MjSpec, cuff: Cuff) -> None:
             )
 
 
-def add_contacts(spec: mujoco.MjSpec, cuff: Cuff, sleeve: Sleeve) -> None:
+def add_contacts(spec: mujoco.MjSpec, cuff: Cuff, sleeve: Sleeve, friction: float) -> None:
     """Let the sleeve's elements meet the boxes and particles that face them."""
     faces = [(cuff_box_name(cuff, i), angle) for i, angle in enumerate(cuff.cuff_angles)]
     faces += [
         (particle_name(cuff, row, i), angle)
-        for row in range(ROWS)
+        for row in range(cuff.rows)
         for i, angle in enumerate(cuff.strap_angles)
     ]
-    for ring in range(RINGS):
-        for index in range(PER_RING):
-            _, normal = sleeve.element(ring, index)
-            for box, angle in faces:
-                # In the zero pose the bone's y axis points out of the opening, its z axis to the
-                # wall.
-                if normal[1] * cos(angle) + normal[2] * sin(angle) <= cos(CONTACT_SECTOR):
-                    continue
-                set_contact(
-                    spec.add_pair(geomname1=element_name(sleeve, ring, index), geomname2=box)
-                )
+    for ring, index in sleeve.places:
+        _, normal = sleeve.element(ring, index)
+        for box, angle in faces:
+            # In the zero pose the bone's y axis points out of the opening, its z axis to the wall.
+            if normal[1] * cos(angle) + normal[2] * sin(angle) <= cos(CONTACT_SECTOR):
+                continue
+            pair = spec.add_pair(geomname1=element_name(sleeve, ring, index), geomname2=box)
+            set_contact(pair, friction)
 
 
 def _add_particle(
@@ -211,7 +252,7 @@ def _add_particle(
     frame = cuff.box_frame(angle)
     tangent, normal, along = frame.T
     body = link.add_body(name=name, pos=middle + (cuff.radius + STRAP_THICKNESS / 2) * normal)
-    at_edge = index in (0, ACROSS - 1)
+    at_edge = index in (0, cuff.across - 1)
     for direction, axis, stiffness in (
         ("radial", normal, 0.0),
         ("tangential", tangent, EDGE if at_edge else 0.0),
@@ -223,7 +264,7 @@ def _add_particle(
             axis=axis,
             stiffness=[stiffness, 0.0, 0.0],
             damping=[PARTICLE_DAMPING, 0.0, 0.0],
-            armature=PARTICLE_INERTIA,
+            armature=cuff.particle_inertia,
         )
     body.add_site(
         name=name,
@@ -236,11 +277,11 @@ def _add_particle(
         np.zeros(3),
         frame=frame,
         size=[
-            (cuff.radius + STRAP_THICKNESS) * tan(pi / ACROSS / 2),
+            (cuff.radius + STRAP_THICKNESS) * tan(pi / cuff.across / 2),
             STRAP_THICKNESS / 2,
-            cuff.length / ROWS / 2,
+            cuff.length / cuff.rows / 2,
         ],
-        mass=STRAP_MASS / (ROWS * ACROSS),
+        mass=STRAP_MASS / (cuff.rows * cuff.across),
         rgba=(0.15, 0.15, 0.18, 0.6),
     )
 

@@ -8,9 +8,19 @@ import mujoco
 import numpy as np
 from scipy.optimize import brentq
 
+from sim.conditions import DEFAULT_CONDITIONS, Conditions
 from sim.control import START, Gains
 from sim.exoskeleton import JOINTS, MOTOR_GROUP, add_exoskeleton
-from sim.interface import CUFFS, STRAP_TENSION, add_contacts, add_cuff, add_strap, segment_names
+from sim.fidelity import CAMPAIGN, Fidelity
+from sim.interface import (
+    Cuff,
+    add_contacts,
+    add_cuff,
+    add_slide,
+    add_strap,
+    cuffs,
+    segment_names,
+)
 from sim.muscles import ELBOW_EXTENSORS, ELBOW_FLEXORS, add_muscles
 from sim.skeleton import (
     ELBOW,
@@ -20,7 +30,7 @@ from sim.skeleton import (
     empty_spec,
     upper_arm_point,
 )
-from sim.soft_tissue import PER_RING, RINGS, add_soft_tissue, element_name, sleeves
+from sim.soft_tissue import Sleeve, add_soft_tissue, element_name, sleeves
 from sim.wearer import Wearer
 
 if mujoco.__version__ == "4.0.0":
@@ -32,16 +42,18 @@ if mujoco.__version__ == "4.0.0":
 # MuJoCo would append each warning to a file in the working directory; ours are named outcomes.
 mujoco.set_mju_user_warning(lambda message: None)
 
-#: Time step, s.
-STEP = 0.01
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class System:
     """A compiled model and where its parts are; index arrays follow the names they come from."""
 
     wearer: Wearer
+    conditions: Conditions
+    fidelity: Fidelity
     gains: Gains
+    #: Tissue of upper arm and forearm, and the cuff and strap of each.
+    sleeves: tuple[Sleeve, Sleeve]
+    cuffs: tuple[Cuff, Cuff]
     model: mujoco.MjModel
 
     @cached_property
@@ -81,27 +93,26 @@ class System:
     def straps(self) -> np.ndarray:
         """Tendon index of every segment that carries strap tension."""
         return np.array(
-            [self.model.tendon(name).id for cuff in CUFFS for name in segment_names(cuff)]
+            [self.model.tendon(name).id for cuff in self.cuffs for name in segment_names(cuff)]
         )
 
     @cached_property
     def limb_of_geom(self) -> np.ndarray:
         """For each geom the number of the sleeve it is an element of, or -1; shape (ngeom,)."""
         limb = np.full(self.model.ngeom, -1)
-        for number, sleeve in enumerate(sleeves(self.wearer)):
-            for ring in range(RINGS):
-                for index in range(PER_RING):
-                    limb[self.model.geom(element_name(sleeve, ring, index)).id] = number
+        for number, sleeve in enumerate(self.sleeves):
+            for ring, index in sleeve.places:
+                limb[self.model.geom(element_name(sleeve, ring, index)).id] = number
         return limb
 
     def _joints(self, names: tuple[str, ...], attribute: str) -> np.ndarray:
         return np.array([getattr(self.model.joint(name), attribute)[0] for name in names])
 
 
-def set_solver(spec: mujoco.MjSpec) -> None:
+def set_solver(spec: mujoco.MjSpec, step: float) -> None:
     """Choose step, integrator, cone and solver: these need three to four iterations a step."""
     option = spec.option
-    option.timestep = STEP
+    option.timestep = step
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
@@ -113,26 +124,42 @@ def set_solver(spec: mujoco.MjSpec) -> None:
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
 
 
-def build_system(wearer: Wearer, gains: Gains, *, elbow_friction: float = 0.0) -> System:
-    """Build and compile the whole system for one wearer; the start pose is not yet set.
-
-    `elbow_friction` is the Coulomb friction of the robot's elbow, Nm.
-    """
+def build_system(
+    wearer: Wearer,
+    gains: Gains,
+    conditions: Conditions = DEFAULT_CONDITIONS,
+    fidelity: Fidelity = CAMPAIGN,
+) -> System:
+    """Build and compile the whole system for one wearer; the start pose is not yet set."""
+    parts = sleeves(wearer, tissue_scale=conditions.tissue_scale, fidelity=fidelity)
+    holders = cuffs(
+        fidelity, position=conditions.cuff_position, slides=conditions.cuff_compliance > 0.0
+    )
     spec = empty_spec()
-    set_solver(spec)
+    set_solver(spec, fidelity.step)
     add_torso(spec)
     add_arm(spec, wearer)
     add_muscles(spec, wearer)
-    add_exoskeleton(spec, kp=gains.kp, kv=gains.kv, ki=gains.ki, elbow_friction=elbow_friction)
-    for cuff, sleeve in zip(CUFFS, sleeves(wearer), strict=True):
+    add_exoskeleton(spec, gains, friction=conditions.robot_friction)
+    if conditions.cuff_compliance > 0.0:
+        add_slide(spec, conditions.cuff_compliance)
+    for cuff, sleeve in zip(holders, parts, strict=True):
         add_soft_tissue(spec, sleeve)
         add_cuff(spec, cuff)
         add_strap(spec, cuff)
-        add_contacts(spec, cuff, sleeve)
+        add_contacts(spec, cuff, sleeve, conditions.cuff_friction)
     for joint, angle in zip(JOINTS, START, strict=True):
         _add_lock(spec, joint, angle)
     _set_the_scene(spec)
-    return System(wearer=wearer, gains=gains, model=spec.compile())
+    return System(
+        wearer=wearer,
+        conditions=conditions,
+        fidelity=fidelity,
+        gains=gains,
+        sleeves=parts,
+        cuffs=holders,
+        model=spec.compile(),
+    )
 
 
 def reset_to_start(system: System) -> mujoco.MjData:
@@ -145,21 +172,20 @@ def reset_to_start(system: System) -> mujoco.MjData:
     data = mujoco.MjData(system.model)
     data.qpos[system.exo_qpos] = START
     data.qpos[system.human_qpos] = START
-    data.qpos[system.human_qpos[3]] = seated_elbow_angle(system.wearer)
+    data.qpos[system.human_qpos[3]] = seated_elbow_angle(system)
     data.eq_active[system.locks] = 1
     system.model.opt.disableactuator |= 1 << MOTOR_GROUP
     return data
 
 
-def seated_elbow_angle(wearer: Wearer) -> float:
+def seated_elbow_angle(system: System) -> float:
     """Return the elbow angle (rad) at which the forearm's axis meets the centre of its cuff.
 
     Solved in the plane of flexion with the exoskeleton at START. When no angle does (an arm too
     long for it), the angle that comes closest within the elbow's reach.
     """
-    elbow = upper_arm_point(wearer, ELBOW)[[0, 2]]
-    sleeve = sleeves(wearer)[1]
-    cuff = CUFFS[1]
+    elbow = upper_arm_point(system.wearer, ELBOW)[[0, 2]]
+    sleeve, cuff = system.sleeves[1], system.cuffs[1]
     exo_elbow = np.array([0.25, 0.0])
     normal_offset, along = cuff.centre[0], cuff.centre[1]
     angle = START[3]
@@ -181,7 +207,7 @@ def slacken_straps(system: System, data: mujoco.MjData) -> None:
     model, straps = system.model, system.straps
     mujoco.mj_fwdPosition(model, data)
     give = 0.1
-    model.tendon_stiffness[straps] = STRAP_TENSION / give
+    model.tendon_stiffness[straps] = row_tensions(system) / give
     model.tendon_lengthspring[straps] = (data.ten_length[straps] - give)[:, None]
 
 
@@ -189,9 +215,20 @@ def close_straps(system: System, data: mujoco.MjData, stiffness: np.ndarray) -> 
     """Close the buckles: the strap keeps its present tension and regains its stiffness (N/m)."""
     model, straps = system.model, system.straps
     mujoco.mj_fwdPosition(model, data)
-    rest = data.ten_length[straps] - STRAP_TENSION / stiffness
+    rest = data.ten_length[straps] - row_tensions(system) / stiffness
     model.tendon_stiffness[straps] = stiffness
     model.tendon_lengthspring[straps] = rest[:, None]
+
+
+def row_tensions(system: System) -> np.ndarray:
+    """Return the tension of each strap segment when closed, N: rows share a strap's tension."""
+    return np.array(
+        [
+            system.conditions.strap_tension / cuff.rows
+            for cuff in system.cuffs
+            for _ in segment_names(cuff)
+        ]
+    )
 
 
 def _direction(angle: float) -> np.ndarray:

@@ -10,11 +10,15 @@ from functools import cache
 import mujoco
 import numpy as np
 
+from sim.control import Gains
 from sim.exoskeleton import JOINTS, add_exoskeleton
 from sim.interface import CUFFS, STRAP_MASS
 from sim.skeleton import add_arm, empty_spec, fill_forearm, fill_upper_arm
 from sim.soft_tissue import ELEMENT_RADIUS, Sleeve, sleeves
 from sim.wearer import NOMINAL_WEARER
+
+#: The nominal model's motors are not driven: their torque is measured.
+NO_GAINS = Gains(kp=0.0, kv=0.0, ki=0.0)
 
 
 @dataclass(frozen=True)
@@ -72,7 +76,7 @@ def nominal_model(*, attachments: bool = True) -> NominalModel:
     spec = empty_spec()
     # The declared joints have no stops: what a stop would add to the inverse is not a human torque.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    add_exoskeleton(spec, kp=0.0, kv=0.0, ki=0.0)
+    add_exoskeleton(spec, NO_GAINS)
     arm = _aligned_arm_poses()
     humerus = spec.body("link_3").add_body(name="humerus", **arm["humerus"])
     # fill_upper_arm hangs an ulna on the humerus, which the forearm's link carries instead.
@@ -92,7 +96,7 @@ def _aligned_arm_poses() -> dict[str, dict[str, list[float]]]:
     """Return the pose of humerus and ulna in their links, both chains in their zero pose."""
     spec = empty_spec()
     add_arm(spec, NOMINAL_WEARER)
-    add_exoskeleton(spec, kp=0.0, kv=0.0, ki=0.0)
+    add_exoskeleton(spec, NO_GAINS)
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

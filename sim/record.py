@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from sim.model import STEP, System
+from sim.model import System
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class Recorder:
 
     def __init__(self, system: System, steps: int) -> None:
         self._system = system
-        self._steps = steps
+        self._step = system.fidelity.step
         self._count = 0
         self._arrays = {
             name: np.empty((steps, *shape))
@@ -66,7 +66,7 @@ class Recorder:
     def before_step(self, data: mujoco.MjData, reference: float) -> None:
         """Note the state and the desired elbow angle (rad) that the coming step starts from."""
         arrays, system, i = self._arrays, self._system, self._count
-        arrays["time"][i] = i * STEP
+        arrays["time"][i] = i * self._step
         arrays["reference"][i] = reference
         arrays["theta"][i] = data.qpos[system.exo_qpos]
         arrays["theta_velocity"][i] = data.qvel[system.exo_dof]
@@ -88,4 +88,4 @@ class Recorder:
     def record(self) -> Record:
         """Return the finished record; accelerations are those the steps really made."""
         velocity = np.vstack([self._arrays["theta_velocity"], self._final_velocity])
-        return Record(theta_acceleration=np.diff(velocity, axis=0) / STEP, **self._arrays)
+        return Record(theta_acceleration=np.diff(velocity, axis=0) / self._step, **self._arrays)

@@ -8,14 +8,14 @@ two elements) and one that preserves the volume (a tendon over all). They are sp
 
 from dataclasses import dataclass
 from math import pi
+from typing import TypedDict
 
 import mujoco
 import numpy as np
 
+from sim.fidelity import CAMPAIGN, Fidelity
 from sim.wearer import Wearer
 
-#: Elements along and around a limb. From 8 to 12 rings is the refinement that still moves K_h.
-RINGS, PER_RING = 12, 8
 #: Radius of an element, m: large enough that none can catch on the edge of a cuff.
 ELEMENT_RADIUS = 0.024
 #: Inertia of an element's slide, kg: it has no weight and adds nothing to the limb's inertia, but
@@ -23,14 +23,14 @@ ELEMENT_RADIUS = 0.024
 ELEMENT_INERTIA = 4.0
 #: Viscosity of one element, N s/m (paper, section 2.4.1).
 VISCOSITY = 100.0
+#: Elements of a limb that Table 1's N/m and the paper's N s/m are for; more share them.
+REFERENCE_ELEMENTS = 96
 #: Deflection at which the spring has doubled its stiffness, m: flesh hardens under load.
 HARDENING = 0.012
 #: Thickness that remains over the bone, m; the slide's stop lies there.
 BONE_CLEARANCE = 0.012
 #: Farthest an element may bulge outwards, m.
 BULGE = 0.03
-#: Coulomb friction of skin and clothing on cuff, strap or plate.
-FRICTION = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,23 +46,44 @@ class Sleeve:
     axis_z: float
     #: Mass of the whole sleeve, kg (paper's totals less Table 1's centre values).
     mass: float
-    #: Stiffness of one element at rest, N/m: the factor of Table 1, literally.
+    #: Stiffness (N/m) and viscosity (N s/m) of one of REFERENCE_ELEMENTS elements at rest.
     elasticity: float
+    viscosity: float
+    #: Elements along and around the limb.
+    rings: int
+    per_ring: int
+
+    @property
+    def share(self) -> float:
+        """What one of our elements has of a reference one's stiffness and viscosity."""
+        return REFERENCE_ELEMENTS / (self.rings * self.per_ring)
+
+    @property
+    def places(self) -> list[tuple[int, int]]:
+        """Ring and index of every element."""
+        return [(ring, i) for ring in range(self.rings) for i in range(self.per_ring)]
 
     def element(self, ring: int, index: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the skin point (m) of an element and the outward normal there."""
-        x = self.start + (ring + 0.5) * (self.end - self.start) / RINGS
-        angle = 2 * pi * index / PER_RING
+        x = self.start + (ring + 0.5) * (self.end - self.start) / self.rings
+        angle = 2 * pi * index / self.per_ring
         normal = np.array([0.0, np.cos(angle), np.sin(angle)])
         return np.array([x, self.axis_y, self.axis_z]) + self.radius * normal, normal
 
 
-def sleeves(wearer: Wearer) -> tuple[Sleeve, Sleeve]:
+def sleeves(
+    wearer: Wearer, *, tissue_scale: float = 1.0, fidelity: Fidelity = CAMPAIGN
+) -> tuple[Sleeve, Sleeve]:
     """Return the tissue of upper arm and forearm.
+
+    `tissue_scale` multiplies stiffness and viscosity of both.
 
     Masses are what the paper's totals (2.25 and 1.31 kg) leave beside 1.761 and 0.962 kg.
     """
     su, sl = wearer.upper_arm_scale, wearer.forearm_scale
+    common = _Common(
+        viscosity=tissue_scale * VISCOSITY, rings=fidelity.rings, per_ring=fidelity.per_ring
+    )
     return (
         Sleeve(
             name="upper_arm",
@@ -73,7 +94,8 @@ def sleeves(wearer: Wearer) -> tuple[Sleeve, Sleeve]:
             axis_y=0.0,
             axis_z=0.0,
             mass=0.489,
-            elasticity=wearer.upper_arm_elasticity,
+            elasticity=tissue_scale * wearer.upper_arm_elasticity,
+            **common,
         ),
         Sleeve(
             name="forearm",
@@ -84,26 +106,33 @@ def sleeves(wearer: Wearer) -> tuple[Sleeve, Sleeve]:
             axis_y=-0.01 * sl,
             axis_z=0.015 * sl,
             mass=0.351,
-            elasticity=wearer.forearm_elasticity,
+            elasticity=tissue_scale * wearer.forearm_elasticity,
+            **common,
         ),
     )
+
+
+class _Common(TypedDict):
+    viscosity: float
+    rings: int
+    per_ring: int
 
 
 def element_name(sleeve: Sleeve, ring: int, index: int) -> str:
     return f"{sleeve.name}_tissue_{ring}_{index}"
 
 
-def set_contact(pair: mujoco.MjsPair) -> None:
+def set_contact(pair: mujoco.MjsPair, friction: float) -> None:
     """Give a contact of an element its stiffness and friction."""
     pair.condim = 3
-    pair.friction[:2] = FRICTION
+    pair.friction[:2] = friction
     pair.solref = [0.02, 1.0]
     pair.solimp = [0.95, 0.99, 0.002, 0.5, 2.0]
 
 
 def add_soft_tissue(spec: mujoco.MjSpec, sleeve: Sleeve) -> None:
     """Add one sleeve to a spec that has the bone it sits on."""
-    count = RINGS * PER_RING
+    count = len(sleeve.places)
     mass = sleeve.mass / (count + 1)
     bone = spec.body(sleeve.bone)
     core = bone.add_body(
@@ -113,34 +142,32 @@ def add_soft_tissue(spec: mujoco.MjSpec, sleeve: Sleeve) -> None:
     core.explicitinertial = True
     core.mass = mass
     core.inertia = [mass * ELEMENT_RADIUS**2 * 0.4] * 3
-    for ring in range(RINGS):
-        for index in range(PER_RING):
-            _add_element(bone, sleeve, ring, index, mass)
-    for ring in range(RINGS):
-        for index in range(PER_RING):
-            _add_neighbour(spec, sleeve, (ring, index), (ring, (index + 1) % PER_RING))
-            if ring + 1 < RINGS:
-                _add_neighbour(spec, sleeve, (ring, index), (ring + 1, index))
+    for ring, index in sleeve.places:
+        _add_element(bone, sleeve, ring, index, mass)
+    for ring, index in sleeve.places:
+        _add_neighbour(spec, sleeve, (ring, index), (ring, (index + 1) % sleeve.per_ring))
+        if ring + 1 < sleeve.rings:
+            _add_neighbour(spec, sleeve, (ring, index), (ring + 1, index))
     volume = spec.add_tendon(
         name=f"{sleeve.name}_volume",
-        stiffness=[sleeve.elasticity / count, 0.0, 0.0],
+        stiffness=[sleeve.share * sleeve.elasticity / count, 0.0, 0.0],
         springlength=[0.0, 0.0],
     )
-    for ring in range(RINGS):
-        for index in range(PER_RING):
-            volume.wrap_joint(element_name(sleeve, ring, index), 1.0)
+    for ring, index in sleeve.places:
+        volume.wrap_joint(element_name(sleeve, ring, index), 1.0)
 
 
 def _add_element(bone: mujoco.MjsBody, sleeve: Sleeve, ring: int, index: int, mass: float) -> None:
     name = element_name(sleeve, ring, index)
     skin, normal = sleeve.element(ring, index)
+    stiffness = sleeve.share * sleeve.elasticity
     body = bone.add_body(name=name, pos=skin)
     slide = body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_SLIDE,
         axis=normal,
-        stiffness=[sleeve.elasticity, 0.0, sleeve.elasticity / HARDENING**2],
-        damping=[VISCOSITY, 0.0, 0.0],
+        stiffness=[stiffness, 0.0, stiffness / HARDENING**2],
+        damping=[sleeve.share * sleeve.viscosity, 0.0, 0.0],
         armature=ELEMENT_INERTIA,
         range=[-(sleeve.radius - BONE_CLEARANCE), BULGE],
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,

@@ -33,12 +33,9 @@ def assess(
     controller: Annotated[
         str, typer.Option(help="pid: as in the authors' code. pd: equation 19 to the letter.")
     ] = "pid",
-    activation: Annotated[
-        float, typer.Option(help="Co-contraction of the elbow's muscles, 0 to 1.")
-    ] = 0.4,
-    elbow_friction: Annotated[
-        float, typer.Option(help="Coulomb friction of the robot's elbow, Nm.")
-    ] = 0.0,
+    fidelity: Annotated[
+        str, typer.Option(help="How finely the interface is divided: screening to reference.")
+    ] = "campaign",
     as_json: AsJson = False,
 ) -> None:
     """Simulate one elbow-stiffness assessment.
@@ -46,18 +43,16 @@ def assess(
     Exit status 1 if the assessment fails: the simulated exercise, that is, not the command.
     """
     from sim.assessment import assess as simulate
-    from sim.factors import NOMINAL
+    from sim.catalogue import ELBOW
 
-    values = dict(NOMINAL)
+    values = {factor.name: factor.nominal for factor in ELBOW.factors}
     for name, value in map(assignment, settings or ()):
         if name not in values:
             raise typer.BadParameter(f"there is no factor {name!r}: take {', '.join(values)}")
         values[name] = number(value, name)
     started = time.perf_counter()
     try:
-        assessment = simulate(
-            values, controller=controller, activation=activation, elbow_friction=elbow_friction
-        )
+        assessment = simulate(values, controller=controller, fidelity=fidelity)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
     wall_seconds = time.perf_counter() - started

@@ -141,7 +141,11 @@ def draw_up(
         if not isfinite(value):
             raise InvalidStudyError(f"/fixed/{factor}", f"{factor} must be finite, not {value}")
     if factors is None:
-        factors = [FactorChoice(name=factor) for factor in names if factor not in fixed]
+        factors = [
+            FactorChoice(name=factor.name)
+            for factor in described.sampled
+            if factor.name not in fixed
+        ]
     sampled = _sampled(described, factors, fixed)
     return Plan(
         name=name,

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from sim.model import STEP, set_solver
+from sim.conditions import DEFAULT_CONDITIONS
+from sim.fidelity import CAMPAIGN
+from sim.model import set_solver
 from sim.skeleton import empty_spec
 from sim.soft_tissue import (
     ELEMENT_RADIUS,
-    PER_RING,
-    RINGS,
     Sleeve,
     add_soft_tissue,
     element_name,
@@ -75,7 +75,7 @@ def run_compression_test(elasticity: float) -> CompressionTest:
     for i, load in enumerate(LOADS_N):
         data.qfrc_applied[model.joint("upper_plate").dofadr[0]] = -load
         data.qfrc_applied[model.joint("lower_plate").dofadr[0]] = load
-        mujoco.mj_step(model, data, round(_SETTLE / STEP))
+        mujoco.mj_step(model, data, round(_SETTLE / CAMPAIGN.step))
         heights[i] = (
             height
             + data.qpos[model.joint("upper_plate").qposadr[0]]
@@ -91,7 +91,7 @@ def run_compression_test(elasticity: float) -> CompressionTest:
 def sleeve_height(sleeve: Sleeve) -> float:
     """Return the distance of two plates that just touch the sleeve above and below, m."""
     tops = []
-    for index in range(PER_RING):
+    for index in range(sleeve.per_ring):
         skin, normal = sleeve.element(0, index)
         centre = skin - ELEMENT_RADIUS * normal
         tops.append(centre[2] - sleeve.axis_z + ELEMENT_RADIUS)
@@ -101,7 +101,7 @@ def sleeve_height(sleeve: Sleeve) -> float:
 def _build(sleeve: Sleeve) -> mujoco.MjModel:
     """A sleeve on a fixed bone between two plates that slide towards it, without gravity."""
     spec = empty_spec()
-    set_solver(spec)
+    set_solver(spec, CAMPAIGN.step)
     spec.option.gravity = [0.0, 0.0, 0.0]
     spec.worldbody.add_body(name=sleeve.bone)
     add_soft_tissue(spec, sleeve)
@@ -128,11 +128,9 @@ def _build(sleeve: Sleeve) -> mujoco.MjModel:
             mass=_PLATE_MASS,
         )
         geom.contype = geom.conaffinity = 0
-        for ring in range(RINGS):
-            for index in range(PER_RING):
-                _, normal = sleeve.element(ring, index)
-                if side * normal[2] > 0.0:
-                    set_contact(
-                        spec.add_pair(geomname1=element_name(sleeve, ring, index), geomname2=name)
-                    )
+        for ring, index in sleeve.places:
+            _, normal = sleeve.element(ring, index)
+            if side * normal[2] > 0.0:
+                pair = spec.add_pair(geomname1=element_name(sleeve, ring, index), geomname2=name)
+                set_contact(pair, DEFAULT_CONDITIONS.cuff_friction)
     return spec.compile()

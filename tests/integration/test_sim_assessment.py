@@ -7,11 +7,12 @@ import mujoco
 import numpy as np
 import pytest
 
-import sim.model
 from sim.assessment import Assessment, assess
 from sim.catalogue import ELBOW
 from sim.control import PID
 from sim.evaluation import evaluate
+from sim.factors import CONDITIONS
+from sim.fidelity import FIDELITIES
 from sim.figures import assessment_figure
 from sim.interface import CUFFS, segment_names
 from sim.model import build_system, close_straps, reset_to_start, slacken_straps
@@ -72,7 +73,7 @@ def test_a_heavier_forearm_raises_the_estimate_by_gravity_the_nominal_model_lack
 
 
 def test_the_robots_own_friction_lands_in_the_estimate_alone(nominal: Assessment) -> None:
-    rubbing = assess({}, elbow_friction=2.79)
+    rubbing = assess({"robot_friction": 2.79})
     assert rubbing.outputs["damping_estimate"] < nominal.outputs["damping_estimate"] - 1.0
     assert rubbing.outputs["stiffness_true"] == pytest.approx(
         nominal.outputs["stiffness_true"], abs=0.15
@@ -111,18 +112,19 @@ def test_what_cannot_be_believed_is_a_named_outcome_with_its_state(
 
 
 def test_an_arm_without_a_strap_is_never_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sim.model, "STRAP_TENSION", 0.05)
-    monkeypatch.setattr("sim.interface.ROW_STIFFNESS", 10.0)
-    assert assess({}).outcome in FAILURES
+    monkeypatch.setattr("sim.interface.STRAP_STIFFNESS", 20.0)
+    assert assess({"strap_tension": 0.1}).outcome in FAILURES
 
 
 def test_bad_options_are_refused_in_a_sentence() -> None:
     with pytest.raises(ValueError, match="unknown controller 'lqr': expected one of pid, pd"):
         assess({}, controller="lqr")
+    with pytest.raises(ValueError, match="unknown fidelity 'fine': expected one of screening"):
+        assess({}, fidelity="fine")
     with pytest.raises(ValueError, match="activation must lie between 0 and 1"):
-        assess({}, activation=1.4)
-    with pytest.raises(ValueError, match="elbow_friction must not be negative"):
-        assess({}, elbow_friction=-1.0)
+        assess({"activation": 1.4})
+    with pytest.raises(ValueError, match="robot_friction must lie between 0 and 30"):
+        assess({"robot_friction": -1.0})
 
 
 def test_sparse_and_dense_solvers_agree_on_a_loaded_arm() -> None:
@@ -195,3 +197,31 @@ def test_validation_reports_the_papers_figures_3_and_6_with_pictures(tmp_path: P
     assert rows["isometric extension torque, peak"].agrees
     assert rows["Young's modulus of the softest tissue at 10% strain"].measured < 30.0
     assert rows["Young's modulus of the stiffest tissue at 10% strain"].measured > 66.0
+
+
+@pytest.mark.parametrize("end", ["low", "high"])
+def test_conditions_at_the_ends_of_their_ranges_can_be_assessed(end: str) -> None:
+    for factor in CONDITIONS:
+        assessment = assess({factor.name: getattr(factor, end)})
+        assert assessment.outcome == "ok", (factor.name, assessment.reason)
+
+
+def test_looser_straps_and_softer_tissue_let_the_arm_give_way_more(nominal: Assessment) -> None:
+    difference = nominal.diagnostics["largest_angle_difference_deg"]
+    for values in ({"strap_tension": 15.0}, {"tissue_scale": 0.2}, {"cuff_friction": 0.1}):
+        loose = assess(values)
+        assert loose.diagnostics["largest_angle_difference_deg"] > difference, values
+        assert loose.outputs["stiffness_error"] < nominal.outputs["stiffness_error"]
+
+
+def test_a_sliding_cuff_removes_what_a_long_upper_arm_does_to_the_estimate() -> None:
+    long = {"upper_arm_length": 0.3778}
+    fixed, sliding = assess(long), assess({**long, "cuff_compliance": 0.01})
+    assert fixed.outputs["stiffness_error"] < sliding.outputs["stiffness_error"] - 0.5
+
+
+def test_every_fidelity_finds_the_same_stiffness(nominal: Assessment) -> None:
+    for fidelity in FIDELITIES:
+        other = assess({}, fidelity=fidelity)
+        for name in ("stiffness_estimate", "stiffness_true", "stiffness_error"):
+            assert other.outputs[name] == pytest.approx(nominal.outputs[name], abs=0.15)

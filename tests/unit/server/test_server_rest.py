@@ -85,9 +85,9 @@ def test_a_study_is_created_and_found_again(client: TestClient, clock: Any) -> N
         "seed": 1,
         "factors": [
             {"name": f.name, "distribution": {"kind": "uniform", "low": f.low, "high": f.high}}
-            for f in ELBOW.factors
+            for f in ELBOW.sampled
         ],
-        "fixed": {},
+        "fixed": {f.name: f.nominal for f in ELBOW.factors if f.optional},
         "outputs": list(ELBOW.outputs),
         "state": "running",
         "instances": 14,

@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.fidelity import FIDELITIES
 from sim.muscles import elbow_length_ranges
 from sim.skeleton import HAND_MASS, HUMAN_JOINTS, PRONATION, add_arm, empty_spec
-from sim.soft_tissue import PER_RING, RINGS, add_soft_tissue, element_name, sleeves
+from sim.soft_tissue import add_soft_tissue, element_name, sleeves
 from sim.validation.isometric import run_isometric_test
 from sim.wearer import NOMINAL_WEARER, Wearer
 
@@ -89,7 +90,14 @@ def test_one_element_has_the_stiffness_of_table_1_in_newton_per_metre() -> None:
     data.qpos[joint.qposadr[0]] = -press
     mujoco.mj_forward(model, data)
     stiffness = data.qfrc_spring[joint.dofadr[0]] / press
-    assert stiffness == pytest.approx(400.0 * (1 + 4 + 1 / (RINGS * PER_RING)), rel=1e-4)
+    assert stiffness == pytest.approx(400.0 * (1 + 4 + 1 / len(sleeve.places)), rel=1e-4)
+
+
+def test_finer_elements_share_the_stiffness_of_the_reference_ones() -> None:
+    for fidelity in FIDELITIES.values():
+        for sleeve in sleeves(NOMINAL_WEARER, fidelity=fidelity):
+            total = sleeve.share * sleeve.elasticity * len(sleeve.places)
+            assert total == pytest.approx(96 * 537.465)
 
 
 def test_tissue_weighs_what_the_paper_leaves_for_it() -> None:
@@ -102,7 +110,7 @@ def test_tissue_weighs_what_the_paper_leaves_for_it() -> None:
 
 def test_elements_point_away_from_the_limbs_axis() -> None:
     for sleeve in sleeves(NOMINAL_WEARER):
-        for index in range(PER_RING):
+        for index in range(sleeve.per_ring):
             skin, normal = sleeve.element(3, index)
             radial = skin - np.array([skin[0], sleeve.axis_y, sleeve.axis_z])
             assert radial == pytest.approx(sleeve.radius * normal)

@@ -4,11 +4,17 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
-from sim.control import DURATION, START, elbow_reference
+from sim.conditions import DEFAULT_CONDITIONS
+from sim.control import DURATION, START, extension_reference
 from sim.estimation import IllConditionedError, estimate_forms, fit
 
 TIME = np.arange(0.0, DURATION, 0.01)
-ANGLE, VELOCITY = elbow_reference(TIME)
+ANGLE, VELOCITY = extension_reference(
+    TIME,
+    start=START[3],
+    amplitude=DEFAULT_CONDITIONS.movement_amplitude,
+    rate=DEFAULT_CONDITIONS.movement_rate,
+)
 
 
 def test_stiffness_and_damping_of_a_viscoelastic_joint_are_found() -> None:

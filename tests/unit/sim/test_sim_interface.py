@@ -76,6 +76,7 @@ def test_the_arm_sits_in_both_cuffs_at_the_start(system: System) -> None:
 @pytest.mark.parametrize("upper", [0.2728, 0.3337, 0.3778])
 @pytest.mark.parametrize("fore", [0.2827, 0.3455])
 def test_the_seat_is_within_the_elbows_range_all_over_table_1(upper: float, fore: float) -> None:
-    angle = seated_elbow_angle(wearer_of({"upper_arm_length": upper, "forearm_length": fore}))
+    wearer = wearer_of({"upper_arm_length": upper, "forearm_length": fore})
+    angle = seated_elbow_angle(build_system(wearer, PID))
     assert ELBOW_RANGE[0] < angle < ELBOW_RANGE[1]
     assert abs(angle - START[3]) < np.radians(25.0)

@@ -3,7 +3,8 @@
 import pytest
 
 from sim.catalogue import ELBOW, MODELS
-from sim.factors import NOMINAL, TABLE_1
+from sim.conditions import DEFAULT_CONDITIONS, split
+from sim.factors import CONDITIONS, NOMINAL, TABLE_1
 from sim.wearer import NOMINAL_WEARER, wearer_of
 
 
@@ -47,6 +48,19 @@ def test_a_value_that_is_no_wearer_is_refused_in_a_sentence(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         wearer_of(values)
+
+
+def test_what_is_not_in_table_1_is_off_unless_a_study_asks_for_it() -> None:
+    assert ELBOW.sampled == TABLE_1
+    assert all(f.low <= f.nominal <= f.high for f in CONDITIONS)
+    assert {f.name for f in CONDITIONS} == set(vars(DEFAULT_CONDITIONS))
+
+
+def test_wearer_and_conditions_are_told_apart_by_their_names() -> None:
+    wearer, conditions = split({"forearm_mass": 1.2, "cuff_friction": 0.1})
+    assert (wearer.forearm_mass, conditions.cuff_friction) == (1.2, 0.1)
+    with pytest.raises(ValueError, match="the elbow has no factor 'weather'"):
+        split({"weather": 1.0})
 
 
 def test_every_model_names_its_factors_and_outputs_once() -> None:

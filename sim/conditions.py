@@ -1,0 +1,66 @@
+"""What is not in Table 1 but moves K_h as much: how the device is worn, driven and resisted."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from sim.factors import CONDITIONS, NOMINAL
+from sim.wearer import Wearer, wearer_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conditions:
+    """The factors of `sim.factors.CONDITIONS`, in SI units."""
+
+    activation: float
+    cuff_friction: float
+    strap_tension: float
+    tissue_scale: float
+    cuff_position: float
+    cuff_compliance: float
+    robot_friction: float
+    movement_amplitude: float
+    movement_rate: float
+
+
+def conditions_of(values: Mapping[str, float]) -> Conditions:
+    """Return the conditions with the given `values`; one left out takes its default.
+
+    Raises:
+        ValueError: a value is outside what the simulation can mean.
+    """
+    chosen = {factor.name: factor.nominal for factor in CONDITIONS} | dict(values)
+    for name, low, high in (
+        ("activation", 0.0, 1.0),
+        ("cuff_friction", 0.0, 2.0),
+        ("strap_tension", 0.0, 200.0),
+        ("tissue_scale", 0.01, 10.0),
+        ("cuff_position", -0.05, 0.05),
+        ("cuff_compliance", 0.0, 1.0),
+        ("robot_friction", 0.0, 30.0),
+        ("movement_amplitude", 0.05, 2.0),
+        ("movement_rate", 0.1, 10.0),
+    ):
+        if not low <= chosen[name] <= high:
+            raise ValueError(f"{name} must lie between {low:g} and {high:g}, not {chosen[name]}")
+    return Conditions(**chosen)
+
+
+def split(values: Mapping[str, float]) -> tuple[Wearer, Conditions]:
+    """Return the wearer and the conditions that `values` (factor name to SI value) describe.
+
+    Raises:
+        ValueError: a name is no factor of the elbow, or a value means nothing.
+    """
+    known = {factor.name for factor in CONDITIONS}
+    for name in values:
+        if name not in NOMINAL and name not in known:
+            raise ValueError(
+                f"the elbow has no factor {name!r}: it has {', '.join((*NOMINAL, *sorted(known)))}"
+            )
+    return (
+        wearer_of({name: value for name, value in values.items() if name in NOMINAL}),
+        conditions_of({name: value for name, value in values.items() if name in known}),
+    )
+
+
+DEFAULT_CONDITIONS = conditions_of({})
