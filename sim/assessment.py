@@ -1,11 +1,10 @@
-"""The automated assessment (paper, section 2.3): parameters in, one `Assessment` out.
+"""One automated assessment: parameters in, one `Assessment` out.
 
-Don the exoskeleton, close the straps while the elbow's muscles co-contract, hold, let the
-controller extend the elbow along the sigmoid, record, and regress. Whatever goes wrong is a named
-outcome with the state it happened in, never a number.
+`sim.protocol` runs it with explicit contact, `sim.bushing` without; what was recorded is regressed
+here. Whatever goes wrong is a named outcome with the state it happened in, never a number.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import degrees
 from typing import Any
@@ -13,22 +12,20 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.conditions import split
-from sim.contact import InterfaceGauge
-from sim.control import CONTROLLERS, DURATION, START, extension_reference
+from sim.bushing import build_bushings, run_bushings
+from sim.conditions import Conditions, split
+from sim.control import CONTROLLERS, Gains
 from sim.estimation import Fit, IllConditionedError, estimate_forms
-from sim.fidelity import FIDELITIES
-from sim.model import System, build_system, close_straps, reset_to_start, slacken_straps
+from sim.fidelity import CAMPAIGN, FIDELITIES, Fidelity
+from sim.model import System, build_system, reset_to_start
 from sim.nominal import nominal_model
-from sim.record import Record, Recorder
-from sim.validity import Failure, Posture, check_outcome, check_posture, check_start
+from sim.protocol import run_protocol
+from sim.record import Record
+from sim.validity import FailedError, Failure, check_outcome
+from sim.wearer import Wearer
 
-#: Straps are pulled and the muscles' activation ramps up for so long, s.
-DONNING = 0.3
-#: The movement begins after so long, s; after 1.2 s one corner of Table 1 still moved.
-HOLD = 1.5
-#: Steps over which the locks' torque is averaged to start the controllers' integrals.
-LOCK_AVERAGE = 5
+#: The fidelity without contact.
+BUSHING = "bushing"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,20 +46,11 @@ class Assessment:
     record: Record | None
 
 
-class _FailedError(Exception):
-    """A detector fired."""
-
-    def __init__(self, failure: Failure, phase: str) -> None:
-        super().__init__(failure.reason)
-        self.failure = failure
-        self.phase = phase
-
-
 def assess(
     values: Mapping[str, float],
     *,
     controller: str = "pid",
-    fidelity: str = "campaign",
+    fidelity: str | Fidelity = CAMPAIGN.name,
 ) -> Assessment:
     """Assess one wearer's elbow.
 
@@ -70,27 +58,25 @@ def assess(
         values: factors of Table 1 and of `sim.factors.CONDITIONS` (SI units); one left out is
             nominal.
         controller: "pid" (the authors' code) or "pd" (equation 19).
-        fidelity: a key of `sim.fidelity.FIDELITIES`.
+        fidelity: a key of `sim.fidelity.FIDELITIES`, "bushing" for no contact at all, or a
+            discretisation of one's own.
 
     Raises:
         ValueError: a factor, controller or fidelity is unknown, or a value out of its domain.
     """
-    for what, name, known in (
-        ("controller", controller, CONTROLLERS),
-        ("fidelity", fidelity, FIDELITIES),
-    ):
-        if name not in known:
-            raise ValueError(f"unknown {what} {name!r}: expected one of {', '.join(known)}")
+    if controller not in CONTROLLERS:
+        raise ValueError(
+            f"unknown controller {controller!r}: expected one of {', '.join(CONTROLLERS)}"
+        )
     wearer, conditions = split(values)
-    system = build_system(wearer, CONTROLLERS[controller], conditions, FIDELITIES[fidelity])
+    system, run = _prepare(wearer, CONTROLLERS[controller], conditions, fidelity)
     data = reset_to_start(system)
     record = None
     diagnostics: dict[str, float] = {}
     try:
-        _don_and_hold(system, data)
-        record = _extend(system, data)
+        record = run(system, data)
         outputs = _evaluate(record, diagnostics)
-    except _FailedError as failed:
+    except FailedError as failed:
         return Assessment(
             outcome=failed.failure.name,
             outputs={},
@@ -102,72 +88,18 @@ def assess(
     return Assessment(outcome="ok", outputs=outputs, diagnostics=diagnostics, record=record)
 
 
-def _don_and_hold(system: System, data: mujoco.MjData) -> None:
-    """Close the straps, wait until the arm rests, hand over from the locks to the controllers."""
-    model = system.model
-    stiffness = model.tendon_stiffness[system.straps].copy()
-    step_seconds = system.fidelity.step
-    donning, hold = round(DONNING / step_seconds), round(HOLD / step_seconds)
-    slacken_straps(system, data)
-    lock_torque = []
-    for step in range(hold):
-        if step == donning:
-            close_straps(system, data, stiffness)
-        data.ctrl[system.elbow_muscles] = system.conditions.activation * min(1.0, step / donning)
-        _step(system, data, "hold")
-        if step >= hold - LOCK_AVERAGE:
-            lock_torque.append(_lock_torque(system, data))
-    failure = check_start(
-        human_speed=data.qvel[system.human_dof], exo_error=data.qpos[system.exo_qpos] - START
-    )
-    if failure:
-        raise _FailedError(failure, "hold")
-    data.eq_active[system.locks] = 0
-    model.opt.disableactuator = 0
-    for motor, torque in zip(system.motors, np.mean(lock_torque, axis=0), strict=True):
-        integral = model.actuator_actadr[motor]
-        if integral >= 0:
-            data.act[integral] = torque / system.gains.ki
-
-
-def _extend(system: System, data: mujoco.MjData) -> Record:
-    """Let the controllers follow the reference and record every step."""
-    model = system.model
-    steps = round(DURATION / system.fidelity.step)
-    reference, velocity = extension_reference(
-        np.arange(steps) * system.fidelity.step,
-        start=START[3],
-        amplitude=system.conditions.movement_amplitude,
-        rate=system.conditions.movement_rate,
-    )
-    position_input = model.actuator_ctrladr[system.motors]
-    gauge, recorder = InterfaceGauge(system), Recorder(system, steps)
-    exo_range = tuple(model.jnt_range[model.dof_jntid[system.exo_dof[3]]])
-    data.ctrl[position_input] = START
-    data.ctrl[position_input + 1] = 0.0
-    for step in range(steps):
-        data.ctrl[position_input[3]] = reference[step]
-        data.ctrl[position_input[3] + 1] = velocity[step]
-        recorder.before_step(data, reference[step])
-        exo_elbow = float(data.qpos[system.exo_qpos[3]])
-        human_elbow = float(data.qpos[system.human_qpos[3]])
-        _step(system, data, "movement")
-        resultant, normal_force = gauge.forces(data)
-        penetration, overhang = gauge.seats(data)
-        recorder.after_step(data, resultant, normal_force)
-        failure = check_posture(
-            Posture(
-                exo_elbow=exo_elbow,
-                human_elbow=human_elbow,
-                exo_range=exo_range,
-                penetration=penetration,
-                overhang=overhang,
-                normal_force=normal_force,
-            )
-        )
-        if failure:
-            raise _FailedError(failure, "movement")
-    return recorder.record()
+def _prepare(
+    wearer: Wearer, gains: Gains, conditions: Conditions, fidelity: str | Fidelity
+) -> tuple[System, Callable[[System, mujoco.MjData], Record]]:
+    """Return the system at a fidelity and what runs it; ValueError if the fidelity is unknown."""
+    if fidelity == BUSHING:
+        return build_bushings(wearer, gains, conditions), run_bushings
+    if isinstance(fidelity, str):
+        if fidelity not in FIDELITIES:
+            known = ", ".join((BUSHING, *FIDELITIES))
+            raise ValueError(f"unknown fidelity {fidelity!r}: expected one of {known}")
+        fidelity = FIDELITIES[fidelity]
+    return build_system(wearer, gains, conditions, fidelity), run_protocol
 
 
 def inferred_torques(record: Record) -> tuple[np.ndarray, np.ndarray]:
@@ -207,7 +139,7 @@ def _evaluate(record: Record, diagnostics: dict[str, float]) -> dict[str, float]
     try:
         forms = fit_record(record)
     except IllConditionedError as error:
-        raise _FailedError(
+        raise FailedError(
             Failure(name="ill_conditioned", reason=str(error)), "regression"
         ) from error
     tracking = record.theta[:, 3] - record.reference
@@ -231,33 +163,8 @@ def _evaluate(record: Record, diagnostics: dict[str, float]) -> dict[str, float]
     )
     failure = check_outcome(tracking_rmse=outputs["tracking_rmse"], r_squared=estimate.r_squared)
     if failure:
-        raise _FailedError(failure, "regression")
+        raise FailedError(failure, "regression")
     return outputs
-
-
-def _step(system: System, data: mujoco.MjData, phase: str) -> None:
-    """Advance one step; a warning of the engine or a value that is not finite is a failure."""
-    mujoco.mj_step(system.model, data)
-    warnings = data.warning.number
-    if warnings.any():
-        name = mujoco.mjtWarning(int(warnings.argmax())).name.removeprefix("mjWARN_")
-        raise _FailedError(
-            Failure(name="diverged", reason=f"the engine warned {name} at {data.time:.2f} s"), phase
-        )
-    if not np.isfinite(data.qvel).all():
-        raise _FailedError(
-            Failure(name="diverged", reason=f"velocities are not finite at {data.time:.2f} s"),
-            phase,
-        )
-
-
-def _lock_torque(system: System, data: mujoco.MjData) -> np.ndarray:
-    """Return the torque of each lock on its joint, Nm, shape (4,)."""
-    torque = np.zeros(len(system.locks))
-    equality = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
-    for i, lock in enumerate(system.locks):
-        torque[i] = data.efc_force[equality & (data.efc_id == lock)].sum()
-    return torque
 
 
 def _state(data: mujoco.MjData, phase: str) -> dict[str, Any]:

@@ -40,22 +40,47 @@ class Model:
         raise KeyError(name)
 
 
-ELBOW = Model(
-    name="elbow",
-    description="Elbow stiffness assessment of the arm in the exoskeleton (paper, section 2.3)",
-    factors=TABLE_1 + CONDITIONS,
-    units=MappingProxyType(
-        {
-            f"stiffness_{quantity}{form}": "Nm/rad"
-            for form in ("", "_paper", "_authors")
-            for quantity in ("error", "estimate", "true")
-        }
-        | {
-            "damping_estimate": "Nm s/rad",
-            "peak_contact_force": "N",
-            "tracking_rmse": "rad",
-        }
-    ),
+_ASSESSMENT_UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        f"stiffness_{quantity}{form}": "Nm/rad"
+        for form in ("", "_paper", "_authors")
+        for quantity in ("error", "estimate", "true")
+    }
+    | {
+        "damping_estimate": "Nm s/rad",
+        "peak_contact_force": "N",
+        "tracking_rmse": "rad",
+    }
+)
+#: Conditions that only contact has.
+CONTACT_ONLY = ("cuff_friction", "strap_tension")
+
+
+def _elbow(name: str, description: str, conditions: tuple[Factor, ...] = CONDITIONS) -> Model:
+    return Model(
+        name=name,
+        description=f"Elbow stiffness assessment of the arm in the exoskeleton, {description}",
+        factors=TABLE_1 + conditions,
+        units=_ASSESSMENT_UNITS,
+    )
+
+
+ELBOW = _elbow("elbow", "explicit contact (paper, section 2.3)")
+ELBOW_SCREENING = _elbow("elbow_screening", "explicit contact, coarser")
+ELBOW_REFERENCE = _elbow("elbow_reference", "explicit contact, finer elements and step")
+ELBOW_BUSHING = _elbow(
+    "elbow_bushing",
+    "bushings instead of contact: milliseconds",
+    tuple(factor for factor in CONDITIONS if factor.name not in CONTACT_ONLY),
+)
+#: Models that are an elbow assessment, and the fidelity of each.
+ELBOW_FIDELITIES: Mapping[str, str] = MappingProxyType(
+    {
+        ELBOW.name: "campaign",
+        ELBOW_SCREENING.name: "screening",
+        ELBOW_REFERENCE.name: "reference",
+        ELBOW_BUSHING.name: "bushing",
+    }
 )
 
 ISHIGAMI = Model(
@@ -92,4 +117,6 @@ SOBOL_G = Model(
     units=MappingProxyType({"y": "1"}),
 )
 
-MODELS: Mapping[str, Model] = MappingProxyType({m.name: m for m in (ELBOW, ISHIGAMI, SOBOL_G)})
+MODELS: Mapping[str, Model] = MappingProxyType(
+    {m.name: m for m in (ELBOW, ELBOW_SCREENING, ELBOW_REFERENCE, ELBOW_BUSHING, ISHIGAMI, SOBOL_G)}
+)

@@ -42,6 +42,9 @@ if mujoco.__version__ == "4.0.0":
 # MuJoCo would append each warning to a file in the working directory; ours are named outcomes.
 mujoco.set_mju_user_warning(lambda message: None)
 
+#: Exoskeleton's elbow axis at START in the flexion plane (forward, up), m.
+EXO_ELBOW = np.array([0.25, 0.0])
+
 
 @dataclass(frozen=True, kw_only=True)
 class System:
@@ -124,6 +127,24 @@ def set_solver(spec: mujoco.MjSpec, step: float) -> None:
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
 
 
+def base_spec(
+    wearer: Wearer, gains: Gains, conditions: Conditions, *, step: float
+) -> mujoco.MjSpec:
+    """Return arm, muscles and locked exoskeleton, with nothing yet to hold one in the other."""
+    spec = empty_spec()
+    set_solver(spec, step)
+    add_torso(spec)
+    add_arm(spec, wearer)
+    add_muscles(spec, wearer)
+    add_exoskeleton(spec, gains, friction=conditions.robot_friction)
+    if conditions.cuff_compliance > 0.0:
+        add_slide(spec, conditions.cuff_compliance)
+    for joint, angle in zip(JOINTS, START, strict=True):
+        _add_lock(spec, joint, angle)
+    _set_the_scene(spec)
+    return spec
+
+
 def build_system(
     wearer: Wearer,
     gains: Gains,
@@ -135,22 +156,12 @@ def build_system(
     holders = cuffs(
         fidelity, position=conditions.cuff_position, slides=conditions.cuff_compliance > 0.0
     )
-    spec = empty_spec()
-    set_solver(spec, fidelity.step)
-    add_torso(spec)
-    add_arm(spec, wearer)
-    add_muscles(spec, wearer)
-    add_exoskeleton(spec, gains, friction=conditions.robot_friction)
-    if conditions.cuff_compliance > 0.0:
-        add_slide(spec, conditions.cuff_compliance)
+    spec = base_spec(wearer, gains, conditions, step=fidelity.step)
     for cuff, sleeve in zip(holders, parts, strict=True):
         add_soft_tissue(spec, sleeve)
         add_cuff(spec, cuff)
         add_strap(spec, cuff)
         add_contacts(spec, cuff, sleeve, conditions.cuff_friction)
-    for joint, angle in zip(JOINTS, START, strict=True):
-        _add_lock(spec, joint, angle)
-    _set_the_scene(spec)
     return System(
         wearer=wearer,
         conditions=conditions,
@@ -172,34 +183,39 @@ def reset_to_start(system: System) -> mujoco.MjData:
     data = mujoco.MjData(system.model)
     data.qpos[system.exo_qpos] = START
     data.qpos[system.human_qpos] = START
-    data.qpos[system.human_qpos[3]] = seated_elbow_angle(system)
+    data.qpos[system.human_qpos[3]] = seated_elbow_angle(
+        system.wearer, system.sleeves[1], system.cuffs[1]
+    )
     data.eq_active[system.locks] = 1
     system.model.opt.disableactuator |= 1 << MOTOR_GROUP
     return data
 
 
-def seated_elbow_angle(system: System) -> float:
+def seated_elbow_angle(wearer: Wearer, sleeve: Sleeve, cuff: Cuff) -> float:
     """Return the elbow angle (rad) at which the forearm's axis meets the centre of its cuff.
 
     Solved in the plane of flexion with the exoskeleton at START. When no angle does (an arm too
     long for it), the angle that comes closest within the elbow's reach.
     """
-    elbow = upper_arm_point(system.wearer, ELBOW)[[0, 2]]
-    sleeve, cuff = system.sleeves[1], system.cuffs[1]
-    exo_elbow = np.array([0.25, 0.0])
-    normal_offset, along = cuff.centre[0], cuff.centre[1]
-    angle = START[3]
-    centre = exo_elbow + along * _direction(angle) + normal_offset * _direction(angle + np.pi / 2)
+    elbow = upper_arm_point(wearer, ELBOW)[[0, 2]]
+    centre = forearm_cuff_centre(cuff)
 
     def miss(flexion: float) -> float:
         """Distance of the cuff's centre from the forearm's axis, m."""
-        across = _direction(flexion + np.pi / 2)
+        across = direction(flexion + np.pi / 2)
         return float(across @ (centre - elbow)) - sleeve.axis_z
 
     low, high = radians(60.0), radians(143.0)
     if miss(low) * miss(high) > 0.0:
         return low if abs(miss(low)) < abs(miss(high)) else high
     return float(brentq(miss, low, high, xtol=1e-12))
+
+
+def forearm_cuff_centre(cuff: Cuff) -> np.ndarray:
+    """Return the centre of the forearm's cuff at START in the flexion plane (forward, up), m."""
+    across, along, _ = cuff.centre
+    angle = START[3]
+    return EXO_ELBOW + along * direction(angle) + across * direction(angle + np.pi / 2)
 
 
 def slacken_straps(system: System, data: mujoco.MjData) -> None:
@@ -231,7 +247,7 @@ def row_tensions(system: System) -> np.ndarray:
     )
 
 
-def _direction(angle: float) -> np.ndarray:
+def direction(angle: float) -> np.ndarray:
     """Unit vector in the flexion plane (forward, up) at `angle` rad above forward."""
     return np.array([np.cos(angle), np.sin(angle)])
 

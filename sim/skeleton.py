@@ -35,9 +35,8 @@ JOINT_DAMPING = 0.6
 #: Human joints that correspond to the exoskeleton's J1 to J4.
 HUMAN_JOINTS = ("shoulder_abduction", "shoulder_flexion", "shoulder_rotation", "elbow_flexion")
 PRONATION = "forearm_pronation"
-#: Range of the elbow, rad; the authors' 0 to 120 degrees is met by long upper arms, and heavy
-#: ones overshoot a little into hyperextension, as lax joints do.
-ELBOW_RANGE = (radians(-15.0), radians(145.0))
+#: Anatomical range of the elbow, rad; the authors' 0 to 120 degrees is met by long upper arms.
+ELBOW_RANGE = (radians(-10.0), radians(145.0))
 
 #: Hand: palm 0.5 kg, twelve finger capsules of 0.01 kg, thumb 3 x 0.005 kg; rigid here.
 HAND_BOXES = (

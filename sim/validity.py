@@ -53,6 +53,16 @@ class Failure:
     reason: str
 
 
+class FailedError(Exception):
+    """A detector fired; whoever runs the assessment makes it an outcome."""
+
+    def __init__(self, failure: Failure, phase: str) -> None:
+        super().__init__(failure.reason)
+        self.failure = failure
+        #: "hold", "movement" or "regression".
+        self.phase = phase
+
+
 def check_start(*, human_speed: np.ndarray, exo_error: np.ndarray) -> Failure | None:
     """Judge the start: human velocities (rad/s) and robot angle errors (rad), shapes (4,)."""
     speed, error = float(np.abs(human_speed).max()), float(np.abs(exo_error).max())

@@ -119,7 +119,7 @@ def test_an_arm_without_a_strap_is_never_a_number(monkeypatch: pytest.MonkeyPatc
 def test_bad_options_are_refused_in_a_sentence() -> None:
     with pytest.raises(ValueError, match="unknown controller 'lqr': expected one of pid, pd"):
         assess({}, controller="lqr")
-    with pytest.raises(ValueError, match="unknown fidelity 'fine': expected one of screening"):
+    with pytest.raises(ValueError, match="unknown fidelity 'fine': expected one of bushing"):
         assess({}, fidelity="fine")
     with pytest.raises(ValueError, match="activation must lie between 0 and 1"):
         assess({"activation": 1.4})

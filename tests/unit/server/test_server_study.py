@@ -13,7 +13,9 @@ from sim.catalogue import ELBOW
 Drawing = Callable[..., Plan]
 
 
-def test_without_factors_those_of_the_paper_are_sampled_uniformly_over_their_ranges(plan: Drawing) -> None:
+def test_without_factors_those_of_the_paper_are_sampled_uniformly_over_their_ranges(
+    plan: Drawing,
+) -> None:
     drawn = plan(model="elbow")
     assert {name: d.to_json() for name, d in drawn.distributions.items()} == {
         f.name: {"kind": "uniform", "low": f.low, "high": f.high} for f in ELBOW.sampled

@@ -30,7 +30,7 @@ def test_a_plausible_trial_passes_every_detector() -> None:
         ({"overhang": np.array([-0.05, 0.021])}, "slipped"),
         ({"penetration": np.array([0.006, -0.02])}, "penetrated"),
         ({"normal_force": 2500.0}, "jammed"),
-        ({"human_elbow": np.radians(-14.5), "exo_elbow": 0.0}, "human_joint_limit"),
+        ({"human_elbow": np.radians(-9.5), "exo_elbow": 0.0}, "human_joint_limit"),
         ({"human_elbow": np.radians(100), "exo_elbow": np.radians(124.5)}, "exo_joint_limit"),
         ({"human_elbow": float("nan")}, "diverged"),
         ({"normal_force": float("inf")}, "diverged"),

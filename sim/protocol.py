@@ -1,0 +1,129 @@
+"""The protocol of an assessment with explicit contact (paper, section 2.3): don, hold, extend.
+
+The straps are pulled while the elbow's muscles begin to co-contract; the buckles close; the arm
+comes to rest in the locked robot; then the controllers take over and extend the elbow along the
+sigmoid.
+"""
+
+import mujoco
+import numpy as np
+
+from sim.contact import InterfaceGauge
+from sim.control import DURATION, START, extension_reference
+from sim.model import System, close_straps, slacken_straps
+from sim.record import Record, Recorder
+from sim.validity import FailedError, Failure, Posture, check_posture, check_start
+
+#: Straps are pulled and the muscles' activation ramps up for so long, s.
+DONNING = 0.3
+#: The movement begins after so long, s; after 1.2 s one corner of Table 1 still moved.
+HOLD = 1.5
+#: Steps over which the locks' torque is averaged to start the controllers' integrals.
+LOCK_AVERAGE = 5
+
+
+def run_protocol(system: System, data: mujoco.MjData) -> Record:
+    """Run an assessment from donning to the end of the movement and return what was recorded.
+
+    Args:
+        system: fresh; its straps and switches are changed.
+        data: from `reset_to_start`; afterwards the last state, also of a failure.
+
+    Raises:
+        FailedError: a detector fired.
+    """
+    _don_and_hold(system, data)
+    return _extend(system, data)
+
+
+def _don_and_hold(system: System, data: mujoco.MjData) -> None:
+    """Close the straps, wait until the arm rests, hand over from the locks to the controllers."""
+    model = system.model
+    stiffness = model.tendon_stiffness[system.straps].copy()
+    step_seconds = system.fidelity.step
+    donning, hold = round(DONNING / step_seconds), round(HOLD / step_seconds)
+    slacken_straps(system, data)
+    lock_torque = []
+    for step in range(hold):
+        if step == donning:
+            close_straps(system, data, stiffness)
+        data.ctrl[system.elbow_muscles] = system.conditions.activation * min(1.0, step / donning)
+        _step(system, data, "hold")
+        if step >= hold - LOCK_AVERAGE:
+            lock_torque.append(_lock_torque(system, data))
+    failure = check_start(
+        human_speed=data.qvel[system.human_dof], exo_error=data.qpos[system.exo_qpos] - START
+    )
+    if failure:
+        raise FailedError(failure, "hold")
+    data.eq_active[system.locks] = 0
+    model.opt.disableactuator = 0
+    for motor, torque in zip(system.motors, np.mean(lock_torque, axis=0), strict=True):
+        integral = model.actuator_actadr[motor]
+        if integral >= 0:
+            data.act[integral] = torque / system.gains.ki
+
+
+def _extend(system: System, data: mujoco.MjData) -> Record:
+    """Let the controllers follow the reference and record every step."""
+    model = system.model
+    steps = round(DURATION / system.fidelity.step)
+    reference, velocity = extension_reference(
+        np.arange(steps) * system.fidelity.step,
+        start=START[3],
+        amplitude=system.conditions.movement_amplitude,
+        rate=system.conditions.movement_rate,
+    )
+    position_input = model.actuator_ctrladr[system.motors]
+    gauge, recorder = InterfaceGauge(system), Recorder(system, steps)
+    exo_range = tuple(model.jnt_range[model.dof_jntid[system.exo_dof[3]]])
+    data.ctrl[position_input] = START
+    data.ctrl[position_input + 1] = 0.0
+    for step in range(steps):
+        data.ctrl[position_input[3]] = reference[step]
+        data.ctrl[position_input[3] + 1] = velocity[step]
+        recorder.before_step(data, reference[step])
+        exo_elbow = float(data.qpos[system.exo_qpos[3]])
+        human_elbow = float(data.qpos[system.human_qpos[3]])
+        _step(system, data, "movement")
+        resultant, normal_force = gauge.forces(data)
+        penetration, overhang = gauge.seats(data)
+        recorder.after_step(data, resultant, normal_force)
+        failure = check_posture(
+            Posture(
+                exo_elbow=exo_elbow,
+                human_elbow=human_elbow,
+                exo_range=exo_range,
+                penetration=penetration,
+                overhang=overhang,
+                normal_force=normal_force,
+            )
+        )
+        if failure:
+            raise FailedError(failure, "movement")
+    return recorder.record()
+
+
+def _step(system: System, data: mujoco.MjData, phase: str) -> None:
+    """Advance one step; a warning of the engine or a value that is not finite is a failure."""
+    mujoco.mj_step(system.model, data)
+    warnings = data.warning.number
+    if warnings.any():
+        name = mujoco.mjtWarning(int(warnings.argmax())).name.removeprefix("mjWARN_")
+        raise FailedError(
+            Failure(name="diverged", reason=f"the engine warned {name} at {data.time:.2f} s"), phase
+        )
+    if not np.isfinite(data.qvel).all():
+        raise FailedError(
+            Failure(name="diverged", reason=f"velocities are not finite at {data.time:.2f} s"),
+            phase,
+        )
+
+
+def _lock_torque(system: System, data: mujoco.MjData) -> np.ndarray:
+    """Return the torque of each lock on its joint, Nm, shape (4,)."""
+    torque = np.zeros(len(system.locks))
+    equality = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+    for i, lock in enumerate(system.locks):
+        torque[i] = data.efc_force[equality & (data.efc_id == lock)].sum()
+    return torque

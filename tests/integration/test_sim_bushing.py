@@ -1,0 +1,73 @@
+"""The fidelity without contact: smooth, fast, and close to contact."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from sim.assessment import assess
+from sim.catalogue import ELBOW_BUSHING, ELBOW_FIDELITIES, MODELS
+from sim.evaluation import evaluate
+from sim.factors import TABLE_1
+
+
+def at(unit: float | np.ndarray) -> dict[str, float]:
+    points = np.broadcast_to(np.asarray(unit, dtype=float), len(TABLE_1))
+    return {
+        f.name: float(f.low + (f.high - f.low) * x) for f, x in zip(TABLE_1, points, strict=True)
+    }
+
+
+def test_the_nominal_wearer_is_as_stiff_as_with_contact() -> None:
+    bushing, contact = assess({}, fidelity="bushing"), assess({})
+    assert bushing.outcome == "ok"
+    for name, tolerance in (("stiffness_estimate", 0.8), ("stiffness_true", 0.6)):
+        assert bushing.outputs[name] == pytest.approx(contact.outputs[name], abs=tolerance)
+    assert bushing.outputs["peak_contact_force"] == pytest.approx(
+        contact.outputs["peak_contact_force"], rel=0.25
+    )
+
+
+def test_it_ranks_wearers_nearly_as_contact_does() -> None:
+    rng = np.random.default_rng(5)
+    points = [at(rng.random(len(TABLE_1))) for _ in range(16)]
+    ranks = [
+        np.argsort(
+            np.argsort([assess(p, fidelity=f).outputs["stiffness_estimate"] for p in points])
+        )
+        for f in ("bushing", "screening")
+    ]
+    assert np.corrcoef(ranks)[0, 1] > 0.8
+
+
+def test_the_response_is_smooth() -> None:
+    """A thousandth of the range moves the estimate by a thousandth of what the range does."""
+    lengths = np.linspace(0.33, 0.3301, 5)
+    estimates = [
+        assess({"upper_arm_length": x}, fidelity="bushing").outputs["stiffness_estimate"]
+        for x in lengths
+    ]
+    assert np.abs(np.diff(estimates, 2)).max() < 1e-4
+    assert np.abs(np.diff(estimates)).max() < 0.01
+
+
+def test_no_corner_of_table_1_diverges() -> None:
+    outcomes = [
+        assess(at(np.array(corner)), fidelity="bushing").outcome
+        for corner in product((0.0, 1.0), repeat=len(TABLE_1))
+    ]
+    assert outcomes.count("ok") >= 56
+    assert "diverged" not in outcomes
+
+
+def test_what_only_contact_has_is_refused_in_a_sentence() -> None:
+    with pytest.raises(ValueError, match="the bushing has no contact"):
+        assess({"cuff_friction": 0.1}, fidelity="bushing")
+    assert "cuff_friction" not in {factor.name for factor in ELBOW_BUSHING.factors}
+
+
+@pytest.mark.parametrize("model", sorted(ELBOW_FIDELITIES))
+def test_every_elbow_model_can_be_evaluated_by_its_name(model: str) -> None:
+    evaluation = evaluate(model, {"forearm_mass": 1.0})
+    assert evaluation.outcome == "ok"
+    assert set(evaluation.outputs) == set(MODELS[model].outputs)
