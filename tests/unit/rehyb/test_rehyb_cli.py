@@ -120,7 +120,7 @@ def test_a_coordinator_that_is_not_there_fails_with_what_to_do(
         ("study submit --factor x1=3", "'x1=3' is not of the form NAME=LOW:HIGH"),
         ("study submit --fix x1=much", "x1 must be a number, not 'much'"),
         ("campaign run --directory d --preset huge", "no preset 'huge': take demo or paper"),
-        ("campaign run --directory d --model leg", "no model 'leg': take one of elbow, ishigami"),
+        ("campaign run --directory d --model leg", "no model 'leg': take one of elbow"),
         ("campaign run --directory d --output z", "elbow has no output 'z': it has stiffness_err"),
         ("assess --set leg_length=1", "there is no factor 'leg_length': take upper_arm_length"),
         ("assess --set forearm_mass=heavy", "forearm_mass must be a number, not 'heavy'"),
