@@ -21,6 +21,7 @@ from sim.model import System, build_system, reset_to_start
 from sim.nominal import nominal_model
 from sim.protocol import run_protocol
 from sim.record import Record
+from sim.target import ELBOW_TARGET, TARGETS, Target
 from sim.validity import FailedError, Failure, check_outcome
 from sim.wearer import Wearer
 
@@ -51,8 +52,9 @@ def assess(
     *,
     controller: str = "pid",
     fidelity: str | Fidelity = CAMPAIGN.name,
+    target: str = ELBOW_TARGET.name,
 ) -> Assessment:
-    """Assess one wearer's elbow.
+    """Assess one joint of one wearer.
 
     Args:
         values: factors of Table 1 and of `sim.factors.CONDITIONS` (SI units); one left out is
@@ -60,16 +62,19 @@ def assess(
         controller: "pid" (the authors' code) or "pd" (equation 19).
         fidelity: a key of `sim.fidelity.FIDELITIES`, "bushing" for no contact at all, or a
             discretisation of one's own.
+        target: a key of `sim.target.TARGETS`: the elbow or a joint of the shoulder.
 
     Raises:
-        ValueError: a factor, controller or fidelity is unknown, or a value out of its domain.
+        ValueError: a factor, controller, fidelity or target is unknown, or a value means nothing.
     """
     if controller not in CONTROLLERS:
         raise ValueError(
             f"unknown controller {controller!r}: expected one of {', '.join(CONTROLLERS)}"
         )
+    if target not in TARGETS:
+        raise ValueError(f"unknown target {target!r}: expected one of {', '.join(TARGETS)}")
     wearer, conditions = split(values)
-    system, run = _prepare(wearer, CONTROLLERS[controller], conditions, fidelity)
+    system, run = _prepare(wearer, CONTROLLERS[controller], conditions, fidelity, TARGETS[target])
     data = reset_to_start(system)
     record = None
     diagnostics: dict[str, float] = {}
@@ -89,17 +94,21 @@ def assess(
 
 
 def _prepare(
-    wearer: Wearer, gains: Gains, conditions: Conditions, fidelity: str | Fidelity
+    wearer: Wearer,
+    gains: Gains,
+    conditions: Conditions,
+    fidelity: str | Fidelity,
+    target: Target,
 ) -> tuple[System, Callable[[System, mujoco.MjData], Record]]:
     """Return the system at a fidelity and what runs it; ValueError if the fidelity is unknown."""
     if fidelity == BUSHING:
-        return build_bushings(wearer, gains, conditions), run_bushings
+        return build_bushings(wearer, gains, conditions, target), run_bushings
     if isinstance(fidelity, str):
         if fidelity not in FIDELITIES:
             known = ", ".join((BUSHING, *FIDELITIES))
             raise ValueError(f"unknown fidelity {fidelity!r}: expected one of {known}")
         fidelity = FIDELITIES[fidelity]
-    return build_system(wearer, gains, conditions, fidelity), run_protocol
+    return build_system(wearer, gains, conditions, fidelity, target), run_protocol
 
 
 def inferred_torques(record: Record) -> tuple[np.ndarray, np.ndarray]:
@@ -108,11 +117,13 @@ def inferred_torques(record: Record) -> tuple[np.ndarray, np.ndarray]:
     The first is equation 20 with the full nominal inverse dynamics. The second is what the authors'
     code subtracts: bias torque alone, of an arm without tissue in an exoskeleton without straps.
     """
-    motor = record.motor_torque[:, 3]
+    motor = record.motor_torque[:, record.joint]
     declared = nominal_model().inverse_dynamics(
-        record.theta, record.theta_velocity, record.theta_acceleration
+        record.theta, record.theta_velocity, record.theta_acceleration, record.joint
     )
-    published = nominal_model(attachments=False).bias(record.theta, record.theta_velocity)
+    published = nominal_model(attachments=False).bias(
+        record.theta, record.theta_velocity, record.joint
+    )
     return declared - motor, published - motor
 
 
@@ -123,11 +134,12 @@ def fit_record(record: Record) -> dict[str, tuple[Fit, Fit]]:
         IllConditionedError: the recorded movement does not determine them.
     """
     inferred, published = inferred_torques(record)
+    joint = record.joint
     return estimate_forms(
-        theta=record.theta[:, 3],
-        theta_velocity=record.theta_velocity[:, 3],
-        q=record.q[:, 3],
-        q_velocity=record.q_velocity[:, 3],
+        theta=record.theta[:, joint],
+        theta_velocity=record.theta_velocity[:, joint],
+        q=record.q[:, joint],
+        q_velocity=record.q_velocity[:, joint],
         inferred_torque=inferred,
         published_torque=published,
         muscle_torque=record.muscle_torque,
@@ -142,7 +154,8 @@ def _evaluate(record: Record, diagnostics: dict[str, float]) -> dict[str, float]
         raise FailedError(
             Failure(name="ill_conditioned", reason=str(error)), "regression"
         ) from error
-    tracking = record.theta[:, 3] - record.reference
+    joint = record.joint
+    tracking = record.theta[:, joint] - record.reference
     estimate, truth = forms["affine"]
     outputs: dict[str, float] = {}
     for name, (estimated, true) in forms.items():
@@ -158,7 +171,9 @@ def _evaluate(record: Record, diagnostics: dict[str, float]) -> dict[str, float]
         r_squared=estimate.r_squared,
         residual_rms_nm=estimate.residual_rms,
         damping_true=truth.damping,
-        largest_angle_difference_deg=degrees(np.abs(record.q[:, 3] - record.theta[:, 3]).max()),
+        largest_angle_difference_deg=degrees(
+            np.abs(record.q[:, joint] - record.theta[:, joint]).max()
+        ),
         largest_normal_force_n=float(record.normal_force.max()),
     )
     failure = check_outcome(tracking_rmse=outputs["tracking_rmse"], r_squared=estimate.r_squared)

@@ -11,7 +11,7 @@ import numpy as np
 from mujoco import rollout
 
 from sim.conditions import Conditions
-from sim.control import DURATION, START, Gains, extension_reference
+from sim.control import DURATION, Gains, extension_reference
 from sim.exoskeleton import JOINTS
 from sim.fidelity import CAMPAIGN
 from sim.interface import Cuff, cuffs
@@ -25,6 +25,7 @@ from sim.model import (
 from sim.record import Record
 from sim.skeleton import ELBOW, HUMAN_JOINTS, upper_arm_point
 from sim.soft_tissue import BONE_CLEARANCE, HARDENING, Sleeve, sleeves
+from sim.target import ELBOW_TARGET, Target
 from sim.validity import FailedError, Failure, Posture, check_posture, check_start
 from sim.wearer import Wearer
 
@@ -45,7 +46,9 @@ HOLD = 1.5
 RODS = ("radial_1", "radial_2", "radial_3", "radial_4", "axial", "torsion_1", "torsion_2")
 
 
-def build_bushings(wearer: Wearer, gains: Gains, conditions: Conditions) -> System:
+def build_bushings(
+    wearer: Wearer, gains: Gains, conditions: Conditions, target: Target = ELBOW_TARGET
+) -> System:
     """Build and compile arm and exoskeleton joined by bushings, unloaded in the seat.
 
     Raises:
@@ -60,13 +63,16 @@ def build_bushings(wearer: Wearer, gains: Gains, conditions: Conditions) -> Syst
     holders = cuffs(
         CAMPAIGN, position=conditions.cuff_position, slides=conditions.cuff_compliance > 0.0
     )
-    spec = base_spec(wearer, gains, conditions, step=CAMPAIGN.step)
-    for cuff, sleeve, seat in zip(holders, parts, _seats(wearer, parts, holders), strict=True):
+    spec = base_spec(wearer, gains, conditions, target, step=CAMPAIGN.step)
+    for cuff, sleeve, seat in zip(
+        holders, parts, _seats(wearer, parts, holders, target.start[3]), strict=True
+    ):
         _add_bushing(spec, cuff, sleeve, *seat)
-    _add_sensors(spec, holders)
+    _add_sensors(spec, holders, target)
     return System(
         wearer=wearer,
         conditions=conditions,
+        target=target,
         fidelity=CAMPAIGN,
         gains=gains,
         sleeves=parts,
@@ -83,14 +89,15 @@ def run_bushings(system: System, data: mujoco.MjData) -> Record:
     Raises:
         FailedError: a detector fired.
     """
-    model, step = system.model, system.fidelity.step
+    model, step, moved = system.model, system.fidelity.step, system.target.joint
     control = np.zeros((round(HOLD / step), model.nu))
-    control[:, system.elbow_muscles] = system.conditions.activation
-    data.act[model.actuator_actadr[system.elbow_muscles]] = system.conditions.activation
+    control[:, system.contracted] = system.activation
+    data.act[model.actuator_actadr[system.contracted]] = system.activation
     _release(system, locked=True)
     _roll_out(system, data, control, "hold")
     failure = check_start(
-        human_speed=data.qvel[system.human_dof], exo_error=data.qpos[system.exo_qpos] - START
+        human_speed=data.qvel[system.human_dof],
+        exo_error=data.qpos[system.exo_qpos] - system.target.start,
     )
     if failure:
         raise FailedError(failure, "hold")
@@ -105,15 +112,16 @@ def run_bushings(system: System, data: mujoco.MjData) -> Record:
     time = np.arange(steps) * step
     reference, velocity = extension_reference(
         time,
-        start=START[3],
-        amplitude=system.conditions.movement_amplitude,
+        start=system.target.start[moved],
+        amplitude=system.target.reach * system.conditions.movement_amplitude,
         rate=system.conditions.movement_rate,
+        direction=system.target.direction,
     )
     control = np.tile(control[-1], (steps, 1))
     position_input = model.actuator_ctrladr[system.motors]
-    control[:, position_input] = START
-    control[:, position_input[3]] = reference
-    control[:, position_input[3] + 1] = velocity
+    control[:, position_input] = system.target.start
+    control[:, position_input[moved]] = reference
+    control[:, position_input[moved] + 1] = velocity
     states, sensed = _roll_out(system, data, control, "movement")
     record = _record(system, time, reference, states, sensed)
     _check(system, record, sensed)
@@ -121,7 +129,10 @@ def run_bushings(system: System, data: mujoco.MjData) -> Record:
 
 
 def _seats(
-    wearer: Wearer, parts: tuple[Sleeve, Sleeve], holders: tuple[Cuff, Cuff]
+    wearer: Wearer,
+    parts: tuple[Sleeve, Sleeve],
+    holders: tuple[Cuff, Cuff],
+    exo_angle: float,
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return where each cuff's centre and axes lie in its bone at the start: (3,) and (3, 3).
 
@@ -129,12 +140,12 @@ def _seats(
     """
     upper, fore = holders
     at_shoulder = np.array([0.25 + upper.centre[2], 0.0, 0.0])
-    angle = seated_elbow_angle(wearer, parts[1], fore)
+    angle = seated_elbow_angle(wearer, parts[1], fore, exo_angle)
     elbow = upper_arm_point(wearer, ELBOW)
-    offset = forearm_cuff_centre(fore) - elbow[[0, 2]]
+    offset = forearm_cuff_centre(fore, exo_angle) - elbow[[0, 2]]
     local = np.array([offset @ direction(angle), offset @ direction(angle + np.pi / 2)])
     centre = np.array([local[0], fore.centre[2] - elbow[1], local[1]])
-    turn = START[3] - angle
+    turn = exo_angle - angle
     tilted = np.array(
         [[np.cos(turn), 0.0, -np.sin(turn)], [0.0, 1.0, 0.0], [np.sin(turn), 0.0, np.cos(turn)]]
     )
@@ -183,14 +194,14 @@ def _add_bushing(
         rod.wrap_site(f"{name}_cuff")
 
 
-def _add_sensors(spec: mujoco.MjSpec, holders: tuple[Cuff, Cuff]) -> None:
-    """Measure, in the order `_record` reads: four motors, the elbow's muscles, every rod twice."""
+def _add_sensors(spec: mujoco.MjSpec, holders: tuple[Cuff, Cuff], target: Target) -> None:
+    """Measure, in the order `_record` reads: four motors, the muscles, every rod twice."""
     kinds = mujoco.mjtSensor
     wanted = [
         (kinds.mjSENS_ACTUATORFRC, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{joint}_motor")
         for joint in JOINTS
     ]
-    wanted.append((kinds.mjSENS_JOINTACTFRC, mujoco.mjtObj.mjOBJ_JOINT, HUMAN_JOINTS[3]))
+    wanted.append((kinds.mjSENS_JOINTACTFRC, mujoco.mjtObj.mjOBJ_JOINT, HUMAN_JOINTS[target.joint]))
     for kind in (kinds.mjSENS_TENDONPOS, kinds.mjSENS_TENDONVEL):
         for cuff in holders:
             for rod in RODS:
@@ -242,6 +253,7 @@ def _record(
     exo_velocity = velocity[:, system.exo_dof]
     forces = _cuff_forces(system, sensed)
     return Record(
+        joint=system.target.joint,
         time=time,
         reference=reference,
         theta=position[:-1, system.exo_qpos],
@@ -272,23 +284,23 @@ def _cuff_forces(system: System, sensed: np.ndarray) -> np.ndarray:
 
 def _check(system: System, record: Record, sensed: np.ndarray) -> None:
     """Judge every step of a movement with the detectors of the protocol with contact."""
-    model = system.model
     displacement = (sensed[:, 5:][:, : 2 * len(RODS)] - ROD).reshape(-1, 2, len(RODS))
     across = np.hypot(displacement[:, :, :2].mean(axis=2), displacement[:, :, 2:4].mean(axis=2))
     room = np.array([cuff.radius - BONE_CLEARANCE for cuff in system.cuffs])
-    elbow_range = tuple(model.jnt_range[model.dof_jntid[system.exo_dof[3]]])
+    theta, q = (angles[:, system.target.joint] for angles in (record.theta, record.q))
     # The detectors look at extremes only, so the steps that hold them are all that need judging.
-    difference = np.abs(record.q[:, 3] - record.theta[:, 3])
+    difference = np.abs(q - theta)
     extremes = {int(np.argmax(values)) for values in (difference, record.normal_force)}
     extremes |= {int(i) for i in np.argmax(across - room, axis=0)}
-    for angle in (record.theta[:, 3], record.q[:, 3]):
+    for angle in (theta, q):
         extremes |= {int(np.argmin(angle)), int(np.argmax(angle))}
     for i in sorted(extremes):
         failure = check_posture(
             Posture(
-                exo_elbow=float(record.theta[i, 3]),
-                human_elbow=float(record.q[i, 3]),
-                exo_range=elbow_range,
+                exo_angle=float(theta[i]),
+                human_angle=float(q[i]),
+                exo_range=system.exo_range,
+                human_range=system.human_range,
                 penetration=across[i] - room,
                 overhang=np.full(2, -np.inf),
                 normal_force=float(record.normal_force[i]),

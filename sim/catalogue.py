@@ -56,30 +56,43 @@ _ASSESSMENT_UNITS: Mapping[str, str] = MappingProxyType(
 CONTACT_ONLY = ("cuff_friction", "strap_tension")
 
 
-def _elbow(name: str, description: str, conditions: tuple[Factor, ...] = CONDITIONS) -> Model:
+def _assessment(name: str, description: str, conditions: tuple[Factor, ...] = CONDITIONS) -> Model:
     return Model(
         name=name,
-        description=f"Elbow stiffness assessment of the arm in the exoskeleton, {description}",
+        description=f"Stiffness assessment in the exoskeleton: {description}",
         factors=TABLE_1 + conditions,
         units=_ASSESSMENT_UNITS,
     )
 
 
-ELBOW = _elbow("elbow", "explicit contact (paper, section 2.3)")
-ELBOW_SCREENING = _elbow("elbow_screening", "explicit contact, coarser")
-ELBOW_REFERENCE = _elbow("elbow_reference", "explicit contact, finer elements and step")
-ELBOW_BUSHING = _elbow(
+ELBOW = _assessment("elbow", "elbow, explicit contact (paper, section 2.3)")
+ELBOW_BUSHING = _assessment(
     "elbow_bushing",
-    "bushings instead of contact: milliseconds",
+    "elbow, bushings instead of contact: milliseconds",
     tuple(factor for factor in CONDITIONS if factor.name not in CONTACT_ONLY),
 )
-#: Models that are an elbow assessment, and the fidelity of each.
-ELBOW_FIDELITIES: Mapping[str, str] = MappingProxyType(
+#: Every model that is an assessment, with its target and fidelity (arguments of `assess`).
+ASSESSMENTS: Mapping[str, tuple[Model, str, str]] = MappingProxyType(
     {
-        ELBOW.name: "campaign",
-        ELBOW_SCREENING.name: "screening",
-        ELBOW_REFERENCE.name: "reference",
-        ELBOW_BUSHING.name: "bushing",
+        model.name: (model, target, fidelity)
+        for model, target, fidelity in (
+            (ELBOW, "elbow", "campaign"),
+            (ELBOW_BUSHING, "elbow", "bushing"),
+            (
+                _assessment("elbow_screening", "elbow, explicit contact, coarser"),
+                "elbow",
+                "screening",
+            ),
+            (
+                _assessment("elbow_reference", "elbow, explicit contact, finer"),
+                "elbow",
+                "reference",
+            ),
+            *(
+                (_assessment(name, f"{name.replace('_', ' ')}, explicit contact"), name, "campaign")
+                for name in ("shoulder_flexion", "shoulder_abduction", "shoulder_rotation")
+            ),
+        )
     }
 )
 
@@ -118,5 +131,6 @@ SOBOL_G = Model(
 )
 
 MODELS: Mapping[str, Model] = MappingProxyType(
-    {m.name: m for m in (ELBOW, ELBOW_SCREENING, ELBOW_REFERENCE, ELBOW_BUSHING, ISHIGAMI, SOBOL_G)}
+    {name: model for name, (model, _, _) in ASSESSMENTS.items()}
+    | {model.name: model for model in (ISHIGAMI, SOBOL_G)}
 )

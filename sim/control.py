@@ -20,8 +20,6 @@ PID = Gains(kp=50.0, kv=15.0, ki=25.0)
 PD = Gains(kp=50.0, kv=15.0, ki=0.0)
 CONTROLLERS = {"pid": PID, "pd": PD}
 
-#: Start of an elbow assessment: J1 to J4, rad (authors' code).
-START = np.radians([0.0, -90.0, 0.0, 110.0])
 #: Centre of the sigmoid, s; its amplitude and rate are conditions of an assessment.
 CENTRE = 2.5
 #: Duration of the movement, s.
@@ -29,22 +27,23 @@ DURATION = 6.0
 
 
 def extension_reference(
-    time: np.ndarray, *, start: float, amplitude: float, rate: float
+    time: np.ndarray, *, start: float, amplitude: float, rate: float, direction: float = -1.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the moved joint's desired angle (rad) and velocity (rad/s): a sigmoid from `start`.
 
     Args:
         time: seconds since the movement began, shape (n,).
         start: angle at time 0, rad.
-        amplitude: how far the angle falls in the end, rad (authors' code: 1/1.1 of the elbow's
+        amplitude: how far the angle moves in the end, rad (authors' code: 1/1.1 of the elbow's
             start).
         rate: of the sigmoid, 1/s (authors' code: 2).
+        direction: +1 or -1; the elbow extends.
 
     Returns:
         Two arrays of shape (n,).
     """
     sigmoid = 1.0 / (1.0 + np.exp(-rate * (time - CENTRE)))
     offset = 1.0 / (1.0 + np.exp(rate * CENTRE))
-    angle = start - amplitude * (sigmoid - offset)
-    velocity = -amplitude * rate * sigmoid * (1.0 - sigmoid)
+    angle = start + direction * amplitude * (sigmoid - offset)
+    velocity = direction * amplitude * rate * sigmoid * (1.0 - sigmoid)
     return angle, velocity

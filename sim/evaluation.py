@@ -9,7 +9,7 @@ from platform import machine, python_version
 from platform import system as operating_system
 from typing import Any
 
-from sim.catalogue import ELBOW_FIDELITIES, ISHIGAMI, MODELS, SOBOL_G
+from sim.catalogue import ASSESSMENTS, ISHIGAMI, MODELS, SOBOL_G
 
 #: Coefficients of Sobol's g-function (Saltelli and Sobol 1995): the larger, the less influential.
 G_COEFFICIENTS = (0.0, 1.0, 4.5, 9.0, 99.0, 99.0)
@@ -46,10 +46,11 @@ def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
             raise ValueError(f"factor {name} must be finite, not {value}")
         values[name] = float(value)
     started = time.perf_counter()
-    if model in ELBOW_FIDELITIES:
+    if model in ASSESSMENTS:
         from sim.assessment import assess
 
-        assessment = assess(values, fidelity=ELBOW_FIDELITIES[model])
+        _, target, fidelity = ASSESSMENTS[model]
+        assessment = assess(values, fidelity=fidelity, target=target)
         return Evaluation(
             outcome=assessment.outcome,
             outputs=assessment.outputs,

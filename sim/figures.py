@@ -35,34 +35,37 @@ def assessment_figure(assessment: Assessment, path: Path) -> Path:
         )
     inferred, _ = inferred_torques(record)
     estimate, truth = fit_record(record)["affine"]
-    theta, q = np.degrees(record.theta[:, 3]), np.degrees(record.q[:, 3])
+    joint = record.joint
+    theta, q = np.degrees(record.theta[:, joint]), np.degrees(record.q[:, joint])
     figure = new_figure(width=10.0, height=7.0)
     angles, torques, scatter, forces = (figure.add_subplot(2, 2, i) for i in (1, 2, 3, 4))
 
     angles.plot(record.time, np.degrees(record.reference), "--", color="0.5", label="reference")
     angles.plot(record.time, theta, color="tab:blue", label="exoskeleton θ")
     angles.plot(record.time, q, color="tab:red", label="human q")
-    angles.set_title("Elbow angle")
-    angles.set_ylabel("flexion (degrees)")
+    angles.set_title("Joint angle")
+    angles.set_ylabel("angle (degrees)")
 
     torques.plot(record.time, inferred, color="tab:blue", label="inferred (equation 20)")
     torques.plot(record.time, record.muscle_torque, color="tab:red", label="muscles")
-    torques.plot(record.time, record.motor_torque[:, 3], color="0.5", linewidth=1, label="motor")
-    torques.set_title("Torque about the elbow")
+    torques.plot(
+        record.time, record.motor_torque[:, joint], color="0.5", linewidth=1, label="motor"
+    )
+    torques.set_title("Torque about the joint")
     torques.set_ylabel("torque (Nm)")
 
     scatter.plot(theta, inferred, color="tab:blue", label="inferred against θ")
     scatter.plot(q, record.muscle_torque, color="tab:red", label="muscles against q")
     for fit, angle, torque, colour, name in (
-        (estimate, record.theta[:, 3], inferred, "tab:blue", "estimate"),
-        (truth, record.q[:, 3], record.muscle_torque, "tab:red", "true"),
+        (estimate, record.theta[:, joint], inferred, "tab:blue", "estimate"),
+        (truth, record.q[:, joint], record.muscle_torque, "tab:red", "true"),
     ):
         ends = np.array([angle.min(), angle.max()])
         line = torque.mean() + fit.stiffness * (ends - angle.mean())
         label = f"{name} $K_h$ {fit.stiffness:.2f} Nm/rad"
         scatter.plot(np.degrees(ends), line, ":", color=colour, label=label)
     scatter.set_title("What the regression sees (velocity's share not drawn)")
-    scatter.set_xlabel("flexion (degrees)")
+    scatter.set_xlabel("angle (degrees)")
     scatter.set_ylabel("torque (Nm)")
 
     for column, name in enumerate(("upper arm", "forearm")):
@@ -73,6 +76,6 @@ def assessment_figure(assessment: Assessment, path: Path) -> Path:
         axes.set_xlabel("time since the movement began (s)")
     for axes in (angles, torques, scatter, forces):
         axes.legend(frameon=False, fontsize=8)
-    figure.suptitle(f"Elbow assessment: {assessment.outcome}")
+    figure.suptitle(f"Assessment: {assessment.outcome}")
     figure.savefig(path)
     return path

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from sim.conditions import DEFAULT_CONDITIONS, Conditions
-from sim.control import START, Gains
+from sim.control import Gains
 from sim.exoskeleton import JOINTS, MOTOR_GROUP, add_exoskeleton
 from sim.fidelity import CAMPAIGN, Fidelity
 from sim.interface import (
@@ -21,7 +21,7 @@ from sim.interface import (
     cuffs,
     segment_names,
 )
-from sim.muscles import ELBOW_EXTENSORS, ELBOW_FLEXORS, add_muscles
+from sim.muscles import add_muscles
 from sim.skeleton import (
     ELBOW,
     HUMAN_JOINTS,
@@ -31,6 +31,7 @@ from sim.skeleton import (
     upper_arm_point,
 )
 from sim.soft_tissue import Sleeve, add_soft_tissue, element_name, sleeves
+from sim.target import ELBOW_TARGET, Target
 from sim.wearer import Wearer
 
 if mujoco.__version__ == "4.0.0":
@@ -42,8 +43,10 @@ if mujoco.__version__ == "4.0.0":
 # MuJoCo would append each warning to a file in the working directory; ours are named outcomes.
 mujoco.set_mju_user_warning(lambda message: None)
 
-#: Exoskeleton's elbow axis at START in the flexion plane (forward, up), m.
+#: Exoskeleton's elbow axis in the plane of the upper arm (along it, across it), m.
 EXO_ELBOW = np.array([0.25, 0.0])
+#: Farthest a seated human elbow may be from the exoskeleton's, rad.
+SEAT_REACH = radians(50.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +55,7 @@ class System:
 
     wearer: Wearer
     conditions: Conditions
+    target: Target
     fidelity: Fidelity
     gains: Gains
     #: Tissue of upper arm and forearm, and the cuff and strap of each.
@@ -81,11 +85,14 @@ class System:
         return np.array([self.model.actuator(f"{joint}_motor").id for joint in JOINTS])
 
     @cached_property
-    def elbow_muscles(self) -> np.ndarray:
-        """Actuator index of the eight elbow muscles."""
-        return np.array(
-            [self.model.actuator(muscle.name).id for muscle in ELBOW_FLEXORS + ELBOW_EXTENSORS]
-        )
+    def contracted(self) -> np.ndarray:
+        """Actuator index of the muscles that co-contract."""
+        return np.array([self.model.actuator(muscle.name).id for muscle in self.target.muscles])
+
+    @property
+    def activation(self) -> float:
+        """Activation that those muscles hold, 0 to 1."""
+        return self.target.contraction * self.conditions.activation
 
     @cached_property
     def locks(self) -> np.ndarray:
@@ -108,6 +115,20 @@ class System:
                 limb[self.model.geom(element_name(sleeve, ring, index)).id] = number
         return limb
 
+    @cached_property
+    def exo_range(self) -> tuple[float, float]:
+        """Range of the exoskeleton joint that is moved, rad."""
+        return self._range(JOINTS[self.target.joint])
+
+    @cached_property
+    def human_range(self) -> tuple[float, float]:
+        """Range of the human joint that is assessed, rad."""
+        return self._range(HUMAN_JOINTS[self.target.joint])
+
+    def _range(self, joint: str) -> tuple[float, float]:
+        low, high = self.model.joint(joint).range
+        return float(low), float(high)
+
     def _joints(self, names: tuple[str, ...], attribute: str) -> np.ndarray:
         return np.array([getattr(self.model.joint(name), attribute)[0] for name in names])
 
@@ -128,7 +149,7 @@ def set_solver(spec: mujoco.MjSpec, step: float) -> None:
 
 
 def base_spec(
-    wearer: Wearer, gains: Gains, conditions: Conditions, *, step: float
+    wearer: Wearer, gains: Gains, conditions: Conditions, target: Target, *, step: float
 ) -> mujoco.MjSpec:
     """Return arm, muscles and locked exoskeleton, with nothing yet to hold one in the other."""
     spec = empty_spec()
@@ -136,10 +157,10 @@ def base_spec(
     add_torso(spec)
     add_arm(spec, wearer)
     add_muscles(spec, wearer)
-    add_exoskeleton(spec, gains, friction=conditions.robot_friction)
+    add_exoskeleton(spec, gains, friction=conditions.robot_friction, joint=JOINTS[target.joint])
     if conditions.cuff_compliance > 0.0:
         add_slide(spec, conditions.cuff_compliance)
-    for joint, angle in zip(JOINTS, START, strict=True):
+    for joint, angle in zip(JOINTS, target.start, strict=True):
         _add_lock(spec, joint, angle)
     _set_the_scene(spec)
     return spec
@@ -150,13 +171,14 @@ def build_system(
     gains: Gains,
     conditions: Conditions = DEFAULT_CONDITIONS,
     fidelity: Fidelity = CAMPAIGN,
+    target: Target = ELBOW_TARGET,
 ) -> System:
     """Build and compile the whole system for one wearer; the start pose is not yet set."""
     parts = sleeves(wearer, tissue_scale=conditions.tissue_scale, fidelity=fidelity)
     holders = cuffs(
         fidelity, position=conditions.cuff_position, slides=conditions.cuff_compliance > 0.0
     )
-    spec = base_spec(wearer, gains, conditions, step=fidelity.step)
+    spec = base_spec(wearer, gains, conditions, target, step=fidelity.step)
     for cuff, sleeve in zip(holders, parts, strict=True):
         add_soft_tissue(spec, sleeve)
         add_cuff(spec, cuff)
@@ -165,6 +187,7 @@ def build_system(
     return System(
         wearer=wearer,
         conditions=conditions,
+        target=target,
         fidelity=fidelity,
         gains=gains,
         sleeves=parts,
@@ -181,41 +204,41 @@ def reset_to_start(system: System) -> mujoco.MjData:
     history.
     """
     data = mujoco.MjData(system.model)
-    data.qpos[system.exo_qpos] = START
-    data.qpos[system.human_qpos] = START
+    target = system.target
+    data.qpos[system.exo_qpos] = target.start
+    data.qpos[system.human_qpos[:3]] = target.human_shoulder
     data.qpos[system.human_qpos[3]] = seated_elbow_angle(
-        system.wearer, system.sleeves[1], system.cuffs[1]
+        system.wearer, system.sleeves[1], system.cuffs[1], target.start[3]
     )
     data.eq_active[system.locks] = 1
     system.model.opt.disableactuator |= 1 << MOTOR_GROUP
     return data
 
 
-def seated_elbow_angle(wearer: Wearer, sleeve: Sleeve, cuff: Cuff) -> float:
+def seated_elbow_angle(wearer: Wearer, sleeve: Sleeve, cuff: Cuff, exo_angle: float) -> float:
     """Return the elbow angle (rad) at which the forearm's axis meets the centre of its cuff.
 
-    Solved in the plane of flexion with the exoskeleton at START. When no angle does (an arm too
-    long for it), the angle that comes closest within the elbow's reach.
+    Solved in the plane of flexion, in which the upper arms coincide, with the exoskeleton's elbow
+    at `exo_angle`. When no angle does (an arm too long for it), the closest within reach.
     """
     elbow = upper_arm_point(wearer, ELBOW)[[0, 2]]
-    centre = forearm_cuff_centre(cuff)
+    centre = forearm_cuff_centre(cuff, exo_angle)
 
     def miss(flexion: float) -> float:
         """Distance of the cuff's centre from the forearm's axis, m."""
         across = direction(flexion + np.pi / 2)
         return float(across @ (centre - elbow)) - sleeve.axis_z
 
-    low, high = radians(60.0), radians(143.0)
+    low, high = exo_angle - SEAT_REACH, min(exo_angle + SEAT_REACH, radians(143.0))
     if miss(low) * miss(high) > 0.0:
         return low if abs(miss(low)) < abs(miss(high)) else high
     return float(brentq(miss, low, high, xtol=1e-12))
 
 
-def forearm_cuff_centre(cuff: Cuff) -> np.ndarray:
-    """Return the centre of the forearm's cuff at START in the flexion plane (forward, up), m."""
+def forearm_cuff_centre(cuff: Cuff, exo_angle: float) -> np.ndarray:
+    """Return the centre of the forearm's cuff in the flexion plane (along, across the arm), m."""
     across, along, _ = cuff.centre
-    angle = START[3]
-    return EXO_ELBOW + along * direction(angle) + across * direction(angle + np.pi / 2)
+    return EXO_ELBOW + along * direction(exo_angle) + across * direction(exo_angle + np.pi / 2)
 
 
 def slacken_straps(system: System, data: mujoco.MjData) -> None:
@@ -248,7 +271,7 @@ def row_tensions(system: System) -> np.ndarray:
 
 
 def direction(angle: float) -> np.ndarray:
-    """Unit vector in the flexion plane (forward, up) at `angle` rad above forward."""
+    """Unit vector in the flexion plane (along, across the arm) at `angle` rad of flexion."""
     return np.array([np.cos(angle), np.sin(angle)])
 
 

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from sim.control import Gains
-from sim.exoskeleton import JOINTS, add_exoskeleton
+from sim.exoskeleton import add_exoskeleton
 from sim.interface import CUFFS, STRAP_MASS
 from sim.skeleton import add_arm, empty_spec, fill_forearm, fill_upper_arm
 from sim.soft_tissue import ELEMENT_RADIUS, Sleeve, sleeves
@@ -26,12 +26,15 @@ class NominalModel:
     """The declared model as MuJoCo sees it: four joints, no contact, no limits."""
 
     model: mujoco.MjModel
-    elbow: int
 
     def inverse_dynamics(
-        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+        self,
+        position: np.ndarray,
+        velocity: np.ndarray,
+        acceleration: np.ndarray,
+        joint: int = 3,
     ) -> np.ndarray:
-        """Return the elbow torque that the declared bodies need for a motion (equation 20).
+        """Return the joint torque that the declared bodies need for a motion (equation 20).
 
         The sum of both M, C and g terms, the joints' dampers and the motors' inertia: everything on
         the right of equation 20 but the motor torque.
@@ -40,27 +43,28 @@ class NominalModel:
             position: joint angles theta, rad, shape (n, 4).
             velocity: rad/s, shape (n, 4).
             acceleration: rad/s2, shape (n, 4).
+            joint: number of the joint, 0 to 3; the elbow by default.
 
         Returns:
-            Torque at the elbow joint in Nm, shape (n,).
+            Torque at the joint in Nm, shape (n,).
         """
         data = mujoco.MjData(self.model)
         torque = np.empty(len(position))
         for i in range(len(position)):
             data.qpos[:], data.qvel[:], data.qacc[:] = position[i], velocity[i], acceleration[i]
             mujoco.mj_inverse(self.model, data)
-            torque[i] = data.qfrc_inverse[self.elbow]
+            torque[i] = data.qfrc_inverse[joint]
         return torque
 
-    def bias(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """Return Coriolis, centrifugal and gravity torque at the elbow, Nm, shape (n,)."""
+    def bias(self, position: np.ndarray, velocity: np.ndarray, joint: int = 3) -> np.ndarray:
+        """Return Coriolis, centrifugal and gravity torque at a joint, Nm, shape (n,)."""
         data = mujoco.MjData(self.model)
         torque = np.empty(len(position))
         for i in range(len(position)):
             data.qpos[:], data.qvel[:] = position[i], velocity[i]
             mujoco.mj_fwdPosition(self.model, data)
             mujoco.mj_fwdVelocity(self.model, data)
-            torque[i] = data.qfrc_bias[self.elbow]
+            torque[i] = data.qfrc_bias[joint]
         return torque
 
 
@@ -88,8 +92,7 @@ def nominal_model(*, attachments: bool = True) -> NominalModel:
             _add_sleeve(bone, sleeve)
             strap = spec.body(cuff.link).add_body(name=f"{cuff.name}_strap", pos=list(cuff.centre))
             _set_inertia(strap, STRAP_MASS, radius=cuff.radius, length=cuff.length, axis=cuff.along)
-    model = spec.compile()
-    return NominalModel(model=model, elbow=model.joint(JOINTS[-1]).dofadr[0])
+    return NominalModel(model=spec.compile())
 
 
 def _aligned_arm_poses() -> dict[str, dict[str, list[float]]]:

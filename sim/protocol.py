@@ -1,7 +1,7 @@
-"""The protocol of an assessment with explicit contact (paper, section 2.3): don, hold, extend.
+"""The protocol of an assessment with explicit contact (paper, section 2.3): don, hold, move.
 
-The straps are pulled while the elbow's muscles begin to co-contract; the buckles close; the arm
-comes to rest in the locked robot; then the controllers take over and extend the elbow along the
+The straps are pulled while the joint's muscles begin to co-contract; the buckles close; the arm
+comes to rest in the locked robot; then the controllers take over and move the joint along the
 sigmoid.
 """
 
@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from sim.contact import InterfaceGauge
-from sim.control import DURATION, START, extension_reference
+from sim.control import DURATION, extension_reference
 from sim.model import System, close_straps, slacken_straps
 from sim.record import Record, Recorder
 from sim.validity import FailedError, Failure, Posture, check_posture, check_start
@@ -47,12 +47,13 @@ def _don_and_hold(system: System, data: mujoco.MjData) -> None:
     for step in range(hold):
         if step == donning:
             close_straps(system, data, stiffness)
-        data.ctrl[system.elbow_muscles] = system.conditions.activation * min(1.0, step / donning)
+        data.ctrl[system.contracted] = system.activation * min(1.0, step / donning)
         _step(system, data, "hold")
         if step >= hold - LOCK_AVERAGE:
             lock_torque.append(_lock_torque(system, data))
     failure = check_start(
-        human_speed=data.qvel[system.human_dof], exo_error=data.qpos[system.exo_qpos] - START
+        human_speed=data.qvel[system.human_dof],
+        exo_error=data.qpos[system.exo_qpos] - system.target.start,
     )
     if failure:
         raise FailedError(failure, "hold")
@@ -66,34 +67,35 @@ def _don_and_hold(system: System, data: mujoco.MjData) -> None:
 
 def _extend(system: System, data: mujoco.MjData) -> Record:
     """Let the controllers follow the reference and record every step."""
-    model = system.model
+    model, moved = system.model, system.target.joint
     steps = round(DURATION / system.fidelity.step)
     reference, velocity = extension_reference(
         np.arange(steps) * system.fidelity.step,
-        start=START[3],
-        amplitude=system.conditions.movement_amplitude,
+        start=system.target.start[moved],
+        amplitude=system.target.reach * system.conditions.movement_amplitude,
         rate=system.conditions.movement_rate,
+        direction=system.target.direction,
     )
     position_input = model.actuator_ctrladr[system.motors]
     gauge, recorder = InterfaceGauge(system), Recorder(system, steps)
-    exo_range = tuple(model.jnt_range[model.dof_jntid[system.exo_dof[3]]])
-    data.ctrl[position_input] = START
+    data.ctrl[position_input] = system.target.start
     data.ctrl[position_input + 1] = 0.0
     for step in range(steps):
-        data.ctrl[position_input[3]] = reference[step]
-        data.ctrl[position_input[3] + 1] = velocity[step]
+        data.ctrl[position_input[moved]] = reference[step]
+        data.ctrl[position_input[moved] + 1] = velocity[step]
         recorder.before_step(data, reference[step])
-        exo_elbow = float(data.qpos[system.exo_qpos[3]])
-        human_elbow = float(data.qpos[system.human_qpos[3]])
+        exo_angle = float(data.qpos[system.exo_qpos[moved]])
+        human_angle = float(data.qpos[system.human_qpos[moved]])
         _step(system, data, "movement")
         resultant, normal_force = gauge.forces(data)
         penetration, overhang = gauge.seats(data)
         recorder.after_step(data, resultant, normal_force)
         failure = check_posture(
             Posture(
-                exo_elbow=exo_elbow,
-                human_elbow=human_elbow,
-                exo_range=exo_range,
+                exo_angle=exo_angle,
+                human_angle=human_angle,
+                exo_range=system.exo_range,
+                human_range=system.human_range,
                 penetration=penetration,
                 overhang=overhang,
                 normal_force=normal_force,

@@ -15,7 +15,9 @@ class Record:
 
     #: Seconds since the movement began, shape (n,).
     time: np.ndarray
-    #: Desired elbow angle, shape (n,).
+    #: Number of the joint that was moved, 0 to 3.
+    joint: int
+    #: Its desired angle, shape (n,).
     reference: np.ndarray
     #: Exoskeleton angles, velocities and accelerations of J1 to J4, shape (n, 4).
     theta: np.ndarray
@@ -26,7 +28,7 @@ class Record:
     #: Human abduction, flexion, rotation and elbow angles and velocities, shape (n, 4).
     q: np.ndarray
     q_velocity: np.ndarray
-    #: Torque of the muscles about the human elbow, shape (n,).
+    #: Torque of the muscles about the human joint, shape (n,).
     muscle_torque: np.ndarray
     #: Resultant force of cuff and strap on upper arm and forearm, shape (n, 2).
     contact_force: np.ndarray
@@ -79,7 +81,7 @@ class Recorder:
         """Note the forces that acted in the state `before_step` saw."""
         arrays, system, i = self._arrays, self._system, self._count
         arrays["motor_torque"][i] = data.actuator_force[system.motors]
-        arrays["muscle_torque"][i] = data.qfrc_actuator[system.human_dof[3]]
+        arrays["muscle_torque"][i] = data.qfrc_actuator[system.human_dof[system.target.joint]]
         arrays["contact_force"][i] = contact_force
         arrays["normal_force"][i] = normal_force
         self._final_velocity = data.qvel[system.exo_dof].copy()
@@ -88,4 +90,8 @@ class Recorder:
     def record(self) -> Record:
         """Return the finished record; accelerations are those the steps really made."""
         velocity = np.vstack([self._arrays["theta_velocity"], self._final_velocity])
-        return Record(theta_acceleration=np.diff(velocity, axis=0) / self._step, **self._arrays)
+        return Record(
+            joint=self._system.target.joint,
+            theta_acceleration=np.diff(velocity, axis=0) / self._step,
+            **self._arrays,
+        )

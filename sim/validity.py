@@ -9,8 +9,6 @@ from math import degrees, radians
 
 import numpy as np
 
-from sim.skeleton import ELBOW_RANGE
-
 #: Every way an assessment can end beside "ok", with what a reader should know about it.
 FAILURES = {
     "diverged": "the simulation produced values that are not finite, or the engine warned",
@@ -18,8 +16,8 @@ FAILURES = {
     "slipped": "the arm left its cuff, or turned in it until the angles no longer belong together",
     "penetrated": "a bone came through the tissue to the cuff",
     "jammed": "cuff and arm pressed on each other far harder than the movement explains",
-    "human_joint_limit": "the human elbow was at the end of its range",
-    "exo_joint_limit": "the robot's elbow was at its stop",
+    "human_joint_limit": "the human joint was at the end of its range",
+    "exo_joint_limit": "the robot's joint was at its stop",
     "tracking_lost": "the robot did not follow the reference",
     "ill_conditioned": "the recorded torque is not explained by stiffness and damping",
 }
@@ -27,7 +25,7 @@ FAILURES = {
 #: Fastest human joint at the start of the movement, rad/s, and farthest robot joint from its start.
 MAX_START_SPEED = 0.05
 MAX_START_ERROR = radians(1.0)
-#: Largest difference between human and robot elbow, rad.
+#: Largest difference between human and robot joint, rad.
 MAX_ANGLE_DIFFERENCE = radians(40.0)
 #: Farthest the cuff's centre may lie beyond the end of the tissue, m.
 MAX_OVERHANG = 0.020
@@ -85,10 +83,11 @@ def check_start(*, human_speed: np.ndarray, exo_error: np.ndarray) -> Failure | 
 class Posture:
     """What the detectors look at in one step."""
 
-    exo_elbow: float
-    human_elbow: float
-    #: Robot's elbow range, rad.
+    #: Angles of the assessed joint, rad, and its ranges.
+    exo_angle: float
+    human_angle: float
     exo_range: tuple[float, float]
+    human_range: tuple[float, float]
     #: Per limb: bone beyond what the tissue leaves free, m; positive is bone in cuff.
     penetration: np.ndarray
     #: Per limb: cuff centre beyond the end of the tissue, m; negative is inside.
@@ -99,14 +98,14 @@ class Posture:
 
 def check_posture(posture: Posture) -> Failure | None:
     """Judge one step of the movement."""
-    values = (posture.exo_elbow, posture.human_elbow, posture.normal_force)
+    values = (posture.exo_angle, posture.human_angle, posture.normal_force)
     if not (np.all(np.isfinite(values)) and np.all(np.isfinite(posture.penetration))):
         return Failure(name="diverged", reason="a joint angle or force is not finite")
-    difference = abs(posture.human_elbow - posture.exo_elbow)
+    difference = abs(posture.human_angle - posture.exo_angle)
     if difference > MAX_ANGLE_DIFFERENCE:
         return Failure(
             name="slipped",
-            reason=f"human and robot elbow differ by {degrees(difference):.0f} degrees "
+            reason=f"human and robot joint differ by {degrees(difference):.0f} degrees "
             f"(allowed: {degrees(MAX_ANGLE_DIFFERENCE):.0f})",
         )
     if posture.overhang.max() > MAX_OVERHANG:
@@ -128,13 +127,13 @@ def check_posture(posture: Posture) -> Failure | None:
             f"(allowed: {MAX_NORMAL_FORCE:.0f})",
         )
     for name, owner, angle, (low, high) in (
-        ("human_joint_limit", "human", posture.human_elbow, ELBOW_RANGE),
-        ("exo_joint_limit", "robot's", posture.exo_elbow, posture.exo_range),
+        ("human_joint_limit", "human", posture.human_angle, posture.human_range),
+        ("exo_joint_limit", "robot's", posture.exo_angle, posture.exo_range),
     ):
         if not low + LIMIT_MARGIN < angle < high - LIMIT_MARGIN:
             return Failure(
                 name=name,
-                reason=f"the {owner} elbow at {degrees(angle):.1f} degrees is at the end of its "
+                reason=f"the {owner} joint at {degrees(angle):.1f} degrees is at the end of its "
                 f"range ({degrees(low):.0f} to {degrees(high):.0f})",
             )
     return None

@@ -36,9 +36,12 @@ def assess(
     fidelity: Annotated[
         str, typer.Option(help="How finely the interface is divided: screening to reference.")
     ] = "campaign",
+    target: Annotated[
+        str, typer.Option(help="elbow, shoulder_flexion, shoulder_abduction or shoulder_rotation.")
+    ] = "elbow",
     as_json: AsJson = False,
 ) -> None:
-    """Simulate one elbow-stiffness assessment.
+    """Simulate one stiffness assessment of the elbow or the shoulder.
 
     Exit status 1 if the assessment fails: the simulated exercise, that is, not the command.
     """
@@ -52,7 +55,7 @@ def assess(
         values[name] = number(value, name)
     started = time.perf_counter()
     try:
-        assessment = simulate(values, controller=controller, fidelity=fidelity)
+        assessment = simulate(values, controller=controller, fidelity=fidelity, target=target)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
     wall_seconds = time.perf_counter() - started

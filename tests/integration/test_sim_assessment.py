@@ -133,7 +133,7 @@ def test_sparse_and_dense_solvers_agree_on_a_loaded_arm() -> None:
     data = reset_to_start(system)
     stiffness = system.model.tendon_stiffness[system.straps].copy()
     slacken_straps(system, data)
-    data.ctrl[system.elbow_muscles] = 0.4
+    data.ctrl[system.contracted] = 0.4
     mujoco.mj_step(system.model, data, 30)
     close_straps(system, data, stiffness)
     mujoco.mj_step(system.model, data, 30)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.assessment import assess
-from sim.catalogue import ELBOW_BUSHING, ELBOW_FIDELITIES, MODELS
+from sim.catalogue import ASSESSMENTS, ELBOW_BUSHING, MODELS
 from sim.evaluation import evaluate
 from sim.factors import TABLE_1
 
@@ -66,8 +66,8 @@ def test_what_only_contact_has_is_refused_in_a_sentence() -> None:
     assert "cuff_friction" not in {factor.name for factor in ELBOW_BUSHING.factors}
 
 
-@pytest.mark.parametrize("model", sorted(ELBOW_FIDELITIES))
-def test_every_elbow_model_can_be_evaluated_by_its_name(model: str) -> None:
+@pytest.mark.parametrize("model", sorted(ASSESSMENTS))
+def test_every_assessment_can_be_evaluated_by_its_name(model: str) -> None:
     evaluation = evaluate(model, {"forearm_mass": 1.0})
     assert evaluation.outcome == "ok"
     assert set(evaluation.outputs) == set(MODELS[model].outputs)

@@ -4,12 +4,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.control import PID, START
+from sim.control import PID
 from sim.interface import CUFFS, cuff_box_name, particle_name
 from sim.model import System, build_system, reset_to_start, seated_elbow_angle
 from sim.skeleton import ELBOW_RANGE
 from sim.soft_tissue import sleeves
+from sim.target import ELBOW_TARGET
 from sim.wearer import NOMINAL_WEARER, wearer_of
+
+START = ELBOW_TARGET.start
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +81,6 @@ def test_the_arm_sits_in_both_cuffs_at_the_start(system: System) -> None:
 @pytest.mark.parametrize("fore", [0.2827, 0.3455])
 def test_the_seat_is_within_the_elbows_range_all_over_table_1(upper: float, fore: float) -> None:
     wearer = wearer_of({"upper_arm_length": upper, "forearm_length": fore})
-    angle = seated_elbow_angle(wearer, sleeves(wearer)[1], CUFFS[1])
+    angle = seated_elbow_angle(wearer, sleeves(wearer)[1], CUFFS[1], START[3])
     assert ELBOW_RANGE[0] < angle < ELBOW_RANGE[1]
     assert abs(angle - START[3]) < np.radians(25.0)

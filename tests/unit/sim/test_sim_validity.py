@@ -8,9 +8,10 @@ import pytest
 from sim.validity import FAILURES, Posture, check_outcome, check_posture, check_start
 
 GOOD = Posture(
-    exo_elbow=np.radians(60.0),
-    human_elbow=np.radians(65.0),
+    exo_angle=np.radians(60.0),
+    human_angle=np.radians(65.0),
     exo_range=(np.radians(-20.0), np.radians(125.0)),
+    human_range=(np.radians(-10.0), np.radians(145.0)),
     penetration=np.array([-0.01, -0.02]),
     overhang=np.array([-0.05, -0.06]),
     normal_force=500.0,
@@ -26,13 +27,13 @@ def test_a_plausible_trial_passes_every_detector() -> None:
 @pytest.mark.parametrize(
     ("change", "name"),
     [
-        ({"human_elbow": np.radians(101.0)}, "slipped"),
+        ({"human_angle": np.radians(101.0)}, "slipped"),
         ({"overhang": np.array([-0.05, 0.021])}, "slipped"),
         ({"penetration": np.array([0.006, -0.02])}, "penetrated"),
         ({"normal_force": 2500.0}, "jammed"),
-        ({"human_elbow": np.radians(-9.5), "exo_elbow": 0.0}, "human_joint_limit"),
-        ({"human_elbow": np.radians(100), "exo_elbow": np.radians(124.5)}, "exo_joint_limit"),
-        ({"human_elbow": float("nan")}, "diverged"),
+        ({"human_angle": np.radians(-9.5), "exo_angle": 0.0}, "human_joint_limit"),
+        ({"human_angle": np.radians(100), "exo_angle": np.radians(124.5)}, "exo_joint_limit"),
+        ({"human_angle": float("nan")}, "diverged"),
         ({"normal_force": float("inf")}, "diverged"),
     ],
 )
