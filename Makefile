@@ -4,7 +4,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check bench bench-sim picture clean
+.PHONY: help demo test check bench bench-sim curves picture clean
 
 help:  ## Say what each target does
 	@grep -hE '^[a-z-]+:.*## ' Makefile | awk -F ':.*## ' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -27,6 +27,9 @@ bench: $(READY)  ## Print the figures that README and docs quote
 
 bench-sim: $(READY)  ## Print what an assessment costs and how the fidelities agree (10 minutes)
 	$(BIN)/python -m benchmarks.simulation
+
+curves: $(READY)  ## Draw what each factor does alone (docs/one_at_a_time.png)
+	$(BIN)/python -m benchmarks.one_at_a_time docs/one_at_a_time.png
 
 picture: $(READY)  ## Draw the arm in the exoskeleton (docs/system.png)
 	$(BIN)/python -m sim.rendering docs/system.png
