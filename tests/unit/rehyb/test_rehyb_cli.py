@@ -122,6 +122,7 @@ def test_a_coordinator_that_is_not_there_fails_with_what_to_do(
         ("campaign run --directory d --preset huge", "no preset 'huge': take demo or paper"),
         ("campaign run --directory d --model leg", "no model 'leg': take one of elbow, ishigami"),
         ("campaign run --directory d --output z", "elbow has no output 'z': it has stiffness_err"),
+        ("study indices s1 --target 0", "--target is a positive half width, not 0"),
         ("assess --set leg_length=1", "there is no factor 'leg_length': take upper_arm_length"),
         ("assess --set forearm_mass=heavy", "forearm_mass must be a number, not 'heavy'"),
         ("assess --set forearm_mass=-1", "factor forearm_mass must be positive and finite"),
