@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.estimators import Estimator
 from analysis.records import LoggedResult, StudyPlan
 from analysis.snapshot import new_growing_estimator, take_snapshot
 
@@ -71,12 +72,16 @@ class StudyState:
         """Return the snapshot of the study (`analysis.snapshot`)."""
         return take_snapshot(
             self.plan,
-            self._estimator.total(),
+            self.estimator(),
             self._estimator.series,
             cursor=self.cursor,
             rows_complete=int(self._complete.sum()),
             evaluations=self.evaluations,
         )
+
+    def estimator(self) -> Estimator:
+        """Return the estimator of all complete rows; its last output is the failure indicator."""
+        return self._estimator.total()
 
     def to_bytes(self) -> bytes:
         """Return the state as a compressed NPZ file without pickles."""

@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from rehyb.cli import campaigns, services, simulation, studies
+from rehyb.cli import campaigns, reports, services, simulation, studies
 from rehyb.errors import Invalid, RehybError
 
 app = typer.Typer(
@@ -24,6 +24,7 @@ app.command()(services.up)
 app.command()(services.coordinator)
 app.command()(services.analysis)
 app.command()(studies.workers)
+app.command()(reports.report)
 app.command()(simulation.assess)
 app.command()(simulation.validate)
 

@@ -163,7 +163,7 @@ def indices(
         if not outputs:
             raise Invalid(f"there is nothing to draw: study {study} has no indices yet")
         draw = screening_figure if snapshot["method"] == "morris" else variance_figure
-        draw(snapshot, outputs[0], plot)
+        draw(snapshot, outputs[0]).savefig(plot)
     if as_json:
         print_json(snapshot)
         return
