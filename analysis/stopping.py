@@ -80,8 +80,10 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
     if more == 0:
         sentence = f"Every index of {output} is within {reach}: {now}."
     else:
-        sentence = f"About {more:,} more rows ({runs:,} runs) bring {output} to {reach}: {now}."
-        if snapshot.get("sampling") == "sobol" and name != "mu_star":
+        sobol = snapshot.get("sampling") == "sobol" and name != "mu_star"
+        about = "At most about" if sobol else "About"
+        sentence = f"{about} {more:,} more rows ({runs:,} runs) bring {output} to {reach}: {now}."
+        if sobol:
             whole = 1 << (complete + more - 1).bit_length()
             sentence += f" Sobol points serve best at a power of two: {whole:,} rows in all."
     return Advice(

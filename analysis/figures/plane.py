@@ -60,10 +60,10 @@ def _draw_clouds(axes: Axes, names: list[str], clouds: NDArray[np.float64], unit
         axes.scatter(
             mu_star[:, style],
             sigma[:, style],
-            s=9,
+            s=8,
             color=COLOURS[style % len(COLOURS)],
             marker=MARKERS[style % len(MARKERS)],
-            alpha=0.35,
+            alpha=0.6,
             linewidths=0,
             label=words(names[style]),
             rasterized=True,
