@@ -86,7 +86,16 @@ def chapter(study: Mapping[str, Any], results: Path) -> Chapter:
     Raises:
         ValueError: the table is not one of this study.
     """
-    plan = StudyPlan(
+    plan = plan_of(study)
+    table = Table.read(plan, results)
+    state = StudyState(plan)
+    state.take(table.results())
+    return Chapter(study=study, table=table, snapshot=state.snapshot(), estimator=state.estimator())
+
+
+def plan_of(study: Mapping[str, Any]) -> StudyPlan:
+    """Return what a study set out to do, from what `GET /v1/studies/{id}` says of it."""
+    return StudyPlan(
         id=study["id"],
         method=study["method"],
         seed=study["seed"],
@@ -95,10 +104,6 @@ def chapter(study: Mapping[str, Any], results: Path) -> Chapter:
         factors=tuple(factor["name"] for factor in study["factors"]),
         outputs=tuple(study["outputs"]),
     )
-    table = Table.read(plan, results)
-    state = StudyState(plan)
-    state.take(table.results())
-    return Chapter(study=study, table=table, snapshot=state.snapshot(), estimator=state.estimator())
 
 
 def pictures(chapter: Chapter, output: str, units: Units) -> list[Picture]:

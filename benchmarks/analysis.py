@@ -1,6 +1,7 @@
 """How right the indices are, how honest their intervals, and how fast they stream.
 
-`make bench-analysis`, or `python -m benchmarks.analysis [SEEDS]`; 300 seeds take some ten minutes.
+`make bench-analysis`, or `python -m benchmarks.analysis [SEEDS]`; 300 seeds take some ten minutes
+of one idle core.
 Functions with closed forms (`benchmarks.functions`) are the outputs of one study, once without
 failures, once with 5 % of the runs failing at random, and once with every run failing whose first
 factor is in the upper fifth of its range.
@@ -296,9 +297,9 @@ def main() -> None:
     """Print all tables."""
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 300
     print(describe_machine())
-    print_speed()
-    print_others(seeds)
     print_coverage_and_errors(seeds)
+    print_others(seeds)
+    print_speed()
 
 
 if __name__ == "__main__":

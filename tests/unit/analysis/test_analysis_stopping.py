@@ -34,8 +34,8 @@ def test_twice_the_precision_takes_four_times_the_rows() -> None:
     assert advice is not None
     assert (advice.factor, advice.index, advice.more_rows) == ("x", "total_order", 900)
     assert advice.sentence == (
-        "At most about 900 more rows (3,600 runs) bring error to ±0.02: the widest interval, ST of x, has "
-        "±0.04. Sobol points serve best at a power of two: 2,048 rows in all."
+        "At most about 900 more rows (3,600 runs) bring error to ±0.02: the widest interval, ST of "
+        "x, has ±0.04. Sobol points serve best at a power of two: 2,048 rows in all."
     )
     hypercube = advise(snapshot(0.04, sampling="latin_hypercube"), "error")
     assert hypercube is not None and "power of two" not in hypercube.sentence

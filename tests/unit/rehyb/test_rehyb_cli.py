@@ -178,6 +178,7 @@ def test_every_command_explains_itself_and_has_a_json_form(run: Run) -> None:
         "study indices",
         "study cancel",
         "study results",
+        "study surrogate",
         "report",
         "workers",
         "campaign run",
