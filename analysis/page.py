@@ -12,10 +12,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.metadata import version
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from analysis.comparison import Compared
+    from analysis.estimators import Estimate
 
 #: Columns of the tables of indices, with their symbols in the paper.
 _COLUMNS = {
@@ -88,6 +92,8 @@ class Section:
     #: Units of the outputs.
     units: Mapping[str, str]
     pictures: Sequence[Picture]
+    #: Other estimators' indices of the output, by name.
+    compared: Mapping[str, Compared]
 
 
 def page(title: str, findings: Sequence[str], sections: Sequence[Section]) -> str:
@@ -128,6 +134,9 @@ def _section(section: Section) -> str:
                 "".join(_indices(snapshot, name, section.units) for name in others),
             )
             if others
+            else "",
+            _folded("Other estimators on the same runs", _comparison(section))
+            if section.compared
             else "",
             _folded("Failures", _failures(snapshot)) if snapshot["failure"]["failed"] else "",
             _folded("How this was computed", _facts(section)),
@@ -191,6 +200,25 @@ def _interval(index: Mapping[str, float | None]) -> str:
     if index["low"] is not None and index["high"] is not None:
         text += f" <small>[{index['low']:.2g}, {index['high']:.2g}]</small>"
     return text
+
+
+def _comparison(section: Section) -> str:
+    factors = section.snapshot["outputs"][section.output]["factors"]
+    parts = []
+    for compared in section.compared.values():
+        rows = [
+            [escape(_words(name)), _estimate(compared.first, f), _estimate(compared.total, f)]
+            for f, name in enumerate(factors)
+        ]
+        parts.append(
+            f"<h3>{escape(compared.description)}</h3>" + _grid(["factor", "S", "ST"], rows)
+        )
+    return "".join(parts)
+
+
+def _estimate(estimate: Estimate, f: int) -> str:
+    ends = {end: float(getattr(estimate, end)[f]) for end in ("value", "low", "high")}
+    return _interval({end: value if isfinite(value) else None for end, value in ends.items()})
 
 
 def _failures(snapshot: Mapping[str, Any]) -> str:

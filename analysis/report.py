@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from analysis.comparison import Compared, compare, rows_of
 from analysis.figures import (
     convergence_figure,
     distribution_figure,
@@ -235,7 +236,14 @@ def _section(chapter: Chapter, output: str, units: Units, drawn: list[Picture]) 
         output=output,
         units=units.outputs,
         pictures=drawn,
+        compared=_compared(chapter, output),
     )
+
+
+def _compared(chapter: Chapter, output: str) -> Mapping[str, Compared]:
+    if chapter.table.plan.method != "saltelli":
+        return {}
+    return compare(rows_of(chapter.table, output), chapter.snapshot["level"])
 
 
 def _clouds(chapter: Chapter, output: str) -> Any:
@@ -246,5 +254,9 @@ def _clouds(chapter: Chapter, output: str) -> Any:
 
 
 def _distribution(described: Mapping[str, Any]) -> str:
-    parameters = ", ".join(f"{k} {v:g}" for k, v in described.items() if k != "kind")
+    parameters = ", ".join(
+        f"{name} {' '.join(f'{number:g}' for number in np.atleast_1d(value))}"
+        for name, value in described.items()
+        if name != "kind"
+    )
     return f"{described['kind'].replace('_', ' ')}: {parameters}"

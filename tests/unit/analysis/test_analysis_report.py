@@ -102,6 +102,7 @@ def test_a_report_holds_every_figure_of_its_method_and_nothing_from_outside(
     assert all(file.stat().st_size > 5000 for file in files)
     for words in ("F < G", "a <study> & more", "3 diverged", "d = 0.5", "uniform: low -1, high 1"):
         assert words in outline.words, words
+    assert ("Martinez 2011" in outline.words) == (method == "saltelli")
 
 
 @pytest.mark.parametrize("method", METHODS)
