@@ -26,6 +26,7 @@ from benchmarks.machine import describe_machine
 
 Array = NDArray[np.float64]
 
+SAMPLINGS = ("latin_hypercube", "sobol", "sobol_paired")
 SIZES = (64, 256, 1024)
 FAILURES = ("none", "5 % at random", "u1 > 0.8")
 INDICES = ("first_order", "total_order")
@@ -107,7 +108,7 @@ def print_coverage_and_errors(seeds: int) -> None:
     )
     print("and in brackets of the whole range, which is not promised.")
     print(f"{'':16s}{'':14s}" + "".join(f"{name:>26s}" for name in FAILURES))
-    for sampling in ("latin_hypercube", "sobol"):
+    for sampling in SAMPLINGS:
         for rows in SIZES:
             inside: dict[str, list[Array]] = {name: [] for name in INDICES}
             whole: dict[str, list[Array]] = {name: [] for name in INDICES}
@@ -141,7 +142,7 @@ def print_errors(errors: dict[tuple[str, int], Array]) -> None:
     print(f"{'':16s}{'':14s}{'':8s}" + "".join(f"{n:>8d}" for n in SIZES) + f"{'slope':>8s}")
     for f, function in enumerate(KNOWN):
         for i, index in enumerate(INDICES):
-            for sampling in ("latin_hypercube", "sobol"):
+            for sampling in SAMPLINGS:
                 found = [float(errors[sampling, rows][i, 0, f].mean()) for rows in SIZES]
                 slope = np.polyfit(np.log(SIZES), np.log(found), 1)[0]
                 print(

@@ -41,7 +41,7 @@ def submit(
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Default: 1.")] = None,
     sampling: Annotated[
-        str | None, typer.Option(help="sobol or latin_hypercube. Default: sobol.")
+        str | None, typer.Option(help="sobol, sobol_paired or latin_hypercube. Default: sobol.")
     ] = None,
     key: Annotated[
         str | None,
