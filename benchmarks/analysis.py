@@ -1,6 +1,6 @@
 """How right the indices are, how honest their intervals, and how fast they stream.
 
-`make bench-analysis`, or `python -m benchmarks.analysis [SEEDS]`; 300 seeds take some ten minutes
+`make bench-analysis`, or `python -m benchmarks.analysis [SEEDS]`; 300 seeds take some 15 minutes
 of one idle core.
 Functions with closed forms (`benchmarks.functions`) are the outputs of one study, once without
 failures, once with 5 % of the runs failing at random, and once with every run failing whose first
