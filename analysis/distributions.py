@@ -3,7 +3,8 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from math import isfinite, log
+from itertools import pairwise
+from math import fsum, isfinite, log
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.stats import truncnorm
 
 @dataclass(frozen=True, kw_only=True)
 class Distribution(ABC):
-    """A continuous distribution of one factor, in the factor's unit.
+    """A distribution of one factor, in the factor's unit.
 
     Raises:
         ValueError: a parameter is not a finite number, or the parameters contradict each other.
@@ -53,7 +54,7 @@ class Distribution(ABC):
 
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> "Distribution":
-        """Read `{"kind": ..., <parameter>: <number>, ...}`.
+        """Read `{"kind": ..., <parameter>: <number>, ...}`; a discrete one has lists of numbers.
 
         Raises:
             ValueError: the kind is unknown, a parameter is missing, unknown or no finite number, or
@@ -164,7 +165,71 @@ class LogUniform(Distribution):
         return np.clip(x, self.low, self.high)
 
 
-_KINDS: tuple[type[Distribution], ...] = (Uniform, Normal, TruncatedNormal, Triangular, LogUniform)
+@dataclass(frozen=True, kw_only=True)
+class Discrete(Distribution):
+    """One of several values, each with its probability.
+
+    Elementary effects of such a factor say how the output changes along the order of its values.
+    """
+
+    kind: ClassVar[str] = "discrete"
+    #: Rising.
+    values: tuple[float, ...]
+    #: Positive, of sum 1.
+    probabilities: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("values", "probabilities"):
+            numbers = getattr(self, name)
+            if (
+                not isinstance(numbers, list | tuple)
+                or not numbers
+                or any(
+                    isinstance(number, bool)
+                    or not isinstance(number, int | float)
+                    or not isfinite(number)
+                    for number in numbers
+                )
+            ):
+                raise ValueError(f"{name} of a discrete distribution must be finite numbers")
+            object.__setattr__(self, name, tuple(map(float, numbers)))
+        self._check()
+
+    def _check(self) -> None:
+        if len(self.values) < 2:
+            raise ValueError("a discrete distribution needs two values or more")
+        if len(self.values) != len(self.probabilities):
+            raise ValueError("a discrete distribution needs a probability for every value")
+        if any(a >= b for a, b in pairwise(self.values)):
+            raise ValueError("values of a discrete distribution must rise")
+        for probability in self.probabilities:
+            _positive(self.kind, "every probability", probability)
+        if abs(fsum(self.probabilities) - 1.0) > 1e-9:
+            raise ValueError(
+                f"probabilities of a discrete distribution must add up to 1, not "
+                f"{fsum(self.probabilities):g}"
+            )
+
+    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        edges = np.cumsum(self.probabilities)[:-1]
+        return np.asarray(self.values)[np.searchsorted(edges, u, side="left")]
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "kind": self.kind,
+            "values": list(self.values),
+            "probabilities": list(self.probabilities),
+        }
+
+
+_KINDS: tuple[type[Distribution], ...] = (
+    Uniform,
+    Normal,
+    TruncatedNormal,
+    Triangular,
+    LogUniform,
+    Discrete,
+)
 
 
 def _ordered(kind: str, low: float, high: float) -> None:

@@ -2,20 +2,36 @@
 
     {"study", "method", "seed", "cursor", "rows", "rows_complete", "rows_used", "level",
      "evaluations": {outcome: number},
-     "outputs": {output: {"mean", "sd", "n",
-                          "factors": {factor: {"n", index: {"value", "low", "high"}, ...}},
-                          sum: {"value", "low", "high"}, ...}}}
+     "outputs": {output: OUTPUT},
+     "sampling",
+     "failure": {"failed", "runs", "depends_on_factors", "caused_by": [factor], "sentence",
+                 **OUTPUT}}
+
+    OUTPUT: {"mean", "sd", "n",
+             "factors": {factor: {"n", index: {"value", "low", "high"}, ...}},
+             sum: {"value", "low", "high"}, ...,
+             "ranking": {"by", "order": [factor], "same_order", "same_first"},
+             "convergence": {"rows": [number],
+                             "factors": {factor: {index: {"value": [], "low": [], "high": []}}}}}
 
 Indices are "mu", "mu_star" and "sigma" (method morris, in the output's unit per range of the
 factor) or "first_order" and "total_order" (method saltelli, shares of the variance), for which
-there are the sums "sum_first_order" and "sum_total_order". What is not defined yet is null.
+there are the sums "sum_first_order" and "sum_total_order" and the measure of chance
+"dummy_first_order" (`SaltelliEstimator.statistics`). "failure" is the indicator that is 1 where a
+run failed and 0 elsewhere (`analysis.failures`), "ranking" says how many bootstrap replicates rank
+the factors alike (`analysis.ranking`), "convergence" what the first 8, 16, 32, ... rows said
+(`analysis.convergence`). What is not defined yet is null.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any
 
-from analysis.estimators import Estimate, Estimator, estimator_class
+from analysis.convergence import GrowingEstimator, Point
+from analysis.estimators import Estimate, Estimator, Statistic, estimator_class
+from analysis.estimators.bootstrap import estimate
+from analysis.failures import judge
+from analysis.ranking import RANKED_BY, rank
 from analysis.records import StudyPlan
 
 #: Of the confidence intervals (paper, figure 10).
@@ -25,6 +41,7 @@ LEVEL = 0.9
 def take_snapshot(
     plan: StudyPlan,
     estimator: Estimator,
+    series: Sequence[Point],
     *,
     cursor: int,
     rows_complete: int,
@@ -34,15 +51,21 @@ def take_snapshot(
 
     Args:
         plan: the study.
-        estimator: what was made of its complete rows.
+        estimator: what was made of its complete rows, from `new_estimator`.
+        series: what was made of growing parts of them.
         cursor: sequence number of the last result taken in.
         rows_complete: rows of which every result is in.
         evaluations: number of results by outcome.
     """
-    indices = estimator.indices(LEVEL)
-    of_factors = {name: index for name, index in indices.items() if index.value.ndim == 2}
-    sums = {name: index for name, index in indices.items() if index.value.ndim == 1}
-    moments, effects = estimator.moments(), estimator.effects
+    statistics = estimator.statistics()
+    indices = {
+        name: estimate(statistic.weighted, statistic.n, LEVEL)
+        for name, statistic in statistics.items()
+    }
+    shown = [
+        _output(plan, estimator, o, statistics, indices, series)
+        for o in range(len(plan.outputs) + 1)
+    ]
     return {
         "study": plan.id,
         "method": plan.method,
@@ -53,38 +76,100 @@ def take_snapshot(
         "rows_used": estimator.rows_used,
         "level": LEVEL,
         "evaluations": dict(sorted(evaluations.items())),
-        "outputs": {
-            output: {
-                "mean": _number(moments.mean[o]),
-                "sd": _number(moments.sd[o]),
-                "n": int(moments.n[o]),
-                "factors": {
-                    factor: {
-                        **{name: _interval(index, (o, f)) for name, index in of_factors.items()},
-                        "n": int(effects[o, f]),
-                    }
-                    for f, factor in enumerate(plan.factors)
-                },
-                **{name: _interval(index, (o,)) for name, index in sums.items()},
-            }
-            for o, output in enumerate(plan.outputs)
-        },
+        "outputs": dict(zip(plan.outputs, shown, strict=False)),
+        "sampling": plan.sampling,
+        "failure": _failure(plan, estimator, evaluations) | shown[-1],
     }
 
 
 def empty_snapshot(plan: StudyPlan) -> dict[str, Any]:
     """Return the snapshot of a study that has no result yet."""
-    return take_snapshot(plan, new_estimator(plan), cursor=0, rows_complete=0, evaluations={})
+    return take_snapshot(plan, new_estimator(plan), [], cursor=0, rows_complete=0, evaluations={})
 
 
 def new_estimator(plan: StudyPlan) -> Estimator:
-    """Return the estimator of a study without results; ValueError if its method is unknown."""
+    """Return the estimator of a study without results; ValueError if its method is unknown.
+
+    Its outputs are the study's and, last, the indicator of failure.
+    """
     return estimator_class(plan.method)(
         sampling=plan.sampling,
         seed=plan.seed,
         factors=len(plan.factors),
-        outputs=len(plan.outputs),
+        outputs=len(plan.outputs) + 1,
+        indicators=1,
     )
+
+
+def new_growing_estimator(plan: StudyPlan) -> GrowingEstimator:
+    """Return a `new_estimator` that remembers what it said at powers of two."""
+    return GrowingEstimator(lambda: new_estimator(plan), LEVEL)
+
+
+def _output(
+    plan: StudyPlan,
+    estimator: Estimator,
+    o: int,
+    statistics: Mapping[str, Statistic],
+    indices: Mapping[str, Estimate],
+    series: Sequence[Point],
+) -> dict[str, Any]:
+    """Return OUTPUT of the module docstring."""
+    moments, effects = estimator.moments(), estimator.effects
+    of_factors = {name: index for name, index in indices.items() if index.value.ndim == 2}
+    sums = {name: index for name, index in indices.items() if index.value.ndim == 1}
+    return {
+        "mean": _number(moments.mean[o]),
+        "sd": _number(moments.sd[o]),
+        "n": int(moments.n[o]),
+        "factors": {
+            factor: {
+                **{name: _interval(index, (o, f)) for name, index in of_factors.items()},
+                "n": int(effects[o, f]),
+            }
+            for f, factor in enumerate(plan.factors)
+        },
+        **{name: _interval(index, (o,)) for name, index in sums.items()},
+        "ranking": _ranking(plan, statistics, o),
+        "convergence": {
+            "rows": [point.rows for point in series],
+            "factors": {
+                factor: {name: _curve(series, name, (o, f)) for name in of_factors}
+                for f, factor in enumerate(plan.factors)
+            },
+        },
+    }
+
+
+def _ranking(plan: StudyPlan, statistics: Mapping[str, Statistic], o: int) -> dict[str, Any]:
+    by = RANKED_BY[plan.method]
+    ranking = rank(statistics[by].weighted[:, o], plan.factors)
+    return {
+        "by": by,
+        "order": None if ranking is None else list(ranking.order),
+        "same_order": None if ranking is None else ranking.same_order,
+        "same_first": None if ranking is None else ranking.same_first,
+    }
+
+
+def _failure(
+    plan: StudyPlan, estimator: Estimator, evaluations: Mapping[str, int]
+) -> dict[str, Any]:
+    runs = sum(evaluations.values())
+    failed = runs - evaluations.get("ok", 0)
+    verdict = judge(estimator, len(plan.outputs), plan.factors, failed=failed, runs=runs)
+    return {
+        "failed": failed,
+        "runs": runs,
+        "depends_on_factors": verdict.depends,
+        "caused_by": list(verdict.factors),
+        "sentence": verdict.sentence,
+    }
+
+
+def _curve(series: Sequence[Point], name: str, at: tuple[int, ...]) -> dict[str, Any]:
+    points = [_interval(point.indices[name], at) for point in series]
+    return {end: [point[end] for point in points] for end in ("value", "low", "high")}
 
 
 def _interval(index: Estimate, at: tuple[int, ...]) -> dict[str, float | None]:

@@ -11,11 +11,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.estimators import Estimator
 from analysis.records import LoggedResult, StudyPlan
-from analysis.snapshot import new_estimator, take_snapshot
+from analysis.snapshot import new_growing_estimator, take_snapshot
 
 #: Changes whenever the meaning of the bytes does.
-FORMAT = 1
+FORMAT = 2
 
 #: Bounds the memory that the weights of a batch take.
 _ROWS_AT_ONCE = 1000
@@ -36,9 +37,9 @@ class StudyState:
         #: Sequence number of the last result taken in.
         self.cursor = 0
         self.evaluations: Counter[str] = Counter()
-        self._estimator = new_estimator(plan)
-        #: Values (width, outputs) of incomplete rows; inf where no result came yet, nan where the
-        #: run failed.
+        self._estimator = new_growing_estimator(plan)
+        #: Values (width, outputs + 1) of incomplete rows; inf where no result came yet, nan where
+        #: the run failed. The last column is 1 for a failed run and 0 for any other.
         self._partial: dict[int, NDArray[np.float64]] = {}
         #: Which rows are complete.
         self._complete = np.zeros(plan.rows, dtype=np.bool_)
@@ -71,14 +72,19 @@ class StudyState:
         """Return the snapshot of the study (`analysis.snapshot`)."""
         return take_snapshot(
             self.plan,
-            self._estimator,
+            self.estimator(),
+            self._estimator.series,
             cursor=self.cursor,
             rows_complete=int(self._complete.sum()),
             evaluations=self.evaluations,
         )
 
+    def estimator(self) -> Estimator:
+        """Return the estimator of all complete rows; its last output is the failure indicator."""
+        return self._estimator.total()
+
     def to_bytes(self) -> bytes:
-        """Return the state as a compressed NPZ file without pickles, under 1 MB for the elbow."""
+        """Return the state as a compressed NPZ file without pickles."""
         rows = sorted(self._partial)
         buffer = io.BytesIO()
         np.savez(
@@ -136,13 +142,14 @@ class StudyState:
         if self._complete[result.row]:
             return False
         values = self._partial.setdefault(
-            result.row, np.full((width, len(self.plan.outputs)), inf, dtype=np.float64)
+            result.row, np.full((width, len(self.plan.outputs) + 1), inf, dtype=np.float64)
         )
         if not np.isinf(values[result.position]).any():
             return False
         ok = result.outcome == "ok"
         found = [result.outputs.get(name, nan) if ok else nan for name in self.plan.outputs]
-        values[result.position] = [value if abs(value) < inf else nan for value in found]
+        finite = [value if abs(value) < inf else nan for value in found]
+        values[result.position] = [*finite, 0.0 if ok else 1.0]
         return True
 
 

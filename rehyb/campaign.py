@@ -244,13 +244,14 @@ class Campaign:
         output = self._plan.output
         unit = MODELS[self._plan.model].units[output]
         picture = self._directory / "campaign.png"
-        campaign_figure(
-            phase1["indices"], phase2["indices"], output, picture, "" if unit == "1" else unit
-        )
+        unit = "" if unit == "1" else unit
+        campaign_figure(phase1["indices"], phase2["indices"], output, unit).savefig(picture)
         failures: dict[str, int] = {}
         for phase in (phase1, phase2):
             for cause, count in phase["progress"]["failures"].items():
                 failures[cause] = failures.get(cause, 0) + count
+        page = self._directory / "report.html"
+        self._write_page(page, decision, fixed_at, (phase1, phase2))
         names = ("phase1.csv", "phase2.csv", "phase1.json", "phase2.json", MANIFEST)
         report = Report(
             plan=self._plan,
@@ -263,11 +264,31 @@ class Campaign:
             failures=failures,
             instances=phase1["progress"]["instances"] + phase2["progress"]["instances"],
             seconds=self._seconds(),
-            files=(picture, *(self._directory / name for name in names)),
+            files=(page, picture, *(self._directory / name for name in names)),
         )
         self._manifest["failures"] = failures
         self._manifest["instances"] = report.instances
         return report
+
+    def _write_page(
+        self, page: Path, decision: Json, fixed_at: float, phases: tuple[Json, Json]
+    ) -> None:
+        from rehyb.reports import write
+
+        output = self._plan.output
+        write(
+            [
+                (phase["study"], self._directory / f"phase{number}.csv")
+                for number, phase in enumerate(phases, 1)
+            ],
+            output,
+            page,
+            title=f"Two-phase sensitivity analysis of {output.replace('_', ' ')}",
+            findings=[
+                decision["evidence"],
+                f"Phase 2 holds {decision['fixed']} at its nominal {fixed_at:g}.",
+            ],
+        )
 
     def _seconds(self) -> float:
         """Return the wall seconds of this session and of those before it."""

@@ -105,17 +105,25 @@ def report_parts(report: Report) -> Iterable[RenderableType]:
     yield indices_table(
         report.phase1, plan.output, f"Phase 1: elementary effects on {plan.output}, {level}"
     )
+    yield from _remarks(report.phase1, plan.output)
     yield f"{report.evidence}\nPhase 2 holds {report.fixed} at its nominal {report.fixed_at:g}."
     yield ""
     yield indices_table(
         report.phase2, plan.output, f"Phase 2: Sobol indices of {plan.output}, {level}"
     )
+    yield from _remarks(report.phase2, plan.output)
     failed = sum(report.failures.values())
     yield (
         f"{report.instances} instances, {failed} failed "
         f"({failures_in_words(report.failures)}), in {duration(report.seconds)}"
     )
     yield "\n".join(str(path) for path in report.files)
+
+
+def _remarks(snapshot: Mapping[str, Any], output: str) -> Iterable[RenderableType]:
+    from analysis.remarks import remarks
+
+    return (Text(sentence) for sentence in remarks(snapshot, output))
 
 
 class LiveDisplay:
@@ -139,6 +147,8 @@ class LiveDisplay:
 
     def show(self, view: View) -> None:
         """Redraw."""
+        from analysis.remarks import warning
+
         done = view.progress["ok"] + view.progress["failed"]
         bar = Table.grid()
         bar.add_row(ProgressBar(total=max(view.progress["instances"], 1), completed=done, width=60))
@@ -149,7 +159,10 @@ class LiveDisplay:
         ]
         if view.waiting:
             parts.append(Text(view.waiting, style="yellow"))
+        if alarm := warning(view.snapshot):
+            parts.append(Text(alarm, style="bold red"))
         parts.append(indices_table(view.snapshot, view.output))
+        parts += _remarks(view.snapshot, view.output)
         self._live.update(Group(*parts), refresh=True)
 
 

@@ -10,14 +10,16 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.designs.points import latin_hypercube, sobol
+from analysis.designs.points import latin_hypercube, paired, sobol
 from analysis.designs.radial import radial_row
 from analysis.designs.saltelli import saltelli_row
 from analysis.distributions import Distribution
 
 #: Elementary effects for screening, and variance-based indices.
 METHODS = ("morris", "saltelli")
-SAMPLINGS = ("sobol", "latin_hypercube")
+#: Base points: of a Sobol sequence; the same with the two coordinates that a factor has in a row
+#: taken from neighbouring dimensions; of Latin hypercubes, as in the paper.
+SAMPLINGS = ("sobol", "sobol_paired", "latin_hypercube")
 
 
 def row_width(method: str, factors: int) -> int:
@@ -44,7 +46,9 @@ def unit_row(method: str, sampling: str, seed: int, row: int, factors: int) -> N
         raise ValueError(f"seed must be an integer from 0 to 2**64 - 1, not {seed}")
     if row < 0:
         raise ValueError(f"row must not be negative, but is {row}")
-    point = (sobol if sampling == "sobol" else latin_hypercube)(seed, row, 2 * factors)
+    point = (latin_hypercube if sampling == "latin_hypercube" else sobol)(seed, row, 2 * factors)
+    if sampling == "sobol_paired":
+        point = paired(point)
     return radial_row(point) if method == "morris" else saltelli_row(point)
 
 

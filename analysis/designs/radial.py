@@ -1,10 +1,17 @@
 """Radial design for elementary effects (Campolongo, Saltelli and Cariboni 2011)."""
 
+from math import log
+
 import numpy as np
 from numpy.typing import NDArray
 
 #: An elementary effect divides by its step; a tiny step would divide noise by almost nothing.
 SMALLEST_STEP = 0.1
+
+#: Mean of 1 / |step| over this design: of steps u from 0.1 to 0.9, and u - 1 around the end.
+MEAN_INVERSE_STEP = (
+    2.0 * log((1.0 - SMALLEST_STEP) / SMALLEST_STEP) / (1.0 - 2.0 * SMALLEST_STEP) - 2.0
+)
 
 
 def radial_row(point: NDArray[np.float64]) -> NDArray[np.float64]:

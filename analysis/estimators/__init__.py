@@ -1,7 +1,7 @@
 """Estimators that take rows in any order, merge, and carry their own confidence intervals."""
 
 from analysis.estimators.bootstrap import Estimate
-from analysis.estimators.estimator import Estimator, Moments
+from analysis.estimators.estimator import Estimator, Moments, Statistic
 from analysis.estimators.morris import MorrisEstimator
 from analysis.estimators.saltelli import SaltelliEstimator
 
@@ -11,6 +11,7 @@ __all__ = [
     "Moments",
     "MorrisEstimator",
     "SaltelliEstimator",
+    "Statistic",
     "estimator_class",
 ]
 

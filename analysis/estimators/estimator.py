@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.designs import row_width
 from analysis.estimators import bootstrap
-from analysis.estimators.bootstrap import Estimate
+from analysis.estimators.bootstrap import Estimate, estimate
 from analysis.estimators.exact_sum import ExactSums, Integers, divide, square
 
 #: An output of larger magnitude counts as failed: its square has no exact sum.
@@ -34,6 +34,17 @@ class Moments:
     n: NDArray[np.int64]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Statistic:
+    """A statistic in every weighting of the rows."""
+
+    #: Shape (1 + bootstrap.REPLICATES, outputs, factors), or without factors; the first weighting
+    #: is the sample itself; nan where a weighting leaves the statistic undefined.
+    weighted: NDArray[np.float64]
+    #: From how many rows it was computed, shape (outputs, factors), or without factors.
+    n: NDArray[np.int64]
+
+
 class Estimator(ABC):
     """Indices of several outputs from rows that arrive in any order.
 
@@ -42,6 +53,8 @@ class Estimator(ABC):
     Args:
         sampling, seed: of the design, one of `analysis.designs.SAMPLINGS`.
         factors, outputs: how many.
+        indicators: how many of the outputs, the last ones, say something of every run, also of a
+            failed one. They alone do not make a row count as used.
     """
 
     method: ClassVar[str]
@@ -51,11 +64,14 @@ class Estimator(ABC):
     factor_sums: ClassVar[tuple[str, ...]]
     output_sums: ClassVar[tuple[str, ...]] = ("value", "value" + SQUARED)
 
-    def __init__(self, *, sampling: str, seed: int, factors: int, outputs: int) -> None:
+    def __init__(
+        self, *, sampling: str, seed: int, factors: int, outputs: int, indicators: int = 0
+    ) -> None:
         self.sampling = sampling
         self.seed = seed
         self.factors = factors
         self.outputs = outputs
+        self.indicators = indicators
         self.width = row_width(self.method, factors)
         #: Rows of which at least one index could use a part.
         self.rows_used = 0
@@ -94,7 +110,9 @@ class Estimator(ABC):
             counts = weights @ valid.sum(axis=0, dtype=np.float64)
             self._counts[:, columns] += counts.astype(np.int64)
             if name == self.use:
-                self.rows_used += int(valid.any(axis=(0, 2)).sum())
+                of_output = valid.reshape(*valid.shape[:2], self.outputs, -1)
+                measured = of_output[:, :, : self.outputs - self.indicators]
+                self.rows_used += int(measured.any(axis=(0, 2, 3)).sum())
 
     def merge(self, other: Self) -> None:
         """Add what `other` has seen; ValueError if it belongs to another study."""
@@ -105,8 +123,15 @@ class Estimator(ABC):
         self.rows_used += other.rows_used
 
     @abstractmethod
+    def statistics(self) -> dict[str, Statistic]:
+        """Return each index in every weighting of the rows."""
+
     def indices(self, level: float = 0.9) -> dict[str, Estimate]:
-        """Return each index with its interval at `level`, arrays of shape (outputs, factors)."""
+        """Return each of `statistics` with its interval at `level`."""
+        return {
+            name: estimate(statistic.weighted, statistic.n, level)
+            for name, statistic in self.statistics().items()
+        }
 
     @property
     @abstractmethod
@@ -118,6 +143,11 @@ class Estimator(ABC):
         with np.errstate(invalid="ignore"):
             sd = np.sqrt(self._variance("value", ddof=1)[0])
         return Moments(mean=self._mean("value")[0], sd=sd, n=self._first_count("value"))
+
+    def weighted_mean(self, output: int) -> NDArray[np.float64]:
+        """Return an output's mean in every weighting of the rows, shape (1 + replicates,)."""
+        mean: NDArray[np.float64] = self._mean("value")[:, output]
+        return mean
 
     def to_bytes(self) -> bytes:
         """Return all that was summed, as an NPZ file without pickles."""
@@ -150,7 +180,8 @@ class Estimator(ABC):
         """Return what `rows` with these (rows, width, outputs) values add to every sum."""
 
     def _identity(self) -> tuple[object, ...]:
-        return (self.method, self.sampling, self.seed, self.factors, self.outputs)
+        shape = (self.factors, self.outputs, self.indicators)
+        return (self.method, self.sampling, self.seed, *shape)
 
     def _shape(self, name: str) -> tuple[int, ...]:
         of_factor = name in self.factor_sums

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.designs import unit_row
 from analysis.designs.radial import steps
-from analysis.estimators.bootstrap import Estimate, estimate
-from analysis.estimators.estimator import Estimator, Terms
+from analysis.estimators.estimator import Estimator, Statistic, Terms
 
 
 class MorrisEstimator(Estimator):
@@ -23,16 +22,16 @@ class MorrisEstimator(Estimator):
     use = "effect"
     factor_sums = ("effect", "effect_squared", "magnitude")
 
-    def indices(self, level: float = 0.9) -> dict[str, Estimate]:
-        """Return "mu", "mu_star" and "sigma", arrays of shape (outputs, factors)."""
+    def statistics(self) -> dict[str, Statistic]:
+        """Return "mu", "mu_star" and "sigma" of every output and factor."""
         n = self.effects
         variance = self._variance("effect", ddof=1)
         # Variances of resampled rows are too small by this factor in the mean.
         variance[1:] *= n / np.maximum(n - 1, 1)
         return {
-            "mu": estimate(self._mean("effect"), n, level),
-            "mu_star": estimate(self._mean("magnitude"), n, level),
-            "sigma": estimate(np.sqrt(variance), n, level),
+            "mu": Statistic(weighted=self._mean("effect"), n=n),
+            "mu_star": Statistic(weighted=self._mean("magnitude"), n=n),
+            "sigma": Statistic(weighted=np.sqrt(variance), n=n),
         }
 
     @property

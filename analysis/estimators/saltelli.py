@@ -10,8 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimators.bootstrap import Estimate, estimate
-from analysis.estimators.estimator import Estimator, Terms
+from analysis.estimators.estimator import Estimator, Statistic, Terms
 
 
 class SaltelliEstimator(Estimator):
@@ -24,24 +23,29 @@ class SaltelliEstimator(Estimator):
     method = "saltelli"
     use = "difference_squared"
     factor_sums = ("product", "difference", "difference_squared")
+    output_sums = ("value", "value_squared", "between_squared")
 
-    def indices(self, level: float = 0.9) -> dict[str, Estimate]:
-        """Return "first_order" and "total_order" of shape (outputs, factors), and their sums.
+    def statistics(self) -> dict[str, Statistic]:
+        """Return "first_order" and "total_order" of every output and factor, and per output:
 
-        The sums are "sum_first_order" and "sum_total_order" of shape (outputs,).
+        "sum_first_order", "sum_total_order", and "dummy_first_order": the correlation of A with B,
+        which are unrelated. It is the first-order index that an estimator without differences gives
+        a factor of no influence, hence a measure of chance (Khorashadi Zadeh et al. 2017,
+        Comparison of variance-based and moment-independent global sensitivity analysis approaches,
+        section 2.3). Ours give such a factor exactly 0.
         """
-        variance = self._variance("value", ddof=0)[..., None]
+        variance = self._variance("value", ddof=0)
         centred = self._mean("product") - self._mean("value")[..., None] * self._mean("difference")
-        half_squares = 0.5 * self._mean("difference_squared")
-        with np.errstate(divide="ignore", invalid="ignore"):
-            first = np.where(variance > 0.0, centred / variance, np.nan)
-            total = np.where(variance > 0.0, half_squares / variance, np.nan)
+        first = _share(centred, variance[..., None])
+        total = _share(0.5 * self._mean("difference_squared"), variance[..., None])
+        chance = 1.0 - _share(0.5 * self._mean("between_squared"), variance)
         firsts, totals = self.effects, self._first_count("difference_squared")
         return {
-            "first_order": estimate(first, firsts, level),
-            "total_order": estimate(total, totals, level),
-            "sum_first_order": estimate(first.sum(axis=-1), firsts.min(axis=-1), level),
-            "sum_total_order": estimate(total.sum(axis=-1), totals.min(axis=-1), level),
+            "first_order": Statistic(weighted=first, n=firsts),
+            "total_order": Statistic(weighted=total, n=totals),
+            "sum_first_order": Statistic(weighted=first.sum(axis=-1), n=firsts.min(axis=-1)),
+            "sum_total_order": Statistic(weighted=total.sum(axis=-1), n=totals.min(axis=-1)),
+            "dummy_first_order": Statistic(weighted=chance, n=self._first_count("between_squared")),
         }
 
     @property
@@ -59,4 +63,12 @@ class SaltelliEstimator(Estimator):
             "difference_squared": difference[None],
             "value": points,
             "value_squared": points,
+            "between_squared": (values[:, 0] - values[:, 1])[None],
         }
+
+
+def _share(part: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return part / variance; nan where nothing varies."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share: NDArray[np.float64] = np.where(variance > 0.0, part / variance, np.nan)
+    return share

@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from rehyb.cli import campaigns, services, simulation, studies
+from rehyb.cli import campaigns, reports, services, simulation, studies, surrogates
 from rehyb.errors import Invalid, RehybError
 
 app = typer.Typer(
@@ -17,6 +17,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+studies.app.command()(surrogates.surrogate)
 app.add_typer(studies.app, name="study")
 app.add_typer(campaigns.app, name="campaign")
 app.add_typer(services.database, name="db")
@@ -24,6 +25,7 @@ app.command()(services.up)
 app.command()(services.coordinator)
 app.command()(services.analysis)
 app.command()(studies.workers)
+app.command()(reports.report)
 app.command()(simulation.assess)
 app.command()(simulation.validate)
 

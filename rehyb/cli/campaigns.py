@@ -50,7 +50,8 @@ def run(
         int | None, typer.Option(min=2, help="Rows of phase 2. Default: the preset's.")
     ] = None,
     sampling: Annotated[
-        str | None, typer.Option(help="sobol or latin_hypercube. Default: the preset's.")
+        str | None,
+        typer.Option(help="sobol, sobol_paired or latin_hypercube. Default: the preset's."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of both designs.")] = 1,
     url: Url = None,

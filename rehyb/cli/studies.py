@@ -3,6 +3,7 @@
 import json
 import sys
 import time
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,7 +41,7 @@ def submit(
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Default: 1.")] = None,
     sampling: Annotated[
-        str | None, typer.Option(help="sobol or latin_hypercube. Default: sobol.")
+        str | None, typer.Option(help="sobol, sobol_paired or latin_hypercube. Default: sobol.")
     ] = None,
     key: Annotated[
         str | None,
@@ -132,14 +133,26 @@ def indices(
     plot: Annotated[
         Path | None, typer.Option(help="Also draw them.", metavar="FILE.png", show_default=False)
     ] = None,
+    target: Annotated[
+        float | None,
+        typer.Option(
+            help="Half width wanted of every interval. Default: 0.02 of S and ST, a tenth of the "
+            "largest μ*.",
+            show_default=False,
+        ),
+    ] = None,
     url: Url = None,
     token: Token = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show a study's sensitivity indices with their confidence intervals."""
+    """Show a study's sensitivity indices, their intervals, and how many rows are still wanted."""
     from rich.console import Console
 
+    from analysis.remarks import remarks, warning
     from rehyb.display import indices_table
+
+    if target is not None and not 0.0 < target < inf:
+        raise typer.BadParameter(f"--target is a positive half width, not {target:g}")
 
     with Client(url, token) as client:
         snapshot = client.indices(study)
@@ -150,14 +163,19 @@ def indices(
         if not outputs:
             raise Invalid(f"there is nothing to draw: study {study} has no indices yet")
         draw = screening_figure if snapshot["method"] == "morris" else variance_figure
-        draw(snapshot, outputs[0], plot)
+        draw(snapshot, outputs[0]).savefig(plot)
     if as_json:
         print_json(snapshot)
         return
     console = Console()
     console.print(f"{snapshot['rows_complete']} of {snapshot['rows']} rows are complete")
+    if alarm := warning(snapshot):
+        console.print(alarm, style="bold red", markup=False)
     for output in outputs:
         console.print(indices_table(snapshot, output, output))
+        for sentence in remarks(snapshot, output, target):
+            if sentence != alarm:
+                console.print(sentence, markup=False)
 
 
 @app.command()

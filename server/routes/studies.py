@@ -22,7 +22,7 @@ class FactorBody(Body):
 
     name: Name
     range: Range | None = None
-    distribution: dict[str, str | float] | None = None
+    distribution: dict[str, str | float | list[float]] | None = None
 
 
 class StudyBody(Body):

@@ -148,7 +148,10 @@ def test_parameters_are_quantiles_in_position_order() -> None:
     ("arguments", "sentence"),
     [
         (("fast", "sobol", 1, 0, 2), "unknown method 'fast': expected one of morris, saltelli"),
-        (("morris", "grid", 1, 0, 2), "unknown sampling 'grid': expected one of sobol, latin_hy"),
+        (
+            ("morris", "grid", 1, 0, 2),
+            "unknown sampling 'grid': expected one of sobol, sobol_paired, latin_hy",
+        ),
         (("morris", "sobol", -1, 0, 2), "seed must be an integer from 0"),
         (("morris", "latin_hypercube", 2**64, 0, 2), "seed must be an integer from 0"),
         (("morris", "sobol", 1, -1, 2), "row must not be negative"),
@@ -161,3 +164,29 @@ def test_nonsense_is_refused_in_one_sentence(
 ) -> None:
     with pytest.raises(ValueError, match=sentence):
         unit_row(*arguments)
+
+
+def test_a_paired_sobol_row_takes_a_factors_coordinates_from_neighbouring_dimensions() -> None:
+    plain = unit_row("saltelli", "sobol", 9, 77, 4)
+    together = np.stack([plain[0], plain[1]]).ravel()
+    paired = unit_row("saltelli", "sobol_paired", 9, 77, 4)
+    assert np.array_equal(paired[0], together[0::2])
+    assert np.array_equal(paired[1], together[1::2])
+
+
+def test_pairing_brings_squared_differences_closer_to_their_mean() -> None:
+    """Half of their mean is what a total-order index of a linear factor is made of: 1/12."""
+    worst = {
+        sampling: max(
+            float(np.sqrt(np.mean((np.mean(squares(sampling, seed), axis=0) - 1 / 6) ** 2)))
+            for seed in range(12)
+        )
+        for sampling in ("sobol", "sobol_paired")
+    }
+    assert worst["sobol_paired"] < 0.6 * worst["sobol"]
+
+
+def squares(sampling: str, seed: int) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
+    """Return squared differences of A and B over 64 rows of 6 factors."""
+    rows = np.stack([unit_row("saltelli", sampling, seed, row, 6)[:2] for row in range(64)])
+    return np.asarray((rows[:, 0] - rows[:, 1]) ** 2)

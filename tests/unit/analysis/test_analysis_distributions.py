@@ -25,6 +25,10 @@ CASES: list[tuple[dict[str, Any], Any]] = [
         stats.triang(0.0, loc=1.0, scale=4.0),
     ),
     ({"kind": "loguniform", "low": 0.01, "high": 100.0}, stats.loguniform(0.01, 100.0)),
+    (
+        {"kind": "discrete", "values": [-1.0, 0.5, 4.0], "probabilities": [0.15, 0.6, 0.25]},
+        stats.rv_discrete(values=([-1.0, 0.5, 4.0], [0.15, 0.6, 0.25])),
+    ),
 ]
 
 
@@ -88,6 +92,28 @@ def test_whole_numbers_are_read_as_numbers() -> None:
         ),
         ({"kind": "loguniform", "low": 0.0, "high": 1.0}, "low of a loguniform .* positive"),
         ({"kind": "triangular", "low": 0.0, "mode": 2.0, "high": 1.0}, "mode of a triangular"),
+        (
+            {"kind": "discrete", "values": 3.0, "probabilities": [1.0]},
+            "values of a discrete distribution must be finite numbers",
+        ),
+        (
+            {"kind": "discrete", "values": [1.0, float("inf")], "probabilities": [0.5, 0.5]},
+            "values of a discrete distribution must be finite numbers",
+        ),
+        ({"kind": "discrete", "values": [1.0], "probabilities": [1.0]}, "two values or more"),
+        (
+            {"kind": "discrete", "values": [1.0, 2.0], "probabilities": [1.0]},
+            "a probability for every value",
+        ),
+        ({"kind": "discrete", "values": [2.0, 1.0], "probabilities": [0.5, 0.5]}, "must rise"),
+        (
+            {"kind": "discrete", "values": [1.0, 2.0], "probabilities": [1.0, 0.0]},
+            "every probability of a discrete distribution must be positive",
+        ),
+        (
+            {"kind": "discrete", "values": [1.0, 2.0], "probabilities": [0.5, 0.6]},
+            "must add up to 1, not 1.1",
+        ),
     ],
 )
 def test_nonsense_is_refused_in_one_sentence(data: dict[str, Any], sentence: str) -> None:

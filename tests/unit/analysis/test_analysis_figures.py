@@ -3,10 +3,20 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from analysis_studies import results_of, study_plan
 
-from analysis.figures import campaign_figure, screening_figure, variance_figure
+from analysis.figures import (
+    campaign_figure,
+    convergence_figure,
+    distribution_figure,
+    pairs_figure,
+    scatter_figure,
+    screening_figure,
+    variance_figure,
+)
+from analysis.figures.scatter import bin_means
 from analysis.service import analyse
 from analysis.snapshot import empty_snapshot
 
@@ -25,26 +35,51 @@ def test_every_state_of_a_study_can_be_drawn(case: str, tmp_path: Path) -> None:
         "one row": lambda: snapshots(1, []),
         "empty": lambda: tuple(empty_snapshot(study_plan(m, 3)) for m in ("morris", "saltelli")),
     }[case]()
-    screening_figure(phase1, "y", tmp_path / "screening.png", "Nm/rad")
-    variance_figure(phase2, "y", tmp_path / "variance.png")
-    campaign_figure(phase1, phase2, "y", tmp_path / "campaign.png", "Nm/rad")
-    for name in ("screening", "variance", "campaign"):
-        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    for figure in (
+        screening_figure(phase1, "y", "Nm/rad"),
+        variance_figure(phase2, "y"),
+        convergence_figure(phase1, "y", "Nm/rad"),
+        convergence_figure(phase2, "y"),
+        campaign_figure(phase1, phase2, "y", "Nm/rad"),
+    ):
+        figure.savefig(tmp_path / "figure.png")
+        assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_unit_and_the_failures_are_written_in_the_picture(tmp_path: Path) -> None:
     phase1, phase2 = snapshots(12, [(0, 0), (3, 1)])
-    campaign_figure(phase1, phase2, "y", tmp_path / "campaign.svg", "Nm/rad")
+    campaign_figure(phase1, phase2, "y", "Nm/rad").savefig(tmp_path / "campaign.svg")
     picture = (tmp_path / "campaign.svg").read_text()
     for text in ("(Nm/rad)", "diverged", "phase 1: 2 of 48", "phase 2: 2 of 60", "90 % intervals"):
         assert f"<!-- {text}" in picture or text in picture
 
 
-def test_a_figure_refuses_the_wrong_method_or_output(tmp_path: Path) -> None:
+def test_a_figure_refuses_the_wrong_method_or_output() -> None:
     phase1, phase2 = snapshots(2, [])
     with pytest.raises(ValueError, match="shows studies of method morris, not saltelli"):
-        screening_figure(phase2, "y", tmp_path / "x.png")
+        screening_figure(phase2, "y")
     with pytest.raises(ValueError, match="shows studies of method saltelli, not morris"):
-        variance_figure(phase1, "y", tmp_path / "x.png")
+        variance_figure(phase1, "y")
     with pytest.raises(ValueError, match="has no output 'w': it has y, z"):
-        campaign_figure(phase1, phase2, "w", tmp_path / "x.png")
+        campaign_figure(phase1, phase2, "w")
+
+
+@pytest.mark.parametrize("runs", [0, 1, 2, 300])
+def test_samples_of_any_number_can_be_drawn(runs: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    points, names = rng.random((runs, 4)), ["a", "b", "c", "d"]
+    values = points @ [1.0, 2.0, 0.0, 4.0]
+    for figure in (
+        distribution_figure(values, "y", "N"),
+        scatter_figure(points, values, names, "y", "N", ["m", "", "kg", "N/m"]),
+        pairs_figure(points, values, names, ["d", "b", "a"], "y", "N"),
+        pairs_figure(points[:, :1], values, ["a"], ["a"], "y"),
+    ):
+        figure.savefig(tmp_path / "figure.png")
+        assert (tmp_path / "figure.png").stat().st_size > 0
+
+
+def test_bins_are_of_equal_width_and_hold_the_mean_of_what_lies_in_them() -> None:
+    centres, means = bin_means(np.array([0.0, 0.05, 0.5, 1.0]), np.array([1.0, 3.0, 7.0, 9.0]))
+    np.testing.assert_allclose(centres, [0.05, 0.55, 0.95])
+    np.testing.assert_allclose(means, [2.0, 7.0, 9.0])

@@ -12,7 +12,11 @@ from analysis.snapshot import empty_snapshot
 
 INTERVAL = {"value", "low", "high"}
 INDICES = {"morris": {"mu", "mu_star", "sigma"}, "saltelli": {"first_order", "total_order"}}
-SUMS = {"morris": set(), "saltelli": {"sum_first_order", "sum_total_order"}}
+SUMS = {
+    "morris": set(),
+    "saltelli": {"sum_first_order", "sum_total_order", "dummy_first_order"},
+}
+OUTPUT = {"mean", "sd", "n", "factors", "ranking", "convergence"}
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -22,11 +26,15 @@ def test_a_snapshot_has_the_same_shape_with_and_without_results(method: str) -> 
         assert json.loads(json.dumps(snapshot, allow_nan=False)) == snapshot
         assert list(snapshot) == [
             *("study", "method", "seed", "cursor", "rows", "rows_complete", "rows_used"),
-            *("level", "evaluations", "outputs"),
+            *("level", "evaluations", "outputs", "sampling", "failure"),
         ]
         assert list(snapshot["outputs"]) == ["y", "z"]
-        for output in snapshot["outputs"].values():
-            assert set(output) == {"mean", "sd", "n", "factors"} | SUMS[method]
+        failure = dict(snapshot["failure"])
+        assert failure.pop("sentence") == ""
+        for key in ("failed", "runs", "depends_on_factors", "caused_by"):
+            failure.pop(key)
+        for output in (*snapshot["outputs"].values(), failure):
+            assert set(output) == OUTPUT | SUMS[method]
             assert list(output["factors"]) == ["a", "b", "c"]
             for factor in output["factors"].values():
                 assert set(factor) == INDICES[method] | {"n"}

@@ -1,10 +1,12 @@
 """A campaign fixes what the paper would fix, says how sure it is, and resumes what it began."""
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 
 from analysis.designs import instance_parameters
 from analysis.distributions import Distribution
@@ -28,7 +30,17 @@ class Coordinator:
     def submit(self, study: dict[str, Any], idempotency_key: str) -> dict[str, Any]:
         self._answer()
         self.submitted.setdefault(idempotency_key, study)
-        return {"id": idempotency_key}
+        plan, distributions, _ = evaluated(idempotency_key, study)
+        return {
+            **study,
+            "id": idempotency_key,
+            "outputs": list(plan.outputs),
+            "factors": [
+                {"name": name, "distribution": distribution.to_json()}
+                for name, distribution in distributions.items()
+            ],
+            "fixed": study.get("fixed", {}),
+        }
 
     def progress(self, study_id: str) -> dict[str, Any]:
         self._answer()
@@ -44,10 +56,20 @@ class Coordinator:
 
     def indices(self, study_id: str) -> dict[str, Any]:
         self._answer()
-        return computed(study_id, self.submitted[study_id])
+        plan, _, results = evaluated(study_id, self.submitted[study_id])
+        return analyse(plan, results)
 
     def results_csv(self, study_id: str, path: Path) -> None:
-        path.write_text(study_id)
+        plan, distributions, results = evaluated(study_id, self.submitted[study_id])
+        with path.open("w", newline="") as file:
+            lines = csv.writer(file)
+            lines.writerow(["row", "position", *distributions, "outcome", *plan.outputs])
+            for result in results:
+                point = instance_parameters(
+                    plan.method, plan.sampling, plan.seed, result.row, distributions
+                )[result.position]
+                values = [result.outputs[name] for name in plan.outputs]
+                lines.writerow([result.row, result.position, *point.values(), "ok", *values])
 
     def _answer(self) -> None:
         if self.away:
@@ -55,7 +77,10 @@ class Coordinator:
             raise Unreachable("no coordinator answers")
 
 
-def computed(study_id: str, study: dict[str, Any]) -> dict[str, Any]:
+def evaluated(
+    study_id: str, study: dict[str, Any]
+) -> tuple[StudyPlan, dict[str, Distribution], list[LoggedResult]]:
+    """Return a study's plan, its factors' distributions, and every result."""
     ranges = {f.name: [f.low, f.high] for f in MODELS[study["model"]].factors}
     ranges = {f["name"]: f["range"] for f in study.get("factors", ())} or ranges
     distributions = {
@@ -88,7 +113,7 @@ def computed(study_id: str, study: dict[str, Any]) -> dict[str, Any]:
         factors=tuple(distributions),
         outputs=("y",),
     )
-    return analyse(plan, results)
+    return plan, distributions, results
 
 
 def campaign(
@@ -109,6 +134,14 @@ def no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rehyb.campaign.POLL_SECONDS", 0.0)
 
 
+@pytest.fixture
+def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the figures out: they take seconds, and one test draws them."""
+    monkeypatch.setattr("analysis.report.pictures", lambda *_: [])
+    monkeypatch.setattr("analysis.figures.campaign_figure", lambda *_: Figure())
+
+
+@pytest.mark.usefixtures("no_drawing")
 def test_phase_2_samples_the_other_factors_with_the_least_influential_at_nominal(
     tmp_path: Path,
 ) -> None:
@@ -130,6 +163,7 @@ def test_phase_2_samples_the_other_factors_with_the_least_influential_at_nominal
     assert "10 % of the largest mu* (x1" in report.evidence
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_without_separation_it_fixes_the_least_influential_and_says_that_it_is_not_settled(
     tmp_path: Path,
 ) -> None:
@@ -149,8 +183,12 @@ def test_failures_of_both_phases_are_counted_by_cause_and_every_file_is_written(
     assert report.instances == 12 * 7 + 8 * 7
     assert sorted(path.name for path in report.files) == sorted(p.name for p in tmp_path.iterdir())
     assert json.loads(json.dumps(report.to_json()))["files"] == [str(p) for p in report.files]
+    page = (tmp_path / "report.html").read_text()
+    assert "Screening by elementary effects" in page and "Variance-based indices" in page
+    assert f"Phase 2 holds {report.fixed} at its nominal 0.5." in page
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_a_second_run_submits_the_same_studies_under_the_same_keys(tmp_path: Path) -> None:
     coordinator = Coordinator()
     first = campaign(coordinator, tmp_path).run()
@@ -161,6 +199,7 @@ def test_a_second_run_submits_the_same_studies_under_the_same_keys(tmp_path: Pat
     assert second.seconds > first.seconds
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_a_resumed_campaign_submits_what_it_began_even_if_it_would_word_it_differently_now(
     tmp_path: Path,
 ) -> None:
@@ -183,6 +222,7 @@ def test_another_plan_in_the_same_directory_is_refused(tmp_path: Path) -> None:
         campaign(Coordinator(), tmp_path, other)
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_a_coordinator_that_goes_away_is_waited_for_and_the_view_says_so(tmp_path: Path) -> None:
     coordinator = Coordinator()
     seen: list[View] = []

@@ -139,3 +139,11 @@ def test_a_terminal_shows_progress_and_indices_in_place() -> None:
     assert "Phase 1 of 2: screening" in text
     assert "34/70 results" in text
     assert "2 [1, 4]" in text
+
+
+def test_a_terminal_warns_of_failures_that_depend_on_the_factors() -> None:
+    terminal = Console(file=io.StringIO(), force_terminal=True, width=100, color_system=None)
+    failure = {"depends_on_factors": True, "sentence": "failures depend on the factors: x2."}
+    with LiveDisplay(terminal) as display:
+        display.show(view(snapshot=snapshot(x1=0.5, x2=2.0) | {"failure": failure}))
+    assert "failures depend on the factors: x2." in terminal.file.getvalue()  # type: ignore[attr-defined]

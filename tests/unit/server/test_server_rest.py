@@ -115,6 +115,13 @@ def test_ranges_distributions_fixed_values_and_outputs_are_taken(client: TestCli
     assert (study["fixed"], study["seed"]) == ({"x2": 1.0}, 2**63 - 1)
 
 
+def test_a_discrete_distribution_is_taken(client: TestClient) -> None:
+    discrete = {"kind": "discrete", "values": [0.0, 2.0], "probabilities": [0.25, 0.75]}
+    body = {**STUDY, "factors": [{"name": "x1", "distribution": discrete}]}
+    study = client.post("/v1/studies", json=body).json()
+    assert study["factors"] == [{"name": "x1", "distribution": discrete}]
+
+
 def test_a_repeated_submission_makes_no_second_study(client: TestClient) -> None:
     headers = {"Idempotency-Key": "night run"}
     first = client.post("/v1/studies", json=STUDY, headers=headers)

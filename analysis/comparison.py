@@ -1,0 +1,100 @@
+"""Other estimators of S and ST on the same runs, by name, to see what the choice does.
+
+The indices that studies report are the centred ones of `SaltelliEstimator`. These stand beside them
+in a report: they need all runs at once and are no part of what is streamed.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from analysis.estimators import Estimate
+from analysis.table import Table
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """First- and total-order indices by one estimator, arrays of shape (factors,)."""
+
+    #: In a few words, with its source.
+    description: str
+    first: Estimate
+    total: Estimate
+
+
+def rows_of(table: Table, output: str) -> Array:
+    """Return an output's values by row and position, shape (rows, width); nan where none came."""
+    o = table.plan.outputs.index(output)
+    rows = np.full((table.plan.rows, len(table.plan.factors) + 2), np.nan)
+    rows[table.rows, table.positions] = table.values[:, o]
+    return rows
+
+
+def compare(rows: Array, level: float = 0.9) -> Mapping[str, Compared]:
+    """Return the indices of a Saltelli design by other estimators.
+
+    Args:
+        rows: one output's values, shape (rows, factors + 2), nan where a run failed; every pair of
+            values is used.
+        level: of the intervals.
+
+    Returns:
+        "martinez" with intervals by Fisher's transformation, and "uncentred" without intervals.
+    """
+    a, b, mixed = rows[:, 0], rows[:, 1], rows[:, 2:].T
+    with_b = [_correlation(b, one) for one in mixed]
+    with_a = [_correlation(a, one) for one in mixed]
+    first, total = _fisher(with_b, level), _fisher(with_a, level)
+    return {
+        "martinez": Compared(
+            description="Martinez 2011: correlations, intervals by Fisher's transformation "
+            "(Baudin et al. 2016)",
+            first=first,
+            total=Estimate(value=1.0 - total.value, low=1.0 - total.high, high=1.0 - total.low),
+        ),
+        "uncentred": Compared(
+            description="Products without centring (Saltelli et al. 2008, equations 4.21 and "
+            "4.23): all factors share an error of the size of mean / standard deviation",
+            first=_bare([_uncentred(b, b, one) for one in mixed]),
+            total=_bare([1.0 - _uncentred(b, a, one) for one in mixed]),
+        ),
+    }
+
+
+def _correlation(x: Array, y: Array) -> tuple[float, int]:
+    """Return the correlation of the pairs that are whole, and their number."""
+    whole = ~np.isnan(x) & ~np.isnan(y)
+    n = int(whole.sum())
+    if n < 2 or np.ptp(x[whole]) == 0.0 or np.ptp(y[whole]) == 0.0:
+        return np.nan, n
+    return float(np.corrcoef(x[whole], y[whole])[0, 1]), n
+
+
+def _fisher(correlations: list[tuple[float, int]], level: float) -> Estimate:
+    """Return correlations with asymptotic intervals (Fisher 1921), from four pairs on."""
+    value = np.array([r for r, _ in correlations])
+    n = np.array([float(n) for _, n in correlations])
+    width = np.where(
+        n > 3.0, norm.ppf(0.5 + level / 2.0) / np.sqrt(np.maximum(n - 3.0, 1.0)), np.nan
+    )
+    with np.errstate(divide="ignore"):
+        z = np.arctanh(np.clip(value, -1.0, 1.0))
+    return Estimate(value=value, low=np.tanh(z - width), high=np.tanh(z + width))
+
+
+def _uncentred(base: Array, x: Array, y: Array) -> float:
+    """Return (mean of x y - f0^2) / V with f0 and V of the runs of one base matrix."""
+    whole = ~np.isnan(x) & ~np.isnan(y)
+    if not whole.any() or not np.any(~np.isnan(base)) or not np.nanvar(base) > 0.0:
+        return float("nan")
+    return float((np.mean(x[whole] * y[whole]) - np.nanmean(base) ** 2) / np.nanvar(base))
+
+
+def _bare(values: list[float]) -> Estimate:
+    value = np.array(values)
+    return Estimate(value=value, low=np.full_like(value, np.nan), high=np.full_like(value, np.nan))

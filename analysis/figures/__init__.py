@@ -1,0 +1,22 @@
+"""Figures of studies, each named after what it shows; they return a matplotlib `Figure`.
+
+matplotlib is imported when a figure is drawn, so that a coordinator without it can run.
+"""
+
+from analysis.figures.campaign import campaign_figure
+from analysis.figures.convergence import convergence_figure
+from analysis.figures.distribution import distribution_figure
+from analysis.figures.pairs import pairs_figure
+from analysis.figures.plane import screening_figure
+from analysis.figures.scatter import scatter_figure
+from analysis.figures.shares import variance_figure
+
+__all__ = [
+    "campaign_figure",
+    "convergence_figure",
+    "distribution_figure",
+    "pairs_figure",
+    "scatter_figure",
+    "screening_figure",
+    "variance_figure",
+]

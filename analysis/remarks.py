@@ -1,0 +1,43 @@
+"""What a reader of a snapshot should know besides the numbers, in sentences.
+
+A snapshot that an earlier version left in a database lacks some of it; then there is no remark.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from analysis.stopping import advise
+
+
+def warning(snapshot: Mapping[str, Any]) -> str:
+    """Return what failures do to the indices; empty unless they depend on the factors."""
+    failure = snapshot.get("failure", {})
+    return str(failure["sentence"]) if failure.get("depends_on_factors") else ""
+
+
+def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = None) -> list[str]:
+    """Return what the study says of its failures, its ranking and its precision.
+
+    Args:
+        snapshot: of a study.
+        output: one of its outputs.
+        target: half width wanted of every interval (`analysis.stopping.advise`).
+
+    Raises:
+        ValueError: as `analysis.stopping.advise`.
+    """
+    found = [str(snapshot.get("failure", {}).get("sentence", ""))]
+    found.append(_ranking(snapshot["outputs"].get(output, {}).get("ranking", {}), output))
+    if "sampling" in snapshot:
+        advice = advise(snapshot, output, target)
+        found.append("" if advice is None else advice.sentence)
+    return [sentence for sentence in found if sentence]
+
+
+def _ranking(ranking: Mapping[str, Any], output: str) -> str:
+    if ranking.get("order") is None or len(ranking["order"]) < 2:
+        return ""
+    return (
+        f"{ranking['same_order']:.0%} of the bootstrap replicates rank the factors of {output} in "
+        f"the same order, {ranking['same_first']:.0%} with {ranking['order'][0]} first."
+    )

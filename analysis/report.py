@@ -1,0 +1,262 @@
+"""One page that holds all there is to say of one study, or of the two phases of a campaign.
+
+Everything is computed from the study's description and its table of results, so a report can be
+made again from these two files alone, and its numbers are those of the coordinator bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from analysis.comparison import Compared, compare, rows_of
+from analysis.figures import (
+    convergence_figure,
+    distribution_figure,
+    pairs_figure,
+    scatter_figure,
+    screening_figure,
+    variance_figure,
+)
+from analysis.page import Picture, Section, page
+from analysis.records import StudyPlan
+from analysis.remarks import remarks, warning
+from analysis.study_state import StudyState
+from analysis.table import Table
+
+if TYPE_CHECKING:
+    from analysis.estimators import Estimator
+
+_METHODS = {
+    "morris": "Screening by elementary effects",
+    "saltelli": "Variance-based indices",
+}
+_PLANE = (
+    "Left: mean magnitude and spread of the elementary effects with their intervals; below the "
+    "dotted line an effect is mostly monotonic and without interactions. Right: where bootstrap "
+    "replicates put them. Near the origin a factor does little (paper, figure 8)."
+)
+_SHARES = (
+    "Share of the output's variance due to a factor alone (S) and in company (ST), with intervals; "
+    "ST near 0 means that the factor may take any value (paper, figure 10)."
+)
+_DISTRIBUTION = (
+    "What the sampled uncertainty does to the output. Variance stands for uncertainty as far as "
+    "this has one hump and little skew (paper, figure 9)."
+)
+_CONVERGENCE = (
+    "The same indices from the first 8, 16, 32, ... rows. Bands are intervals; lines that still "
+    "move ask for more rows (paper, figure 11)."
+)
+_SCATTER = "Every run, and the mean of each tenth of a factor's range (paper, figure 12)."
+_PAIRS = (
+    "Two factors against each other, the output as colour. A pattern along a diagonal hints at an "
+    "interaction (paper, figure 13)."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chapter:
+    """One study with its results and what was made of them."""
+
+    study: Mapping[str, Any]
+    table: Table
+    snapshot: Mapping[str, Any]
+    estimator: Estimator
+
+
+@dataclass(frozen=True, kw_only=True)
+class Units:
+    """Units by name, for axes; a name without a unit is left out."""
+
+    factors: Mapping[str, str]
+    outputs: Mapping[str, str]
+
+
+def chapter(study: Mapping[str, Any], results: Path) -> Chapter:
+    """Return the chapter of a study.
+
+    Args:
+        study: as `GET /v1/studies/{id}` describes it.
+        results: its `results.csv`.
+
+    Raises:
+        ValueError: the table is not one of this study.
+    """
+    plan = plan_of(study)
+    table = Table.read(plan, results)
+    state = StudyState(plan)
+    state.take(table.results())
+    return Chapter(study=study, table=table, snapshot=state.snapshot(), estimator=state.estimator())
+
+
+def plan_of(study: Mapping[str, Any]) -> StudyPlan:
+    """Return what a study set out to do, from what `GET /v1/studies/{id}` says of it."""
+    return StudyPlan(
+        id=study["id"],
+        method=study["method"],
+        seed=study["seed"],
+        sampling=study["sampling"],
+        rows=study["rows"],
+        factors=tuple(factor["name"] for factor in study["factors"]),
+        outputs=tuple(study["outputs"]),
+    )
+
+
+def pictures(chapter: Chapter, output: str, units: Units) -> list[Picture]:
+    """Return every figure of the paper that the study's method has.
+
+    Raises:
+        ValueError: the study has no such output.
+    """
+    plan, snapshot = chapter.table.plan, chapter.snapshot
+    unit = units.outputs.get(output, "")
+    own = [units.factors.get(name, "") for name in plan.factors]
+    points, values = (
+        chapter.table.sample(output) if output in plan.outputs else (np.empty((0, 0)), np.empty(0))
+    )
+    if plan.method == "morris":
+        first = Picture(
+            name="plane",
+            title="Elementary effects",
+            caption=_PLANE,
+            figure=screening_figure(snapshot, output, unit, _clouds(chapter, output)),
+        )
+    else:
+        first = Picture(
+            name="shares",
+            title="Shares of the variance",
+            caption=_SHARES,
+            figure=variance_figure(snapshot, output, unit),
+        )
+    order = snapshot["outputs"][output]["ranking"]["order"] or list(plan.factors)
+    return [
+        first,
+        Picture(
+            name="convergence",
+            title="Convergence",
+            caption=_CONVERGENCE,
+            figure=convergence_figure(snapshot, output, unit),
+        ),
+        Picture(
+            name="distribution",
+            title="Distribution of the output",
+            caption=_DISTRIBUTION,
+            figure=distribution_figure(values, output, unit),
+        ),
+        Picture(
+            name="scatter",
+            title="Output against each factor",
+            caption=_SCATTER,
+            figure=scatter_figure(points, values, plan.factors, output, unit, own),
+        ),
+        Picture(
+            name="pairs",
+            title="Pairs of the leading factors",
+            caption=_PAIRS,
+            figure=pairs_figure(points, values, plan.factors, order, output, unit, own),
+        ),
+    ]
+
+
+def write_report(
+    path: Path,
+    chapters: Sequence[Chapter],
+    output: str,
+    units: Units,
+    *,
+    title: str,
+    findings: Sequence[str] = (),
+    png: Path | None = None,
+) -> list[Path]:
+    """Write the page, and every figure as PNG if `png` names a folder.
+
+    Args:
+        path: of the page, one HTML file without references to anything outside.
+        chapters: the studies, in the order they are told.
+        output: the output shown in the figures; tables show all.
+        units: for axes and tables.
+        title: of the page.
+        findings: sentences for its top.
+        png: made if missing.
+
+    Returns:
+        The files written, the page first.
+
+    Raises:
+        ValueError: a study has no such output.
+    """
+    sections, files = [], [path]
+    for number, one in enumerate(chapters, 1):
+        drawn = pictures(one, output, units)
+        sections.append(_section(one, output, units, drawn))
+        if png is not None:
+            png.mkdir(parents=True, exist_ok=True)
+            for picture in drawn:
+                files.append(png / f"{number}-{one.table.plan.method}-{picture.name}.png")
+                picture.figure.savefig(files[-1])
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(page(title, findings, sections), encoding="utf-8")
+    partial.replace(path)
+    return files
+
+
+def _section(chapter: Chapter, output: str, units: Units, drawn: list[Picture]) -> Section:
+    study, snapshot = chapter.study, chapter.snapshot
+    evaluations = snapshot["evaluations"]
+    runs = sum(evaluations.values())
+    facts = {
+        "study": f"{study['name']} ({study['id']})",
+        "model": study["model"],
+        "design": f"{study['method']}, {study['sampling']}, seed {study['seed']}",
+        "rows": f"{snapshot['rows_complete']:,} of {snapshot['rows']:,} complete, "
+        f"{snapshot['rows_used']:,} used",
+        "runs": f"{runs:,}: " + ", ".join(f"{n:,} {cause}" for cause, n in evaluations.items()),
+        "fixed": ", ".join(f"{name} = {value:g}" for name, value in study["fixed"].items()),
+    }
+    alarm = warning(snapshot)
+    return Section(
+        title=_METHODS[study["method"]],
+        facts={name: value for name, value in facts.items() if value},
+        warning=alarm,
+        remarks=[sentence for sentence in remarks(snapshot, output) if sentence != alarm],
+        sampled=[
+            (
+                factor["name"],
+                _distribution(factor["distribution"]),
+                units.factors.get(factor["name"], ""),
+            )
+            for factor in study["factors"]
+        ],
+        snapshot=snapshot,
+        output=output,
+        units=units.outputs,
+        pictures=drawn,
+        compared=_compared(chapter, output),
+    )
+
+
+def _compared(chapter: Chapter, output: str) -> Mapping[str, Compared]:
+    if chapter.table.plan.method != "saltelli":
+        return {}
+    return compare(rows_of(chapter.table, output), chapter.snapshot["level"])
+
+
+def _clouds(chapter: Chapter, output: str) -> Any:
+    """Return mu* and sigma of every replicate, shape (2, replicates, factors)."""
+    statistics = chapter.estimator.statistics()
+    o = chapter.table.plan.outputs.index(output) if output in chapter.table.plan.outputs else 0
+    return np.stack([statistics[name].weighted[1:, o] for name in ("mu_star", "sigma")])
+
+
+def _distribution(described: Mapping[str, Any]) -> str:
+    parameters = ", ".join(
+        f"{name} {' '.join(f'{number:g}' for number in np.atleast_1d(value))}"
+        for name, value in described.items()
+        if name != "kind"
+    )
+    return f"{described['kind'].replace('_', ' ')}: {parameters}"

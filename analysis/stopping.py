@@ -1,0 +1,107 @@
+"""How many more rows a wanted precision needs, from the intervals so far.
+
+The width of an interval falls with the square root of the number of rows. For Sobol points
+errors fall faster than that and the intervals do not know it, so the advice is cautious there.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import ceil, floor, inf, log10
+from typing import Any
+
+from analysis.designs import row_width
+
+#: Half width wanted of variance shares, and of mu* as a share of the largest mu*.
+SHARE_TARGET = 0.02
+EFFECT_TARGET = 0.1
+
+#: By method: the indices that must be precise, with their symbols in the paper.
+_WANTED = {
+    "morris": {"mu_star": "μ*"},
+    "saltelli": {"first_order": "S", "total_order": "ST"},
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Advice:
+    """What a study still needs."""
+
+    #: Half width wanted of every interval, in the index's unit.
+    target: float
+    #: The widest interval's half width, and whose it is: a factor and an index.
+    half_width: float
+    factor: str
+    index: str
+    #: Rows and runs still needed beyond those that are complete; 0 if the target is reached.
+    more_rows: int
+    more_runs: int
+    sentence: str
+
+
+def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None) -> Advice | None:
+    """Say how many more rows bring every interval of an output to ± `target`.
+
+    Args:
+        snapshot: of a study.
+        output: one of its outputs.
+        target: half width, in the index's unit; default: 0.02 for variance shares, a tenth of the
+            largest mu* for elementary effects.
+
+    Returns:
+        None while an index has no interval.
+
+    Raises:
+        ValueError: the target is not positive, or the study has no such output.
+    """
+    if target is not None and not 0.0 < target < inf:
+        raise ValueError(f"a target is a positive half width of an interval, not {target:g}")
+    if output not in snapshot["outputs"]:
+        known = ", ".join(snapshot["outputs"])
+        raise ValueError(f"the study has no output {output!r}: it has {known}")
+    factors = snapshot["outputs"][output]["factors"]
+    wanted = _WANTED[snapshot["method"]]
+    entries = [(factor, name, factors[factor][name]) for factor in factors for name in wanted]
+    if any(None in entry.values() for _, _, entry in entries):
+        return None
+    if target is None:
+        target = SHARE_TARGET
+        if snapshot["method"] == "morris":
+            target = EFFECT_TARGET * max(entry["value"] for _, _, entry in entries)
+    factor, name, widest = max(entries, key=lambda entry: _half(entry[2]))
+    half = _half(widest)
+    complete = snapshot["rows_complete"]
+    if half <= target or target == 0.0:
+        more = 0
+    else:
+        more = _round_up(complete * ((half / target) ** 2 - 1.0))
+    runs = more * row_width(snapshot["method"], len(factors))
+    reach = f"±{target:.2g}"
+    now = f"the widest interval, {wanted[name]} of {factor}, has ±{half:.2g}"
+    if more == 0:
+        sentence = f"Every index of {output} is within {reach}: {now}."
+    else:
+        sobol = snapshot["sampling"].startswith("sobol") and name != "mu_star"
+        about = "At most about" if sobol else "About"
+        sentence = f"{about} {more:,} more rows ({runs:,} runs) bring {output} to {reach}: {now}."
+        if sobol:
+            whole = 1 << (complete + more - 1).bit_length()
+            sentence += f" Sobol points serve best at a power of two: {whole:,} rows in all."
+    return Advice(
+        target=target,
+        half_width=half,
+        factor=factor,
+        index=name,
+        more_rows=more,
+        more_runs=runs,
+        sentence=sentence,
+    )
+
+
+def _half(entry: Mapping[str, float]) -> float:
+    return 0.5 * (entry["high"] - entry["low"])
+
+
+def _round_up(rows: float) -> int:
+    """Round up to two digits: a forecast has no more."""
+    unit = 10 ** max(floor(log10(rows)) - 1, 0) if rows >= 1.0 else 1
+    return ceil(round(rows / unit, 6)) * unit

@@ -1,0 +1,35 @@
+"""The command that writes a study's report: `report`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rehyb.cli.options import AsJson, Token, Url, print_json
+from rehyb.client import Client
+
+
+def report(
+    study: Annotated[list[str], typer.Argument(help="Ids of studies.", metavar="STUDY...")],
+    out: Annotated[Path, typer.Option(metavar="FILE.html", help="The page to write.")],
+    output: Annotated[
+        str | None,
+        typer.Option(help="The output of the figures. Default: the first.", show_default=False),
+    ] = None,
+    png: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Also every figure as PNG.", show_default=False),
+    ] = None,
+    url: Url = None,
+    token: Token = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write one HTML page, to be read offline, with every figure and table of a study."""
+    from rehyb.reports import report_studies
+
+    with Client(url, token) as client:
+        files = report_studies(client, study, out, output=output, png=png)
+    if as_json:
+        print_json({"files": [str(file) for file in files]})
+    else:
+        typer.echo("\n".join(str(file) for file in files))

@@ -1,0 +1,75 @@
+"""The command that answers by a fitted function: `study surrogate`."""
+
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rehyb.cli.options import AsJson, Token, Url, print_json
+from rehyb.client import Client, Json
+from rehyb.errors import Invalid, RehybError
+
+
+def surrogate(
+    study: Annotated[str, typer.Argument(help="The study's id.", metavar="STUDY")],
+    output: Annotated[
+        str | None, typer.Option(help="Default: the study's first.", show_default=False)
+    ] = None,
+    url: Url = None,
+    token: Token = None,
+    as_json: AsJson = False,
+) -> None:
+    """Answer by a Gaussian process fitted to the runs so far, with its held-out error."""
+    with Client(url, token) as client, tempfile.TemporaryDirectory() as folder:
+        described = client.study(study)
+        results = Path(folder) / "results.csv"
+        client.results_csv(study, results)
+        snapshot = client.indices(study)
+        found = _answer(described, results, output or described["outputs"][0])
+    if as_json:
+        print_json(asdict(found))
+    else:
+        _print(found, snapshot)
+
+
+def _answer(study: Json, results: Path, output: str) -> Any:
+    from analysis.report import plan_of
+    from analysis.surrogate import answer
+    from analysis.table import Table
+
+    try:
+        return answer(Table.read(plan_of(study), results), output)
+    except ValueError as error:
+        raise Invalid(str(error)) from None
+    except ModuleNotFoundError as error:
+        raise RehybError(
+            f"a surrogate needs {error.name}: pip install 'rehyb[surrogate]'"
+        ) from None
+
+
+def _print(found: Any, snapshot: Json) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    from rehyb.display import statistic
+
+    fits = {"S, ST of the surrogate": found.fit}
+    if found.without_outliers is not None:
+        fits["without the outliers"] = found.without_outliers
+    sampled = snapshot["outputs"][found.output]["factors"]
+    names = {"first_order": "S sampled", "total_order": "ST sampled"}
+    shown = names if snapshot["method"] == "saltelli" else {}
+    table = Table("factor", *fits, *shown.values(), box=SIMPLE_HEAD, pad_edge=False)
+    total = found.fit.total_order
+    for factor in sorted(total, key=lambda name: -total[name]):
+        table.add_row(
+            factor,
+            *(f"{f.first_order[factor]:.3f}, {f.total_order[factor]:.3f}" for f in fits.values()),
+            *(statistic(sampled[factor].get(name)) for name in shown),
+        )
+    console = Console(soft_wrap=True)
+    console.print(table)
+    console.print(found.sentence, markup=False)

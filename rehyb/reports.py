@@ -1,0 +1,64 @@
+"""Write the report of studies: fetch what it needs, and hand it to the analysis."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from rehyb.client import Client, Json
+from rehyb.errors import Invalid
+
+
+def report_studies(
+    client: Client, ids: Sequence[str], out: Path, *, output: str | None, png: Path | None
+) -> list[Path]:
+    """Write one page about the studies, and return the files written.
+
+    Args:
+        client: the coordinator that has the studies.
+        ids: theirs, in the order they are told.
+        out: the page.
+        output: shown in the figures; default: the first that the first study has.
+        png: a folder for every figure as PNG; None: no such files.
+
+    Raises:
+        Invalid: a study has no such output.
+        RehybError: the coordinator does not know a study, or does not answer.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        studies = []
+        for number, study_id in enumerate(ids):
+            table = Path(folder) / f"{number}.csv"
+            study = client.study(study_id)
+            client.results_csv(study_id, table)
+            studies.append((study, table))
+        shown = output or studies[0][0]["outputs"][0]
+        for study, _ in studies:
+            if shown not in study["outputs"]:
+                raise Invalid(
+                    f"study {study['id']} has no output {shown!r}: "
+                    f"it has {', '.join(study['outputs'])}"
+                )
+        title = f"Sensitivity of {shown.replace('_', ' ')}: {studies[0][0]['name']}"
+        return write(studies, shown, out, title=title, png=png)
+
+
+def write(
+    studies: Sequence[tuple[Json, Path]],
+    output: str,
+    out: Path,
+    *,
+    title: str,
+    findings: Sequence[str] = (),
+    png: Path | None = None,
+) -> list[Path]:
+    """Write the page of studies whose descriptions and tables of results are at hand."""
+    from analysis.report import Units, chapter, write_report
+    from sim.catalogue import MODELS
+
+    model = MODELS[studies[0][0]["model"]]
+    units = Units(
+        factors={f.name: f.unit for f in model.factors if f.unit != "1"},
+        outputs={name: unit for name, unit in model.units.items() if unit != "1"},
+    )
+    chapters = [chapter(study, table) for study, table in studies]
+    return write_report(out, chapters, output, units, title=title, findings=findings, png=png)

@@ -1,0 +1,53 @@
+"""What the series promises: what a study of 8, 16, 32, ... rows would have said, in any order."""
+
+import dataclasses
+import random
+
+import pytest
+from analysis_studies import results_of, study_plan
+
+from analysis.designs import METHODS
+from analysis.service import analyse
+from analysis.study_state import StudyState
+
+FAILED = [(0, 1), (4, 0), (9, 3), (17, 2)]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_point_of_the_series_is_the_index_of_a_study_of_that_many_rows(method: str) -> None:
+    plan = study_plan(method, rows=37)
+    results = results_of(plan, failed=FAILED)
+    series = analyse(plan, results)["outputs"]["y"]["convergence"]
+    assert series["rows"] == [8, 16, 32]
+    for place, rows in enumerate(series["rows"]):
+        shorter = dataclasses.replace(plan, rows=rows)
+        alone = analyse(shorter, [r for r in results if r.row < rows])["outputs"]["y"]
+        for factor, curves in series["factors"].items():
+            for name, curve in curves.items():
+                expected = alone["factors"][factor][name]
+                assert {end: curve[end][place] for end in curve} == expected
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_order_batches_and_restarts_leave_the_same_bits(method: str) -> None:
+    plan = study_plan(method, rows=37)
+    results = results_of(plan, failed=FAILED)
+    expected = analyse(plan, results)
+    shuffled = list(results)
+    random.Random(3).shuffle(shuffled)
+    state = StudyState(plan)
+    for start in range(0, len(shuffled), 29):
+        state.take(shuffled[start : start + 29])
+        state = StudyState.from_bytes(plan, state.to_bytes())
+    assert state.snapshot() == expected
+
+
+def test_a_point_waits_for_every_row_before_it() -> None:
+    plan = study_plan("saltelli", rows=32)
+    results = results_of(plan)
+    state = StudyState(plan)
+    state.take(r for r in results if r.row != 5)
+    assert state.snapshot()["outputs"]["y"]["convergence"]["rows"] == []
+    assert state.snapshot()["rows_used"] == 31
+    state.take(r for r in results if r.row == 5)
+    assert state.snapshot()["outputs"]["y"]["convergence"]["rows"] == [8, 16, 32]

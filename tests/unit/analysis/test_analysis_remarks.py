@@ -1,0 +1,35 @@
+"""What a reader is told besides the numbers, and that an old snapshot has less to tell."""
+
+from analysis_studies import results_of, study_plan
+
+from analysis.remarks import remarks, warning
+from analysis.service import analyse
+from analysis.snapshot import empty_snapshot
+
+
+def test_failures_ranking_and_precision_each_have_a_sentence() -> None:
+    plan = study_plan("saltelli", rows=64)
+    snapshot = analyse(plan, results_of(plan, failed=[(3, 1), (5, 0)]))
+    failures, ranking, advice = remarks(snapshot, "y", target=0.05)
+    assert failures.startswith("2 of 320 runs failed (0.6%): too few to tell")
+    assert ranking.endswith("the same order, 100% with a first.")
+    assert "more rows" in advice and "bring y to ±0.05" in advice
+    assert warning(snapshot) == ""
+
+
+def test_failures_that_depend_on_the_factors_are_a_warning() -> None:
+    plan = study_plan("saltelli", rows=64)
+    failed = [
+        (r.row, r.position)
+        for r in results_of(plan, lambda x: {"y": x["b"], "z": 0.0})
+        if r.outputs["y"] > 1.5
+    ]
+    snapshot = analyse(plan, results_of(plan, failed=failed))
+    assert "failures depend on the factors: b" in warning(snapshot)
+    assert remarks(snapshot, "y")[0] == warning(snapshot)
+
+
+def test_nothing_is_said_where_nothing_is_known() -> None:
+    assert remarks(empty_snapshot(study_plan("morris", rows=3)), "y") == []
+    assert remarks({"outputs": {"y": {}}}, "y") == []
+    assert warning({"outputs": {}}) == ""
