@@ -71,4 +71,4 @@ _TOO_LARGE = f"a request may have {MAX_BODY_BYTES} bytes at most: post results i
 
 
 def _guarded(path: str) -> bool:
-    return path == "/v1" or path.startswith("/v1/")
+    return path in ("/v1", "/metrics") or path.startswith("/v1/")

@@ -47,6 +47,11 @@ def serve(settings: Settings) -> None:
 class _AnnouncingServer(uvicorn.Server):
     """A server that says when it listens, and where."""
 
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End the streams first, which would otherwise be waited for."""
+        self.config.app.state.stopping.set()  # type: ignore[union-attr]
+        await super().shutdown(sockets)
+
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         if self.started and sockets:

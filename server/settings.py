@@ -20,6 +20,9 @@ class Settings(BaseSettings):
     #: Seconds a lease lasts unless its worker is heard from.
     lease_seconds: float = Field(default=60.0, gt=0.0, le=86400.0)
 
+    #: Seconds that a begun row waits for its kind of machine before another begins it anew.
+    stranded_seconds: float = Field(default=3600.0, gt=0.0)
+
     @field_validator("token")
     @classmethod
     def _is_given(cls, token: SecretStr) -> SecretStr:

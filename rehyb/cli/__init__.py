@@ -8,6 +8,7 @@ import sys
 import typer
 
 from rehyb.cli import campaigns, services, simulation, studies
+from rehyb.cli import control as control  # its commands join those of `studies`
 from rehyb.errors import Invalid, RehybError
 
 app = typer.Typer(

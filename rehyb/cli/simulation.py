@@ -1,5 +1,6 @@
 """Commands that simulate here and now: `assess` and `validate`."""
 
+import json
 import sys
 import time
 from collections.abc import Mapping
@@ -30,6 +31,14 @@ def assess(
         Path | None,
         typer.Option(metavar="FILE.png", help="Draw the assessment.", show_default=False),
     ] = None,
+    replay: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE.json",
+            help="Repeat an instance of a study, from `rehyb study instance`; - reads stdin.",
+            show_default=False,
+        ),
+    ] = None,
     controller: Annotated[
         str, typer.Option(help="pid: as in the authors' code. pd: equation 19 to the letter.")
     ] = "pid",
@@ -48,7 +57,7 @@ def assess(
     from sim.assessment import assess as simulate
     from sim.factors import NOMINAL
 
-    values = dict(NOMINAL)
+    values = dict(NOMINAL) if replay is None else {**NOMINAL, **_replayed(replay)}
     for name, value in map(assignment, settings or ()):
         if name not in values:
             raise typer.BadParameter(f"there is no factor {name!r}: take {', '.join(values)}")
@@ -110,6 +119,21 @@ def validate(
         )
     else:
         _print_validation(report)
+
+
+def _replayed(source: str) -> dict[str, float]:
+    """Return the parameters of a replay bundle of the elbow."""
+    try:
+        bundle = json.loads(sys.stdin.read() if source == "-" else Path(source).read_text())
+    except OSError as error:
+        raise typer.BadParameter(f"{source} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise typer.BadParameter(f"{source} is not JSON: {error}") from None
+    if not isinstance(bundle, dict) or not isinstance(bundle.get("parameters"), dict):
+        raise typer.BadParameter(f"{source} is no replay bundle: it has no parameters")
+    if bundle.get("model") != "elbow":
+        raise typer.BadParameter(f"{source} is of model {bundle.get('model')!r}, not 'elbow'")
+    return {name: number(str(value), name) for name, value in bundle["parameters"].items()}
 
 
 def _print_assessment(outcome: str, reason: str, outputs: Mapping[str, float]) -> None:

@@ -7,6 +7,7 @@ from fastapi import Depends, Path, Request
 from pydantic import BaseModel, ConfigDict, StringConstraints
 from sqlalchemy.engine import Engine
 
+from server.metrics import Metrics
 from server.settings import Settings
 
 
@@ -26,6 +27,11 @@ def _settings(request: Request) -> Settings:
     return settings
 
 
+def _metrics(request: Request) -> Metrics:
+    metrics: Metrics = request.app.state.metrics
+    return metrics
+
+
 def clock() -> float:
     """Return the coordinator's time in seconds, UTC epoch. Tests put their own in its place."""
     return time.time()
@@ -33,6 +39,7 @@ def clock() -> float:
 
 Store = Annotated[Engine, Depends(_engine)]
 Configured = Annotated[Settings, Depends(_settings)]
+Measures = Annotated[Metrics, Depends(_metrics)]
 Now = Annotated[float, Depends(clock)]
 
 #: One line without control characters, which PostgreSQL and terminals would stumble over.

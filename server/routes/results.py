@@ -12,7 +12,7 @@ from pydantic import Field, StringConstraints
 
 from server.logic.table import header, lines
 from server.logic.verdicts import Report
-from server.routes.common import Body, Configured, Id, Name, Now, Store
+from server.routes.common import Body, Configured, Id, Measures, Name, Now, Store
 from server.routes.leases import Fence
 from server.store import results, studies
 
@@ -46,7 +46,12 @@ class ResultsBody(Body):
 
 @router.post("/results")
 def post(
-    body: ResultsBody, store: Store, settings: Configured, now: Now, response: Response
+    body: ResultsBody,
+    store: Store,
+    settings: Configured,
+    now: Now,
+    response: Response,
+    measures: Measures,
 ) -> dict[str, Any]:
     """Take in results; 409 if any was refused, and its verdict says why."""
     verdicts = results.post(
@@ -68,6 +73,10 @@ def post(
         now=now,
         ttl=settings.lease_seconds,
     )
+    for result, verdict in zip(body.results, verdicts, strict=True):
+        measures.verdicts.labels(verdict.verdict).inc()
+        if verdict.verdict == "accepted" and isinstance(result.wall_seconds, int | float):
+            measures.run_seconds.observe(result.wall_seconds)
     response.status_code = 409 if any(verdict.refused for verdict in verdicts) else 200
     return {
         "verdicts": [

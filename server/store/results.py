@@ -51,6 +51,8 @@ def post(
             stored=_stored(connection, study, before),
             lease=lease_id,
             outputs=study.plan.outputs,
+            host=workers.host_of(connection, worker),
+            host_class=lease.host_class,
         )
         final = [j.result for j in judgements if j.result is not None]
         changed = [j.slot for j in judgements if j.slot is not None]
@@ -102,13 +104,21 @@ def _judge(
     stored: dict[ledger.Place, Result],
     lease: str,
     outputs: Sequence[str],
+    host: str | None,
+    host_class: str | None,
 ) -> list[Judgement]:
     """Judge reports one after the other, each in the light of those before it."""
     judgements = []
     for report in reports:
         place = places.get(report.instance, (-1, -1))
         judgement = judge(
-            report, slot=slots.get(place), stored=stored.get(place), lease=lease, outputs=outputs
+            report,
+            slot=slots.get(place),
+            stored=stored.get(place),
+            lease=lease,
+            outputs=outputs,
+            host=host,
+            host_class=host_class,
         )
         if judgement.slot is not None:
             slots[place] = judgement.slot
