@@ -19,7 +19,7 @@ check: $(READY)  ## Lint, format, types and the unit tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest tests/unit
+	$(BIN)/python -m pytest -m "not postgresql" tests/unit
 
 bench: $(READY)  ## Print the figures that README and docs quote
 	$(BIN)/python -m benchmarks.table_1

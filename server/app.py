@@ -26,7 +26,7 @@ from server.routes import (
 )
 from server.routes.common import clock
 from server.settings import Settings
-from server.store import create_engine, queue, require_current, reruns
+from server.store import create_engine, queue, require_current, reruns, tokens
 
 log = logging.getLogger(__name__)
 
@@ -79,7 +79,11 @@ def create_app(settings: Settings) -> FastAPI:
         app.include_router(noun.router)
     app.add_middleware(Gunzip, limit=MAX_BODY_BYTES)
     app.add_middleware(BodyLimit)
-    app.add_middleware(BearerToken, token=settings.token.get_secret_value())
+    app.add_middleware(
+        BearerToken,
+        token=settings.token.get_secret_value(),
+        look_up=lambda secret: tokens.scopes_of(app.state.engine, secret),
+    )
     return app
 
 

@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from rehyb.cli import campaigns, services, simulation, studies
+from rehyb.cli import campaigns, services, simulation, studies, tokens
 from rehyb.cli import control as control  # its commands join those of `studies`
 from rehyb.errors import Invalid, RehybError
 
@@ -21,6 +21,7 @@ app = typer.Typer(
 app.add_typer(studies.app, name="study")
 app.add_typer(campaigns.app, name="campaign")
 app.add_typer(services.database, name="db")
+app.add_typer(tokens.app, name="token")
 app.command()(services.up)
 app.command()(services.coordinator)
 app.command()(services.analysis)

@@ -86,7 +86,7 @@ def coordinator() -> None:
         fault = error.errors()[0]
         name = f"REHYB_{fault['loc'][0]}".upper()
         raise Invalid(f"{name}: {fault['msg'].removeprefix('Value error, ')}") from None
-    with _in_one_sentence():
+    with in_one_sentence():
         serve(settings)
 
 
@@ -103,8 +103,8 @@ def analysis() -> None:
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    with _in_one_sentence():
-        engine = create_engine(_database_url())
+    with in_one_sentence():
+        engine = create_engine(database_url())
         try:
             require_current(engine)
             follow(StoreResultLog(engine), stop=stop, poll_seconds=POLL_SECONDS)
@@ -117,8 +117,8 @@ def upgrade_database(as_json: AsJson = False) -> None:
     """Bring the database at REHYB_DATABASE_URL to this version's schema."""
     from server.store import upgrade
 
-    with _in_one_sentence():
-        url = _database_url()
+    with in_one_sentence():
+        url = database_url()
         upgrade(url)
     if as_json:
         print_json({"upgraded": True})
@@ -126,7 +126,7 @@ def upgrade_database(as_json: AsJson = False) -> None:
         typer.echo("the database has the schema of this version")
 
 
-def _database_url() -> str:
+def database_url() -> str:
     """Return the database's URL from the environment; a token is not needed to use it."""
     from server.settings import Settings
 
@@ -135,7 +135,7 @@ def _database_url() -> str:
 
 
 @contextmanager
-def _in_one_sentence() -> Iterator[None]:
+def in_one_sentence() -> Iterator[None]:
     """Turn what the coordinator's rooms raise at start into this command's errors."""
     from sqlalchemy.exc import SQLAlchemyError
 
