@@ -7,6 +7,7 @@ import uvicorn
 
 from server.app import create_app
 from server.settings import Settings
+from server.sole import sole_coordinator
 from server.store import upgrade
 
 #: Seconds a stopping coordinator gives requests under way.
@@ -20,8 +21,14 @@ def serve(settings: Settings) -> None:
 
     Raises:
         SchemaError: the database was made by a newer version.
+        ConflictError: another coordinator serves the same SQLite file.
         OSError: the address cannot be listened on.
     """
+    with sole_coordinator(settings.database_url):
+        _serve(settings)
+
+
+def _serve(settings: Settings) -> None:
     upgrade(settings.database_url)
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     with socket.create_server((settings.host, settings.port), family=family) as listener:
@@ -32,6 +39,8 @@ def serve(settings: Settings) -> None:
             create_app(settings),
             access_log=False,
             log_level="warning",
+            ssl_certfile=settings.tls_certificate,
+            ssl_keyfile=settings.tls_key,
             timeout_graceful_shutdown=GRACE_SECONDS,
         )
         server = _AnnouncingServer(config)
@@ -56,4 +65,7 @@ class _AnnouncingServer(uvicorn.Server):
         await super().startup(sockets)
         if self.started and sockets:
             host, port = sockets[0].getsockname()[:2]
-            print(f"listening on http://{f'[{host}]' if ':' in host else host}:{port}", flush=True)
+            scheme = "https" if self.config.is_ssl else "http"
+            print(
+                f"listening on {scheme}://{f'[{host}]' if ':' in host else host}:{port}", flush=True
+            )

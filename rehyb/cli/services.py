@@ -1,4 +1,4 @@
-"""Commands that start what runs for long: `up`, `coordinator`, `analysis`, `db upgrade`."""
+"""Commands that start what runs for long: `up`, `coordinator`, `analysis`, `db`."""
 
 import os
 import signal
@@ -72,8 +72,8 @@ def up(
 def coordinator() -> None:
     """Serve the REST API until SIGTERM or Ctrl-C.
 
-    REHYB_TOKEN (required), REHYB_DATABASE_URL, REHYB_HOST, REHYB_PORT and REHYB_LEASE_SECONDS
-    configure it.
+    REHYB_TOKEN (required), REHYB_DATABASE_URL, REHYB_HOST, REHYB_PORT, REHYB_LEASE_SECONDS,
+    REHYB_STRANDED_SECONDS, REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY configure it.
     """
     from pydantic import ValidationError
 
@@ -84,8 +84,9 @@ def coordinator() -> None:
         settings = Settings()
     except ValidationError as error:
         fault = error.errors()[0]
-        name = f"REHYB_{fault['loc'][0]}".upper()
-        raise Invalid(f"{name}: {fault['msg'].removeprefix('Value error, ')}") from None
+        # What concerns several settings has no place of its own, and names them itself.
+        name = f"REHYB_{fault['loc'][0]}: ".upper() if fault["loc"] else ""
+        raise Invalid(f"{name}{fault['msg'].removeprefix('Value error, ')}") from None
     with in_one_sentence():
         serve(settings)
 
@@ -124,6 +125,47 @@ def upgrade_database(as_json: AsJson = False) -> None:
         print_json({"upgraded": True})
     else:
         typer.echo("the database has the schema of this version")
+
+
+@database.command()
+def backup(
+    file: Annotated[Path, typer.Argument(help="The copy; must not exist.")],
+    as_json: AsJson = False,
+) -> None:
+    """Copy the SQLite database at REHYB_DATABASE_URL, also while a coordinator uses it."""
+    from server.store import check, create_engine, require_current
+
+    with in_one_sentence():
+        engine = create_engine(database_url())
+        try:
+            require_current(engine)
+            check.back_up(engine, file)
+        finally:
+            engine.dispose()
+    if as_json:
+        print_json({"file": str(file)})
+    else:
+        typer.echo(str(file))
+
+
+@database.command("check")
+def check_database(as_json: AsJson = False) -> None:
+    """Count everything anew; exit status 1 if the database contradicts itself."""
+    from server.store import check, create_engine, require_current
+
+    with in_one_sentence():
+        engine = create_engine(database_url())
+        try:
+            require_current(engine)
+            found = check.faults(engine)
+        finally:
+            engine.dispose()
+    if as_json:
+        print_json({"faults": found})
+    else:
+        typer.echo("\n".join(found) or "the database is whole")
+    if found:
+        raise typer.Exit(1)
 
 
 def database_url() -> str:

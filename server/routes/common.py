@@ -1,7 +1,7 @@
 """What the routes share: where they find the store and the time, and how strictly they read."""
 
 import time
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import Depends, Path, Request
 from pydantic import BaseModel, ConfigDict, StringConstraints
@@ -15,6 +15,11 @@ class Body(BaseModel):
     """A request body: nothing unknown, nothing converted, no NaN and no infinity."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+def example(**content: Any) -> ConfigDict:
+    """Return a body's configuration with an example of it, which the documentation shows."""
+    return ConfigDict(json_schema_extra={"examples": [content]})
 
 
 def _engine(request: Request) -> Engine:

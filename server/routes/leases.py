@@ -16,6 +16,7 @@ from server.routes.common import (
     Name,
     Now,
     Store,
+    example,
 )
 from server.store import queue
 from server.store.queue import Grant
@@ -40,6 +41,12 @@ class WorkerBody(Body):
 class LeaseBody(Body):
     """What a worker asks for."""
 
+    model_config = example(
+        worker={"id": "pc7-4711", "host": "pc7", "versions": {"mujoco": "4.0.1"}, "tags": []},
+        models=["elbow"],
+        max_instances=4,
+    )
+
     worker: WorkerBody
     models: list[Name] = Field(min_length=1, max_length=100)
     max_instances: int = Field(ge=1, le=1000)
@@ -47,6 +54,8 @@ class LeaseBody(Body):
 
 class FenceBody(Body):
     """Proof that a lease is the bearer's."""
+
+    model_config = example(fence=17)
 
     fence: Fence
 

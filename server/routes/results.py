@@ -12,7 +12,7 @@ from pydantic import Field, StringConstraints
 
 from server.logic.table import header, lines
 from server.logic.verdicts import Report
-from server.routes.common import Body, Configured, Id, Measures, Name, Now, Store
+from server.routes.common import Body, Configured, Id, Measures, Name, Now, Store, example
 from server.routes.leases import Fence
 from server.store import results, studies
 
@@ -37,6 +37,22 @@ class ResultBody(Body):
 
 class ResultsBody(Body):
     """Results of one lease."""
+
+    model_config = example(
+        lease="0f8e4ab7c5d94e2b8a1d6c3f7e9b2a10",
+        fence=17,
+        worker="pc7-4711",
+        results=[
+            {
+                "instance": "3fb1c2a4d5e6:0:3",
+                "outcome": "slipped",
+                "outputs": {},
+                "reason": "the forearm left its cuff at 0.42 s",
+                "state": {"time": 0.42},
+                "wall_seconds": 0.31,
+            }
+        ],
+    )
 
     lease: Name
     fence: Fence

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Header, Response
 from pydantic import Field, StringConstraints
 
 from server.logic.study import FactorChoice, Study, draw_up
-from server.routes.common import MAX_INTEGER, PRINTABLE, Body, Id, Name, Now, Store
+from server.routes.common import MAX_INTEGER, PRINTABLE, Body, Id, Name, Now, Store, example
 from server.store import control, reruns, studies
 
 router = APIRouter(prefix="/v1/studies", tags=["studies"])
@@ -29,6 +29,15 @@ class FactorBody(Body):
 class StudyBody(Body):
     """A study to evaluate."""
 
+    model_config = example(
+        name="masses",
+        model="elbow",
+        method="saltelli",
+        rows=16,
+        factors=[{"name": "forearm_mass"}, {"name": "upper_arm_mass", "range": [1.0, 2.5]}],
+        seed=1,
+    )
+
     name: Title
     model: Name
     method: Name
@@ -45,17 +54,23 @@ class StudyBody(Body):
 class ExtensionBody(Body):
     """How many rows a study is to have in all."""
 
+    model_config = example(rows=32)
+
     rows: int
 
 
 class PriorityBody(Body):
     """How urgent a study is."""
 
+    model_config = example(priority=5)
+
     priority: Priority
 
 
 class RerunBody(Body):
     """What is to run again."""
+
+    model_config = example(which="failed", outcomes=["lost", "crashed"])
 
     which: Literal["failed", "all"] = "failed"
     outcomes: list[Name] | None = Field(default=None, min_length=1, max_length=100)

@@ -198,3 +198,20 @@ def test_a_body_may_be_compressed_but_not_a_bomb(client: TestClient) -> None:
         assert response.headers["content-type"] == "application/problem+json"
     headers["Content-Encoding"] = "br"
     assert client.post("/v1/studies", content=packed, headers=headers).status_code == 415
+
+
+def test_every_request_body_has_an_example_that_the_coordinator_understands(
+    client: TestClient,
+) -> None:
+    document = client.get("/openapi.json").json()
+    shown = 0
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            if "requestBody" not in operation:
+                continue
+            reference = operation["requestBody"]["content"]["application/json"]["schema"]["$ref"]
+            (example,) = document["components"]["schemas"][reference.split("/")[-1]]["examples"]
+            response = client.request(method, path.replace("{study_id}", "x"), json=example)
+            assert response.status_code not in (400, 422), (path, response.json())
+            shown += 1
+    assert shown >= 8
