@@ -6,6 +6,7 @@ import socket
 import uvicorn
 
 from server.app import create_app
+from server.logs import configure
 from server.settings import Settings
 from server.sole import sole_coordinator
 from server.store import upgrade
@@ -24,6 +25,7 @@ def serve(settings: Settings) -> None:
         ConflictError: another coordinator serves the same SQLite file.
         OSError: the address cannot be listened on.
     """
+    configure(settings.log_level)
     with sole_coordinator(settings.database_url):
         _serve(settings)
 
@@ -38,7 +40,7 @@ def _serve(settings: Settings) -> None:
         config = uvicorn.Config(
             create_app(settings),
             access_log=False,
-            log_level="warning",
+            log_config=None,
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,
             timeout_graceful_shutdown=GRACE_SECONDS,

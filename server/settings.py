@@ -1,6 +1,6 @@
 """What an operator decides about a coordinator, from the environment: REHYB_TOKEN and the like."""
 
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -25,6 +25,8 @@ class Settings(BaseSettings):
     #: Seconds that a begun row waits for its kind of machine before another begins it anew.
     stranded_seconds: float = Field(default=3600.0, gt=0.0)
 
+    #: The least of what is logged.
+    log_level: Literal["debug", "info", "warning", "error"] = "warning"
     #: Files with a certificate and its key (PEM): with both, the coordinator speaks TLS only.
     tls_certificate: str | None = None
     tls_key: str | None = None

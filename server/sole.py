@@ -17,15 +17,18 @@ def sole_coordinator(url: str) -> Iterator[None]:
     The kernel drops the lock when the process ends, however it ends.
 
     Raises:
-        ConflictError: another process holds it.
-        OSError: the folder cannot be written to.
+        ConflictError: another process holds it, or there is no place for it.
     """
     database = sa.make_url(url)
     if database.get_backend_name() != "sqlite" or not database.database:
         yield
         return
     path = Path(f"{database.database}.lock")
-    with path.open("w") as file:
+    try:
+        file = path.open("w")
+    except OSError as error:
+        raise ConflictError(f"the database cannot be used: {path}: {error.strerror}") from error
+    with file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

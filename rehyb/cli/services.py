@@ -73,7 +73,7 @@ def coordinator() -> None:
     """Serve the REST API until SIGTERM or Ctrl-C.
 
     REHYB_TOKEN (required), REHYB_DATABASE_URL, REHYB_HOST, REHYB_PORT, REHYB_LEASE_SECONDS,
-    REHYB_STRANDED_SECONDS, REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY configure it.
+    REHYB_STRANDED_SECONDS, REHYB_LOG_LEVEL, REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY configure it.
     """
     from pydantic import ValidationError
 

@@ -1,5 +1,6 @@
 """Leases: ask for work, keep it, give it back."""
 
+import logging
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Response
@@ -20,6 +21,8 @@ from server.routes.common import (
 )
 from server.store import queue
 from server.store.queue import Grant
+
+log = logging.getLogger(__name__)
 
 router = APIRouter(prefix="/v1/leases", tags=["leases"])
 
@@ -84,6 +87,15 @@ def lease(
     if grant is None:
         return Response(status_code=204, headers={"Retry-After": str(RETRY_AFTER_SECONDS)})
     measures.leases.inc()
+    log.info(
+        "lease granted",
+        extra={
+            "study": grant.study.id,
+            "lease": grant.lease.id,
+            "worker": body.worker.id,
+            "instances": len(grant.lease.instances),
+        },
+    )
     return {
         "id": grant.lease.id,
         "fence": grant.lease.fence,

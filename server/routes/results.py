@@ -2,6 +2,7 @@
 
 import csv
 import io
+import logging
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice
 from typing import Annotated, Any
@@ -15,6 +16,8 @@ from server.logic.verdicts import Report
 from server.routes.common import Body, Configured, Id, Measures, Name, Now, Store, example
 from server.routes.leases import Fence
 from server.store import results, studies
+
+log = logging.getLogger(__name__)
 
 router = APIRouter(prefix="/v1", tags=["results"])
 
@@ -93,6 +96,17 @@ def post(
         measures.verdicts.labels(verdict.verdict).inc()
         if verdict.verdict == "accepted" and isinstance(result.wall_seconds, int | float):
             measures.run_seconds.observe(result.wall_seconds)
+        if verdict.refused:
+            log.info(
+                "result refused as %s: %s",
+                verdict.verdict,
+                verdict.detail,
+                extra={
+                    "instance": verdict.instance,
+                    "lease": body.lease,
+                    "worker": body.worker,
+                },
+            )
     response.status_code = 409 if any(verdict.refused for verdict in verdicts) else 200
     return {
         "verdicts": [

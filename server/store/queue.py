@@ -62,7 +62,7 @@ def grant(
                 objection = objection or unfit
                 continue
             granted = _grant_of(
-                connection, candidate.id, worker, host, versions, max_instances, now, ttl
+                connection, candidate, worker, host, versions, max_instances, now, ttl
             )
             if granted is not None:
                 break
@@ -76,7 +76,7 @@ def grant(
 
 def _grant_of(
     connection: Connection,
-    study_id: str,
+    candidate: Study,
     worker: str,
     host: str,
     versions: Mapping[str, str],
@@ -85,7 +85,7 @@ def _grant_of(
     ttl: float,
 ) -> Grant | None:
     """Hand out instances of one study; None if it has none for this kind of machine."""
-    study = studies.find(connection, study_id, lock=True)
+    study = studies.locked(connection, candidate)
     mine = host_class(versions)
     if study.state != "running" or objection_to_worker(study, versions=versions, tags=study.tags):
         return None

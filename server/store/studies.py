@@ -151,6 +151,14 @@ def find(connection: Connection, study_id: str, *, lock: bool = False) -> Study:
     return _study(row)
 
 
+def locked(connection: Connection, study: Study) -> Study:
+    """Return a study read before in the same transaction, as it is now and stays until its end."""
+    if connection.dialect.name == "sqlite":
+        # Whoever writes is alone: nothing has changed since.
+        return study
+    return find(connection, study.id, lock=True)
+
+
 def with_work(connection: Connection, models: Sequence[str]) -> list[Study]:
     """Return the running studies of `models` with something to hand out, first to serve first."""
     rows = connection.execute(
