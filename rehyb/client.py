@@ -36,6 +36,8 @@ _ERRORS: Mapping[int, type[RehybError]] = {
     HTTPStatus.FORBIDDEN: Unauthorized,
     HTTPStatus.NOT_FOUND: NotFound,
     HTTPStatus.CONFLICT: Conflict,
+    # It may succeed later, as after a failure.
+    HTTPStatus.TOO_MANY_REQUESTS: ServerError,
 }
 
 

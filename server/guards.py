@@ -80,13 +80,15 @@ class BearerToken:
         until, scopes = self._believed.get(borne, (0.0, ()))
         if now < until:
             return scopes
-        if self._failures.too_many(address, now):
+        # A token that was good before must not suffer from what others send from its address.
+        if borne not in self._believed and self._failures.too_many(address, now):
             return None
         scopes = await asyncio.to_thread(self._look_up, borne)
         # Only good ones are remembered: wrong ones come without number.
-        self._believed = {b: entry for b, entry in self._believed.items() if entry[0] > now}
         if scopes:
             self._believed[borne] = (now + BELIEVED_SECONDS, scopes)
+        else:
+            self._believed.pop(borne, None)
         return scopes
 
 

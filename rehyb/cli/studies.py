@@ -209,7 +209,8 @@ def workers(url: Url = None, token: Token = None, as_json: AsJson = False) -> No
         now = time.time()
         for worker in known:
             worker["last_seen"] = f"{max(0.0, now - worker['last_seen']):.0f} s ago"
-        print_rows(("id", "host", "last_seen", "instances_done"), known)
+            worker["tags"] = ", ".join(worker.get("tags", ()))
+        print_rows(("id", "host", "host_class", "tags", "last_seen", "instances_done"), known)
 
 
 def _read(file: Path) -> Json:

@@ -6,6 +6,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
 
+from server.errors import NotFoundError
 from server.logic.leases import objection_to_results
 from server.logic.slots import Result, Slot
 from server.logic.study import Study, instance_id
@@ -40,7 +41,11 @@ def post(
         objection = objection_to_results(lease, fence=fence, worker=worker)
         if objection is not None:
             return _to_all(reports, "invalid", objection)
-        study = studies.find(connection, lease.study, lock=True)
+        try:
+            study = studies.find(connection, lease.study, lock=True)
+        except NotFoundError:
+            # Deleted since its lease was read, which took no lock.
+            return _to_all(reports, "unknown", "the study was deleted")
         places = {instance_id(study.id, *place): place for place in lease.instances}
         named = [places[report.instance] for report in reports if report.instance in places]
         before = ledger.slots(connection, study, named)

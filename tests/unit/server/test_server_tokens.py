@@ -88,7 +88,10 @@ def test_guessing_is_cut_short_and_harms_nobody_who_knows(
     answers = [client.get("/v1/studies", headers=wrong).status_code for _ in range(FAILURES + 2)]
     assert answers == [401] * FAILURES + [429] * 2
     assert client.get("/v1/studies", headers=wrong).headers["retry-after"] == "60"
+    now[0] += 10.0
     assert client.get("/v1/studies", headers=good).status_code == 200
+    _, unknown = bearing(app, "read")
+    assert client.get("/v1/studies", headers=unknown).status_code == 429
     assert client.get("/v1/studies").status_code == 200, "the operator's own token"
     now[0] += 61.0
     assert client.get("/v1/studies", headers=wrong).status_code == 401
