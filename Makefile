@@ -4,7 +4,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check bench bench-sim bench-analysis curves picture clean
+.PHONY: help demo test check soak bench bench-sim bench-analysis curves picture clean
 
 help:  ## Say what each target does
 	@grep -hE '^[a-z-]+:.*## ' Makefile | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -19,7 +19,10 @@ check: $(READY)  ## Lint, format, types and the unit tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest tests/unit
+	$(BIN)/python -m pytest -m "not postgresql" tests/unit
+
+soak: $(READY)  ## Disturb studies in every way, twenty times over; half an hour
+	REHYB_SOAK_ROUNDS=20 $(BIN)/python -m pytest -s tests/acceptance/test_chaos.py
 
 bench: $(READY)  ## Print the figures that README and docs quote
 	$(BIN)/python -m benchmarks.table_1

@@ -4,6 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 
+class NoSuchStudyError(LookupError):
+    """The study was deleted meanwhile."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class StudyPlan:
     """What a study set out to do; nothing of it ever changes, except that `rows` may grow."""

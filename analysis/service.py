@@ -2,15 +2,16 @@
 
 Any number of these processes may run on one store. Each reads a study's log from the cursor the
 last commit left, and commits state, snapshot and new cursor at once, provided that the cursor is
-still where it found it. So every result counts once, whoever is first, and a process may die at any
-moment.
+still where it found it and the study is as it was planned. So every result counts once, whoever is
+first, and a process may die at any moment.
 """
 
 from collections.abc import Iterable
+from contextlib import suppress
 from threading import Event
 from typing import Any, Protocol
 
-from analysis.records import LoggedResult, StudyPlan
+from analysis.records import LoggedResult, NoSuchStudyError, StudyPlan
 from analysis.study_state import StaleStateError, StudyState
 
 __all__ = ["LoggedResult", "ResultLog", "StudyPlan", "analyse", "catch_up", "follow"]
@@ -26,13 +27,16 @@ class ResultLog(Protocol):
         """Return the studies whose log is longer than their cursor."""
 
     def plan(self, study_id: str) -> StudyPlan:
-        """Return what a study set out to do."""
+        """Return what a study set out to do; NoSuchStudyError if it is gone."""
 
     def load(self, study_id: str) -> tuple[int, bytes | None]:
         """Return the cursor and the state last committed; `(0, None)` if none was."""
 
     def results_after(self, study_id: str, cursor: int, limit: int) -> list[LoggedResult]:
-        """Return up to `limit` results with seq > cursor, in order of seq."""
+        """Return up to `limit` results with seq > cursor, in order of seq.
+
+        None if the study has changed since `plan` was asked for: what is left is for the next call.
+        """
 
     def commit(
         self,
@@ -76,7 +80,9 @@ def follow(log: ResultLog, *, stop: Event, poll_seconds: float = 0.5) -> None:
         for study_id in log.studies_with_news():
             if stop.is_set():
                 return
-            catch_up(log, study_id)
+            # One that was deleted since it was listed needs no indices.
+            with suppress(NoSuchStudyError):
+                catch_up(log, study_id)
         stop.wait(poll_seconds)
 
 

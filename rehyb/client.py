@@ -1,5 +1,7 @@
 """Talk to a coordinator: plain dictionaries in, plain dictionaries out."""
 
+import gzip
+import json
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -7,6 +9,7 @@ from http import HTTPStatus
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
+from urllib.parse import urlencode
 
 import httpx2
 
@@ -22,6 +25,8 @@ from rehyb.errors import (
 
 Json = dict[str, Any]
 
+#: Bodies longer than this are sent compressed.
+COMPRESS_BYTES = 50_000
 DEFAULT_URL = "http://127.0.0.1:8787"
 #: Never asked of a proxy, whatever the environment says.
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -31,6 +36,8 @@ _ERRORS: Mapping[int, type[RehybError]] = {
     HTTPStatus.FORBIDDEN: Unauthorized,
     HTTPStatus.NOT_FOUND: NotFound,
     HTTPStatus.CONFLICT: Conflict,
+    # It may succeed later, as after a failure.
+    HTTPStatus.TOO_MANY_REQUESTS: ServerError,
 }
 
 
@@ -124,6 +131,65 @@ class Client:
         """Return the latest snapshot of a study's sensitivity indices with their intervals."""
         return self._json("GET", f"/v1/studies/{study_id}/indices")
 
+    def pause(self, study_id: str) -> Json:
+        """Hand out nothing of a study until it is resumed; results under way are taken."""
+        return self._json("POST", f"/v1/studies/{study_id}/pause")
+
+    def resume(self, study_id: str) -> Json:
+        """Go on with a paused study; Conflict if it is complete or cancelled."""
+        return self._json("POST", f"/v1/studies/{study_id}/resume")
+
+    def extend(self, study_id: str, rows: int) -> Json:
+        """Give a study `rows` rows in all; what is there stays. Conflict if it has more."""
+        return self._json("POST", f"/v1/studies/{study_id}/extend", body={"rows": rows})
+
+    def prioritise(self, study_id: str, priority: int) -> Json:
+        """Serve a study before all of lower priority; 0 is where every study begins."""
+        return self._json("POST", f"/v1/studies/{study_id}/priority", body={"priority": priority})
+
+    def rerun(
+        self, study_id: str, which: str = "failed", outcomes: Sequence[str] | None = None
+    ) -> Json:
+        """Run results again and return the study with "taken_back", how many these are.
+
+        Args:
+            study_id: which study.
+            which: "failed", or "all": from the start, with whatever version workers have now.
+            outcomes: only failures of these names.
+        """
+        body = {"which": which, "outcomes": None if outcomes is None else list(outcomes)}
+        return self._json("POST", f"/v1/studies/{study_id}/rerun", body=body)
+
+    def delete(self, study_id: str) -> None:
+        """Remove a study with its results; Conflict while it runs."""
+        self._request("DELETE", f"/v1/studies/{study_id}")
+
+    def instances(
+        self,
+        study_id: str,
+        *,
+        state: str | None = None,
+        outcome: str | None = None,
+        after: str | None = None,
+        limit: int = 100,
+    ) -> Json:
+        """Return a page {"instances", "next"} of the instances in rows begun so far.
+
+        Args:
+            study_id: which study.
+            state: "pending", "leased", "done", "ok" or "failed".
+            outcome: only those with this outcome.
+            after: `next` of the page before.
+            limit: how many, 1000 at most.
+        """
+        query = {"state": state, "outcome": outcome, "after": after, "limit": limit}
+        given = {name: value for name, value in query.items() if value is not None}
+        return self._json("GET", f"/v1/studies/{study_id}/instances?{urlencode(given)}")
+
+    def instance(self, study_id: str, row: int, position: int) -> Json:
+        """Return all that is needed to replay an instance, and what became of it."""
+        return self._json("GET", f"/v1/studies/{study_id}/instances/{row}/{position}")
+
     def cancel(self, study_id: str) -> Json:
         """Stop handing out a study's instances; results already there stay."""
         return self._json("POST", f"/v1/studies/{study_id}/cancel")
@@ -158,7 +224,7 @@ class Client:
         while True:
             progress = self.progress(study_id)
             on_progress(progress)
-            if progress["state"] != "running":
+            if progress["state"] not in ("running", "paused"):
                 return progress
             time.sleep(poll_seconds)
 
@@ -169,14 +235,22 @@ class Client:
         workers: list[Json] = self._json("GET", "/v1/workers")["workers"]
         return workers
 
+    def health(self) -> Json:
+        """Return {"status", "date"}: "ok" if the coordinator lives, and its clock (RFC 9110)."""
+        response = self._request("GET", "/healthz")
+        return {**_body(response), "date": response.headers.get("Date")}
+
     def lease(
         self, *, worker: Mapping[str, Any], models: Sequence[str], max_instances: int
     ) -> Json | None:
         """Lease up to `max_instances` instances; None (and `retry_after` set) if there are none.
 
         Args:
-            worker: {"id", "host", "versions"}.
+            worker: {"id", "host", "versions", "tags"}.
             models: the models this worker can evaluate.
+
+        Raises:
+            Conflict: there is work, but none that this worker fits; the message says why.
         """
         body = {"worker": worker, "models": list(models), "max_instances": max_instances}
         response = self._request("POST", "/v1/leases", body=body)
@@ -245,7 +319,14 @@ class Client:
         headers: Mapping[str, str] | None = None,
     ) -> httpx2.Response:
         try:
-            return self._http.request(method, path, json=body, headers=headers)
+            if body is None:
+                return self._http.request(method, path, headers=headers)
+            content = json.dumps(body, allow_nan=False).encode()
+            headers = {"Content-Type": "application/json", **(headers or {})}
+            if len(content) > COMPRESS_BYTES:
+                content = gzip.compress(content, compresslevel=1)
+                headers["Content-Encoding"] = "gzip"
+            return self._http.request(method, path, content=content, headers=headers)
         except (httpx2.TransportError, httpx2.DecodingError) as error:
             raise self._unreachable(error) from error
         except ValueError as error:

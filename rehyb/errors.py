@@ -36,7 +36,7 @@ class Invalid(RehybError):
 
 
 class ServerError(RehybError):
-    """The coordinator failed; the same request may succeed later."""
+    """The coordinator failed, or has had enough; the same request may succeed later."""
 
 
 class FleetError(RehybError):

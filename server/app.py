@@ -10,11 +10,23 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from server import problems
-from server.guards import BearerToken, BodyLimit
-from server.routes import health, indices, leases, progress, results, studies, workers
+from server.compression import Gunzip
+from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
+from server.metrics import Metrics
+from server.routes import (
+    health,
+    indices,
+    instances,
+    leases,
+    metrics,
+    progress,
+    results,
+    studies,
+    workers,
+)
 from server.routes.common import clock
 from server.settings import Settings
-from server.store import create_engine, queue, require_current
+from server.store import create_engine, queue, require_current, reruns, tokens
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +42,11 @@ def create_app(settings: Settings) -> FastAPI:
         engine = app.state.engine
         require_current(engine)
         queue.excuse_silence(engine, now=clock(), ttl=settings.lease_seconds)
-        reaper = asyncio.create_task(_reap_for_ever(engine, settings.lease_seconds))
+        reaper = asyncio.create_task(
+            _reap_for_ever(
+                engine, app.state.metrics, settings.lease_seconds, settings.stranded_seconds
+            )
+        )
         try:
             yield
         finally:
@@ -45,22 +61,47 @@ def create_app(settings: Settings) -> FastAPI:
     )
     app.state.settings = settings
     app.state.engine = create_engine(settings.database_url)
+    app.state.metrics = Metrics(app.state.engine, lambda: clock())
+    #: Set when the process is asked to stop: whoever streams must end.
+    app.state.stopping = asyncio.Event()
     problems.install(app)
-    for noun in (studies, progress, indices, results, leases, workers, health):
+    for noun in (
+        studies,
+        progress,
+        indices,
+        instances,
+        results,
+        leases,
+        workers,
+        metrics,
+        health,
+    ):
         app.include_router(noun.router)
+    app.add_middleware(Gunzip, limit=MAX_BODY_BYTES)
     app.add_middleware(BodyLimit)
-    app.add_middleware(BearerToken, token=settings.token.get_secret_value())
+    app.add_middleware(
+        BearerToken,
+        token=settings.token.get_secret_value(),
+        look_up=lambda secret: tokens.scopes_of(app.state.engine, secret),
+    )
     return app
 
 
-async def _reap_for_ever(engine: Engine, ttl: float) -> None:
-    """Take back expired leases even while no worker asks, so that progress tells the truth."""
+async def _reap_for_ever(engine: Engine, measures: Metrics, ttl: float, patience: float) -> None:
+    """Take back expired leases, and rows that wait for machines that are gone, unasked."""
     while True:
         await asyncio.sleep(ttl / 4.0)
         try:
             lost = await asyncio.to_thread(queue.reap, engine, now=clock())
+            freed = await asyncio.to_thread(
+                reruns.free_stranded_rows, engine, now=clock(), patience=patience
+            )
         except SQLAlchemyError:
             log.exception("expired leases could not be taken back; trying again")
             continue
+        measures.lost.inc(lost)
+        measures.freed.inc(freed)
+        if freed:
+            log.warning("%d rows begin anew: no machine of their kind was heard of", freed)
         if lost:
             log.warning("%d instances came back from workers that fell silent", lost)

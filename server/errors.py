@@ -1,5 +1,7 @@
 """Why the coordinator refuses, as one small tree; `server.problems` maps it to HTTP once."""
 
+from analysis.records import NoSuchStudyError
+
 
 class CoordinatorError(Exception):
     """The coordinator cannot do what was asked; the message says what and what would be right."""
@@ -7,6 +9,10 @@ class CoordinatorError(Exception):
 
 class NotFoundError(CoordinatorError):
     """There is no such thing."""
+
+
+class NoStudyError(NotFoundError, NoSuchStudyError):
+    """There is no such study, in words that the analysis knows too."""
 
 
 class ConflictError(CoordinatorError):

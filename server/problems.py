@@ -60,7 +60,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(CoordinatorError)
     def refused(_request: Request, error: CoordinatorError) -> JSONResponse:
         members = {"pointer": error.pointer} if isinstance(error, InvalidStudyError) else {}
-        return problem(_STATUS[type(error)], str(error), members=members)
+        return problem(_status(error), str(error), members=members)
 
     @app.exception_handler(RequestValidationError)
     def invalid(_request: Request, error: RequestValidationError) -> JSONResponse:
@@ -81,6 +81,14 @@ def install(app: FastAPI) -> None:
             HTTPStatus.INTERNAL_SERVER_ERROR,
             "the coordinator failed to answer; its log says why",
         )
+
+
+def _status(error: CoordinatorError) -> HTTPStatus:
+    """Return the status of an error's kind; what is none of them is the coordinator's failure."""
+    for kind, status in _STATUS.items():
+        if isinstance(error, kind):
+            return status
+    return HTTPStatus.INTERNAL_SERVER_ERROR
 
 
 def _fault(item: Mapping[str, Any]) -> dict[str, str]:

@@ -6,7 +6,9 @@ import socket
 import uvicorn
 
 from server.app import create_app
+from server.logs import configure
 from server.settings import Settings
+from server.sole import sole_coordinator
 from server.store import upgrade
 
 #: Seconds a stopping coordinator gives requests under way.
@@ -20,8 +22,15 @@ def serve(settings: Settings) -> None:
 
     Raises:
         SchemaError: the database was made by a newer version.
+        ConflictError: another coordinator serves the same SQLite file.
         OSError: the address cannot be listened on.
     """
+    configure(settings.log_level)
+    with sole_coordinator(settings.database_url):
+        _serve(settings)
+
+
+def _serve(settings: Settings) -> None:
     upgrade(settings.database_url)
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     with socket.create_server((settings.host, settings.port), family=family) as listener:
@@ -31,7 +40,9 @@ def serve(settings: Settings) -> None:
         config = uvicorn.Config(
             create_app(settings),
             access_log=False,
-            log_level="warning",
+            log_config=None,
+            ssl_certfile=settings.tls_certificate,
+            ssl_keyfile=settings.tls_key,
             timeout_graceful_shutdown=GRACE_SECONDS,
         )
         server = _AnnouncingServer(config)
@@ -47,8 +58,16 @@ def serve(settings: Settings) -> None:
 class _AnnouncingServer(uvicorn.Server):
     """A server that says when it listens, and where."""
 
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End the streams first, which would otherwise be waited for."""
+        self.config.app.state.stopping.set()  # type: ignore[union-attr]
+        await super().shutdown(sockets)
+
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         if self.started and sockets:
             host, port = sockets[0].getsockname()[:2]
-            print(f"listening on http://{f'[{host}]' if ':' in host else host}:{port}", flush=True)
+            scheme = "https" if self.config.is_ssl else "http"
+            print(
+                f"listening on {scheme}://{f'[{host}]' if ':' in host else host}:{port}", flush=True
+            )

@@ -1,6 +1,8 @@
 """What an operator decides about a coordinator, from the environment: REHYB_TOKEN and the like."""
 
-from pydantic import Field, SecretStr, field_validator
+from typing import Literal, Self
+
+from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 
@@ -19,6 +21,21 @@ class Settings(BaseSettings):
     port: int = Field(default=8787, ge=0, le=65535)
     #: Seconds a lease lasts unless its worker is heard from.
     lease_seconds: float = Field(default=60.0, gt=0.0, le=86400.0)
+
+    #: Seconds that a begun row waits for its kind of machine before another begins it anew.
+    stranded_seconds: float = Field(default=3600.0, gt=0.0)
+
+    #: The least of what is logged.
+    log_level: Literal["debug", "info", "warning", "error"] = "warning"
+    #: Files with a certificate and its key (PEM): with both, the coordinator speaks TLS only.
+    tls_certificate: str | None = None
+    tls_key: str | None = None
+
+    @model_validator(mode="after")
+    def _goes_together(self) -> Self:
+        if (self.tls_certificate is None) != (self.tls_key is None):
+            raise ValueError("TLS needs both REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY")
+        return self
 
     @field_validator("token")
     @classmethod

@@ -75,10 +75,11 @@ class Agent:
         client: the coordinator.
         pool: the children.
         spool: where results wait to be acknowledged.
-        worker: {"id", "host", "versions"} as the coordinator is to know this worker.
+        worker: {"id", "host", "versions", "tags"} as the coordinator is to know this worker.
         models: names of the models the children can evaluate.
         batch: the most instances to ask for at once.
         max_idle: leave after this many seconds without work; None: never.
+        max_instances: leave after having begun this many; None: never.
         rng: spreads the waits of many workers.
     """
 
@@ -93,6 +94,7 @@ class Agent:
         batch: int,
         max_idle: float | None,
         rng: Random,
+        max_instances: int | None = None,
     ) -> None:
         self._client = client
         self._pool = pool
@@ -102,6 +104,8 @@ class Agent:
         self._batch = batch
         self._max_idle = max_idle
         self._rng = rng
+        self._left = max_instances
+        self._misfit = ""
         self._leases: list[_Lease] = []
         self._queue: deque[_Ticket] = deque()
         self._requests_to_stop = 0
@@ -147,6 +151,10 @@ class Agent:
                     and now - busy_at >= self._max_idle
                 ):
                     log.info("no work for %g s: leaving", self._max_idle)
+                    self.stop()
+                    self._drain(now)
+                if self._left == 0 and self._draining_since is None and not self._queue:
+                    log.info("that was the last instance asked for: leaving")
                     self.stop()
                     self._drain(now)
                 if self._draining_since is not None and self._drained(now):
@@ -277,16 +285,25 @@ class Agent:
         return True
 
     def _lease(self, now: float) -> None:
-        if now < self._ask_at:
+        if now < self._ask_at or self._left == 0:
             return
-        answer = self._client.lease(
-            worker=self._worker,
-            models=self._models,
-            max_instances=lease_size(self._seconds_each, self._pool.processes, self._batch),
-        )
+        size = lease_size(self._seconds_each, self._pool.processes, self._batch)
+        if self._left is not None:
+            size = min(size, self._left)
+        try:
+            answer = self._client.lease(
+                worker=self._worker, models=self._models, max_instances=size
+            )
+        except Conflict as error:
+            # There is work, but not for this machine as it is: once in its log is enough.
+            if str(error) != self._misfit:
+                log.warning("%s", error)
+            self._misfit, answer = str(error), None
         if answer is None:
             self._ask_at = now + self._client.retry_after * self._rng.uniform(0.5, 1.0)
             return
+        if self._left is not None:
+            self._left -= len(answer["instances"])
         lease = _Lease(
             id=answer["id"],
             fence=answer["fence"],

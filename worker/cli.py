@@ -1,23 +1,26 @@
 """The `rehyb-worker` command."""
 
 import hashlib
+import json
 import logging
 import os
 import secrets
 import signal
 import socket
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from random import Random
 from typing import Annotated
 
 import typer
 
-from rehyb.client import Client
+from rehyb.client import DEFAULT_URL, Client
 from rehyb.errors import RehybError
 from sim.catalogue import MODELS
-from sim.evaluation import versions
 from worker.agent import Agent
+from worker.doctor import examine
+from worker.machine import describe
 from worker.pool import Pool, available_cores
 from worker.spool import Spool
 
@@ -27,18 +30,31 @@ ANSWER_SECONDS = 10.0
 app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
 
 
-@app.command()
+Url = Annotated[
+    str | None, typer.Option(help="The coordinator. Default: REHYB_URL.", show_default=False)
+]
+Token = Annotated[
+    str | None,
+    typer.Option(
+        help="Its token. Default: REHYB_TOKEN, which other users of the machine cannot see.",
+        show_default=False,
+    ),
+]
+SpoolFolder = Annotated[
+    Path | None,
+    typer.Option(
+        help="Where results wait until the coordinator has them. "
+        "Default: a folder per coordinator under ~/.local/state/rehyb.",
+        show_default=False,
+    ),
+]
+
+
+@app.callback(invoke_without_command=True)
 def work(
-    url: Annotated[
-        str | None, typer.Option(help="The coordinator. Default: REHYB_URL.", show_default=False)
-    ] = None,
-    token: Annotated[
-        str | None,
-        typer.Option(
-            help="Its token. Default: REHYB_TOKEN, which other users of the machine cannot see.",
-            show_default=False,
-        ),
-    ] = None,
+    context: typer.Context,
+    url: Url = None,
+    token: Token = None,
     processes: Annotated[
         int | None,
         typer.Option(min=1, help="Instances to run at once. Default: one per core."),
@@ -53,20 +69,30 @@ def work(
     instance_seconds: Annotated[
         float, typer.Option(min=0.1, help="Kill an instance that runs for longer.")
     ] = 120.0,
-    spool: Annotated[
-        Path | None,
+    max_instances: Annotated[
+        int | None,
+        typer.Option(min=1, help="Leave after this many. Default: never.", show_default=False),
+    ] = None,
+    memory_mb: Annotated[
+        int | None,
         typer.Option(
-            help="Where results wait until the coordinator has them. "
-            "Default: a folder per coordinator under ~/.local/state/rehyb.",
+            min=100,
+            help="Memory one instance may take, in MB; beyond it, it has crashed. Default: no end.",
             show_default=False,
         ),
     ] = None,
+    tags: Annotated[
+        str, typer.Option(help="What this machine is good for, comma-separated: lab-2,fast.")
+    ] = "",
+    spool: SpoolFolder = None,
 ) -> None:
     """Compute instances for a coordinator until told to stop.
 
     SIGTERM or Ctrl-C finishes what runs, posts it and releases the rest; a second one releases at
     once. Results that cannot be posted wait on disk for the next worker on this machine.
     """
+    if context.invoked_subcommand is not None:
+        return
     logging.basicConfig(
         level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", datefmt="%H:%M:%S"
     )
@@ -77,18 +103,44 @@ def work(
     with Client(url, token, timeout=ANSWER_SECONDS) as client:
         agent = Agent(
             client=client,
-            pool=Pool(count, instance_seconds),
+            pool=Pool(count, instance_seconds, memory_mb=memory_mb),
             spool=Spool(spool or _default_spool(client.url), worker),
-            worker={"id": worker, "host": socket.gethostname(), "versions": versions()},
+            worker={
+                "id": worker,
+                "host": socket.gethostname(),
+                "versions": describe(),
+                "tags": [tag.strip() for tag in tags.split(",") if tag.strip()],
+            },
             models=tuple(MODELS),
             batch=batch,
             max_idle=max_idle,
             rng=Random(),
+            max_instances=max_instances,
         )
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: agent.stop())
         logging.info("worker %s: %d processes for %s", worker, count, client.url)
         agent.run()
+
+
+@app.command()
+def doctor(
+    url: Url = None,
+    token: Token = None,
+    spool: SpoolFolder = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+) -> None:
+    """Check this machine and its way to the coordinator; exit status 1 if a worker would fail."""
+    folder = spool or _default_spool(url or os.environ.get("REHYB_URL") or DEFAULT_URL)
+    found = []
+    for finding in examine(spool=folder, connect=lambda: Client(url, token, ANSWER_SECONDS)):
+        found.append(finding)
+        if not as_json:
+            print(f"{finding.verdict:8} {finding.check:12} {finding.detail}", flush=True)
+    if as_json:
+        print(json.dumps([asdict(finding) for finding in found], indent=2))
+    if any(finding.verdict == "failure" for finding in found):
+        raise typer.Exit(1)
 
 
 def _default_spool(url: str) -> Path:

@@ -5,6 +5,7 @@ The children are spawned, not forked: they load MuJoCo and NumPy, the parent nev
 
 import multiprocessing
 import os
+import resource
 import signal
 import time
 import traceback
@@ -64,6 +65,7 @@ class Pool:
         processes: how many instances run at once.
         instance_seconds: an instance that takes longer is killed and reported "timed_out".
         evaluate: what a child calls with a model's name and parameters; importable by name.
+        memory_mb: an instance that takes more memory has crashed; None: no limit.
     """
 
     def __init__(
@@ -71,10 +73,12 @@ class Pool:
         processes: int,
         instance_seconds: float,
         evaluate: Evaluate = evaluate_with_sim,
+        memory_mb: int | None = None,
     ) -> None:
         self.processes = processes
         self._instance_seconds = instance_seconds
         self._evaluate = evaluate
+        self._memory_mb = memory_mb
         self._idle: list[_Child] = []
         self._busy: list[_Child] = []
 
@@ -92,14 +96,14 @@ class Pool:
         """Begin to evaluate `instance` {"id", "model", "parameters"}; one child must be free."""
         if not self.free:
             raise RuntimeError(f"all {self.processes} processes are busy")
-        child = self._idle.pop() if self._idle else _Child(self._evaluate)
+        child = self._idle.pop() if self._idle else _Child(self._evaluate, self._memory_mb)
         try:
             child.begin(instance, ticket)
         except OSError:
             # It died while idle (the kernel's out-of-memory killer does that): not this
             # instance's fault.
             child.kill()
-            child = _Child(self._evaluate)
+            child = _Child(self._evaluate, self._memory_mb)
             child.begin(instance, ticket)
         self._busy.append(child)
 
@@ -139,7 +143,7 @@ class Pool:
 class _Child:
     """One child process and the parent's end of the pipe to it."""
 
-    def __init__(self, evaluate: Evaluate) -> None:
+    def __init__(self, evaluate: Evaluate, memory_mb: int | None) -> None:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.alive = True
@@ -147,7 +151,9 @@ class _Child:
         self.instance: Mapping[str, Any] = {}
         self.ticket: Any = None
         self._process = context.Process(
-            target=_evaluate_until_closed, args=(theirs, evaluate, os.getpid()), daemon=True
+            target=_evaluate_until_closed,
+            args=(theirs, evaluate, os.getpid(), memory_mb),
+            daemon=True,
         )
         self._process.start()
         # Without our copy of its end, the pipe closes when the child dies.
@@ -191,7 +197,9 @@ def _how_it_ended(code: int | None) -> str:
     return f"exited with status {code}"
 
 
-def _evaluate_until_closed(connection: Connection, evaluate: Evaluate, parent: int) -> None:
+def _evaluate_until_closed(
+    connection: Connection, evaluate: Evaluate, parent: int, memory_mb: int | None
+) -> None:
     """Serve instances until the parent closes the pipe: the main function of a child."""
     # A terminal and a batch system signal the whole group; only the parent decides what to do.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -199,6 +207,9 @@ def _evaluate_until_closed(connection: Connection, evaluate: Evaluate, parent: i
     die_with_parent(parent, signal.SIGKILL)
     os.nice(NICENESS)
     os.environ.update(dict.fromkeys(SINGLE_THREAD, "1"))
+    if memory_mb is not None:
+        # Of what the process writes to; libraries reserve more address space than they use.
+        resource.setrlimit(resource.RLIMIT_DATA, (memory_mb * 2**20, memory_mb * 2**20))
     while True:
         try:
             model, parameters = connection.recv()

@@ -9,6 +9,7 @@ import json
 import logging
 import sqlite3
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,10 @@ log = logging.getLogger(__name__)
 SUFFIX = ".spool"
 #: Results sent in one request.
 BATCH = 100
+
+
+#: (lease, fence, worker, result as JSON)
+_Row = tuple[str, int, str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,24 +50,48 @@ class Spool:
         self._worker = worker
         self._path = directory / f"{worker}{SUFFIX}"
         self._database = _open(self._path)
+        #: What the disk did not take, under negative keys.
+        self._overflow: dict[int, _Row] = {}
+        #: Acknowledged, but still on disk.
+        self._forgotten: set[int] = set()
 
     def __len__(self) -> int:
-        return int(self._database.execute("SELECT count(*) FROM results").fetchone()[0])
+        kept = int(self._database.execute("SELECT count(*) FROM results").fetchone()[0])
+        return kept - len(self._forgotten) + len(self._overflow)
 
     def add(self, *, lease: str, fence: int, result: Mapping[str, Any]) -> None:
-        """Keep one result; it survives the death of this process from here on."""
-        self._insert([(lease, fence, self._worker, json.dumps(result))])
+        """Keep one result; it survives the death of this process from here on.
+
+        If the disk is full it is kept in memory, and survives as long as this process does.
+        """
+        row = (lease, fence, self._worker, json.dumps(result))
+        try:
+            self._insert([row])
+        except sqlite3.OperationalError as error:
+            if not self._overflow:
+                log.warning("%s: %s; results are kept in memory", self._path, error)
+            self._overflow[min(self._overflow, default=0) - 1] = row
 
     def next_batch(self, limit: int = BATCH) -> Batch | None:
         """Return the oldest results that share a lease, or None if everything is acknowledged."""
         rows = self._database.execute(
             """
-            SELECT key, lease, fence, worker, result FROM results
-            WHERE (lease, worker) = (SELECT lease, worker FROM results ORDER BY key LIMIT 1)
+            WITH waiting AS (
+                SELECT * FROM results WHERE key NOT IN (SELECT value FROM json_each(?))
+            )
+            SELECT key, lease, fence, worker, result FROM waiting
+            WHERE (lease, worker) = (SELECT lease, worker FROM waiting ORDER BY key LIMIT 1)
             ORDER BY key LIMIT ?
             """,
-            (limit,),
+            (json.dumps(sorted(self._forgotten)), limit),
         ).fetchall()
+        if not rows:
+            first = next(iter(self._overflow.values()), None)
+            rows = [
+                (key, *row)
+                for key, row in self._overflow.items()
+                if first is not None and row[:3] == first[:3]
+            ][:limit]
         if not rows:
             return None
         _, lease, fence, worker, _ = rows[0]
@@ -76,10 +105,15 @@ class Spool:
 
     def acknowledge(self, keys: Sequence[int]) -> None:
         """Forget the results under `keys`: the coordinator has them, or will never take them."""
-        with self._database:
+        for key in keys:
+            self._overflow.pop(key, None)
+        # A full disk has no room for the journal of a deletion either: it is tried again next time.
+        self._forgotten |= {key for key in keys if key > 0}
+        with suppress(sqlite3.OperationalError), self._database:
             self._database.executemany(
-                "DELETE FROM results WHERE key = ?", [(key,) for key in keys]
+                "DELETE FROM results WHERE key = ?", [(key,) for key in self._forgotten]
             )
+            self._forgotten.clear()
 
     def adopt(self) -> int:
         """Take over the results that dead workers left in the folder; return how many."""
@@ -95,7 +129,13 @@ class Spool:
                     log.warning("%s is not a spool: %s", path, error)
                 continue
             rows = orphan.execute("SELECT lease, fence, worker, result FROM results").fetchall()
-            self._insert(rows)
+            try:
+                self._insert(rows)
+            except sqlite3.OperationalError as error:
+                # It stays where it is until there is room.
+                log.warning("%s cannot be adopted: %s", path, error)
+                orphan.close()
+                continue
             with orphan:
                 orphan.execute("DELETE FROM results")
             orphan.close()

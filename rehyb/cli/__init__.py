@@ -7,7 +7,8 @@ import sys
 
 import typer
 
-from rehyb.cli import campaigns, reports, services, simulation, studies, surrogates
+from rehyb.cli import campaigns, reports, services, simulation, studies, surrogates, tokens
+from rehyb.cli import control as control  # its commands join those of `studies`
 from rehyb.errors import Invalid, RehybError
 
 app = typer.Typer(
@@ -21,6 +22,7 @@ studies.app.command()(surrogates.surrogate)
 app.add_typer(studies.app, name="study")
 app.add_typer(campaigns.app, name="campaign")
 app.add_typer(services.database, name="db")
+app.add_typer(tokens.app, name="token")
 app.command()(services.up)
 app.command()(services.coordinator)
 app.command()(services.analysis)

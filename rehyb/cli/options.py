@@ -2,7 +2,7 @@
 
 import json
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import FrameType
 from typing import Annotated, Any
@@ -24,6 +24,18 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text
 def print_json(content: Any) -> None:
     """Print `content` as JSON on stdout."""
     print(json.dumps(content, indent=2, ensure_ascii=False), flush=True)
+
+
+def print_rows(columns: tuple[str, ...], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print what `rows` have under `columns` as a table."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(*columns, box=SIMPLE_HEAD, pad_edge=False)
+    for row in rows:
+        table.add_row(*(str(row.get(column, "")) for column in columns))
+    Console().print(table)
 
 
 def assignment(text: str) -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""Commands that start what runs for long: `up`, `coordinator`, `analysis`, `db upgrade`."""
+"""Commands that start what runs for long: `up`, `coordinator`, `analysis`, `db`."""
 
 import os
 import signal
@@ -72,8 +72,8 @@ def up(
 def coordinator() -> None:
     """Serve the REST API until SIGTERM or Ctrl-C.
 
-    REHYB_TOKEN (required), REHYB_DATABASE_URL, REHYB_HOST, REHYB_PORT and REHYB_LEASE_SECONDS
-    configure it.
+    REHYB_TOKEN (required), REHYB_DATABASE_URL, REHYB_HOST, REHYB_PORT, REHYB_LEASE_SECONDS,
+    REHYB_STRANDED_SECONDS, REHYB_LOG_LEVEL, REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY configure it.
     """
     from pydantic import ValidationError
 
@@ -84,9 +84,10 @@ def coordinator() -> None:
         settings = Settings()
     except ValidationError as error:
         fault = error.errors()[0]
-        name = f"REHYB_{fault['loc'][0]}".upper()
-        raise Invalid(f"{name}: {fault['msg'].removeprefix('Value error, ')}") from None
-    with _in_one_sentence():
+        # What concerns several settings has no place of its own, and names them itself.
+        name = f"REHYB_{fault['loc'][0]}: ".upper() if fault["loc"] else ""
+        raise Invalid(f"{name}{fault['msg'].removeprefix('Value error, ')}") from None
+    with in_one_sentence():
         serve(settings)
 
 
@@ -103,8 +104,8 @@ def analysis() -> None:
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    with _in_one_sentence():
-        engine = create_engine(_database_url())
+    with in_one_sentence():
+        engine = create_engine(database_url())
         try:
             require_current(engine)
             follow(StoreResultLog(engine), stop=stop, poll_seconds=POLL_SECONDS)
@@ -117,8 +118,8 @@ def upgrade_database(as_json: AsJson = False) -> None:
     """Bring the database at REHYB_DATABASE_URL to this version's schema."""
     from server.store import upgrade
 
-    with _in_one_sentence():
-        url = _database_url()
+    with in_one_sentence():
+        url = database_url()
         upgrade(url)
     if as_json:
         print_json({"upgraded": True})
@@ -126,7 +127,48 @@ def upgrade_database(as_json: AsJson = False) -> None:
         typer.echo("the database has the schema of this version")
 
 
-def _database_url() -> str:
+@database.command()
+def backup(
+    file: Annotated[Path, typer.Argument(help="The copy; must not exist.")],
+    as_json: AsJson = False,
+) -> None:
+    """Copy the SQLite database at REHYB_DATABASE_URL, also while a coordinator uses it."""
+    from server.store import check, create_engine, require_current
+
+    with in_one_sentence():
+        engine = create_engine(database_url())
+        try:
+            require_current(engine)
+            check.back_up(engine, file)
+        finally:
+            engine.dispose()
+    if as_json:
+        print_json({"file": str(file)})
+    else:
+        typer.echo(str(file))
+
+
+@database.command("check")
+def check_database(as_json: AsJson = False) -> None:
+    """Count everything anew; exit status 1 if the database contradicts itself."""
+    from server.store import check, create_engine, require_current
+
+    with in_one_sentence():
+        engine = create_engine(database_url())
+        try:
+            require_current(engine)
+            found = check.faults(engine)
+        finally:
+            engine.dispose()
+    if as_json:
+        print_json({"faults": found})
+    else:
+        typer.echo("\n".join(found) or "the database is whole")
+    if found:
+        raise typer.Exit(1)
+
+
+def database_url() -> str:
     """Return the database's URL from the environment; a token is not needed to use it."""
     from server.settings import Settings
 
@@ -135,7 +177,7 @@ def _database_url() -> str:
 
 
 @contextmanager
-def _in_one_sentence() -> Iterator[None]:
+def in_one_sentence() -> Iterator[None]:
     """Turn what the coordinator's rooms raise at start into this command's errors."""
     from sqlalchemy.exc import SQLAlchemyError
 

@@ -1,5 +1,6 @@
 """Commands that simulate here and now: `assess` and `validate`."""
 
+import json
 import sys
 import time
 from collections.abc import Mapping
@@ -30,6 +31,14 @@ def assess(
         Path | None,
         typer.Option(metavar="FILE.png", help="Draw the assessment.", show_default=False),
     ] = None,
+    replay: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE.json",
+            help="Repeat an instance of a study, from `rehyb study instance`; - reads stdin.",
+            show_default=False,
+        ),
+    ] = None,
     controller: Annotated[
         str, typer.Option(help="pid: as in the authors' code. pd: equation 19 to the letter.")
     ] = "pid",
@@ -49,6 +58,9 @@ def assess(
     from sim.catalogue import ELBOW
 
     values = {factor.name: factor.nominal for factor in ELBOW.factors}
+    if replay is not None:
+        parameters, target, fidelity = _replayed(replay)
+        values.update(parameters)
     for name, value in map(assignment, settings or ()):
         if name not in values:
             raise typer.BadParameter(f"there is no factor {name!r}: take {', '.join(values)}")
@@ -108,6 +120,28 @@ def validate(
         )
     else:
         _print_validation(report)
+
+
+def _replayed(source: str) -> tuple[dict[str, float], str, str]:
+    """Return parameters, target and fidelity of a replay bundle of an assessment."""
+    from sim.catalogue import ASSESSMENTS
+
+    try:
+        bundle = json.loads(sys.stdin.read() if source == "-" else Path(source).read_text())
+    except OSError as error:
+        raise typer.BadParameter(f"{source} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise typer.BadParameter(f"{source} is not JSON: {error}") from None
+    if not isinstance(bundle, dict) or not isinstance(bundle.get("parameters"), dict):
+        raise typer.BadParameter(f"{source} is no replay bundle: it has no parameters")
+    if bundle.get("model") not in ASSESSMENTS:
+        raise typer.BadParameter(
+            f"{source} is of model {bundle.get('model')!r}, which is no assessment: "
+            f"take one of {', '.join(ASSESSMENTS)}"
+        )
+    _, target, fidelity = ASSESSMENTS[bundle["model"]]
+    parameters = {name: number(str(value), name) for name, value in bundle["parameters"].items()}
+    return parameters, target, fidelity
 
 
 def _print_assessment(outcome: str, reason: str, outputs: Mapping[str, float]) -> None:

@@ -5,11 +5,11 @@ import sys
 import time
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from rehyb.cli.options import AsJson, Token, Url, assignment, number, print_json
+from rehyb.cli.options import AsJson, Token, Url, assignment, number, print_json, print_rows
 from rehyb.client import Client, Json
 from rehyb.errors import Invalid
 
@@ -43,6 +43,12 @@ def submit(
     sampling: Annotated[
         str | None, typer.Option(help="sobol, sobol_paired or latin_hypercube. Default: sobol.")
     ] = None,
+    priority: Annotated[
+        int | None, typer.Option(help="Higher is sooner. Default: 0.", show_default=False)
+    ] = None,
+    tag: Annotated[
+        list[str] | None, typer.Option(help="Only for workers that have this tag; repeat.")
+    ] = None,
     key: Annotated[
         str | None,
         typer.Option(help="Idempotency key: submitting again returns the same study."),
@@ -61,6 +67,8 @@ def submit(
         "seed": seed,
         "sampling": sampling,
         "outputs": output or None,
+        "priority": priority,
+        "tags": tag or None,
         "factors": [_factor(text) for text in factor] if factor else None,
         "fixed": {n: number(v, n) for n, v in map(assignment, fix)} if fix else None,
     }
@@ -86,7 +94,7 @@ def list_studies(url: Url = None, token: Token = None, as_json: AsJson = False) 
     if as_json:
         print_json({"studies": studies})
     else:
-        _print_rows(("id", "name", "model", "method", "rows", "state"), studies)
+        print_rows(("id", "name", "model", "method", "rows", "state"), studies)
 
 
 @app.command()
@@ -219,7 +227,8 @@ def workers(url: Url = None, token: Token = None, as_json: AsJson = False) -> No
         now = time.time()
         for worker in known:
             worker["last_seen"] = f"{max(0.0, now - worker['last_seen']):.0f} s ago"
-        _print_rows(("id", "host", "last_seen", "instances_done"), known)
+            worker["tags"] = ", ".join(worker.get("tags", ()))
+        print_rows(("id", "host", "host_class", "tags", "last_seen", "instances_done"), known)
 
 
 def _read(file: Path) -> Json:
@@ -246,14 +255,3 @@ def _factor(text: str) -> Json:
             number(high, f"the upper end of {name}"),
         ],
     }
-
-
-def _print_rows(columns: tuple[str, ...], rows: list[dict[str, Any]]) -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(*columns, box=SIMPLE_HEAD, pad_edge=False)
-    for row in rows:
-        table.add_row(*(str(row.get(column, "")) for column in columns))
-    Console().print(table)

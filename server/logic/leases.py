@@ -17,6 +17,8 @@ class Lease:
     expires_at: float
     #: (row, position) of every instance handed out with it.
     instances: tuple[tuple[int, int], ...]
+    #: The kind of machine its worker was when it was granted.
+    host_class: str | None = None
 
 
 def has_expired(lease: Lease, now: float) -> bool:

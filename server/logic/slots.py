@@ -25,6 +25,10 @@ class Slot:
     lease: str | None
     #: How often it came back, by cause.
     attempts: Mapping[str, int]
+    #: The kind of machine its row is computed on; None while any may take it.
+    host_class: str | None = None
+    #: The host on which it last went wrong: another one is to try next, if there is one.
+    avoid: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,21 +60,33 @@ def handed_back(slot: Slot) -> Slot:
     return replace(slot, state="pending", lease=None)
 
 
+def reopened(slot: Slot, *, unbound: bool) -> Slot:
+    """Return the slot as it was before it was first handed out; `unbound`: to any kind of machine.
+
+    What went wrong before does not count against it.
+    """
+    host_class = None if unbound else slot.host_class
+    return replace(
+        slot, state="pending", lease=None, attempts={}, host_class=host_class, avoid=None
+    )
+
+
 def after_attempt(
     slot: Slot,
     *,
     cause: str,
     reason: str,
+    host: str | None = None,
     state: Mapping[str, Any] | None = None,
     wall_seconds: float | None = None,
 ) -> tuple[Slot, Result | None]:
-    """Count one attempt that ended for `cause`, a key of BUDGETS.
+    """Count one attempt that ended for `cause`, a key of BUDGETS, on `host`.
 
     Returns:
         The slot, pending again, and None; or, the budget spent, the slot done and its final result.
     """
     count = slot.attempts.get(cause, 0) + 1
-    counted = replace(slot, attempts={**slot.attempts, cause: count})
+    counted = replace(slot, attempts={**slot.attempts, cause: count}, avoid=host)
     if count < BUDGETS[cause]:
         return handed_back(counted), None
     final = Result(

@@ -1,7 +1,7 @@
 """What a study is, and how one is drawn up from a request."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
 
@@ -58,12 +58,12 @@ class Study:
 
     id: str
     plan: Plan
-    #: "running", "complete" or "cancelled".
+    #: "running", "paused", "complete" or "cancelled".
     state: str
     created_at: float
     #: When the study was completed or cancelled; None while it runs.
     finished_at: float | None
-    #: Instances handed out at least once: always the first ones in (row, position) order.
+    #: Instances of the rows begun, which are the first ones: each row is begun as a whole.
     handed_out: int
     #: Instances a worker holds now.
     leased: int
@@ -74,6 +74,14 @@ class Study:
     rows_complete: int
     #: Final failures by outcome.
     failures: Mapping[str, int]
+    #: Of two studies with work, the one with the higher priority is served.
+    priority: int = 0
+    #: What a worker must call itself to be given any of it.
+    tags: tuple[str, ...] = ()
+    #: The code that began it (`server.logic.hosts.identity`); None before its first lease.
+    identity: Mapping[str, str] | None = None
+    #: Grows with every change that makes earlier readings of its log or its size obsolete.
+    edition: int = 0
 
     @property
     def pending(self) -> int:
@@ -82,7 +90,7 @@ class Study:
 
     @property
     def returned(self) -> int:
-        """Instances that were handed out and came back without a final result."""
+        """Instances of begun rows that nobody holds and that have no final result."""
         return self.handed_out - self.result_count - self.leased
 
 
@@ -161,6 +169,31 @@ def draw_up(
             if factor.name not in sampled
         },
         outputs=_outputs(described, outputs),
+    )
+
+
+def objection_to_extension(study: Study, rows: int) -> str | None:
+    """Say in a sentence why a study cannot have `rows` rows; None if it can."""
+    if study.state == "cancelled":
+        return "it was cancelled"
+    if rows < study.plan.rows:
+        return f"it has {study.plan.rows} rows, and a study never shrinks"
+    if rows > MAX_ROWS:
+        return f"a study has {MAX_ROWS} rows at most"
+    return None
+
+
+def extended(study: Study, rows: int) -> Study:
+    """Return the study with as many rows; what there is of it stays as it is."""
+    if rows == study.plan.rows:
+        return study
+    resumed = study.state == "complete"
+    return replace(
+        study,
+        plan=replace(study.plan, rows=rows),
+        state="running" if resumed else study.state,
+        finished_at=None if resumed else study.finished_at,
+        edition=study.edition + 1,
     )
 
 

@@ -68,6 +68,8 @@ def judge(
     stored: Result | None,
     lease: str,
     outputs: Sequence[str],
+    host: str | None = None,
+    host_class: str | None = None,
 ) -> Judgement:
     """Judge one report on an instance.
 
@@ -77,6 +79,8 @@ def judge(
         stored: its final result; None unless the slot is done.
         lease: the lease the report came under.
         outputs: the outputs an "ok" result must carry.
+        host: the machine the report comes from.
+        host_class: the class it belonged to when it took the lease.
     """
 
     def say(verdict: str, detail: str = "") -> Verdict:
@@ -91,7 +95,7 @@ def judge(
         if not held:
             return Judgement(verdict=verdict)
         # Otherwise a worker that only talks nonsense could lease and return an instance for ever.
-        counted, final = after_attempt(slot, cause="invalid", reason=fault)
+        counted, final = after_attempt(slot, cause="invalid", reason=fault, host=host)
         return Judgement(verdict=verdict, slot=counted, result=final)
     result = _result(report, slot, outputs)
     if result.outcome in RETRIED and not held:
@@ -101,12 +105,17 @@ def judge(
             return Judgement(verdict=say("duplicate"))
         detail = f"the instance already has another result, {stored.outcome}"
         return Judgement(verdict=say("conflict", detail), conflict=result)
+    if not held and slot.host_class != host_class:
+        # Its bits may not be mixed with those that the rest of the row will have.
+        detail = "the row was given to another kind of machine meanwhile"
+        return Judgement(verdict=say("conflict", detail), conflict=result)
     if result.outcome not in RETRIED:
         return Judgement(verdict=say("accepted"), slot=settled(slot), result=result)
     counted, final = after_attempt(
         slot,
         cause=result.outcome,
         reason=result.reason,
+        host=host,
         state=result.state,
         wall_seconds=result.wall_seconds,
     )

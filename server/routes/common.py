@@ -1,12 +1,13 @@
 """What the routes share: where they find the store and the time, and how strictly they read."""
 
 import time
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import Depends, Path, Request
 from pydantic import BaseModel, ConfigDict, StringConstraints
 from sqlalchemy.engine import Engine
 
+from server.metrics import Metrics
 from server.settings import Settings
 
 
@@ -14,6 +15,11 @@ class Body(BaseModel):
     """A request body: nothing unknown, nothing converted, no NaN and no infinity."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+def example(**content: Any) -> ConfigDict:
+    """Return a body's configuration with an example of it, which the documentation shows."""
+    return ConfigDict(json_schema_extra={"examples": [content]})
 
 
 def _engine(request: Request) -> Engine:
@@ -26,6 +32,11 @@ def _settings(request: Request) -> Settings:
     return settings
 
 
+def _metrics(request: Request) -> Metrics:
+    metrics: Metrics = request.app.state.metrics
+    return metrics
+
+
 def clock() -> float:
     """Return the coordinator's time in seconds, UTC epoch. Tests put their own in its place."""
     return time.time()
@@ -33,6 +44,7 @@ def clock() -> float:
 
 Store = Annotated[Engine, Depends(_engine)]
 Configured = Annotated[Settings, Depends(_settings)]
+Measures = Annotated[Metrics, Depends(_metrics)]
 Now = Annotated[float, Depends(clock)]
 
 #: One line without control characters, which PostgreSQL and terminals would stumble over.

@@ -1,14 +1,28 @@
 """Leases: ask for work, keep it, give it back."""
 
+import logging
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Response
 from pydantic import Field, StringConstraints
 
+from server.errors import ConflictError
 from server.logic.study import instance_id, parameters
-from server.routes.common import MAX_INTEGER, Body, Configured, Id, Name, Now, Store
+from server.routes.common import (
+    MAX_INTEGER,
+    Body,
+    Configured,
+    Id,
+    Measures,
+    Name,
+    Now,
+    Store,
+    example,
+)
 from server.store import queue
 from server.store.queue import Grant
+
+log = logging.getLogger(__name__)
 
 router = APIRouter(prefix="/v1/leases", tags=["leases"])
 
@@ -24,10 +38,17 @@ class WorkerBody(Body):
     id: Name
     host: Annotated[str, StringConstraints(max_length=255, pattern=r"^[^\x00-\x1f]*$")]
     versions: dict[Name, Name] = Field(default_factory=dict, max_length=50)
+    tags: list[Name] = Field(default_factory=list, max_length=20)
 
 
 class LeaseBody(Body):
     """What a worker asks for."""
+
+    model_config = example(
+        worker={"id": "pc7-4711", "host": "pc7", "versions": {"mujoco": "4.0.1"}, "tags": []},
+        models=["elbow"],
+        max_instances=4,
+    )
 
     worker: WorkerBody
     models: list[Name] = Field(min_length=1, max_length=100)
@@ -37,27 +58,44 @@ class LeaseBody(Body):
 class FenceBody(Body):
     """Proof that a lease is the bearer's."""
 
+    model_config = example(fence=17)
+
     fence: Fence
 
 
 @router.post("", status_code=201, response_model=None)
 def lease(
-    body: LeaseBody, store: Store, settings: Configured, now: Now
+    body: LeaseBody, store: Store, settings: Configured, now: Now, measures: Measures
 ) -> dict[str, Any] | Response:
-    """Lease instances of one study; 204 if there is nothing to do now."""
-    queue.reap(store, now=now)
-    grant = queue.grant(
-        store,
-        worker=body.worker.id,
-        host=body.worker.host,
-        versions=body.worker.versions,
-        models=body.models,
-        max_instances=body.max_instances,
-        now=now,
-        ttl=settings.lease_seconds,
-    )
+    """Lease instances of one study; 204: nothing to do now; 409: nothing that the worker fits."""
+    measures.lost.inc(queue.reap(store, now=now))
+    try:
+        grant = queue.grant(
+            store,
+            worker=body.worker.id,
+            host=body.worker.host,
+            versions=body.worker.versions,
+            models=body.models,
+            max_instances=body.max_instances,
+            now=now,
+            ttl=settings.lease_seconds,
+            tags=body.worker.tags,
+        )
+    except ConflictError:
+        measures.misfits.inc()
+        raise
     if grant is None:
         return Response(status_code=204, headers={"Retry-After": str(RETRY_AFTER_SECONDS)})
+    measures.leases.inc()
+    log.info(
+        "lease granted",
+        extra={
+            "study": grant.study.id,
+            "lease": grant.lease.id,
+            "worker": body.worker.id,
+            "instances": len(grant.lease.instances),
+        },
+    )
     return {
         "id": grant.lease.id,
         "fence": grant.lease.fence,

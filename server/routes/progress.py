@@ -1,20 +1,102 @@
-"""How far a study is."""
+"""How far a study is: asked for, or told as it happens."""
 
-from typing import Any
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from typing import Annotated, Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Header, Request, Response
+from fastapi.responses import StreamingResponse
+from sqlalchemy.engine import Engine
 
+from server.errors import NotFoundError
+from server.logic.caching import is_known, tag
 from server.logic.progress import pace
-from server.routes.common import Id, Now, Store
+from server.routes.common import Id, Now, Store, clock
 from server.store import studies
+from server.store.studies import Standing
 
-router = APIRouter(prefix="/v1/studies/{study_id}/progress", tags=["studies"])
+router = APIRouter(prefix="/v1/studies/{study_id}", tags=["studies"])
+
+#: Seconds between two looks at the database for the sake of one listener.
+EVENT_SECONDS = 1.0
+#: A line is sent at least this often, so that nothing between takes the connection for dead.
+KEEPALIVE_SECONDS = 15.0
+#: While nothing happens, rate and remaining time are told anew this often.
+STALE_SECONDS = 10.0
+
+IfNoneMatch = Annotated[str | None, Header()]
 
 
-@router.get("")
-def progress(study_id: Id, store: Store, now: Now) -> dict[str, Any]:
-    """Tell how many instances are where, how fast results come, and when they will all be in."""
+@router.get("/progress", response_model=None)
+def progress(
+    study_id: Id, store: Store, now: Now, response: Response, if_none_match: IfNoneMatch = None
+) -> dict[str, Any] | Response:
+    """Tell how many instances are where, how fast results come, and when they will all be in.
+
+    304 if nothing has happened since the answer whose ETag the request names.
+    """
     standing = studies.standing(store, study_id, now=now)
+    seen = _tag(standing, now)
+    if is_known(seen, if_none_match):
+        return Response(status_code=304, headers={"ETag": seen})
+    response.headers["ETag"] = seen
+    return _shown(standing, now)
+
+
+@router.get("/events")
+async def events(study_id: Id, store: Store, request: Request) -> StreamingResponse:
+    """Stream progress as server-sent events, one per change, until the study has ended."""
+    # Asked for before anything is sent, so that a wrong id is a problem and not an empty stream.
+    first = await asyncio.to_thread(studies.standing, store, study_id, now=clock())
+    return StreamingResponse(
+        _follow(store, study_id, first, request.app.state.stopping),
+        media_type="text/event-stream",
+        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+    )
+
+
+async def _follow(
+    store: Engine, study_id: str, standing: Standing, stopping: asyncio.Event
+) -> AsyncIterator[str]:
+    told, quiet = "", 0.0
+    while True:
+        now = clock()
+        seen = _tag(standing, now)
+        if seen != told:
+            yield f"event: progress\ndata: {json.dumps(_shown(standing, now))}\n\n"
+            told, quiet = seen, 0.0
+        elif quiet >= KEEPALIVE_SECONDS:
+            yield ": still here\n\n"
+            quiet = 0.0
+        if standing.study.state in ("complete", "cancelled") or stopping.is_set():
+            return
+        try:
+            await asyncio.wait_for(stopping.wait(), EVENT_SECONDS)
+        except TimeoutError:
+            quiet += EVENT_SECONDS
+        try:
+            standing = await asyncio.to_thread(studies.standing, store, study_id, now=clock())
+        except NotFoundError:
+            yield "event: deleted\ndata: {}\n\n"
+            return
+
+
+def _tag(standing: Standing, now: float) -> str:
+    study = standing.study
+    stale = int((now - study.created_at) / STALE_SECONDS) if study.finished_at is None else 0
+    return tag(
+        study.state,
+        study.edition,
+        study.result_count,
+        study.leased,
+        standing.workers,
+        stale,
+        weak=True,
+    )
+
+
+def _shown(standing: Standing, now: float) -> dict[str, Any]:
     study = standing.study
     speed = pace(study, window_opened_at=standing.window_opened_at, now=now)
     return {

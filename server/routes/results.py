@@ -2,6 +2,7 @@
 
 import csv
 import io
+import logging
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice
 from typing import Annotated, Any
@@ -12,9 +13,11 @@ from pydantic import Field, StringConstraints
 
 from server.logic.table import header, lines
 from server.logic.verdicts import Report
-from server.routes.common import Body, Configured, Id, Name, Now, Store
+from server.routes.common import Body, Configured, Id, Measures, Name, Now, Store, example
 from server.routes.leases import Fence
 from server.store import results, studies
+
+log = logging.getLogger(__name__)
 
 router = APIRouter(prefix="/v1", tags=["results"])
 
@@ -38,6 +41,22 @@ class ResultBody(Body):
 class ResultsBody(Body):
     """Results of one lease."""
 
+    model_config = example(
+        lease="0f8e4ab7c5d94e2b8a1d6c3f7e9b2a10",
+        fence=17,
+        worker="pc7-4711",
+        results=[
+            {
+                "instance": "3fb1c2a4d5e6:0:3",
+                "outcome": "slipped",
+                "outputs": {},
+                "reason": "the forearm left its cuff at 0.42 s",
+                "state": {"time": 0.42},
+                "wall_seconds": 0.31,
+            }
+        ],
+    )
+
     lease: Name
     fence: Fence
     worker: Name
@@ -46,7 +65,12 @@ class ResultsBody(Body):
 
 @router.post("/results")
 def post(
-    body: ResultsBody, store: Store, settings: Configured, now: Now, response: Response
+    body: ResultsBody,
+    store: Store,
+    settings: Configured,
+    now: Now,
+    response: Response,
+    measures: Measures,
 ) -> dict[str, Any]:
     """Take in results; 409 if any was refused, and its verdict says why."""
     verdicts = results.post(
@@ -68,6 +92,21 @@ def post(
         now=now,
         ttl=settings.lease_seconds,
     )
+    for result, verdict in zip(body.results, verdicts, strict=True):
+        measures.verdicts.labels(verdict.verdict).inc()
+        if verdict.verdict == "accepted" and isinstance(result.wall_seconds, int | float):
+            measures.run_seconds.observe(result.wall_seconds)
+        if verdict.refused:
+            log.info(
+                "result refused as %s: %s",
+                verdict.verdict,
+                verdict.detail,
+                extra={
+                    "instance": verdict.instance,
+                    "lease": body.lease,
+                    "worker": body.worker,
+                },
+            )
     response.status_code = 409 if any(verdict.refused for verdict in verdicts) else 200
     return {
         "verdicts": [

@@ -1,19 +1,20 @@
-"""Studies: submit, list, show, cancel."""
+"""Studies: submit, list, show, and what an operator does with one under way."""
 
 import hashlib
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Response
 from pydantic import Field, StringConstraints
 
 from server.logic.study import FactorChoice, Study, draw_up
-from server.routes.common import MAX_INTEGER, PRINTABLE, Body, Id, Name, Now, Store
-from server.store import studies
+from server.routes.common import MAX_INTEGER, PRINTABLE, Body, Id, Name, Now, Store, example
+from server.store import control, reruns, studies
 
 router = APIRouter(prefix="/v1/studies", tags=["studies"])
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Title = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE)]
+Priority = Annotated[int, Field(ge=-1000, le=1000)]
 Key = Annotated[str | None, Header(alias="Idempotency-Key", min_length=1, max_length=255)]
 
 
@@ -28,6 +29,15 @@ class FactorBody(Body):
 class StudyBody(Body):
     """A study to evaluate."""
 
+    model_config = example(
+        name="masses",
+        model="elbow",
+        method="saltelli",
+        rows=16,
+        factors=[{"name": "forearm_mass"}, {"name": "upper_arm_mass", "range": [1.0, 2.5]}],
+        seed=1,
+    )
+
     name: Title
     model: Name
     method: Name
@@ -37,6 +47,33 @@ class StudyBody(Body):
     seed: int = Field(default=1, ge=0, le=MAX_INTEGER)
     outputs: list[Name] | None = None
     sampling: Name = "sobol"
+    priority: Priority = 0
+    tags: list[Name] = Field(default_factory=list, max_length=20)
+
+
+class ExtensionBody(Body):
+    """How many rows a study is to have in all."""
+
+    model_config = example(rows=32)
+
+    rows: int
+
+
+class PriorityBody(Body):
+    """How urgent a study is."""
+
+    model_config = example(priority=5)
+
+    priority: Priority
+
+
+class RerunBody(Body):
+    """What is to run again."""
+
+    model_config = example(which="failed", outcomes=["lost", "crashed"])
+
+    which: Literal["failed", "all"] = "failed"
+    outcomes: list[Name] | None = Field(default=None, min_length=1, max_length=100)
 
 
 @router.post("", status_code=201)
@@ -64,8 +101,17 @@ def submit(
         fixed=body.fixed,
         outputs=body.outputs,
     )
-    digest = hashlib.sha256(body.model_dump_json().encode()).hexdigest()
-    study, new = studies.create(store, plan, key=key, digest=digest, now=now)
+    # Who may compute it, and how soon, makes no other study of it.
+    what = body.model_dump_json(exclude={"priority", "tags"})
+    study, new = studies.create(
+        store,
+        plan,
+        key=key,
+        digest=hashlib.sha256(what.encode()).hexdigest(),
+        now=now,
+        priority=body.priority,
+        tags=body.tags,
+    )
     response.headers["Location"] = f"/v1/studies/{study.id}"
     response.status_code = 201 if new else 200
     return _shown(study)
@@ -89,6 +135,45 @@ def cancel(study_id: Id, store: Store, now: Now) -> dict[str, Any]:
     return _shown(studies.cancel(store, study_id, now=now))
 
 
+@router.post("/{study_id}/pause")
+def pause(study_id: Id, store: Store) -> dict[str, Any]:
+    """Hand out nothing of a study for a while; results under way are taken."""
+    return _shown(control.pause(store, study_id))
+
+
+@router.post("/{study_id}/resume")
+def resume(study_id: Id, store: Store) -> dict[str, Any]:
+    """Go on with a paused study."""
+    return _shown(control.resume(store, study_id))
+
+
+@router.post("/{study_id}/extend")
+def extend(study_id: Id, body: ExtensionBody, store: Store) -> dict[str, Any]:
+    """Give a study more rows; what there is of it stays, and a complete one runs again."""
+    return _shown(control.extend(store, study_id, body.rows))
+
+
+@router.post("/{study_id}/priority")
+def prioritise(study_id: Id, body: PriorityBody, store: Store) -> dict[str, Any]:
+    """Serve a study before all of lower priority."""
+    return _shown(control.prioritise(store, study_id, body.priority))
+
+
+@router.post("/{study_id}/rerun")
+def rerun(study_id: Id, body: RerunBody, store: Store, now: Now) -> dict[str, Any]:
+    """Run the failed instances again, or all; what is replaced is kept aside as evidence."""
+    study, taken_back = reruns.rerun(
+        store, study_id, which=body.which, outcomes=body.outcomes, now=now
+    )
+    return {**_shown(study), "taken_back": taken_back}
+
+
+@router.delete("/{study_id}", status_code=204)
+def delete(study_id: Id, store: Store) -> None:
+    """Remove a study that does not run, with its results and indices."""
+    control.delete(store, study_id)
+
+
 def _shown(study: Study) -> dict[str, Any]:
     plan = study.plan
     return {
@@ -108,4 +193,6 @@ def _shown(study: Study) -> dict[str, Any]:
         "state": study.state,
         "instances": plan.instances,
         "created_at": study.created_at,
+        "priority": study.priority,
+        "tags": list(study.tags),
     }

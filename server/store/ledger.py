@@ -29,41 +29,80 @@ class Filed:
 
 
 def slots(connection: Connection, study: Study, places: Iterable[Place]) -> dict[Place, Slot]:
-    """Return where the instances at `places` stand, leaving out those never handed out."""
+    """Return where the instances at `places` stand, leaving out those of rows not begun."""
     wanted = set(places)
     found: dict[Place, Slot] = {}
-    for rows in _chunks({row for row, _ in wanted}):
+    for rows in chunks({row for row, _ in wanted}):
         query = sa.select(instances).where(
             instances.c.study_id == study.id, instances.c.row.in_(rows)
         )
         for row in connection.execute(query):
             if (row.row, row.position) in wanted:
-                found[row.row, row.position] = _slot(row)
+                found[row.row, row.position] = slot_of(row)
     return found
 
 
-def returned(connection: Connection, study: Study, limit: int) -> list[Slot]:
-    """Return up to `limit` instances that were handed out and came back, first rows first."""
+def waiting(
+    connection: Connection, study: Study, *, host_class: str, avoided_by: str | None, limit: int
+) -> list[Slot]:
+    """Return up to `limit` instances of begun rows that wait for a machine, first rows first.
+
+    Args:
+        connection: a transaction that has locked the study.
+        study: which study.
+        host_class: the kind of machine that asks; rows of another kind are left out.
+        avoided_by: the host that asks, if what went wrong there last is to be left to others.
+        limit: how many.
+    """
     query = (
         sa.select(instances)
-        .where(instances.c.study_id == study.id, instances.c.state == "pending")
+        .where(
+            instances.c.study_id == study.id,
+            instances.c.state == "pending",
+            sa.or_(instances.c.host_class.is_(None), instances.c.host_class == host_class),
+        )
         .order_by(instances.c.row, instances.c.position)
         .limit(limit)
     )
-    return [_slot(row) for row in connection.execute(query)]
+    if avoided_by is not None:
+        query = query.where(sa.or_(instances.c.avoid.is_(None), instances.c.avoid != avoided_by))
+    return [slot_of(row) for row in connection.execute(query)]
 
 
 def hand_out(
-    connection: Connection, study: Study, fresh: Sequence[Slot], again: Sequence[Slot]
+    connection: Connection,
+    study: Study,
+    *,
+    begun: Sequence[Slot],
+    again: Sequence[Slot],
+    host_class: str,
 ) -> Study:
-    """Write leased slots, `fresh` ones for the first time; returns the study as it is now."""
-    if fresh:
-        connection.execute(sa.insert(instances), [_row(study, slot) for slot in fresh])
-    _update(connection, study, again)
+    """Write leased slots; returns the study as it is now.
+
+    Args:
+        connection: a transaction that has locked the study.
+        study: as it was.
+        begun: all slots of new rows, leased or pending.
+        again: slots of rows begun before, now leased.
+        host_class: the kind of machine that all rows concerned now belong to.
+    """
+    if begun:
+        connection.execute(sa.insert(instances), [_row(study, slot) for slot in begun])
+    update(connection, study, again)
+    for rows in chunks({slot.row for slot in again}):
+        connection.execute(
+            sa.update(instances)
+            .where(
+                instances.c.study_id == study.id,
+                instances.c.row.in_(rows),
+                instances.c.host_class.is_(None),
+            )
+            .values(host_class=host_class)
+        )
     study = replace(
         study,
-        handed_out=study.handed_out + len(fresh),
-        leased=study.leased + len(fresh) + len(again),
+        handed_out=study.handed_out + len(begun),
+        leased=study.leased + len(again) + sum(slot.state == "leased" for slot in begun),
     )
     studies.save(connection, study)
     return study
@@ -93,7 +132,7 @@ def settle(
     """
     if not after:
         return study
-    _update(connection, study, after.values())
+    update(connection, study, after.values())
     let_go = sum(before[place].state == "leased" for place in after)
     study = replace(study, leased=study.leased - let_go)
     if filed:
@@ -101,7 +140,7 @@ def settle(
         outcomes = Counter(item.result.outcome for item in filed)
         ok = outcomes.pop("ok", 0)
         done = study.result_count + len(filed)
-        finished = done == study.plan.instances and study.state == "running"
+        finished = done == study.plan.instances and study.state in ("running", "paused")
         study = replace(
             study,
             result_count=done,
@@ -143,7 +182,7 @@ def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: f
 def _complete(connection: Connection, study: Study, rows: Collection[int]) -> int:
     """Return how many of `rows` have a final result in every position."""
     complete = 0
-    for chunk in _chunks(rows):
+    for chunk in chunks(rows):
         query = (
             sa.select(instances.c.row)
             .where(
@@ -158,7 +197,7 @@ def _complete(connection: Connection, study: Study, rows: Collection[int]) -> in
     return complete
 
 
-def _update(connection: Connection, study: Study, changed: Iterable[Slot]) -> None:
+def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> None:
     """Write slots that exist already."""
     values = [
         {
@@ -167,6 +206,8 @@ def _update(connection: Connection, study: Study, changed: Iterable[Slot]) -> No
             "state": slot.state,
             "lease_id": slot.lease,
             "attempts": dict(slot.attempts),
+            "host_class": slot.host_class,
+            "avoid": slot.avoid,
         }
         for slot in changed
     ]
@@ -189,20 +230,24 @@ def _row(study: Study, slot: Slot) -> dict[str, Any]:
         "state": slot.state,
         "lease_id": slot.lease,
         "attempts": dict(slot.attempts),
+        "host_class": slot.host_class,
+        "avoid": slot.avoid,
     }
 
 
-def _slot(row: Any) -> Slot:
+def slot_of(row: Any) -> Slot:
     return Slot(
         row=row.row,
         position=row.position,
         state=row.state,
         lease=row.lease_id,
         attempts=row.attempts,
+        host_class=row.host_class,
+        avoid=row.avoid,
     )
 
 
-def _chunks(values: Collection[int]) -> Iterable[list[int]]:
+def chunks(values: Collection[int]) -> Iterable[list[int]]:
     """Cut values into lists that fit into one query."""
     ordered = sorted(values)
     for start in range(0, len(ordered), _IN_LIST):

@@ -9,6 +9,7 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
 
 from server.errors import ConflictError
+from server.logic.hosts import host_class, identity, objection_to_worker
 from server.logic.leases import (
     Lease,
     expiry,
@@ -40,52 +41,123 @@ def grant(
     max_instances: int,
     now: float,
     ttl: float,
+    tags: Sequence[str] = (),
 ) -> Grant | None:
-    """Lease instances of the oldest running study the worker can evaluate.
+    """Lease instances of one running study that the worker fits: highest priority, then oldest.
 
-    Those that came back go first, so that begun rows are finished before new ones are begun.
+    Those that wait in begun rows go first, so that rows are finished before new ones are begun.
 
     Returns:
         The lease of 1 to `max_instances` instances; None if there is nothing to do.
+
+    Raises:
+        ConflictError: there is work, but none that this worker fits; the message says why.
     """
-    lease_id = uuid4().hex
+    objection: str | None = None
     with writing(engine) as connection:
-        study = studies.oldest_with_work(connection, models)
-        workers.introduce(connection, worker, host=host, versions=versions, now=now)
-        if study is None:
-            return None
-        again = ledger.returned(connection, study, max_instances) if study.returned else []
-        room = min(max_instances - len(again), study.plan.instances - study.handed_out)
-        first = study.handed_out
-        fresh = [
-            Slot(row=row, position=position, state="leased", lease=lease_id, attempts={})
-            for row, position in (
-                divmod(number, study.plan.width) for number in range(first, first + room)
+        granted: Grant | None = None
+        for candidate in studies.with_work(connection, models):
+            unfit = objection_to_worker(candidate, versions=versions, tags=tags)
+            if unfit is not None:
+                objection = objection or unfit
+                continue
+            granted = _grant_of(
+                connection, candidate, worker, host, versions, max_instances, now, ttl
             )
-        ]
-        again = [replace(slot, state="leased", lease=lease_id) for slot in again]
-        study = ledger.hand_out(connection, study, fresh, again)
-        places = tuple((slot.row, slot.position) for slot in [*again, *fresh])
-        values = {
-            "id": lease_id,
-            "worker_id": worker,
-            "study_id": study.id,
-            "state": "open",
-            "granted_at": now,
-            "expires_at": expiry(now, ttl),
-            "instances": places,
-        }
-        fence = connection.scalar(sa.insert(leases).values(values).returning(leases.c.fence))
+            if granted is not None:
+                break
+        workers.introduce(connection, worker, host=host, versions=versions, tags=tags, now=now)
+        if granted is not None:
+            return replace(granted, lease=_file(connection, granted.lease, now))
+    if objection is not None:
+        raise ConflictError(objection)
+    return None
+
+
+def _grant_of(
+    connection: Connection,
+    candidate: Study,
+    worker: str,
+    host: str,
+    versions: Mapping[str, str],
+    max_instances: int,
+    now: float,
+    ttl: float,
+) -> Grant | None:
+    """Hand out instances of one study; None if it has none for this kind of machine."""
+    study = studies.locked(connection, candidate)
+    mine = host_class(versions)
+    if study.state != "running" or objection_to_worker(study, versions=versions, tags=study.tags):
+        return None
+    lease_id = uuid4().hex
+    again: list[Slot] = []
+    if study.returned:
+        shunned = workers.others_at_work(connection, study.id, host=host, host_class=mine, now=now)
+        again = ledger.waiting(
+            connection,
+            study,
+            host_class=mine,
+            avoided_by=host if shunned else None,
+            limit=max_instances,
+        )
+    again = [replace(slot, state="leased", lease=lease_id, host_class=mine) for slot in again]
+    begun = _new_rows(study, lease_id, mine, max_instances - len(again))
+    fresh = [slot for slot in begun if slot.state == "leased"]
+    if not again and not fresh:
+        return None
+    if study.identity is None:
+        study = replace(study, identity=identity(versions))
+    study = ledger.hand_out(connection, study, begun=begun, again=again, host_class=mine)
     lease = Lease(
         id=lease_id,
-        fence=int(fence or 0),
+        fence=0,
         worker=worker,
         study=study.id,
         state="open",
         expires_at=expiry(now, ttl),
-        instances=places,
+        instances=tuple((slot.row, slot.position) for slot in [*again, *fresh]),
+        host_class=mine,
     )
     return Grant(lease=lease, study=study)
+
+
+def _new_rows(study: Study, lease_id: str, host_class: str, count: int) -> list[Slot]:
+    """Return every slot of as many new rows as `count` instances take, the first ones leased."""
+    width = study.plan.width
+    first = study.handed_out
+    count = min(count, study.plan.instances - first)
+    whole = -(-count // width) * width
+    slots = []
+    for number in range(first, first + whole):
+        row, position = divmod(number, width)
+        leased = number < first + count
+        slots.append(
+            Slot(
+                row=row,
+                position=position,
+                state="leased" if leased else "pending",
+                lease=lease_id if leased else None,
+                attempts={},
+                host_class=host_class,
+            )
+        )
+    return slots
+
+
+def _file(connection: Connection, lease: Lease, now: float) -> Lease:
+    """Store a new lease and return it with its fence."""
+    values = {
+        "id": lease.id,
+        "worker_id": lease.worker,
+        "study_id": lease.study,
+        "state": lease.state,
+        "granted_at": now,
+        "expires_at": lease.expires_at,
+        "instances": lease.instances,
+        "host_class": lease.host_class,
+    }
+    fence = connection.scalar(sa.insert(leases).values(values).returning(leases.c.fence))
+    return replace(lease, fence=int(fence or 0))
 
 
 def renew(engine: Engine, lease_id: str, *, fence: int, now: float, ttl: float) -> float:
@@ -197,9 +269,10 @@ def _lose(
     """Count instances as lost once more; returns the study as it is now."""
     after: dict[ledger.Place, Slot] = {}
     filed: list[ledger.Filed] = []
+    host = workers.host_of(connection, lease.worker)
     for place, slot in before.items():
         reason = f"lost with lease {lease.id} of worker {lease.worker}, which fell silent"
-        after[place], final = after_attempt(slot, cause="lost", reason=reason)
+        after[place], final = after_attempt(slot, cause="lost", reason=reason, host=host)
         if final is not None:
             filed.append(ledger.Filed(result=final, worker=lease.worker))
     return ledger.settle(connection, study, before=before, after=after, filed=filed, now=now)
@@ -214,4 +287,5 @@ def _lease(row: Any) -> Lease:
         state=row.state,
         expires_at=row.expires_at,
         instances=tuple((place[0], place[1]) for place in row.instances),
+        host_class=row.host_class,
     )

@@ -6,6 +6,7 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
 from analysis.records import LoggedResult, StudyPlan
+from server.errors import NoStudyError, NotFoundError
 from server.logic.study import for_analysis, instance_id
 from server.store import studies
 from server.store.engine import insert, reading, writing
@@ -18,6 +19,9 @@ class StoreResultLog:
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
+        #: Edition of each study when its plan was last asked for: what was made of an older one is
+        #: refused, since its results may have been taken back, or its rows be more.
+        self._editions: dict[str, int] = {}
 
     def studies_with_news(self) -> list[str]:
         """Return the studies that have results beyond the analysis's cursor, oldest first."""
@@ -31,8 +35,13 @@ class StoreResultLog:
             return list(connection.scalars(query))
 
     def plan(self, study_id: str) -> StudyPlan:
-        """Return what a study set out to do; NotFoundError if there is none of that id."""
-        return for_analysis(studies.get(self._engine, study_id))
+        """Return what a study set out to do; NoStudyError if there is none of that id."""
+        try:
+            study = studies.get(self._engine, study_id)
+        except NotFoundError as error:
+            raise NoStudyError(str(error)) from error
+        self._editions[study_id] = study.edition
+        return for_analysis(study)
 
     def load(self, study_id: str) -> tuple[int, bytes | None]:
         """Return the cursor and the state last committed; (0, None) before the first commit."""
@@ -51,7 +60,11 @@ class StoreResultLog:
                 results.c.outcome,
                 results.c.outputs,
             )
-            .where(results.c.study_id == study_id, results.c.seq > cursor)
+            .where(
+                results.c.study_id == study_id,
+                results.c.seq > cursor,
+                sa.exists().where(self._unchanged(study_id)),
+            )
             .order_by(results.c.seq)
             .limit(limit)
         )
@@ -77,13 +90,20 @@ class StoreResultLog:
         state: bytes,
         snapshot: dict[str, Any],
     ) -> bool:
-        """Replace cursor, state and snapshot at once; False if another process was first."""
+        """Replace cursor, state and snapshot at once.
+
+        False if another process was first, or the study has changed since `plan` was asked for.
+        """
         advanced = {"cursor": cursor, "state": state}
         statement = sa.update(estimator_states).where(
             estimator_states.c.study_id == study_id,
             estimator_states.c.cursor == expected_cursor,
         )
         with writing(self._engine) as connection:
+            # Locked, so that no re-run comes between.
+            same = sa.select(studies_table.c.id).where(self._unchanged(study_id))
+            if connection.scalar(same.with_for_update()) is None:
+                return False
             taken = connection.execute(statement.values(advanced)).rowcount == 1
             if not taken and expected_cursor == 0:
                 first = insert(connection, estimator_states).values(study_id=study_id, **advanced)
@@ -98,6 +118,12 @@ class StoreResultLog:
                 .on_conflict_do_update(index_elements=["study_id"], set_={"snapshot": snapshot})
             )
         return True
+
+    def _unchanged(self, study_id: str) -> sa.ColumnElement[bool]:
+        return sa.and_(
+            studies_table.c.id == study_id,
+            studies_table.c.edition == self._editions.get(study_id, studies_table.c.edition),
+        )
 
     def snapshot(self, study_id: str) -> dict[str, Any] | None:
         """Return the snapshot last committed; None before the first commit."""

@@ -6,6 +6,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
 
+from server.errors import NotFoundError
 from server.logic.leases import objection_to_results
 from server.logic.slots import Result, Slot
 from server.logic.study import Study, instance_id
@@ -40,7 +41,11 @@ def post(
         objection = objection_to_results(lease, fence=fence, worker=worker)
         if objection is not None:
             return _to_all(reports, "invalid", objection)
-        study = studies.find(connection, lease.study, lock=True)
+        try:
+            study = studies.find(connection, lease.study, lock=True)
+        except NotFoundError:
+            # Deleted since its lease was read, which took no lock.
+            return _to_all(reports, "unknown", "the study was deleted")
         places = {instance_id(study.id, *place): place for place in lease.instances}
         named = [places[report.instance] for report in reports if report.instance in places]
         before = ledger.slots(connection, study, named)
@@ -51,6 +56,8 @@ def post(
             stored=_stored(connection, study, before),
             lease=lease_id,
             outputs=study.plan.outputs,
+            host=workers.host_of(connection, worker),
+            host_class=lease.host_class,
         )
         final = [j.result for j in judgements if j.result is not None]
         changed = [j.slot for j in judgements if j.slot is not None]
@@ -102,13 +109,21 @@ def _judge(
     stored: dict[ledger.Place, Result],
     lease: str,
     outputs: Sequence[str],
+    host: str | None,
+    host_class: str | None,
 ) -> list[Judgement]:
     """Judge reports one after the other, each in the light of those before it."""
     judgements = []
     for report in reports:
         place = places.get(report.instance, (-1, -1))
         judgement = judge(
-            report, slot=slots.get(place), stored=stored.get(place), lease=lease, outputs=outputs
+            report,
+            slot=slots.get(place),
+            stored=stored.get(place),
+            lease=lease,
+            outputs=outputs,
+            host=host,
+            host_class=host_class,
         )
         if judgement.slot is not None:
             slots[place] = judgement.slot

@@ -31,10 +31,18 @@ studies = sa.Table(
     sa.Column("ok_count", sa.BigInteger, nullable=False),
     sa.Column("rows_complete", sa.BigInteger, nullable=False),
     sa.Column("failures", sa.JSON, nullable=False),
+    #: The higher, the sooner.
+    sa.Column("priority", sa.Integer, nullable=False, server_default="0"),
+    #: What a worker must call itself to be given any of it.
+    sa.Column("tags", sa.JSON, nullable=False, server_default="[]"),
+    #: The code that the first lease went to; NULL before it.
+    sa.Column("identity", sa.JSON(none_as_null=True)),
+    #: Counts the changes that make earlier readings of the study's log obsolete.
+    sa.Column("edition", sa.BigInteger, nullable=False, server_default="0"),
     sa.Index("studies_by_age", "state", "created_at", "id"),
 )
 
-#: Instances that were handed out at least once. The others need no row: they are the study's next
+#: Instances of the rows that were begun. The others need no row here: they are the study's next
 #: ones, and the parameters of any are a pure function of its study, row and position.
 instances = sa.Table(
     "instances",
@@ -45,11 +53,16 @@ instances = sa.Table(
     sa.Column("state", sa.String(16), nullable=False),
     sa.Column("lease_id", sa.String(32)),
     sa.Column("attempts", sa.JSON, nullable=False),
+    #: The kind of machine its whole row is computed on; NULL while any may take it.
+    sa.Column("host_class", sa.String(16)),
+    #: The host on which it last went wrong.
+    sa.Column("avoid", sa.String(255)),
     sqlite_with_rowid=False,
 )
 sa.Index(
     "instances_returned",
     instances.c.study_id,
+    instances.c.host_class,
     instances.c.row,
     instances.c.position,
     sqlite_where=instances.c.state == "pending",
@@ -68,6 +81,7 @@ leases = sa.Table(
     sa.Column("granted_at", sa.Double, nullable=False),
     sa.Column("expires_at", sa.Double, nullable=False),
     sa.Column("instances", sa.JSON, nullable=False),
+    sa.Column("host_class", sa.String(16)),
     sqlite_autoincrement=True,
 )
 sa.Index(
@@ -110,6 +124,35 @@ conflicts = sa.Table(
     sa.Column("received_at", sa.Double, nullable=False),
 )
 
+#: Final results that were taken back so that their instances could run again: kept as evidence.
+superseded = sa.Table(
+    "superseded",
+    metadata,
+    sa.Column("id", sa.BigInteger().with_variant(sa.Integer, "sqlite"), primary_key=True),
+    sa.Column("study_id", sa.ForeignKey("studies.id"), nullable=False, index=True),
+    sa.Column("row", sa.BigInteger, nullable=False),
+    sa.Column("position", sa.Integer, nullable=False),
+    sa.Column("outcome", sa.String(40), nullable=False),
+    sa.Column("outputs", sa.JSON(none_as_null=True)),
+    sa.Column("reason", sa.Text, nullable=False),
+    sa.Column("worker_id", sa.ForeignKey("workers.id"), nullable=False),
+    sa.Column("received_at", sa.Double, nullable=False),
+    sa.Column("superseded_at", sa.Double, nullable=False),
+    sa.Column("why", sa.String(200), nullable=False),
+)
+
+#: Who may do what, besides the operator's own token. Of a secret only its digest is kept.
+tokens = sa.Table(
+    "tokens",
+    metadata,
+    sa.Column("id", sa.String(16), primary_key=True),
+    sa.Column("name", sa.String(128), nullable=False),
+    sa.Column("scopes", sa.JSON, nullable=False),
+    sa.Column("digest", sa.String(64), nullable=False, unique=True),
+    sa.Column("created_at", sa.Double, nullable=False),
+    sa.Column("revoked_at", sa.Double),
+)
+
 #: Who has ever asked for work.
 workers = sa.Table(
     "workers",
@@ -119,6 +162,8 @@ workers = sa.Table(
     sa.Column("versions", sa.JSON, nullable=False),
     sa.Column("last_seen", sa.Double, nullable=False),
     sa.Column("instances_done", sa.BigInteger, nullable=False),
+    sa.Column("host_class", sa.String(16)),
+    sa.Column("tags", sa.JSON, nullable=False, server_default="[]"),
 )
 
 #: Where the analysis of a study stands; `cursor` is the last result it has taken in.

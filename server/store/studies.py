@@ -28,7 +28,14 @@ class Standing:
 
 
 def create(
-    engine: Engine, plan: Plan, *, key: str | None, digest: str, now: float
+    engine: Engine,
+    plan: Plan,
+    *,
+    key: str | None,
+    digest: str,
+    now: float,
+    priority: int = 0,
+    tags: Sequence[str] = (),
 ) -> tuple[Study, bool]:
     """Store a new study, whatever its size, in constant time.
 
@@ -38,6 +45,8 @@ def create(
         key: idempotency key of the request; a key that was used before makes no second study.
         digest: digest of the request, to tell a repeated request from another under the same key.
         now: seconds, UTC epoch.
+        priority: of two studies with work, the higher one is served.
+        tags: what a worker must call itself to be given any of it.
 
     Returns:
         The study, and whether it is new.
@@ -57,6 +66,8 @@ def create(
         ok_count=0,
         rows_complete=0,
         failures={},
+        priority=priority,
+        tags=tuple(tags),
     )
     values = {**_row(study), "idempotency_key": key, "request_digest": digest}
     with writing(engine) as connection:
@@ -140,20 +151,26 @@ def find(connection: Connection, study_id: str, *, lock: bool = False) -> Study:
     return _study(row)
 
 
-def oldest_with_work(connection: Connection, models: Sequence[str]) -> Study | None:
-    """Return, locked, the oldest running study of one of `models` with something to hand out."""
-    row = connection.execute(
+def locked(connection: Connection, study: Study) -> Study:
+    """Return a study read before in the same transaction, as it is now and stays until its end."""
+    if connection.dialect.name == "sqlite":
+        # Whoever writes is alone: nothing has changed since.
+        return study
+    return find(connection, study.id, lock=True)
+
+
+def with_work(connection: Connection, models: Sequence[str]) -> list[Study]:
+    """Return the running studies of `models` with something to hand out, first to serve first."""
+    rows = connection.execute(
         sa.select(studies)
         .where(
             studies.c.state == "running",
             studies.c.model.in_(models),
             studies.c.instances > studies.c.result_count + studies.c.leased,
         )
-        .order_by(studies.c.created_at, studies.c.id)
-        .limit(1)
-        .with_for_update()
-    ).one_or_none()
-    return None if row is None else _study(row)
+        .order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
+    )
+    return [_study(row) for row in rows]
 
 
 def save(connection: Connection, study: Study) -> None:
@@ -169,14 +186,13 @@ def _row(study: Study) -> dict[str, Any]:
         "model": plan.model,
         "method": plan.method,
         "sampling": plan.sampling,
-        "rows": plan.rows,
         "seed": plan.seed,
         # A list, because the order of the factors is the order of the design's columns.
         "distributions": [[name, d.to_json()] for name, d in plan.distributions.items()],
         "fixed": dict(plan.fixed),
         "outputs": list(plan.outputs),
         "created_at": study.created_at,
-        "instances": plan.instances,
+        "tags": list(study.tags),
         **_course(study),
     }
 
@@ -192,6 +208,11 @@ def _course(study: Study) -> dict[str, Any]:
         "ok_count": study.ok_count,
         "rows_complete": study.rows_complete,
         "failures": dict(study.failures),
+        "rows": study.plan.rows,
+        "instances": study.plan.instances,
+        "priority": study.priority,
+        "identity": None if study.identity is None else dict(study.identity),
+        "edition": study.edition,
     }
 
 
@@ -218,4 +239,8 @@ def _study(row: Any) -> Study:
         ok_count=row.ok_count,
         rows_complete=row.rows_complete,
         failures=row.failures,
+        priority=row.priority,
+        tags=tuple(row.tags),
+        identity=row.identity,
+        edition=row.edition,
     )

@@ -14,9 +14,11 @@ from typing import Any
 import httpx2
 import pytest
 
+from rehyb import Client, Unreachable
+
 TOKEN = "only for this test"
 STUDY = {"name": "s", "model": "ishigami", "method": "saltelli", "rows": 40}
-STARTED = re.compile(r"listening on (http://127\.0\.0\.1:\d+)\n")
+STARTED = re.compile(r"listening on (https?://127\.0\.0\.\d:\d+)\n")
 
 Start = Callable[..., "Coordinator"]
 
@@ -234,3 +236,49 @@ def test_whatever_a_hostile_worker_posts_nothing_gets_in_and_the_coordinator_liv
 def test_the_coordinator_does_without_mujoco() -> None:
     code = "import sys, server.run, server.store.result_log; sys.exit('mujoco' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_second_coordinator_on_the_same_file_refuses_to_start(start: Start) -> None:
+    first = start()
+    with pytest.raises(AssertionError, match="another coordinator serves"):
+        start()
+    assert first.stop()[0] == 0
+    start()
+
+
+def test_with_a_certificate_it_speaks_tls_to_those_who_trust_it(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # An address that is not among those a client takes for itself, for which it asks nobody.
+    address = "127.0.0.2"
+    certificate, key = tmp_path / "certificate.pem", tmp_path / "key.pem"
+    made = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2"
+    names = ["-subj", "/CN=lab", "-addext", f"subjectAltName=IP:{address}"]
+    files = ["-keyout", str(key), "-out", str(certificate)]
+    subprocess.run([*made.split(), *names, *files], check=True, capture_output=True)
+    coordinator = start(
+        REHYB_HOST=address, REHYB_TLS_CERTIFICATE=str(certificate), REHYB_TLS_KEY=str(key)
+    )
+    assert coordinator.url.startswith("https://")
+    with (
+        Client(coordinator.url, TOKEN) as client,
+        pytest.raises(Unreachable, match=r"(?i)certific"),
+    ):
+        client.studies()
+    monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
+    with Client(coordinator.url, TOKEN) as client:
+        assert client.studies() == []
+
+
+def test_a_listener_does_not_keep_a_coordinator_from_stopping(start: Start) -> None:
+    coordinator = start()
+    with coordinator.client() as client:
+        study = client.post("/v1/studies", json=STUDY).json()["id"]
+        with client.stream("GET", f"/v1/studies/{study}/events") as events:
+            lines = events.iter_lines()
+            assert next(lines) == "event: progress"
+            asked = time.monotonic()
+            coordinator.process.send_signal(signal.SIGTERM)
+            assert list(lines)[-1] == ""
+        coordinator.process.wait(20)
+    assert time.monotonic() - asked < 5.0

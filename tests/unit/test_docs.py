@@ -40,9 +40,9 @@ def test_every_rehyb_command_in_the_readme_exists() -> None:
         re.findall(r"`([^`\n]+)`", README) + re.findall(r"```sh\n(.*?)```", README, re.S)
     )
     commands = set(re.findall(r"\brehyb ((?:study |campaign )?[a-z]+)", code))
-    verbs = re.search(r"rehyb study ([a-z]+(?:\|[a-z]+)+)", README)
-    assert verbs is not None
-    commands |= {f"study {verb}" for verb in verbs[1].split("|")}
+    lists = re.findall(r"rehyb study ([a-z]+(?:\|[a-z]+)+)", README)
+    assert lists
+    commands |= {f"study {verb}" for verbs in lists for verb in verbs.split("|")}
     assert {"up", "assess", "validate", "study submit", "study indices"} <= commands
     for command in commands:
         ran = subprocess.run(
@@ -64,7 +64,7 @@ def test_every_documented_route_is_served_and_every_route_is_documented(tmp_path
         for method in methods
     }
     documented = set()
-    for row in re.findall(r"^\| (`(?:GET|POST) .*?) \|", ARCHITECTURE, flags=re.MULTILINE):
+    for row in re.findall(r"^\| (`(?:GET|POST|DELETE) .*?) \|", ARCHITECTURE, flags=re.MULTILINE):
         verb = "GET"
         for word in re.findall(r"`([^`]+)`", row):
             verb, _, path = word.rpartition(" ") if " " in word else (verb, "", word)

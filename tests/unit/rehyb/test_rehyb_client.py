@@ -1,5 +1,6 @@
 """The client speaks the coordinator's REST API and turns every refusal into an error to catch."""
 
+import gzip
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -68,6 +69,7 @@ def test_a_study_is_submitted_with_its_idempotency_key() -> None:
     [
         (400, Invalid),
         (401, Unauthorized),
+        (429, ServerError),
         (403, Unauthorized),
         (404, NotFound),
         (409, Conflict),
@@ -150,3 +152,19 @@ def test_a_download_that_fails_leaves_no_file_behind(tmp_path: Path) -> None:
     with pytest.raises(NotFound, match="no study"):
         client(always(404, json={"detail": "no study s1"})).results_csv("s1", tmp_path / "r.csv")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_long_body_is_sent_compressed_and_a_short_one_as_it_is() -> None:
+    encodings: list[str | None] = []
+
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        encodings.append(request.headers.get("Content-Encoding"))
+        body = gzip.decompress(request.content) if encodings[-1] else request.content
+        verdicts = [{"instance": r["instance"]} for r in json.loads(body)["results"]]
+        return httpx2.Response(200, json={"verdicts": verdicts})
+
+    for count in (1, 900):
+        results = [{"instance": str(i), "reason": "x" * 100} for i in range(count)]
+        verdicts = client(answer).post_results(lease="l", fence=1, worker="w", results=results)
+        assert [v["instance"] for v in verdicts] == [str(i) for i in range(count)]
+    assert encodings == [None, "gzip"]

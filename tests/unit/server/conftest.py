@@ -1,13 +1,10 @@
 """A coordinator on a fresh database, with a clock that tests set."""
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import pytest
-import sqlalchemy as sa
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from pydantic import SecretStr
@@ -21,8 +18,6 @@ from server.settings import Settings
 from server.store import create_engine, upgrade
 
 TOKEN = "correct horse"
-#: A PostgreSQL server on which databases may be made; the tests of the store then run on it too.
-POSTGRESQL = os.environ.get("REHYB_TEST_POSTGRESQL_URL")
 
 
 class Clock:
@@ -38,19 +33,12 @@ class Clock:
         self.now += seconds
 
 
-@pytest.fixture(params=["sqlite", "postgresql"] if POSTGRESQL else ["sqlite"])
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """The URL of an empty database."""
     if request.param == "sqlite":
-        yield f"sqlite:///{tmp_path / 'rehyb.sqlite3'}"
-        return
-    name = f"rehyb_{uuid4().hex}"
-    server = sa.create_engine(str(POSTGRESQL), isolation_level="AUTOCOMMIT")
-    with server.connect() as connection:
-        connection.exec_driver_sql(f"CREATE DATABASE {name}")
-        yield server.url.set(database=name).render_as_string(hide_password=False)
-        connection.exec_driver_sql(f"DROP DATABASE {name} WITH (FORCE)")
-    server.dispose()
+        return f"sqlite:///{tmp_path / 'rehyb.sqlite3'}"
+    return str(request.getfixturevalue("empty_database")())
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from sqlalchemy import event
 from analysis.designs import instance_parameters
 from analysis.distributions import Uniform
 from analysis.service import catch_up
+from server.logic.hosts import host_class
 from server.store import studies
 from server.store.result_log import StoreResultLog
 from sim.catalogue import ELBOW
@@ -92,6 +93,8 @@ def test_a_study_is_created_and_found_again(client: TestClient, clock: Any) -> N
         "state": "running",
         "instances": 14,
         "created_at": clock.now,
+        "priority": 0,
+        "tags": [],
     }
     assert client.get(f"/v1/studies/{study['id']}").json() == study
     assert client.get("/v1/studies").json() == {"studies": [study]}
@@ -395,6 +398,8 @@ def test_workers_are_listed(client: TestClient, lease: Json, clock: Any) -> None
                 "versions": {"mujoco": "4.0.1"},
                 "last_seen": clock.now,
                 "instances_done": 0,
+                "host_class": host_class({"mujoco": "4.0.1"}),
+                "tags": [],
             }
         ]
     }

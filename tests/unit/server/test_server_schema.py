@@ -1,5 +1,6 @@
 """The schema and how it comes to be."""
 
+import sqlite3
 import threading
 
 import pytest
@@ -10,7 +11,7 @@ from sqlalchemy.engine import Engine
 
 from server.errors import SchemaError
 from server.store import create_engine, require_current, upgrade
-from server.store.engine import writing
+from server.store.engine import _use_write_ahead_log, writing
 from server.store.schema import metadata
 
 
@@ -75,3 +76,24 @@ def test_a_failed_migration_leaves_no_half_made_schema(
     engine = create_engine(url)
     assert sa.inspect(engine).get_table_names() == []
     engine.dispose()
+
+
+def test_opening_a_file_that_others_just_make_is_tried_again() -> None:
+    class Busy:
+        """A connection that finds the file locked twice."""
+
+        def __init__(self, error: str) -> None:
+            self.error = error
+            self.asked = 0
+
+        def execute(self, _statement: str) -> None:
+            self.asked += 1
+            if self.asked < 3:
+                raise sqlite3.OperationalError(self.error)
+
+    busy, damaged = Busy("database is locked"), Busy("file is not a database")
+    _use_write_ahead_log(busy)
+    assert busy.asked == 3
+    with pytest.raises(sqlite3.OperationalError, match="not a database"):
+        _use_write_ahead_log(damaged)
+    assert damaged.asked == 1

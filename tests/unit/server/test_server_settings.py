@@ -53,3 +53,10 @@ def test_settings_out_of_range_are_refused(
 def test_the_token_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("REHYB_TOKEN", "hush")
     assert "hush" not in repr(Settings())
+
+
+def test_tls_needs_certificate_and_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("REHYB_TOKEN", "t")
+    monkeypatch.setenv("REHYB_TLS_KEY", "key.pem")
+    with pytest.raises(ValidationError, match="both REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY"):
+        Settings()

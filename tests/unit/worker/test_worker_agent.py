@@ -32,6 +32,8 @@ class Coordinator:
         self.unusable: set[str] = set()
         self.refused: set[str] = set()
         self.status: int | None = None
+        self.misfits = 0
+        self.sizes: list[int] = []
 
     def __call__(self, request: httpx2.Request) -> httpx2.Response:
         path = request.url.path
@@ -55,6 +57,10 @@ class Coordinator:
         return self._results(body)
 
     def _lease(self, body: Mapping[str, Any]) -> httpx2.Response:
+        self.sizes.append(body["max_instances"])
+        if self.misfits:
+            self.misfits -= 1
+            return httpx2.Response(409, json={"detail": "this study was begun with MuJoCo 3"})
         if not self.batches:
             return httpx2.Response(204, headers={"Retry-After": "0"})
         instances = [
@@ -131,7 +137,7 @@ class Work:
         self.folder = folder
         self.agent = self.new_agent()
 
-    def new_agent(self, name: str = "w1") -> Agent:
+    def new_agent(self, name: str = "w1", max_instances: int | None = None) -> Agent:
         return Agent(
             client=Client("http://c", "t", transport=httpx2.MockTransport(self.coordinator)),
             pool=self.pool,  # type: ignore[arg-type]
@@ -141,6 +147,7 @@ class Work:
             batch=10,
             max_idle=0.05,
             rng=Random(1),
+            max_instances=max_instances,
         )
 
     def spooled(self) -> int:
@@ -298,6 +305,28 @@ def test_a_refused_token_ends_the_worker_with_the_coordinators_own_words(tmp_pat
     work.coordinator.status = 401
     with pytest.raises(Unauthorized, match="not this token"):
         work.agent.run()
+
+
+def test_a_worker_that_fits_no_study_says_why_once_and_goes_on_asking(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    work = Work(tmp_path, [["a"]])
+    work.coordinator.misfits = 3
+    work.agent._client.retry_after = 0.005
+    work.agent.run()
+    assert [record.message for record in caplog.records if record.levelname == "WARNING"] == [
+        "this study was begun with MuJoCo 3"
+    ]
+    assert set(work.coordinator.results) == {"a"}
+
+
+def test_a_worker_leaves_after_as_many_instances_as_it_was_to_do(tmp_path: Path) -> None:
+    work = Work(tmp_path, [["a", "b"], ["c"], ["d"]], processes=2)
+    agent = work.new_agent("w2", max_instances=3)
+    agent.run()
+    assert set(work.coordinator.results) == {"a", "b", "c"}
+    assert work.coordinator.sizes == [2, 1]
+    assert work.coordinator.released == []
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,9 @@ def test_its_help_names_every_option(
 ) -> None:
     status, words = run(monkeypatch, capsys, "--help")
     assert status == 0
-    options = "url token processes max-idle batch instance-seconds spool"
+    options = (
+        "url token processes max-idle batch instance-seconds spool max-instances tags memory-mb"
+    )
     assert all(f"--{option}" in words for option in options.split())
 
 

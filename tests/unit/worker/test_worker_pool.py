@@ -20,6 +20,8 @@ def behave(model: str, parameters: Mapping[str, float]) -> Evaluation:
         os._exit(3)
     if model == "hang":
         time.sleep(60)
+    if model == "hoard":
+        return Evaluation(outcome="ok", outputs={"y": len(bytearray(2**30))}, wall_seconds=0.0)
     if model == "raise":
         raise ZeroDivisionError("the arm has no length")
     if model == "environment":
@@ -139,3 +141,24 @@ def test_more_than_one_instance_per_process_is_a_mistake(pool: Pool) -> None:
     assert (pool.free, pool.running) == (0, 1)
     with pytest.raises(RuntimeError, match="busy"):
         pool.start(instance("double"), ticket=None)
+
+
+def test_an_instance_that_takes_too_much_memory_has_crashed_and_the_next_one_runs() -> None:
+    pool = Pool(1, instance_seconds=30.0, evaluate=behave, memory_mb=500)
+    try:
+        (hoarder,) = evaluate(pool, "hoard")
+        (modest,) = evaluate(pool, "double")
+    finally:
+        pool.kill()
+    assert (hoarder.result["outcome"], "MemoryError" in hoarder.result["reason"]) == (
+        "crashed",
+        True,
+    )
+    assert modest.result["outcome"] == "ok"
+
+
+def evaluate(pool: Pool, model: str) -> list[Finished]:
+    pool.start({"id": model, "model": model, "parameters": {"x": 1.0}}, None)
+    while not (finished := pool.wait(1.0)):
+        pass
+    return finished

@@ -101,3 +101,44 @@ def test_a_file_that_is_no_spool_is_left_alone(tmp_path: Path) -> None:
     stray.write_text("this is not a database, and long enough to be taken for the header of one")
     assert Spool(tmp_path, "w").adopt() == 0
     assert stray.exists()
+
+
+def full(spool: Spool) -> None:
+    """Leave the spool's file no room to grow."""
+    pages = spool._database.execute("PRAGMA page_count").fetchone()[0]
+    spool._database.execute(f"PRAGMA max_page_count = {pages}")
+
+
+def test_a_full_disk_costs_no_result(tmp_path: Path) -> None:
+    spool = Spool(tmp_path, "w")
+    spool.add(lease="a", fence=1, result=result("0"))
+    full(spool)
+    for number in range(1, 40):
+        spool.add(lease="b", fence=2, result={**result(str(number)), "reason": "x" * 1000})
+    assert len(spool) == 40
+    posted: list[str] = []
+    while batch := spool.next_batch(limit=7):
+        posted += [str(r["instance"]) for r in batch.results]
+        assert {batch.lease} == ({"a"} if posted == ["0"] else {"b"})
+        spool.acknowledge(batch.keys)
+    assert posted == [str(number) for number in range(40)]
+    assert len(spool) == 0
+
+
+def test_what_a_full_disk_cannot_forget_is_not_posted_again(tmp_path: Path) -> None:
+    spool = Spool(tmp_path, "w")
+    spool.add(lease="a", fence=1, result=result("1"))
+    spool.add(lease="a", fence=1, result=result("2"))
+    database = spool._database
+    database.execute("PRAGMA query_only = ON")
+    batch = spool.next_batch(limit=1)
+    assert batch is not None
+    spool.acknowledge(batch.keys)
+    following = spool.next_batch()
+    assert following is not None
+    assert [r["instance"] for r in following.results] == ["2"]
+    assert len(spool) == 1
+    database.execute("PRAGMA query_only = OFF")
+    spool.acknowledge(following.keys)
+    assert database.execute("SELECT count(*) FROM results").fetchone() == (0,)
+    assert (len(spool), spool.next_batch()) == (0, None)

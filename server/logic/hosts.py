@@ -1,0 +1,49 @@
+"""Which machines may work on one study, and which on one row of it.
+
+MuJoCo promises the same bits for the same version on the same architecture only, and sensitivity
+indices are differences within a row. So a study belongs to the code that began it, and a row to
+one class of machines.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+
+from server.logic.study import Study
+
+#: What must be equal on all machines of a study: another of these is another model.
+IDENTITY = ("code", "mujoco")
+#: What must be equal within a row. The canary is a digest of one nominal evaluation, so that
+#: machines whose bits differ are told apart even where all versions agree.
+HOST_CLASS = (*IDENTITY, "numpy", "platform", "canary")
+
+
+def identity(versions: Mapping[str, str]) -> dict[str, str]:
+    """Return the part of a worker's versions that a study is bound to."""
+    return {name: versions[name] for name in IDENTITY if name in versions}
+
+
+def host_class(versions: Mapping[str, str]) -> str:
+    """Name the class of machines that a worker belongs to, 16 hexadecimal digits."""
+    known = {name: versions[name] for name in HOST_CLASS if name in versions}
+    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def objection_to_worker(
+    study: Study, *, versions: Mapping[str, str], tags: Sequence[str]
+) -> str | None:
+    """Say in a sentence why a worker may not have instances of a study; None if it may."""
+    if missing := [tag for tag in study.tags if tag not in tags]:
+        return f"study {study.id} is for workers tagged {', '.join(missing)}"
+    theirs = identity(versions)
+    if study.identity is None or study.identity == theirs:
+        return None
+    return (
+        f"study {study.id} was begun with {_in_words(study.identity)}, but this worker has "
+        f"{_in_words(theirs)}: install the same rehyb and MuJoCo here, or begin the study anew "
+        f"with `rehyb study rerun {study.id} --which all`"
+    )
+
+
+def _in_words(found: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {found.get(name, 'unknown')}" for name in IDENTITY)

@@ -1,0 +1,71 @@
+"""Who may do what: tokens with scopes. Of a secret only its digest is ever kept."""
+
+import hashlib
+import secrets
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+#: submit: make and control studies. work: lease and post. read: look at everything. admin: all.
+SCOPES = ("submit", "work", "read", "admin")
+#: Bytes of randomness in a secret; nobody guesses these, however fast they may try.
+SECRET_BYTES = 24
+#: Failures of one address within FAILURE_SECONDS after which its wrong tokens are no longer
+#: looked up.
+FAILURES = 20
+FAILURE_SECONDS = 60.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Token:
+    """The right to some requests."""
+
+    id: str
+    name: str
+    scopes: tuple[str, ...]
+    #: Seconds, UTC epoch.
+    created_at: float
+    #: None while it is good.
+    revoked_at: float | None
+
+
+def new_secret() -> str:
+    """Return a secret to be shown once."""
+    return f"rehyb_{secrets.token_urlsafe(SECRET_BYTES)}"
+
+
+def digest(secret: bytes) -> str:
+    """Return what is kept of a secret. It is long and random: no salt, no slow hash is needed."""
+    return hashlib.sha256(secret).hexdigest()
+
+
+def scope_needed(method: str, path: str) -> str:
+    """Return the scope that a request to a guarded path needs."""
+    if path == "/v1/results" or path == "/v1/leases" or path.startswith("/v1/leases/"):
+        return "work"
+    return "read" if method in ("GET", "HEAD", "OPTIONS") else "submit"
+
+
+def may(scopes: Collection[str], needed: str) -> bool:
+    """Say whether a token with `scopes` may do what needs the scope `needed`."""
+    return needed in scopes or "admin" in scopes
+
+
+class Failures:
+    """Counts wrong tokens by address, over a sliding window."""
+
+    def __init__(self) -> None:
+        self._times: dict[str, list[float]] = {}
+
+    def count(self, address: str, now: float) -> None:
+        """Note one failure."""
+        if len(self._times) > 10_000:
+            # Nobody fills the memory by coming from everywhere.
+            self._times = {a: t for a, t in self._times.items() if t[-1] > now - FAILURE_SECONDS}
+        recent = [time for time in self._times.get(address, ()) if time > now - FAILURE_SECONDS]
+        self._times[address] = [*recent[-FAILURES:], now]
+
+    def too_many(self, address: str, now: float) -> bool:
+        """Say whether an address has used up its patience."""
+        times: Mapping[str, list[float]] = self._times
+        recent = [time for time in times.get(address, ()) if time > now - FAILURE_SECONDS]
+        return len(recent) >= FAILURES

@@ -1,0 +1,103 @@
+"""What an operator does with a study under way: pause, resume, extend, prefer, delete."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Engine
+
+from server.errors import ConflictError
+from server.logic.study import Study, extended, objection_to_extension
+from server.store.engine import writing
+from server.store.schema import (
+    conflicts,
+    estimator_states,
+    instances,
+    leases,
+    results,
+    snapshots,
+    superseded,
+)
+from server.store.schema import studies as studies_table
+from server.store.studies import find, save
+
+
+def pause(engine: Engine, study_id: str) -> Study:
+    """Hand out nothing of a study for a while; results under way are taken.
+
+    Raises:
+        NotFoundError: there is no study of that id.
+        ConflictError: the study is complete or cancelled.
+    """
+    return _change(engine, study_id, lambda study: _switch(study, "running", "paused"))
+
+
+def resume(engine: Engine, study_id: str) -> Study:
+    """Go on with a paused study; raises as `pause` does."""
+    return _change(engine, study_id, lambda study: _switch(study, "paused", "running"))
+
+
+def prioritise(engine: Engine, study_id: str, priority: int) -> Study:
+    """Serve a study before all of lower priority; NotFoundError if there is none of that id."""
+    return _change(engine, study_id, lambda study: replace(study, priority=priority))
+
+
+def extend(engine: Engine, study_id: str, rows: int) -> Study:
+    """Give a study more rows; what there is stays, and a complete study runs again.
+
+    Args:
+        engine: where.
+        study_id: which study.
+        rows: how many it is to have in all, so that asking twice changes nothing.
+
+    Raises:
+        NotFoundError: there is no study of that id.
+        ConflictError: it is cancelled, or cannot have that many.
+    """
+
+    def change(study: Study) -> Study:
+        if (objection := objection_to_extension(study, rows)) is not None:
+            raise ConflictError(f"study {study_id} cannot have {rows} rows: {objection}")
+        return extended(study, rows)
+
+    return _change(engine, study_id, change)
+
+
+def delete(engine: Engine, study_id: str) -> None:
+    """Remove a study and everything that belongs to it.
+
+    Raises:
+        NotFoundError: there is no study of that id.
+        ConflictError: it still runs.
+    """
+    with writing(engine) as connection:
+        study = find(connection, study_id, lock=True)
+        if study.state == "running":
+            raise ConflictError(f"study {study_id} is running: pause or cancel it first")
+        for table in (
+            snapshots,
+            estimator_states,
+            conflicts,
+            superseded,
+            results,
+            instances,
+            leases,
+        ):
+            connection.execute(sa.delete(table).where(table.c.study_id == study_id))
+        connection.execute(sa.delete(studies_table).where(studies_table.c.id == study_id))
+
+
+def _change(engine: Engine, study_id: str, change: Callable[[Study], Study]) -> Study:
+    with writing(engine) as connection:
+        before = find(connection, study_id, lock=True)
+        after = change(before)
+        if after != before:
+            save(connection, after)
+    return after
+
+
+def _switch(study: Study, expected: str, state: str) -> Study:
+    """Return the study in `state`; it must be in it already, or in the state `expected`."""
+    if study.state not in (expected, state):
+        raise ConflictError(f"study {study.id} is {study.state}: it cannot become {state}")
+    return replace(study, state=state)

@@ -1,0 +1,103 @@
+"""The check finds what contradicts itself, and a backup is as good as the original."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import sqlalchemy as sa
+from sqlalchemy.engine import Engine
+
+from rehyb.cli import main
+from server.errors import ConflictError
+from server.logic.study import Plan, instance_id
+from server.logic.verdicts import Report
+from server.sole import sole_coordinator
+from server.store import check, create_engine, queue, results, studies
+from server.store.engine import writing
+
+
+@pytest.fixture
+def study_id(engine: Engine, plan: Callable[..., Plan], report: Callable[..., Report]) -> str:
+    """A study of which five instances are leased and three of these done."""
+    study, _ = studies.create(engine, plan(), key=None, digest="", now=0.0)
+    grant = queue.grant(
+        engine,
+        worker="w",
+        host="h",
+        versions={},
+        models=["ishigami"],
+        max_instances=5,
+        now=0.0,
+        ttl=60.0,
+    )
+    assert grant is not None
+    held = grant.lease
+    done = [report(instance_id(study.id, *place)) for place in held.instances[:3]]
+    results.post(engine, done, lease_id=held.id, fence=held.fence, worker="w", now=1.0, ttl=60.0)
+    return study.id
+
+
+def test_a_database_that_worked_is_whole(engine: Engine, study_id: str) -> None:
+    assert check.faults(engine) == []
+
+
+@pytest.mark.parametrize(
+    ("damage", "fault"),
+    [
+        ("DELETE FROM results WHERE seq = 2", "results: 2, where 3 would be right"),
+        ("UPDATE studies SET ok_count = 7", "ok results: 3, where 7 would be right"),
+        ("UPDATE leases SET state = 'expired'", "held by a lease that has ended: 2"),
+        ("UPDATE instances SET state = 'done' WHERE state = 'leased'", "are done: 5, where 3"),
+        ("UPDATE studies SET state = 'complete'", "it is complete with 3 of 8 results"),
+        ("UPDATE instances SET host_class = 'x' WHERE position = 0", "kinds of machines: 2"),
+        ("UPDATE results SET seq = 9 WHERE seq = 3", "the last result's number: 9, where 3"),
+    ],
+)
+def test_what_contradicts_itself_is_found(
+    engine: Engine, study_id: str, damage: str, fault: str
+) -> None:
+    with writing(engine) as connection:
+        connection.execute(sa.text(damage))
+    assert any(fault in found for found in check.faults(engine)), check.faults(engine)
+
+
+def test_a_backup_is_a_whole_database_and_overwrites_nothing(
+    engine: Engine,
+    study_id: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    copy = tmp_path / "copy.sqlite3"
+    if engine.dialect.name != "sqlite":
+        with pytest.raises(ConflictError, match="pg_dump"):
+            check.back_up(engine, copy)
+        return
+    check.back_up(engine, copy)
+    with pytest.raises(ConflictError, match="exists: name a new file"):
+        check.back_up(engine, copy)
+    monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{copy}")
+    monkeypatch.setattr("sys.argv", ["rehyb", "db", "check", "--json"])
+    with pytest.raises(SystemExit) as leaving:
+        main()
+    assert not leaving.value.code
+    assert json.loads(capsys.readouterr().out) == {"faults": []}
+    copied = create_engine(f"sqlite:///{copy}")
+    assert studies.get(copied, study_id) == studies.get(engine, study_id)
+    copied.dispose()
+
+
+def test_a_second_coordinator_on_one_file_is_refused(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'a.sqlite3'}"
+    with (
+        sole_coordinator(url),
+        sole_coordinator(f"sqlite:///{tmp_path / 'b.sqlite3'}"),
+        sole_coordinator("postgresql+psycopg://h/a"),
+        sole_coordinator("postgresql+psycopg://h/a"),
+        pytest.raises(ConflictError, match="another coordinator serves"),
+        sole_coordinator(url),
+    ):
+        raise AssertionError("two coordinators")
+    with sole_coordinator(url):
+        pass

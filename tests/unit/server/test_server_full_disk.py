@@ -1,0 +1,52 @@
+"""A database without room refuses what it cannot keep, and loses nothing it has."""
+
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+from fastapi.testclient import TestClient
+from pydantic import SecretStr
+
+from server.app import create_app
+from server.settings import Settings
+from server.store import check, upgrade
+
+STUDY = {"name": "s", "model": "ishigami", "method": "morris", "rows": 25}
+ASKING = {"worker": {"id": "w", "host": "h"}, "models": ["ishigami"], "max_instances": 100}
+
+
+def test_results_that_find_no_room_are_taken_when_there_is_some(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'rehyb.sqlite3'}"
+    upgrade(url)
+    app = create_app(Settings(database_url=url, token=SecretStr("t")))
+    room = [2**30]
+
+    def limit(connection: Any, _record: Any, _proxy: Any) -> None:
+        connection.execute(f"PRAGMA max_page_count = {room[0]}")
+
+    sa.event.listen(app.state.engine, "checkout", limit)
+    headers = {"Authorization": "Bearer t"}
+    with TestClient(app, headers=headers, raise_server_exceptions=False) as client:
+        study = client.post("/v1/studies", json=STUDY).json()["id"]
+        lease = client.post("/v1/leases", json=ASKING).json()
+        results = [
+            {
+                "instance": instance["id"],
+                "outcome": "diverged",
+                "reason": "x" * 4000,
+                "state": {"qpos": [0.5] * 100},
+            }
+            for instance in lease["instances"]
+        ]
+        body = {"lease": lease["id"], "fence": lease["fence"], "worker": "w", "results": results}
+        room[0] = 1
+        refused = client.post("/v1/results", json=body)
+        assert refused.status_code == 500
+        assert refused.headers["content-type"] == "application/problem+json"
+        assert client.get(f"/v1/studies/{study}/progress").json()["leased"] == 100
+        assert check.faults(app.state.engine) == []
+        room[0] = 2**30
+        taken = client.post("/v1/results", json=body)
+        assert {v["verdict"] for v in taken.json()["verdicts"]} == {"accepted"}
+        assert client.get(f"/v1/studies/{study}/progress").json()["failed"] == 100
+        assert check.faults(app.state.engine) == []

@@ -1,0 +1,144 @@
+"""Tokens with scopes: who may do what, for how long, and who may no longer even ask."""
+
+import json
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from sqlalchemy.engine import Engine
+
+from rehyb.cli import main
+from server.errors import ConflictError, NotFoundError
+from server.logic.tokens import FAILURES, Failures, may, scope_needed
+from server.store import tokens
+from server.store.engine import reading
+from server.store.schema import tokens as tokens_table
+
+STUDY = {"name": "n", "model": "ishigami", "method": "morris", "rows": 2}
+ASKING = {
+    "worker": {"id": "w", "host": "h", "versions": {}},
+    "models": ["ishigami"],
+    "max_instances": 1,
+}
+
+
+def bearing(app: FastAPI, *scopes: str) -> tuple[str, dict[str, str]]:
+    token, secret = tokens.create(app.state.engine, name="n", scopes=scopes, now=1.0)
+    return token.id, {"Authorization": f"Bearer {secret}"}
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "scope"),
+    [
+        ("GET", "/v1/studies", "read"),
+        ("GET", "/metrics", "read"),
+        ("HEAD", "/v1/studies/a/progress", "read"),
+        ("POST", "/v1/studies", "submit"),
+        ("DELETE", "/v1/studies/a", "submit"),
+        ("POST", "/v1/studies/a/rerun", "submit"),
+        ("POST", "/v1/leases", "work"),
+        ("POST", "/v1/leases/a/renew", "work"),
+        ("POST", "/v1/results", "work"),
+    ],
+)
+def test_every_request_needs_one_scope(method: str, path: str, scope: str) -> None:
+    assert scope_needed(method, path) == scope
+    assert may(["admin"], scope)
+    assert not may([s for s in ("read", "work", "submit") if s != scope], scope)
+
+
+def test_a_token_may_do_what_its_scopes_say_and_is_told_what_it_lacks(
+    client: TestClient, app: FastAPI
+) -> None:
+    _, worker = bearing(app, "work")
+    _, reader = bearing(app, "read")
+    _, both = bearing(app, "submit", "read")
+    assert client.post("/v1/studies", json=STUDY, headers=both).status_code == 201
+    assert client.post("/v1/leases", json=ASKING, headers=worker).status_code == 201
+    assert client.get("/v1/studies", headers=reader).status_code == 200
+    refused = client.post("/v1/studies", json=STUDY, headers=reader)
+    assert refused.status_code == 403
+    assert refused.json()["detail"] == "this needs a token with the scope submit; yours has read"
+    assert client.get("/v1/workers", headers=worker).status_code == 403
+    assert client.post("/v1/leases", json=ASKING, headers=both).status_code == 403
+
+
+def test_a_revoked_token_is_good_for_seconds_only(
+    client: TestClient, app: FastAPI, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [1000.0]
+    monkeypatch.setattr("server.guards.monotonic", lambda: now[0])
+    token_id, headers = bearing(app, "read")
+    assert client.get("/v1/studies", headers=headers).status_code == 200
+    tokens.revoke(app.state.engine, token_id, now=2.0)
+    now[0] += 5.1
+    assert client.get("/v1/studies", headers=headers).status_code == 401
+
+
+def test_guessing_is_cut_short_and_harms_nobody_who_knows(
+    client: TestClient, app: FastAPI, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [1000.0]
+    monkeypatch.setattr("server.guards.monotonic", lambda: now[0])
+    _, good = bearing(app, "read")
+    assert client.get("/v1/studies", headers=good).status_code == 200
+    wrong = {"Authorization": "Bearer guess"}
+    answers = [client.get("/v1/studies", headers=wrong).status_code for _ in range(FAILURES + 2)]
+    assert answers == [401] * FAILURES + [429] * 2
+    assert client.get("/v1/studies", headers=wrong).headers["retry-after"] == "60"
+    now[0] += 10.0
+    assert client.get("/v1/studies", headers=good).status_code == 200
+    _, unknown = bearing(app, "read")
+    assert client.get("/v1/studies", headers=unknown).status_code == 429
+    assert client.get("/v1/studies").status_code == 200, "the operator's own token"
+    now[0] += 61.0
+    assert client.get("/v1/studies", headers=wrong).status_code == 401
+
+
+def test_failures_are_forgotten_after_a_while() -> None:
+    failures = Failures()
+    for second in range(FAILURES):
+        assert not failures.too_many("a", float(second))
+        failures.count("a", float(second))
+    assert failures.too_many("a", 30.0)
+    assert not failures.too_many("b", 30.0)
+    assert not failures.too_many("a", 61.0)
+
+
+def test_the_database_holds_no_secret(engine: Engine) -> None:
+    token, secret = tokens.create(engine, name="lab", scopes=["work", "work"], now=1.0)
+    assert token.scopes == ("work",)
+    with reading(engine) as connection:
+        stored = repr(connection.execute(sa.select(tokens_table)).all())
+    assert secret not in stored
+    assert tokens.scopes_of(engine, secret.encode()) == ("work",)
+    assert tokens.scopes_of(engine, b"\xff other") == ()
+
+
+def test_wrong_scopes_and_ids_are_refused(engine: Engine) -> None:
+    with pytest.raises(ConflictError, match="there is no scope 'root': take submit, work"):
+        tokens.create(engine, name="n", scopes=["root"], now=1.0)
+    with pytest.raises(ConflictError, match="a token needs a scope"):
+        tokens.create(engine, name="n", scopes=[], now=1.0)
+    with pytest.raises(NotFoundError, match="rehyb token list"):
+        tokens.revoke(engine, "nothing", now=1.0)
+
+
+def test_tokens_are_made_listed_and_revoked_by_command(
+    url: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(*arguments: str) -> Any:
+        monkeypatch.setenv("REHYB_DATABASE_URL", url)
+        monkeypatch.setattr("sys.argv", ["rehyb", "token", *arguments, "--json"])
+        with pytest.raises(SystemExit) as leaving:
+            main()
+        assert not leaving.value.code
+        return json.loads(capsys.readouterr().out)
+
+    made = run("create", "lab-pc", "--scope", "work")
+    assert (made["name"], made["scopes"]) == ("lab-pc", ["work"])
+    assert made["token"].startswith("rehyb_")
+    assert [token["id"] for token in run("list")["tokens"]] == [made["id"]]
+    assert run("revoke", made["id"])["revoked_at"] is not None

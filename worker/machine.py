@@ -1,0 +1,75 @@
+"""What this machine is, as far as it decides which bits a simulation comes out with."""
+
+import hashlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import sim
+from rehyb.errors import RehybError
+from sim.evaluation import versions
+
+#: Seconds the canary may take: half a second of simulation, and MuJoCo's first start from a disk
+#: that sleeps.
+CANARY_SECONDS = 120.0
+#: Evaluates the nominal elbow and prints a digest of the bits of its outputs.
+_CANARY = """
+import hashlib, json, time
+from sim.evaluation import evaluate
+done = evaluate("elbow", {})
+bits = json.dumps([done.outcome, [float(value).hex() for value in done.outputs.values()]])
+print(json.dumps([hashlib.sha256(bits.encode()).hexdigest()[:16], done.wall_seconds]))
+"""
+
+
+class CanaryError(RehybError):
+    """This machine cannot evaluate the nominal elbow."""
+
+
+def describe() -> dict[str, str]:
+    """Return the versions of everything that decides the bits, and a digest of some of the bits.
+
+    Raises:
+        CanaryError: the nominal elbow cannot be evaluated here.
+    """
+    return {**versions(), "code": code(), "canary": canary()[0]}
+
+
+def code() -> str:
+    """Return a digest of the sources of `sim`: it tells a changed model that no version tells."""
+    folder = Path(str(sim.__file__)).parent
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        digest.update(path.relative_to(folder).as_posix().encode() + b"\0")
+        digest.update(path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def canary(program: str = _CANARY) -> tuple[str, float]:
+    """Evaluate the nominal elbow in a process of its own.
+
+    Returns:
+        A digest of the bits of its outputs, and how many seconds the evaluation took.
+
+    Raises:
+        CanaryError: it crashes, hangs, or comes out as nothing that can be compared.
+    """
+    try:
+        ran = subprocess.run(
+            [sys.executable, "-c", program],
+            capture_output=True,
+            text=True,
+            timeout=CANARY_SECONDS,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise CanaryError(
+            f"the nominal elbow took more than {CANARY_SECONDS:g} s: this machine is too slow, "
+            "or MuJoCo hangs on it"
+        ) from None
+    if ran.returncode != 0:
+        said = ran.stderr.strip().splitlines() or [f"exit status {ran.returncode}"]
+        raise CanaryError(f"the nominal elbow cannot be evaluated on this machine: {said[-1]}")
+    digest, seconds = json.loads(ran.stdout)
+    return str(digest), float(seconds)
