@@ -4,10 +4,10 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check bench picture clean
+.PHONY: help demo test check bench bench-closeloop picture clean
 
 help:  ## Say what each target does
-	@grep -hE '^[a-z]+:.*## ' Makefile | awk -F ':.*## ' '{printf "  make %-9s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' Makefile | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
 
 demo: $(READY)  ## Run the paper's two-phase study here, small; Ctrl-C and again resumes
 	$(BIN)/rehyb campaign run --preset demo --local-workers 2 --directory demo
@@ -24,6 +24,9 @@ check: $(READY)  ## Lint, format, types and the unit tests
 bench: $(READY)  ## Print the figures that README and docs quote
 	$(BIN)/python -m benchmarks.table_1
 	$(BIN)/python -m benchmarks.service
+
+bench-closeloop: $(READY)  ## Print how often closing the loop names the right effect
+	$(BIN)/python -m benchmarks.closeloop
 
 picture: $(READY)  ## Draw the arm in the exoskeleton (docs/system.png)
 	$(BIN)/python -m sim.rendering docs/system.png

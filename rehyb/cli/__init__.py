@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from rehyb.cli import campaigns, services, simulation, studies
+from rehyb.cli import campaigns, loop, services, simulation, studies
 from rehyb.errors import Invalid, RehybError
 
 app = typer.Typer(
@@ -26,6 +26,7 @@ app.command()(services.analysis)
 app.command()(studies.workers)
 app.command()(simulation.assess)
 app.command()(simulation.validate)
+app.command()(loop.close_loop)
 
 
 def main() -> None:
