@@ -134,7 +134,7 @@ def _effects(found: Trace, rng: np.random.Generator) -> list[dict[str, Any]]:
     steps = sorted(found.steps, key=lambda step: -_share(step))
     named = found.verdict != "not_identifiable"
     model, coefficients = found.model, found.score.coefficients
-    if not named:
+    if not named and steps:
         model = found.steps[0].taken.model
         coefficients = found.steps[0].taken.score.coefficients
     draws, thetas = bootstrap(model, found.rows, coefficients, rng) if steps else (None, {})

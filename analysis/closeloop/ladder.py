@@ -5,15 +5,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.closeloop.catalogue import candidates
+from analysis.closeloop.catalogue import RUBBING, candidates
 from analysis.closeloop.catalogue.effect import Candidate, Columns, Estimate, Theta
-from analysis.closeloop.model import Channel, Model, Term, estimate_of, evaluate
+from analysis.closeloop.model import Channel, Model, Term, estimate_of, evaluate, kept_columns
 from analysis.closeloop.regression import Rows, Score, Variant, compare, keep_independent, score
 
 #: An effect whose torque the declared unknowns imitate to this share cannot be named.
 MIN_UNIQUE = 0.02
+#: A little of what a Dahl spring stores comes back; more than this share is a drive.
+MAX_GIVEN = 0.25
 #: A gain or lag beyond these is another effect in disguise.
 GAINS = (0.33, 3.0)
+ONE_WAY = (
+    "the only trial moves in one direction: friction, damping, stiffness and neutral angle cannot "
+    "be told apart"
+)
 REFINEMENTS = (1.0, 0.5, 0.25, 0.12)
 #: Options of a ladder that are refined before they are compared.
 CONTENDERS = 6
@@ -94,6 +100,9 @@ def _try(
         gain = 1.0 + float(scored.coefficients[-1])
         if not 1.0 / GAINS[1] < gain < 1.0 / GAINS[0]:
             return None
+    rubs = effect.name in RUBBING and not _corrects(model, candidate)
+    if rubs and _drives(tried, scored, candidate):
+        return None
     gain, error = compare(current.losses, scored.losses)
     return Option(
         candidate=candidate,
@@ -103,6 +112,25 @@ def _try(
         z=gain / error,
         refused=_refusal(model, rows, candidate, scored),
     )
+
+
+def _corrects(model: Model, candidate: Candidate) -> bool:
+    """Whether friction is declared at the joint: then the effect is a difference of either sign."""
+    device, joint = model.recording.device, candidate.joint
+    return bool(
+        device.friction[joint]
+        or device.model.dof_damping[joint]
+        or any(term.joint == joint and term.name in RUBBING for term in model.terms)
+    )
+
+
+def _drives(model: Model, scored: Score, candidate: Candidate) -> bool:
+    """Whether the fitted friction gives energy to the joint: then it is no friction."""
+    columns = kept_columns(model.terms[-1])[candidate.joint]
+    torque = columns @ scored.coefficients[-columns.shape[1] :]
+    power = torque * model.recording.velocity[:, candidate.joint]
+    given, taken = float(-power[power < 0].sum()), float(power[power > 0].sum())
+    return given > MAX_GIVEN * taken
 
 
 def _best_term(
@@ -205,11 +233,8 @@ def _estimate_beside(model: Model, current: Score, own: Term | None) -> Estimate
 
 def _refusal(model: Model, rows: Rows, candidate: Candidate, scored: Score) -> str:
     """Say why these trials cannot name the effect, or return nothing."""
-    if not rows.grouped and _one_way(rows, candidate.joint):
-        return (
-            "the only trial moves in one direction once: friction, inertia, stiffness and damping "
-            "cannot be told apart"
-        )
+    if not rows.grouped and one_way(rows, candidate.joint):
+        return ONE_WAY
     base, _ = model.base(rows)
     width = scored.variant.columns.shape[1] if scored.variant.columns.size else 0
     if not width or not base.shape[1]:
@@ -222,7 +247,8 @@ def _refusal(model: Model, rows: Rows, candidate: Candidate, scored: Score) -> s
     return ""
 
 
-def _one_way(rows: Rows, joint: int) -> bool:
+def one_way(rows: Rows, joint: int) -> bool:
+    """Whether the joint moves in one direction only."""
     velocity = rows.recording.velocity[rows.samples[joint], joint]
     forward = float(np.maximum(velocity, 0).sum())
     backward = float(np.maximum(-velocity, 0).sum())

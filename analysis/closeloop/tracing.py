@@ -13,7 +13,7 @@ from scipy.stats import norm
 
 from analysis.closeloop.catalogue import RUBBING
 from analysis.closeloop.ceiling import Ceiling, ceiling
-from analysis.closeloop.ladder import Option, ladder, refined
+from analysis.closeloop.ladder import ONE_WAY, Option, ladder, one_way, refined
 from analysis.closeloop.model import (
     Model,
     declared_model,
@@ -36,6 +36,9 @@ MIN_GAIN = 0.03
 EQUAL_SHARE = 0.015
 #: A name must bring the loss this near to what splines reach, over what there was to explain.
 MIN_EXPLAINED = 0.6
+#: A later effect has to take this share of what the first left: what a form that is a little wrong
+#: leaves behind is not another effect.
+MIN_LATER_GAIN = 0.2
 #: A gain that a few moments carry (inertia, at the ends of a ramp) has a large error of its own:
 #: one of this share is real too if it exceeds fewer errors but comes back in nearly every fold.
 LARGE_GAIN, LARGE_Z, LARGE_FOLDS, LARGE_AGREE = 0.25, 2.5, 4, 0.8
@@ -80,7 +83,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     while len(steps) < MAX_EFFECTS:
         progress(f"candidates for effect {len(steps) + 1}")
         rungs = ladder(model, rows, current)
-        step = _choose(rungs, current, rows)
+        step = _choose(rungs, current, rows, MIN_LATER_GAIN if steps else MIN_GAIN)
         if step is None:
             break
         if step.taken.refused:
@@ -135,6 +138,8 @@ def _judged(found: Trace) -> Trace:
     left = found.ceiling_after
     remains = left.model_loss - left.ceiling_loss
     real = left.z > MIN_Z and remains > MIN_GAIN * left.model_loss
+    if not found.steps and _once(found.rows):
+        return replace(found, verdict="not_identifiable", notes=(ONE_WAY,))
     if not found.steps:
         return replace(found, verdict="unexplained" if real else "adequate")
     explained = found.ceiling_before.model_loss - left.model_loss
@@ -156,6 +161,11 @@ def _judged(found: Trace) -> Trace:
     return found
 
 
+def _once(rows: Rows) -> bool:
+    """Whether all there is to fit is one movement in one direction: K, D and q0 hide friction."""
+    return not rows.grouped and all(one_way(rows, joint) for joint in rows.samples)
+
+
 def _unnamed(
     rows: Rows, declared: Model, before: Score, step: Step, ceiling_before: Ceiling
 ) -> Trace:
@@ -165,7 +175,7 @@ def _unnamed(
         declared_score=before,
         model=declared,
         score=before,
-        steps=(step,),
+        steps=(replace(step, equals=_others(step)),),
         verdict="not_identifiable",
         ceiling_before=ceiling_before,
         ceiling_after=ceiling_before,
@@ -173,9 +183,14 @@ def _unnamed(
     )
 
 
-def _choose(rungs: list[Option], current: Score, rows: Rows) -> Step | None:
+def _others(step: Step) -> tuple[Option, ...]:
+    """Return every option that would pass for the one taken where nothing can be told apart."""
+    return tuple(o for o in step.ladder if o is not step.taken and o.gain > 0.5 * step.taken.gain)
+
+
+def _choose(rungs: list[Option], current: Score, rows: Rows, least: float) -> Step | None:
     """Return the simplest option that is as good as the best, or None if none is worth adding."""
-    worth = [o for o in rungs if _worth(o, current, rows)]
+    worth = [o for o in rungs if _worth(o, current, rows, least)]
     if not worth:
         return None
     best = worth[0]
@@ -193,9 +208,9 @@ def _choose(rungs: list[Option], current: Score, rows: Rows) -> Step | None:
     )
 
 
-def _worth(option: Option, current: Score, rows: Rows) -> bool:
-    """Whether a gain is more than luck."""
-    if option.z > MIN_Z and option.gain > MIN_GAIN * current.loss:
+def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
+    """Whether a gain is more than luck, and at least a share of the loss."""
+    if option.z > MIN_Z and option.gain > least * current.loss:
         return True
     folds = np.bincount(rows.fold_of_block, current.losses - option.score.losses)
     return (
@@ -233,7 +248,7 @@ def _retested(
             model, current = rest, without
             steps = [s for s in steps if s is not step]
             continue
-        again = _choose(ladder(rest, rows, without), without, rows)
+        again = _choose(ladder(rest, rows, without), without, rows, MIN_LATER_GAIN)
         if again is None or again.taken.refused:
             continue
         changed, rescored = refined(again.taken, rows)
