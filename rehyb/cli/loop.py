@@ -1,13 +1,14 @@
 """The command that closes the loop with measured data: `close-loop`."""
 
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from rehyb.cli.options import AsJson, print_json
-from rehyb.errors import Invalid
+from rehyb.errors import Invalid, RehybError
 
 
 def close_loop(
@@ -21,6 +22,8 @@ def close_loop(
 
     Exit status 2 if the session cannot be analysed; then nothing is written.
     """
+    if find_spec("matplotlib") is None:
+        raise RehybError("the report needs pictures: pip install 'rehyb[figures]'")
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.loop import close_loop as close
 

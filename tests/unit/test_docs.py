@@ -39,7 +39,7 @@ def test_every_rehyb_command_in_the_readme_exists() -> None:
     code = "\n".join(
         re.findall(r"`([^`\n]+)`", README) + re.findall(r"```sh\n(.*?)```", README, re.S)
     )
-    commands = set(re.findall(r"\brehyb ((?:study |campaign )?[a-z]+)", code))
+    commands = set(re.findall(r"\brehyb ((?:study |campaign )?[a-z-]+)", code))
     verbs = re.search(r"rehyb study ([a-z]+(?:\|[a-z]+)+)", README)
     assert verbs is not None
     commands |= {f"study {verb}" for verb in verbs[1].split("|")}
