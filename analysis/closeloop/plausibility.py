@@ -140,8 +140,8 @@ def saturated_line(effort: np.ndarray) -> int | None:
 def check_signs(recording: Recording) -> None:
     """Refuse a session whose effort has the opposite sign of the joint axis.
 
-    A passive joint takes energy from the motor, and inertia and gravity are declared: if the
-    fit wants to turn both round, the effort was recorded the other way.
+    A passive joint takes energy from the motor, and inertia and gravity are declared: if
+    the joint drives the motor, and inertia or stiffness comes out negative too, a sign is wrong.
 
     Raises:
         SessionError: names the joint's effort column in the first trial.
@@ -154,22 +154,30 @@ def check_signs(recording: Recording) -> None:
         position = recording.position[rows, joint]
         moving = np.tanh(velocity / recording.rest_speed[joint])
         unknown = np.column_stack([np.ones_like(velocity), position, velocity, moving])
-        free = unknown - unknown.mean(axis=0)
-        left = known - known.mean()
-        left = left - free @ np.linalg.lstsq(free, left, rcond=None)[0]
-        if float(left @ left) < 1e-4 * float(effort @ effort):
-            continue
         table = np.column_stack([known, unknown])
         found = np.linalg.lstsq(table, effort, rcond=None)[0]
         rest = effort - table @ found
-        explained = 1.0 - float(rest @ rest) / float(((effort - effort.mean()) ** 2).sum())
+        spread = float(((effort - effort.mean()) ** 2).sum())
+        explained = 1.0 - float(rest @ rest) / max(spread, 1e-300)
         power = float((velocity * (table[:, 3:] @ found[3:])).mean())
-        if -1.5 < found[0] < -0.5 and explained > 0.8 and power < 0:
-            name = recording.device.joints[joint]
+        scale = float(np.sqrt((effort**2).mean() * (velocity**2).mean()))
+        both_ways = abs(float(velocity.sum())) < 0.5 * float(np.abs(velocity).sum())
+        if explained < 0.8 or power > -0.02 * scale or not both_ways:
+            continue
+        turned = -1.5 < found[0] < -0.5 and _independent(known, unknown, effort)
+        name = recording.device.joints[joint]
+        first = recording.session.trials[recording.fit_trials[0]].file
+        if turned or found[2] < 0:
             raise SessionError(
-                f"has the opposite sign of what {name} needs by the model; "
-                "effort is positive along the joint's axis",
-                file=recording.session.trials[recording.fit_trials[0]].file,
+                f"has the opposite sign of what {name} needs: as recorded, the joint drives the "
+                "motor; effort is positive along the joint's axis, as position is",
+                file=first,
                 column=f"{name}.effort",
                 line=2,
             )
+
+
+def _independent(known: np.ndarray, unknown: np.ndarray, effort: np.ndarray) -> bool:
+    """Whether the declared torque is large, and not a mixture of the unknowns' columns."""
+    left = known - unknown @ np.linalg.lstsq(unknown, known, rcond=None)[0]
+    return float(left @ left) > 1e-4 * float(effort @ effort)

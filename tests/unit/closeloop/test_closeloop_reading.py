@@ -146,6 +146,11 @@ def test_an_effort_of_the_other_sign_is_refused(folder: Folder) -> None:
     assert error.column == "elbow.effort" and "sign" in str(error)
 
 
+def test_a_position_of_the_other_sign_is_refused(folder: Folder) -> None:
+    folder.table[:, 2:4] *= -1
+    assert "sign" in str(refusal(folder))
+
+
 def test_a_saturated_effort_is_refused(folder: Folder) -> None:
     limit = np.quantile(folder.table[:, 4], 0.9)
     folder.table[:, 4] = np.minimum(folder.table[:, 4], limit)
