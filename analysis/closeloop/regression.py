@@ -62,6 +62,16 @@ class Rows:
         effort = [self.recording.effort[samples, joint] for joint, samples in self.samples.items()]
         return np.asarray(np.concatenate(effort) * self.weight)
 
+    def effort_power(self, joint: int) -> float:
+        """Return the sum of squares of one joint's weighted effort."""
+        start = 0
+        for number, samples in self.samples.items():
+            if number == joint:
+                effort = self.recording.effort[samples, joint]
+                return float(((effort * self.weight[start : start + len(samples)]) ** 2).sum())
+            start += len(samples)
+        return 0.0
+
     def reweighted(self, noise: Mapping[int, float]) -> "Rows":
         """Return the same rows with every joint's noise as the unit of its residual."""
         weight = [np.full(len(s), 1.0 / noise[joint]) for joint, s in self.samples.items()]

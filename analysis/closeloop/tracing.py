@@ -39,6 +39,11 @@ MIN_EXPLAINED = 0.6
 #: A later effect has to take this share of what the first left: what a form that is a little wrong
 #: leaves behind is not another effect.
 MIN_LATER_GAIN = 0.2
+#: ... and this share of what the declared model left.
+MIN_LATER_SHARE = 0.01
+#: Least torque that an effect must explain, over the joint's effort (both root mean square): less
+#: than that is what smoothing, or a joint that is not quite held, does to the declared torque.
+MIN_TORQUE = 0.008
 #: A gain that a few moments carry (inertia, at the ends of a ramp) has a large error of its own:
 #: one of this share is real too if it exceeds fewer errors but comes back in nearly every fold.
 LARGE_GAIN, LARGE_Z, LARGE_FOLDS, LARGE_AGREE = 0.25, 2.5, 4, 0.8
@@ -83,7 +88,8 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     while len(steps) < MAX_EFFECTS:
         progress(f"candidates for effect {len(steps) + 1}")
         rungs = ladder(model, rows, current)
-        step = _choose(rungs, current, rows, MIN_LATER_GAIN if steps else MIN_GAIN)
+        least = _least_later(current, before) if steps else MIN_GAIN * current.loss
+        step = _choose(rungs, current, rows, least)
         if step is None:
             break
         if step.taken.refused:
@@ -97,7 +103,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         steps.append(replace(step, taken=replace(step.taken, model=model, score=current)))
     if len(steps) > 1:
         progress("each effect again, beside the others")
-        model, current, steps = _retested(model, current, steps, rows, declared)
+        model, current, steps = _retested(model, current, steps, rows, before)
     ceiling_after = ceiling(model, rows) if steps else ceiling_before
     return _with_rests(
         _judged(
@@ -209,8 +215,10 @@ def _choose(rungs: list[Option], current: Score, rows: Rows, least: float) -> St
 
 
 def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
-    """Whether a gain is more than luck, and at least a share of the loss."""
-    if option.z > MIN_Z and option.gain > least * current.loss:
+    """Whether a gain is more than luck, and large enough to matter."""
+    if option.gain < MIN_TORQUE**2 * rows.effort_power(option.candidate.joint):
+        return False
+    if option.z > MIN_Z and option.gain > least:
         return True
     folds = np.bincount(rows.fold_of_block, current.losses - option.score.losses)
     return (
@@ -229,8 +237,13 @@ def _nested(option: Option, taken: Option) -> bool:
     )
 
 
+def _least_later(current: Score, before: Score) -> float:
+    """Return the held-out loss that a second or third effect has to take away."""
+    return max(MIN_LATER_GAIN * current.loss, MIN_LATER_SHARE * before.loss)
+
+
 def _retested(
-    model: Model, current: Score, steps: list[Step], rows: Rows, declared: Model
+    model: Model, current: Score, steps: list[Step], rows: Rows, before: Score
 ) -> tuple[Model, Score, list[Step]]:
     """Take each effect out again: drop it if it is not missed, or let a better name replace it."""
     for step in list(steps):
@@ -248,7 +261,8 @@ def _retested(
             model, current = rest, without
             steps = [s for s in steps if s is not step]
             continue
-        again = _choose(ladder(rest, rows, without), without, rows, MIN_LATER_GAIN)
+        least = _least_later(without, before)
+        again = _choose(ladder(rest, rows, without), without, rows, least)
         if again is None or again.taken.refused:
             continue
         changed, rescored = refined(again.taken, rows)
