@@ -216,9 +216,10 @@ def _choose(rungs: list[Option], current: Score, rows: Rows, least: float) -> St
 
 def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
     """Whether a gain is more than luck, and large enough to matter."""
-    if option.gain < MIN_TORQUE**2 * rows.effort_power(option.candidate.joint):
+    matters = MIN_TORQUE**2 * rows.effort_power(option.candidate.joint)
+    if option.gain <= max(least, matters):
         return False
-    if option.z > MIN_Z and option.gain > least:
+    if option.z > MIN_Z:
         return True
     folds = np.bincount(rows.fold_of_block, current.losses - option.score.losses)
     return (
