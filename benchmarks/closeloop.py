@@ -143,8 +143,8 @@ def print_table(outcomes: list[Outcome]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", nargs=2, type=int, default=(1000, 3), metavar=("FIRST", "COUNT"))
-    parser.add_argument("--clean", type=int, default=40, help="clean sessions")
+    parser.add_argument("--seeds", nargs=2, type=int, default=(1000, 1), metavar=("FIRST", "COUNT"))
+    parser.add_argument("--clean", type=int, default=24, help="clean sessions")
     parser.add_argument("--effects", nargs="*", help="only these effects, one at a time")
     parser.add_argument("--processes", type=int, default=2)
     options = parser.parse_args()
