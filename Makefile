@@ -4,10 +4,10 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check soak bench bench-sim bench-analysis curves picture clean
+.PHONY: help demo test check soak bench bench-sim bench-analysis bench-closeloop curves picture clean
 
 help:  ## Say what each target does
-	@grep -hE '^[a-z-]+:.*## ' Makefile | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' Makefile | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
 
 demo: $(READY)  ## Run the paper's two-phase study here, small; Ctrl-C and again resumes
 	$(BIN)/rehyb campaign run --preset demo --local-workers 2 --directory demo
@@ -36,6 +36,9 @@ curves: $(READY)  ## Draw what each factor does alone (docs/one_at_a_time.png)
 
 bench-analysis: $(READY)  ## Errors, coverage and speed of the indices beside SALib and SciPy
 	$(BIN)/python -m benchmarks.analysis
+
+bench-closeloop: $(READY)  ## Print how often closing the loop names the right effect
+	$(BIN)/python -m benchmarks.closeloop
 
 picture: $(READY)  ## Draw the arm in the exoskeleton (docs/system.png)
 	$(BIN)/python -m sim.rendering docs/system.png

@@ -136,6 +136,7 @@ def add_slide(spec: mujoco.MjSpec, compliance: float) -> None:
     forearm = CUFFS[1]
     slide = spec.body(forearm.link).add_body(name=SLIDE)
     slide.explicitinertial = True
+    slide.ipos = [0.0, 0.0, 0.0]
     slide.mass, slide.inertia = 1e-6, [1e-9] * 3
     slide.add_joint(
         name=SLIDE,

@@ -4,7 +4,7 @@ It is what a clinic knows: the reference wearer's lengths and masses, the device
 and motors. The arm's segments ride rigidly on the links that carry their cuffs, so q = theta.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import mujoco
@@ -15,7 +15,10 @@ from sim.exoskeleton import add_exoskeleton
 from sim.interface import CUFFS, STRAP_MASS
 from sim.skeleton import add_arm, empty_spec, fill_forearm, fill_upper_arm
 from sim.soft_tissue import ELEMENT_RADIUS, Sleeve, sleeves
-from sim.wearer import NOMINAL_WEARER
+from sim.wearer import NOMINAL_WEARER, Wearer
+
+#: Reference person of the paper's section 2.3.
+REFERENCE_HEIGHT, REFERENCE_MASS = 1.75, 70.0
 
 #: The nominal model's motors are not driven: their torque is measured.
 NO_GAINS = Gains(kp=0.0, kv=0.0, ki=0.0)
@@ -74,9 +77,28 @@ def nominal_model(*, attachments: bool = True) -> NominalModel:
 
     Args:
         attachments: whether tissue and straps are declared. The authors' published nominal model
-        leaves
-            both out, which their form of the regression needs.
+            leaves both out, which their form of the regression needs.
     """
+    return NominalModel(model=nominal_spec(attachments=attachments).compile())
+
+
+def nominal_spec(
+    *,
+    attachments: bool = True,
+    height_m: float = REFERENCE_HEIGHT,
+    mass_kg: float = REFERENCE_MASS,
+) -> mujoco.MjSpec:
+    """Return the nominal model as a spec, with the arm scaled to a subject.
+
+    Segment lengths scale with height and segment masses with body mass, as the anthropometric
+    tables do that the paper takes its reference person from (section 2.3). The joints stay aligned.
+
+    Args:
+        attachments: whether tissue and straps are declared.
+        height_m: the subject's height, m.
+        mass_kg: the subject's mass, kg.
+    """
+    wearer = _subject(height_m / REFERENCE_HEIGHT, mass_kg / REFERENCE_MASS)
     spec = empty_spec()
     # The declared joints have no stops: what a stop would add to the inverse is not a human torque.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -84,15 +106,28 @@ def nominal_model(*, attachments: bool = True) -> NominalModel:
     arm = _aligned_arm_poses()
     humerus = spec.body("link_3").add_body(name="humerus", **arm["humerus"])
     # fill_upper_arm hangs an ulna on the humerus, which the forearm's link carries instead.
-    spec.delete(fill_upper_arm(humerus, NOMINAL_WEARER))
+    spec.delete(fill_upper_arm(humerus, wearer))
     ulna = spec.body("link_4").add_body(name="ulna", **arm["ulna"])
-    fill_forearm(ulna, NOMINAL_WEARER)
+    fill_forearm(ulna, wearer)
     if attachments:
-        for cuff, sleeve, bone in zip(CUFFS, sleeves(NOMINAL_WEARER), (humerus, ulna), strict=True):
+        for cuff, sleeve, bone in zip(CUFFS, sleeves(wearer), (humerus, ulna), strict=True):
             _add_sleeve(bone, sleeve)
             strap = spec.body(cuff.link).add_body(name=f"{cuff.name}_strap", pos=list(cuff.centre))
             _set_inertia(strap, STRAP_MASS, radius=cuff.radius, length=cuff.length, axis=cuff.along)
-    return NominalModel(model=spec.compile())
+    return spec
+
+
+def _subject(length_scale: float, mass_scale: float) -> Wearer:
+    """Return the nominal wearer scaled; tissue keeps its mass, so the rest takes the difference."""
+    upper_arm, forearm = (sleeve.mass for sleeve in sleeves(NOMINAL_WEARER))
+    nominal = NOMINAL_WEARER
+    return replace(
+        nominal,
+        upper_arm_length=nominal.upper_arm_length * length_scale,
+        forearm_length=nominal.forearm_length * length_scale,
+        upper_arm_mass=(nominal.upper_arm_mass + upper_arm) * mass_scale - upper_arm,
+        forearm_mass=(nominal.forearm_mass + forearm) * mass_scale - forearm,
+    )
 
 
 def _aligned_arm_poses() -> dict[str, dict[str, list[float]]]:
@@ -134,5 +169,7 @@ def _set_inertia(
     """Give `body` the inertia of a thin-walled cylinder along `axis`."""
     across = mass * (radius**2 / 2 + length**2 / 12)
     body.explicitinertial = True
+    # Said, because an explicit inertia without a place is put at the body's own offset once more.
+    body.ipos = [0.0, 0.0, 0.0]
     body.mass = mass
     body.inertia = [mass * radius**2 if along else across for along in axis]

@@ -140,6 +140,7 @@ def add_soft_tissue(spec: mujoco.MjSpec, sleeve: Sleeve) -> None:
         pos=[(sleeve.start + sleeve.end) / 2, sleeve.axis_y, sleeve.axis_z],
     )
     core.explicitinertial = True
+    core.ipos = [0.0, 0.0, 0.0]
     core.mass = mass
     core.inertia = [mass * ELEMENT_RADIUS**2 * 0.4] * 3
     for ring, index in sleeve.places:

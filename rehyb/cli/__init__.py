@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from rehyb.cli import campaigns, reports, services, simulation, studies, surrogates, tokens
+from rehyb.cli import campaigns, loop, reports, services, simulation, studies, surrogates, tokens
 from rehyb.cli import control as control  # its commands join those of `studies`
 from rehyb.errors import Invalid, RehybError
 
@@ -30,6 +30,7 @@ app.command()(studies.workers)
 app.command()(reports.report)
 app.command()(simulation.assess)
 app.command()(simulation.validate)
+app.command()(loop.close_loop)
 
 
 def main() -> None:

@@ -39,7 +39,7 @@ def test_every_rehyb_command_in_the_readme_exists() -> None:
     code = "\n".join(
         re.findall(r"`([^`\n]+)`", README) + re.findall(r"```sh\n(.*?)```", README, re.S)
     )
-    commands = set(re.findall(r"\brehyb ((?:study |campaign )?[a-z]+)", code))
+    commands = set(re.findall(r"\brehyb ((?:study |campaign )?[a-z-]+)", code))
     lists = re.findall(r"rehyb study ([a-z]+(?:\|[a-z]+)+)", README)
     assert lists
     commands |= {f"study {verb}" for verbs in lists for verb in verbs.split("|")}

@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 
 from sim.nominal import nominal_model
+from sim.skeleton import add_arm, empty_spec
+from sim.soft_tissue import add_soft_tissue, sleeves
+from sim.wearer import NOMINAL_WEARER
 
 
 def energies(angles: np.ndarray) -> np.ndarray:
@@ -64,3 +67,31 @@ def test_the_published_nominal_arm_lacks_tissue_and_straps() -> None:
     declared, bare = nominal_model().model, nominal_model(attachments=False).model
     missing = declared.body_subtreemass[0] - bare.body_subtreemass[0]
     assert missing == pytest.approx(0.489 + 0.351 + 2 * 0.05)
+
+
+def test_the_declared_limbs_weigh_and_balance_as_the_simulated_nominal_ones() -> None:
+    """Two models built by different code; the simulated limbs carry their tissue as 97 bodies."""
+    spec = empty_spec()
+    add_arm(spec, NOMINAL_WEARER)
+    for sleeve in sleeves(NOMINAL_WEARER):
+        add_soft_tissue(spec, sleeve)
+    simulated, declared = spec.compile(), nominal_model().model
+    arm, forearm = moment_of(simulated, "humerus"), moment_of(simulated, "ulna")
+    # In the nominal model the forearm hangs on the robot's link, not on the humerus.
+    elbow = simulated.body("ulna").pos
+    upper_mass = arm[0] - forearm[0]
+    upper_moment = arm[1] - (forearm[1] + forearm[0] * elbow)
+    for expected, bone in (((upper_mass, upper_moment), "humerus"), (forearm, "ulna")):
+        mass, moment = moment_of(declared, bone)
+        assert mass == pytest.approx(expected[0])
+        assert moment == pytest.approx(expected[1], abs=1e-6)
+
+
+def moment_of(model: mujoco.MjModel, bone: str) -> tuple[float, np.ndarray]:
+    """Return mass (kg) of a bone and what hangs on it, and mass x centre in its frame (kg m)."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    body = data.body(bone)
+    mass = float(model.body_subtreemass[model.body(bone).id])
+    return mass, mass * (body.xmat.reshape(3, 3).T @ (body.subtree_com - body.xpos))

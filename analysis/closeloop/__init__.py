@@ -1,0 +1,1 @@
+"""Closing the loop with measured data: residual, trace it to an effect, add it, compare errors."""

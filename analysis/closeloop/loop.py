@@ -1,0 +1,67 @@
+"""Close the loop on a session: read, trace, repair, and write the report's four files."""
+
+import csv
+import json
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.closeloop.accuracy import TrialError
+from analysis.closeloop.answer import Answer, answer
+from analysis.closeloop.page import write_page
+from analysis.closeloop.repaired import repaired_model
+
+FILES = ("report.json", "report.html", "model_after.xml", "residuals.csv")
+
+
+def close_loop(
+    folder: Path, out: Path, progress: Callable[[str], None] = lambda _: None
+) -> dict[str, Any]:
+    """Analyse the session in `folder` and write `FILES` to `out`; return the report.
+
+    Everything is made beside `out` first: after an error nothing is there.
+
+    Raises:
+        SessionError: the session cannot be analysed.
+        OSError: `out` cannot be written.
+    """
+    found = answer(folder, progress)
+    report = found.report
+    xml, elements, warnings = repaired_model(found.recording.device, report)
+    for effect, element in zip(report["effects"], elements, strict=False):
+        effect["mujoco_element"] = element
+    report["warnings"] += warnings
+    progress("report")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=".close-loop-") as scratch:
+        fresh = Path(scratch)
+        (fresh / "report.json").write_text(
+            json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        )
+        (fresh / "model_after.xml").write_text(xml)
+        write_residuals(fresh / "residuals.csv", found)
+        write_page(fresh / "report.html", found)
+        out.mkdir(exist_ok=True)
+        for name in FILES:
+            shutil.move(str(fresh / name), str(out / name))
+    return report
+
+
+def write_residuals(path: Path, found: Answer) -> None:
+    """Write effort and residual before and after of every trial, raw samples."""
+    recording = found.recording
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["file", "role", "joint", "time", "effort", "before", "after"])
+        after = {(error.trial, error.joint): error for error in found.after}
+        for error in found.before:
+            trial = recording.session.trials[error.trial]
+            other: TrialError = after[error.trial, error.joint]
+            name = recording.device.joints[error.joint]
+            table = np.column_stack([error.time, error.effort, error.residual, other.residual])
+            for row in table:
+                writer.writerow([trial.file, trial.role, name, *(f"{x:.6g}" for x in row)])

@@ -1,0 +1,281 @@
+"""Trace a residual to effects: gates, left-out groups, the simplest within one standard error.
+
+Effects are added one at a time, at most three, each because it predicts trials that it was not
+fitted to. A name is given only if these trials can tell it from what is declared, and only if it
+explains most of what is explainable at all.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from analysis.closeloop.catalogue import RUBBING
+from analysis.closeloop.ceiling import Ceiling, ceiling
+from analysis.closeloop.ladder import ONE_WAY, Option, ladder, one_way, refined
+from analysis.closeloop.model import (
+    Model,
+    declared_model,
+    evaluate,
+)
+from analysis.closeloop.recording import Recording
+from analysis.closeloop.regression import (
+    Rows,
+    Score,
+    compare,
+    select_rows,
+)
+
+MAX_EFFECTS = 3
+#: A gain must exceed this many of its standard errors: some 30 candidates at each of three steps.
+MIN_Z = 4.0
+#: ... and this share of the held-out loss, below which no number in a report would change.
+MIN_GAIN = 0.03
+#: Candidates whose gain differs by less than this share of the best count as equal.
+EQUAL_SHARE = 0.015
+#: A name must bring the loss this near to what splines reach, over what there was to explain.
+MIN_EXPLAINED = 0.6
+#: A later effect has to take this share of what the first left: what a form that is a little wrong
+#: leaves behind is not another effect.
+MIN_LATER_GAIN = 0.2
+#: ... and this share of what the declared model left.
+MIN_LATER_SHARE = 0.01
+#: Least torque that an effect must explain, over the joint's effort (both root mean square): less
+#: than that is what smoothing, or a joint that is not quite held, does to the declared torque.
+MIN_TORQUE = 0.008
+#: A gain that a few moments carry (inertia, at the ends of a ramp) has a large error of its own:
+#: one of this share is real too if it exceeds fewer errors but comes back in nearly every fold.
+LARGE_GAIN, LARGE_Z, LARGE_FOLDS, LARGE_AGREE = 0.25, 2.5, 4, 0.8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One effect added: the option taken, its equals, and the whole ladder for the report."""
+
+    taken: Option
+    equals: tuple[Option, ...]
+    ladder: tuple[Option, ...]
+    before: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trace:
+    """What tracing found."""
+
+    rows: Rows
+    declared: Model
+    declared_score: Score
+    model: Model
+    score: Score
+    steps: tuple[Step, ...]
+    verdict: str
+    #: Splines beyond the declared and beyond the final model.
+    ceiling_before: Ceiling
+    ceiling_after: Ceiling
+    notes: tuple[str, ...] = ()
+
+
+def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None) -> Trace:
+    """Find what the declared model of a recording lacks."""
+    rows = select_rows(recording, recording.fit_trials)
+    declared = declared_model(recording, rows)
+    progress("what splines can explain")
+    rows = rows.reweighted(ceiling(declared, rows).noise)
+    before = evaluate(declared, rows)
+    ceiling_before = ceiling(declared, rows)
+    model, current, steps = declared, before, list[Step]()
+    while len(steps) < MAX_EFFECTS:
+        progress(f"candidates for effect {len(steps) + 1}")
+        rungs = ladder(model, rows, current)
+        least = _least_later(current, before) if steps else MIN_GAIN * current.loss
+        step = _choose(rungs, current, rows, least)
+        if step is None:
+            break
+        if step.taken.refused:
+            if not steps:
+                return _unnamed(rows, declared, before, step, ceiling_before)
+            break
+        model, current = refined(step.taken, rows)
+        active = {candidate.key for candidate in model.effects}
+        # A richer friction replaces the plain one that an earlier step added.
+        steps = [s for s in steps if s.taken.candidate.key in active]
+        steps.append(replace(step, taken=replace(step.taken, model=model, score=current)))
+    if len(steps) > 1:
+        progress("each effect again, beside the others")
+        model, current, steps = _retested(model, current, steps, rows, before)
+    ceiling_after = ceiling(model, rows) if steps else ceiling_before
+    return _with_rests(
+        _judged(
+            Trace(
+                rows=rows,
+                declared=declared,
+                declared_score=before,
+                model=model,
+                score=current,
+                steps=tuple(steps),
+                verdict="effect_found" if steps else "adequate",
+                ceiling_before=ceiling_before,
+                ceiling_after=ceiling_after,
+            )
+        )
+    )
+
+
+def _with_rests(found: Trace) -> Trace:
+    """Fit once more with the samples at rest, unless friction makes them worthless."""
+    recording = found.rows.recording
+    declared = {entry.effect for entry in recording.session.declared}
+    names = {step.taken.candidate.effect.name for step in found.steps} | declared
+    if names & RUBBING or np.any(recording.device.friction) or found.verdict == "unexplained":
+        return found
+    rows = select_rows(recording, recording.fit_trials, rests=True)
+    rows = rows.reweighted(found.ceiling_before.noise)
+    return replace(
+        found,
+        rows=rows,
+        declared_score=evaluate(found.declared, rows),
+        score=evaluate(found.model, rows),
+    )
+
+
+def _judged(found: Trace) -> Trace:
+    """Withhold names that leave too much of what is explainable."""
+    left = found.ceiling_after
+    remains = left.model_loss - left.ceiling_loss
+    real = left.z > MIN_Z and remains > MIN_GAIN * left.model_loss
+    if not found.steps and _once(found.rows):
+        return replace(found, verdict="not_identifiable", notes=(ONE_WAY,))
+    if not found.steps:
+        return replace(found, verdict="unexplained" if real else "adequate")
+    explained = found.ceiling_before.model_loss - left.model_loss
+    if real and explained < MIN_EXPLAINED * (explained + remains):
+        names = ", ".join(step.taken.candidate.effect.name for step in found.steps)
+        return replace(
+            found,
+            verdict="unexplained",
+            model=found.declared,
+            score=found.declared_score,
+            steps=(),
+            ceiling_after=found.ceiling_before,
+            notes=(
+                f"{names} came nearest, but left "
+                f"{100 * remains / (explained + remains):.0f} % of the explainable residual; "
+                "no name is given",
+            ),
+        )
+    return found
+
+
+def _once(rows: Rows) -> bool:
+    """Whether all there is to fit is one movement in one direction: K, D and q0 hide friction."""
+    return not rows.grouped and all(one_way(rows, joint) for joint in rows.samples)
+
+
+def _unnamed(
+    rows: Rows, declared: Model, before: Score, step: Step, ceiling_before: Ceiling
+) -> Trace:
+    return Trace(
+        rows=rows,
+        declared=declared,
+        declared_score=before,
+        model=declared,
+        score=before,
+        steps=(replace(step, equals=_others(step)),),
+        verdict="not_identifiable",
+        ceiling_before=ceiling_before,
+        ceiling_after=ceiling_before,
+        notes=(step.taken.refused,),
+    )
+
+
+def _others(step: Step) -> tuple[Option, ...]:
+    """Return every option that would pass for the one taken where nothing can be told apart."""
+    return tuple(o for o in step.ladder if o is not step.taken and o.gain > 0.5 * step.taken.gain)
+
+
+def _choose(rungs: list[Option], current: Score, rows: Rows, least: float) -> Step | None:
+    """Return the simplest option that is as good as the best, or None if none is worth adding."""
+    worth = [o for o in rungs if _worth(o, current, rows, least)]
+    if not worth:
+        return None
+    best = worth[0]
+    equals = []
+    for option in worth:
+        lost, error = compare(option.score.losses, best.score.losses)
+        if lost <= error or lost <= EQUAL_SHARE * best.gain:
+            equals.append(option)
+    taken = min(equals, key=lambda o: (o.candidate.effect.complexity, -o.gain))
+    return Step(
+        taken=taken,
+        equals=tuple(o for o in equals if o is not taken and not _nested(o, taken)),
+        ladder=tuple(rungs),
+        before=current.loss,
+    )
+
+
+def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
+    """Whether a gain is more than luck, and large enough to matter."""
+    matters = MIN_TORQUE**2 * rows.effort_power(option.candidate.joint)
+    if option.gain <= max(least, matters):
+        return False
+    if option.z > MIN_Z:
+        return True
+    folds = np.bincount(rows.fold_of_block, current.losses - option.score.losses)
+    return (
+        option.gain > LARGE_GAIN * current.loss
+        and option.z > LARGE_Z
+        and len(folds) >= LARGE_FOLDS
+        and float((folds > 0).mean()) >= LARGE_AGREE
+    )
+
+
+def _nested(option: Option, taken: Option) -> bool:
+    """Whether one of the two is a special case of the other, which always fits as well."""
+    a, b = option.candidate, taken.candidate
+    return a.joint == b.joint and (
+        b.effect.name in a.effect.includes or a.effect.name in b.effect.includes
+    )
+
+
+def _least_later(current: Score, before: Score) -> float:
+    """Return the held-out loss that a second or third effect has to take away."""
+    return max(MIN_LATER_GAIN * current.loss, MIN_LATER_SHARE * before.loss)
+
+
+def _retested(
+    model: Model, current: Score, steps: list[Step], rows: Rows, before: Score
+) -> tuple[Model, Score, list[Step]]:
+    """Take each effect out again: drop it if it is not missed, or let a better name replace it."""
+    for step in list(steps):
+        if len(steps) < 2:
+            break
+        key = step.taken.candidate.key
+        rest = replace(
+            model,
+            terms=tuple(t for t in model.terms if t.candidate is None or t.candidate.key != key),
+            channels=tuple(c for c in model.channels if c.candidate.key != key),
+        )
+        without = evaluate(rest, rows)
+        missed, error = compare(without.losses, current.losses)
+        if missed < MIN_Z * error or missed < MIN_GAIN * without.loss:
+            model, current = rest, without
+            steps = [s for s in steps if s is not step]
+            continue
+        least = _least_later(without, before)
+        again = _choose(ladder(rest, rows, without), without, rows, least)
+        if again is None or again.taken.refused:
+            continue
+        changed, rescored = refined(again.taken, rows)
+        new = replace(again, taken=replace(again.taken, model=changed, score=rescored))
+        if again.taken.candidate.key == key or rescored.loss < current.loss:
+            active = {candidate.key for candidate in changed.effects}
+            model, current = changed, rescored
+            steps = [new if s is step else s for s in steps]
+            steps = [s for s in steps if s.taken.candidate.key in active]
+    return model, current, steps
+
+
+def p_value(z: float, tried: int) -> float:
+    """Return the chance of a gain of `z` standard errors by luck, over all candidates tried."""
+    return float(min(1.0, max(tried, 1) * norm.sf(z)))

@@ -1,0 +1,91 @@
+"""What is left that no catalogued effect explains: described, never given a physical name."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.signal import welch
+
+from analysis.closeloop.accuracy import TrialError
+from analysis.closeloop.ceiling import Ceiling, spectral_lines
+from analysis.closeloop.recording import Recording
+from analysis.closeloop.tracing import Trace
+
+
+def narrow_lines(
+    recording: Recording, errors: list[TrialError]
+) -> dict[int, list[tuple[float, float]]]:
+    """Return the narrow lines of each joint's raw residual, if any."""
+    rate = recording.sampling.recorded
+    found = {}
+    for joint in recording.joints:
+        residuals = []
+        for error in errors:
+            if error.joint == joint and len(error.time) > 1:
+                even = np.arange(error.time[0], error.time[-1], 1.0 / rate)
+                residuals.append(np.interp(even, error.time, error.residual))
+        lines = spectral_lines(residuals, rate)
+        if lines:
+            found[joint] = lines
+    return found
+
+
+def unexplained(
+    recording: Recording,
+    found: Trace,
+    errors: list[TrialError],
+    lines: Mapping[int, list[tuple[float, float]]],
+    verdict: str,
+) -> dict[str, Any]:
+    """Describe, per joint, what no effect explains: size, signals it depends on, band."""
+    left: Ceiling = found.ceiling_after
+    entries = {}
+    for joint in recording.joints:
+        name = recording.device.joints[joint]
+        depends = [signal for signal, _ in left.depends_on]
+        if joint in lines:
+            depends.append("time")
+        if not depends and verdict != "unexplained":
+            continue
+        own = [error for error in errors if error.joint == joint]
+        if not own:
+            continue
+        share = max(0.0, 1.0 - left.ceiling_loss / max(left.model_loss, 1e-300))
+        structured = share * smooth_part(recording, found, joint)
+        structured += sum(amplitude**2 / 2 for _, amplitude in lines.get(joint, []))
+        entries[name] = {
+            "rms": float(np.sqrt(structured)),
+            "unit": recording.device.unit(name),
+            "depends_on": list(dict.fromkeys(depends)),
+            "band_hz": _band(recording, own, lines.get(joint, [])),
+        }
+    return entries
+
+
+def _band(
+    recording: Recording, errors: list[TrialError], lines: list[tuple[float, float]]
+) -> list[float]:
+    """Return where 80 % of the residual's power above the white floor lies, Hz."""
+    if lines:
+        frequencies = [frequency for frequency, _ in lines]
+        return [0.9 * min(frequencies), 1.1 * max(frequencies)]
+    rate = recording.sampling.recorded
+    longest = max(errors, key=lambda error: len(error.time))
+    frequency, power = welch(longest.residual, rate, nperseg=min(len(longest.time), int(4 * rate)))
+    above = np.maximum(power - np.median(power[len(power) // 2 :]), 0.0)
+    total = np.cumsum(above) / max(float(above.sum()), 1e-300)
+    low, high = np.searchsorted(total, [0.1, 0.9])
+    return [float(frequency[low]), float(frequency[min(high, len(frequency) - 1)])]
+
+
+def smooth_part(recording: Recording, found: Trace, joint: int) -> float:
+    """Return the mean square of the low-passed residual of the final model."""
+    base, _ = found.model.base(found.rows)
+    left = found.model.target(found.rows) - base @ found.score.coefficients
+    start = 0
+    for number, samples in found.rows.samples.items():
+        part = slice(start, start + len(samples))
+        start += len(samples)
+        if number == joint and len(samples):
+            return float(np.mean((left[part] / found.rows.weight[part]) ** 2))
+    return 0.0

@@ -1,0 +1,58 @@
+"""The project's own nominal arm as the declared model."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.loop import close_loop
+from sim.exoskeleton import JOINTS
+from sim.nominal import nominal_model, nominal_spec
+
+
+def test_friction_in_the_exoskeletons_elbow_is_traced_with_the_nominal_arm(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    stiffness, damping, neutral, friction = 5.0, 0.5, 1.0, 2.79
+    trials = []
+    for number, speed in enumerate((0.4, 0.9, 1.6)):
+        t = np.arange(0.0, 12.0, 0.005)
+        w = speed / 0.7
+        q, v, a = (1.1 - 0.7 * np.cos(w * t), 0.7 * w * np.sin(w * t), 0.7 * w**2 * np.cos(w * t))
+        position = np.tile([0.0, -np.pi / 2, 0.0, 0.0], (len(t), 1))
+        velocity, acceleration = np.zeros_like(position), np.zeros_like(position)
+        position[:, 3], velocity[:, 3], acceleration[:, 3] = q, v, a
+        effort = nominal_model().inverse_dynamics(position, velocity, acceleration)
+        effort += stiffness * (q - neutral) + damping * v + friction * np.tanh(v / 0.005)
+        effort += 0.1 * rng.standard_normal(len(t))
+        names = ["time", *(f"{joint}.position" for joint in JOINTS), "J4.effort"]
+        table = np.column_stack([t + 20.0 * number, position, effort])
+        np.savetxt(
+            tmp_path / f"{number}.csv", table, delimiter=",", header=",".join(names), comments=""
+        )
+        trials.append({"file": f"{number}.csv"})
+    session = {
+        "schema": 1,
+        "model": "nominal",
+        "declared_effects": [{"effect": "viscoelastic_joint", "joint": "J4"}],
+        "trials": trials,
+    }
+    (tmp_path / "session.json").write_text(json.dumps(session))
+    report = close_loop(tmp_path, tmp_path / "out")
+    assert [effect["name"] for effect in report["effects"]] == ["coulomb_friction"]
+    found = report["effects"][0]["parameters"]["torque"]["value"]
+    assert found == pytest.approx(friction, rel=0.03)
+    after = report["impedance"]["J4"]["stiffness"]["after"]
+    assert after == pytest.approx(stiffness, rel=0.015)
+
+
+def test_a_taller_and_heavier_subject_has_a_longer_and_heavier_arm() -> None:
+    usual, other = (
+        nominal_spec(height_m=height, mass_kg=mass).compile()
+        for height, mass in ((1.75, 70.0), (1.93, 84.0))
+    )
+    name = "forearm_tissue"
+    assert other.body(name).pos[0] == pytest.approx(usual.body(name).pos[0] * 1.93 / 1.75)
+    # Upper arm 2.25 kg and forearm 1.31 kg with their tissue.
+    heavier = other.body_subtreemass[0] - usual.body_subtreemass[0]
+    assert heavier == pytest.approx((2.25 + 1.31) * (84.0 / 70.0 - 1.0), rel=2e-3)
