@@ -4,6 +4,7 @@ The balance of a joint is effort = inverse dynamics + declared unknowns + effect
 is what the motor has to add for one unit of the coefficient: along the motion if it resists.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -41,7 +42,7 @@ class Parameter:
     value: float | None = None
 
 
-class Effect:
+class Effect(ABC):
     """One effect; a subclass gives the torque and says what a person would look for."""
 
     name: str
@@ -72,16 +73,16 @@ class Effect:
     def columns(
         self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
     ) -> Columns:
-        """Return what the motor has to add."""
-        raise NotImplementedError(self.name)
+        """Return what the motor has to add; nothing for an effect of the channel."""
+        return {}
 
     def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
         """Return parameters around `theta` to refine it; `scale` shrinks towards zero."""
         return []
 
+    @abstractmethod
     def parameters(self, recording: Recording, joint: int, theta: Theta) -> dict[str, Parameter]:
         """Return the physical parameters by name."""
-        raise NotImplementedError(self.name)
 
 
 @dataclass(frozen=True, kw_only=True)
