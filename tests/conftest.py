@@ -6,6 +6,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -64,7 +65,7 @@ def postgresql_server() -> Iterator[str]:
         yield url
         return
     with tempfile.TemporaryDirectory(prefix="rehyb-postgresql-") as folder:
-        yield from _serve(_binaries(), Path(folder))
+        yield from _serve(_reachable(_binaries(), Path(folder)), Path(folder))
 
 
 def _binaries() -> Path:
@@ -80,6 +81,18 @@ def _binaries() -> Path:
     raise RuntimeError(
         f"no PostgreSQL server: install one, or pip install '.[dev]', or set {VARIABLE}"
     )
+
+
+def _reachable(binaries: Path, folder: Path) -> Path:
+    """Return binaries that the server's user can run: root's files may be closed to others."""
+    if os.geteuid() != 0 or not binaries.is_relative_to(sys.prefix):
+        return binaries
+    wheel = binaries.parent.parent
+    for part in wheel.parent.glob(f"{wheel.name}*"):
+        # The package and, beside it, the libraries it was built with.
+        if part.is_dir() and not part.name.endswith("-info"):
+            shutil.copytree(part, folder / "wheel" / part.name, symlinks=True)
+    return folder / "wheel" / binaries.relative_to(wheel.parent)
 
 
 def _serve(binaries: Path, folder: Path) -> Iterator[str]:
