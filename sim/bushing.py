@@ -11,8 +11,8 @@ import numpy as np
 from mujoco import rollout
 
 from sim.conditions import Conditions
-from sim.control import DURATION, Gains, extension_reference
-from sim.exoskeleton import JOINTS
+from sim.control import Gains
+from sim.exoskeleton import JOINTS, MOTOR_GROUP
 from sim.fidelity import CAMPAIGN
 from sim.interface import Cuff, cuffs
 from sim.model import (
@@ -22,6 +22,7 @@ from sim.model import (
     forearm_cuff_centre,
     seated_elbow_angle,
 )
+from sim.protocol import HOLD, movement
 from sim.record import Record
 from sim.skeleton import ELBOW, HUMAN_JOINTS, upper_arm_point
 from sim.soft_tissue import BONE_CLEARANCE, HARDENING, Sleeve, sleeves
@@ -41,8 +42,6 @@ CUFF_STIFFNESS = 1e5
 AXIAL_STIFFNESS = 1500.0
 #: Torsional stiffness as a share of the radial one.
 TORSIONAL = 0.3
-#: The hold without donning, s: springs have no history.
-HOLD = 1.5
 RODS = ("radial_1", "radial_2", "radial_3", "radial_4", "axial", "torsion_1", "torsion_2")
 
 
@@ -108,16 +107,8 @@ def run_bushings(system: System, data: mujoco.MjData) -> Record:
     for motor, torque in zip(system.motors, lock_torque, strict=True):
         if model.actuator_actadr[motor] >= 0:
             data.act[model.actuator_actadr[motor]] = torque / system.gains.ki
-    steps = round(DURATION / step)
-    time = np.arange(steps) * step
-    reference, velocity = extension_reference(
-        time,
-        start=system.target.start[moved],
-        amplitude=system.target.reach * system.conditions.movement_amplitude,
-        rate=system.conditions.movement_rate,
-        direction=system.target.direction,
-    )
-    control = np.tile(control[-1], (steps, 1))
+    time, reference, velocity = movement(system)
+    control = np.tile(control[-1], (len(time), 1))
     position_input = model.actuator_ctrladr[system.motors]
     control[:, position_input] = system.target.start
     control[:, position_input[moved]] = reference
@@ -213,7 +204,7 @@ def _add_sensors(spec: mujoco.MjSpec, holders: tuple[Cuff, Cuff], target: Target
 def _release(system: System, *, locked: bool) -> None:
     """Switch the robot between its locks and its motors."""
     system.model.eq_active0[system.locks] = locked
-    system.model.opt.disableactuator = 0 if not locked else system.model.opt.disableactuator
+    system.model.opt.disableactuator = 1 << MOTOR_GROUP if locked else 0
 
 
 def _roll_out(

@@ -36,6 +36,20 @@ def run_protocol(system: System, data: mujoco.MjData) -> Record:
     return _extend(system, data)
 
 
+def movement(system: System) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return time (s) and the moved joint's desired angle (rad) and velocity (rad/s), (n,) each."""
+    target, conditions = system.target, system.conditions
+    time = np.arange(round(DURATION / system.fidelity.step)) * system.fidelity.step
+    reference, velocity = extension_reference(
+        time,
+        start=target.start[target.joint],
+        amplitude=target.reach * conditions.movement_amplitude,
+        rate=conditions.movement_rate,
+        direction=target.direction,
+    )
+    return time, reference, velocity
+
+
 def _don_and_hold(system: System, data: mujoco.MjData) -> None:
     """Close the straps, wait until the arm rests, hand over from the locks to the controllers."""
     model = system.model
@@ -68,14 +82,8 @@ def _don_and_hold(system: System, data: mujoco.MjData) -> None:
 def _extend(system: System, data: mujoco.MjData) -> Record:
     """Let the controllers follow the reference and record every step."""
     model, moved = system.model, system.target.joint
-    steps = round(DURATION / system.fidelity.step)
-    reference, velocity = extension_reference(
-        np.arange(steps) * system.fidelity.step,
-        start=system.target.start[moved],
-        amplitude=system.target.reach * system.conditions.movement_amplitude,
-        rate=system.conditions.movement_rate,
-        direction=system.target.direction,
-    )
+    time, reference, velocity = movement(system)
+    steps = len(time)
     position_input = model.actuator_ctrladr[system.motors]
     gauge, recorder = InterfaceGauge(system), Recorder(system, steps)
     data.ctrl[position_input] = system.target.start

@@ -27,9 +27,6 @@ from server.store.schema import (
 )
 from server.store.schema import studies as studies_table
 
-#: What may be run again: results that are failures, or the whole study.
-WHICH = ("failed", "all")
-
 
 def rerun(
     engine: Engine, study_id: str, *, which: str, outcomes: Sequence[str] | None, now: float
