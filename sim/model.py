@@ -92,7 +92,7 @@ class System:
     @cached_property
     def contraction_inputs(self) -> np.ndarray:
         """Where their controls stand in `ctrl`; other actuators may have several inputs."""
-        return self.model.actuator_ctrladr[self.contracted]
+        return np.array(self.model.actuator_ctrladr[self.contracted])
 
     @property
     def activation(self) -> float:

@@ -63,8 +63,9 @@ class NominalModel:
     def bias(self, position: np.ndarray, velocity: np.ndarray, joint: int = 3) -> np.ndarray:
         """Return Coriolis, centrifugal and gravity torque at a joint, Nm, shape (n,)."""
         at_rest = np.zeros_like(position)
-        dampers = self.model.dof_damping[joint] * velocity[:, joint]
-        return self.inverse_dynamics(position, velocity, at_rest, joint) - dampers
+        damping = float(self.model.dof_damping[joint])
+        inverse = self.inverse_dynamics(position, velocity, at_rest, joint)
+        return inverse - damping * velocity[:, joint]
 
 
 @cache
