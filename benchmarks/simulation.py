@@ -128,7 +128,8 @@ def print_convergence(points: np.ndarray) -> None:
         ("rings 12 -> 16", replace(CAMPAIGN, rings=16)),
         ("around 8 -> 12", replace(CAMPAIGN, per_ring=12)),
         ("strap 6 x 2 -> 8 x 3", replace(CAMPAIGN, strap_across=8, strap_rows=3)),
-        ("step 10 -> 5 ms", replace(CAMPAIGN, step=0.005)),
+        ("step 12.5 -> 5 ms", replace(CAMPAIGN, step=0.005)),
+        ("friction creeps -> holds", replace(CAMPAIGN, impratio=20.0)),
     ):
         other = run_all([(tuple(point), variant) for point in points])[1][:, 2]
         difference = other - base

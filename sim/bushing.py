@@ -6,6 +6,8 @@ axial, and two that resist torsion. Nothing slips, rolls or loses contact, so th
 and an assessment takes milliseconds; `docs/simulation.md` says how far it agrees with contact.
 """
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 from mujoco import rollout
@@ -37,11 +39,17 @@ ROD = 3.0
 ENGAGED = 30
 #: Stiffness of cuff and strap in series with the tissue, N/m (compression of contacts and strap).
 CUFF_STIFFNESS = 1e5
+#: Damping of the rods as a share of the tissue's. The integrator takes damping between two trees
+#: for inertia on each, step x damping: all of it is 0.6 kg m2 at the elbow, five times the forearm,
+#: and 0.4 Nm/rad of stiffness. Below half of it the lightest arms swing into their stops.
+DAMPING_SHARE = 0.5
 #: Axial stiffness, N/m: a misaligned limb slides some centimetres against some tens of newtons of
 #: friction, whatever the tissue; the secant of that.
 AXIAL_STIFFNESS = 1500.0
 #: Torsional stiffness as a share of the radial one.
 TORSIONAL = 0.3
+#: The limbs' divisions (which only validity looks at) and the step.
+FIDELITY = replace(CAMPAIGN, name="bushing", step=0.01)
 RODS = ("radial_1", "radial_2", "radial_3", "radial_4", "axial", "torsion_1", "torsion_2")
 
 
@@ -60,9 +68,9 @@ def build_bushings(
         )
     parts = sleeves(wearer, tissue_scale=conditions.tissue_scale)
     holders = cuffs(
-        CAMPAIGN, position=conditions.cuff_position, slides=conditions.cuff_compliance > 0.0
+        FIDELITY, position=conditions.cuff_position, slides=conditions.cuff_compliance > 0.0
     )
-    spec = base_spec(wearer, gains, conditions, target, step=CAMPAIGN.step)
+    spec = base_spec(wearer, gains, conditions, target, step=FIDELITY.step)
     for cuff, sleeve, seat in zip(
         holders, parts, _seats(wearer, parts, holders, target.start[3]), strict=True
     ):
@@ -72,7 +80,7 @@ def build_bushings(
         wearer=wearer,
         conditions=conditions,
         target=target,
-        fidelity=CAMPAIGN,
+        fidelity=FIDELITY,
         gains=gains,
         sleeves=parts,
         cuffs=holders,
@@ -90,7 +98,7 @@ def run_bushings(system: System, data: mujoco.MjData) -> Record:
     """
     model, step, moved = system.model, system.fidelity.step, system.target.joint
     control = np.zeros((round(HOLD / step), model.nu))
-    control[:, system.contracted] = system.activation
+    control[:, system.contraction_inputs] = system.activation
     data.act[model.actuator_actadr[system.contracted]] = system.activation
     _release(system, locked=True)
     _roll_out(system, data, control, "hold")
@@ -149,7 +157,7 @@ def _add_bushing(
     """Join one limb to its cuff; `centre` and `axes` are the cuff's, in the limb's bone."""
     tissue = ENGAGED * sleeve.elasticity
     radial = tissue * CUFF_STIFFNESS / (tissue + CUFF_STIFFNESS)
-    relaxation = sleeve.viscosity / sleeve.elasticity * radial / tissue
+    relaxation = DAMPING_SHARE * sleeve.viscosity / sleeve.elasticity * radial / tissue
     in_link = np.column_stack([cuff.along, cuff.opening, cuff.wall])
     lever = cuff.length / 2 / np.sqrt(3.0)
     link, bone = spec.body(cuff.link), spec.body(sleeve.bone)

@@ -14,7 +14,7 @@ class Fidelity:
     """A discretisation of the interface with explicit contact."""
 
     name: str
-    #: Time step, s.
+    #: Time step, s; a contact's time constant is never below two steps.
     step: float
     #: Tissue elements along and around a limb.
     rings: int
@@ -24,6 +24,8 @@ class Fidelity:
     strap_across: int
     #: Inertia of a strap particle's slides, kg: step^2 x segment stiffness must stay below it.
     particle_inertia: float
+    #: Stiffness of friction over that of the normal: where it is low a limb creeps under load.
+    impratio: float = 1.0
 
     @property
     def elements(self) -> int:
@@ -33,21 +35,21 @@ class Fidelity:
 
 SCREENING = Fidelity(
     name="screening",
-    step=0.01,
+    step=0.0125,
     rings=8,
     per_ring=8,
     strap_rows=1,
     strap_across=6,
-    particle_inertia=8.0,
+    particle_inertia=12.0,
 )
 CAMPAIGN = Fidelity(
     name="campaign",
-    step=0.01,
+    step=0.0125,
     rings=12,
     per_ring=8,
     strap_rows=2,
     strap_across=6,
-    particle_inertia=4.0,
+    particle_inertia=6.0,
 )
 REFERENCE = Fidelity(
     name="reference",
@@ -57,6 +59,7 @@ REFERENCE = Fidelity(
     strap_rows=3,
     strap_across=8,
     particle_inertia=10.0,
+    impratio=20.0,
 )
 FIDELITIES: Mapping[str, Fidelity] = MappingProxyType(
     {fidelity.name: fidelity for fidelity in (SCREENING, CAMPAIGN, REFERENCE)}

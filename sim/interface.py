@@ -6,6 +6,7 @@ pairs.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from math import cos, pi, radians, sin, tan
 
@@ -13,7 +14,7 @@ import mujoco
 import numpy as np
 
 from sim.fidelity import CAMPAIGN, Fidelity
-from sim.soft_tissue import Sleeve, element_name, set_contact
+from sim.soft_tissue import Sleeve, element_name
 
 #: Boxes of a cuff, which span half a circle.
 BOXES = 6
@@ -54,7 +55,7 @@ class Cuff:
     across: int = CAMPAIGN.strap_across
     particle_inertia: float = CAMPAIGN.particle_inertia
 
-    @property
+    @cached_property
     def wall(self) -> np.ndarray:
         """Unit vector towards the upper wall: along x opening."""
         return np.cross(self.along, self.opening).astype(float)
@@ -65,8 +66,8 @@ class Cuff:
 
     def box_frame(self, angle: float) -> np.ndarray:
         """Return a right-handed frame, columns tangent, normal, along, shape (3, 3)."""
-        normal, along = self.normal(angle), np.array(self.along, dtype=float)
-        return np.column_stack([np.cross(normal, along), normal, along])
+        tangent = sin(angle) * np.array(self.opening, dtype=float) - cos(angle) * self.wall
+        return np.column_stack([tangent, self.normal(angle), self.along])
 
     @property
     def cuff_angles(self) -> list[float]:
@@ -228,7 +229,7 @@ def add_strap(spec: mujoco.MjSpec, cuff: Cuff) -> None:
             )
 
 
-def add_contacts(spec: mujoco.MjSpec, cuff: Cuff, sleeve: Sleeve, friction: float) -> None:
+def add_contacts(spec: mujoco.MjSpec, cuff: Cuff, sleeve: Sleeve) -> None:
     """Let the sleeve's elements meet the boxes and particles that face them."""
     faces = [(cuff_box_name(cuff, i), angle) for i, angle in enumerate(cuff.cuff_angles)]
     faces += [
@@ -242,8 +243,7 @@ def add_contacts(spec: mujoco.MjSpec, cuff: Cuff, sleeve: Sleeve, friction: floa
             # In the zero pose the bone's y axis points out of the opening, its z axis to the wall.
             if normal[1] * cos(angle) + normal[2] * sin(angle) <= cos(CONTACT_SECTOR):
                 continue
-            pair = spec.add_pair(geomname1=element_name(sleeve, ring, index), geomname2=box)
-            set_contact(pair, friction)
+            spec.add_pair(geomname1=element_name(sleeve, ring, index), geomname2=box)
 
 
 def _add_particle(

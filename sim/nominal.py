@@ -52,23 +52,20 @@ class NominalModel:
             Torque at the joint in Nm, shape (n,).
         """
         data = mujoco.MjData(self.model)
+        qpos, qvel, qacc, inverse = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
         torque = np.empty(len(position))
         for i in range(len(position)):
-            data.qpos[:], data.qvel[:], data.qacc[:] = position[i], velocity[i], acceleration[i]
+            qpos[:], qvel[:], qacc[:] = position[i], velocity[i], acceleration[i]
             mujoco.mj_inverse(self.model, data)
-            torque[i] = data.qfrc_inverse[joint]
+            torque[i] = inverse[joint]
         return torque
 
     def bias(self, position: np.ndarray, velocity: np.ndarray, joint: int = 3) -> np.ndarray:
         """Return Coriolis, centrifugal and gravity torque at a joint, Nm, shape (n,)."""
-        data = mujoco.MjData(self.model)
-        torque = np.empty(len(position))
-        for i in range(len(position)):
-            data.qpos[:], data.qvel[:] = position[i], velocity[i]
-            mujoco.mj_fwdPosition(self.model, data)
-            mujoco.mj_fwdVelocity(self.model, data)
-            torque[i] = data.qfrc_bias[joint]
-        return torque
+        at_rest = np.zeros_like(position)
+        damping = float(self.model.dof_damping[joint])
+        inverse = self.inverse_dynamics(position, velocity, at_rest, joint)
+        return inverse - damping * velocity[:, joint]
 
 
 @cache

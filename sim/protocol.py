@@ -61,7 +61,7 @@ def _don_and_hold(system: System, data: mujoco.MjData) -> None:
     for step in range(hold):
         if step == donning:
             close_straps(system, data, stiffness)
-        data.ctrl[system.contracted] = system.activation * min(1.0, step / donning)
+        data.ctrl[system.contraction_inputs] = system.activation * min(1.0, step / donning)
         _step(system, data, "hold")
         if step >= hold - LOCK_AVERAGE:
             lock_torque.append(_lock_torque(system, data))

@@ -122,8 +122,9 @@ def element_name(sleeve: Sleeve, ring: int, index: int) -> str:
     return f"{sleeve.name}_tissue_{ring}_{index}"
 
 
-def set_contact(pair: mujoco.MjsPair, friction: float) -> None:
-    """Give a contact of an element its stiffness and friction."""
+def set_contacts(spec: mujoco.MjSpec, friction: float) -> None:
+    """Give contacts of elements, which are added afterwards, their stiffness and friction."""
+    pair = spec.default.pair
     pair.condim = 3
     pair.friction[:2] = friction
     pair.solref = [0.02, 1.0]

@@ -17,7 +17,7 @@ from sim.soft_tissue import (
     Sleeve,
     add_soft_tissue,
     element_name,
-    set_contact,
+    set_contacts,
     sleeves,
 )
 from sim.wearer import NOMINAL_WEARER
@@ -102,6 +102,7 @@ def _build(sleeve: Sleeve) -> mujoco.MjModel:
     """A sleeve on a fixed bone between two plates that slide towards it, without gravity."""
     spec = empty_spec()
     set_solver(spec, CAMPAIGN.step)
+    set_contacts(spec, DEFAULT_CONDITIONS.cuff_friction)
     spec.option.gravity = [0.0, 0.0, 0.0]
     spec.worldbody.add_body(name=sleeve.bone)
     add_soft_tissue(spec, sleeve)
@@ -131,6 +132,5 @@ def _build(sleeve: Sleeve) -> mujoco.MjModel:
         for ring, index in sleeve.places:
             _, normal = sleeve.element(ring, index)
             if side * normal[2] > 0.0:
-                pair = spec.add_pair(geomname1=element_name(sleeve, ring, index), geomname2=name)
-                set_contact(pair, DEFAULT_CONDITIONS.cuff_friction)
+                spec.add_pair(geomname1=element_name(sleeve, ring, index), geomname2=name)
     return spec.compile()

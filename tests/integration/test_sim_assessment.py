@@ -9,10 +9,10 @@ import pytest
 
 from sim.assessment import Assessment, assess
 from sim.catalogue import ELBOW
-from sim.control import PID
+from sim.control import DURATION, PID
 from sim.evaluation import evaluate
 from sim.factors import CONDITIONS
-from sim.fidelity import FIDELITIES
+from sim.fidelity import CAMPAIGN, FIDELITIES
 from sim.figures import assessment_figure
 from sim.interface import CUFFS, segment_names
 from sim.model import build_system, close_straps, reset_to_start, slacken_straps
@@ -133,7 +133,7 @@ def test_sparse_and_dense_solvers_agree_on_a_loaded_arm() -> None:
     data = reset_to_start(system)
     stiffness = system.model.tendon_stiffness[system.straps].copy()
     slacken_straps(system, data)
-    data.ctrl[system.contracted] = 0.4
+    data.ctrl[system.contraction_inputs] = 0.4
     mujoco.mj_step(system.model, data, 30)
     close_straps(system, data, stiffness)
     mujoco.mj_step(system.model, data, 30)
@@ -174,8 +174,8 @@ def test_a_record_keeps_the_movement_with_named_arrays(nominal: Assessment, tmp_
     assert nominal.record is not None
     nominal.record.save(tmp_path / "trial.npz")
     with np.load(tmp_path / "trial.npz", allow_pickle=False) as saved:
-        assert saved["theta"].shape == (600, 4)
-        assert saved["time"][-1] == pytest.approx(5.99)
+        assert saved["theta"].shape == (round(DURATION / CAMPAIGN.step), 4)
+        assert saved["time"][-1] == pytest.approx(DURATION - CAMPAIGN.step)
         assert np.array_equal(saved["muscle_torque"], nominal.record.muscle_torque)
 
 

@@ -1,10 +1,12 @@
 """The fidelity without contact: smooth, fast, and close to contact."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
 
+from sim import bushing
 from sim.assessment import assess
 from sim.catalogue import ASSESSMENTS, ELBOW_BUSHING, MODELS
 from sim.evaluation import evaluate
@@ -19,11 +21,11 @@ def at(unit: float | np.ndarray) -> dict[str, float]:
 
 
 def test_the_nominal_wearer_is_as_stiff_as_with_contact() -> None:
-    bushing, contact = assess({}, fidelity="bushing"), assess({})
-    assert bushing.outcome == "ok"
+    without, contact = assess({}, fidelity="bushing"), assess({})
+    assert without.outcome == "ok"
     for name, tolerance in (("stiffness_estimate", 0.8), ("stiffness_true", 0.6)):
-        assert bushing.outputs[name] == pytest.approx(contact.outputs[name], abs=tolerance)
-    assert bushing.outputs["peak_contact_force"] == pytest.approx(
+        assert without.outputs[name] == pytest.approx(contact.outputs[name], abs=tolerance)
+    assert without.outputs["peak_contact_force"] == pytest.approx(
         contact.outputs["peak_contact_force"], rel=0.25
     )
 
@@ -49,6 +51,14 @@ def test_the_response_is_smooth() -> None:
     ]
     assert np.abs(np.diff(estimates, 2)).max() < 1e-4
     assert np.abs(np.diff(estimates)).max() < 0.01
+
+
+def test_halving_the_step_hardly_matters(monkeypatch: pytest.MonkeyPatch) -> None:
+    coarse = assess({}, fidelity="bushing").outputs
+    monkeypatch.setattr("sim.bushing.FIDELITY", replace(bushing.FIDELITY, step=0.005))
+    fine = assess({}, fidelity="bushing").outputs
+    assert coarse["stiffness_estimate"] == pytest.approx(fine["stiffness_estimate"], abs=0.2)
+    assert coarse["stiffness_error"] == pytest.approx(fine["stiffness_error"], abs=0.2)
 
 
 def test_no_corner_of_table_1_diverges() -> None:
