@@ -71,6 +71,7 @@ def bundle(study_id: Id, row: Row, position: Position, store: Store) -> dict[str
         "result": found.result,
         "conflicts": found.conflicts,
         "superseded": found.superseded,
+        "comparisons": found.comparisons,
     }
 
 

@@ -10,6 +10,7 @@ from server.errors import ConflictError
 from server.logic.study import Study, extended, objection_to_extension
 from server.store.engine import writing
 from server.store.schema import (
+    comparisons,
     conflicts,
     estimator_states,
     instances,
@@ -78,6 +79,7 @@ def delete(engine: Engine, study_id: str) -> None:
             snapshots,
             estimator_states,
             conflicts,
+            comparisons,
             superseded,
             results,
             instances,
