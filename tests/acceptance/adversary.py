@@ -83,8 +83,10 @@ class Adversary:
         return self._rng.randrange(self._study["rows"]), self._rng.randrange(5)
 
     def _lease(self, engine: Engine, *conditions: Any) -> Any:
-        """Return a lease for results as the database knows it, with its worker; None: none."""
-        query = sa.select(leases).where(~leases.c.compares, *conditions)
+        """Return somebody else's lease for results as the database knows it; None: there is none."""
+        query = sa.select(leases).where(
+            ~leases.c.compares, leases.c.worker_id != "evil", *conditions
+        )
         with reading(engine) as connection:
             found = connection.execute(query.order_by(leases.c.fence.desc()).limit(20)).all()
         return self._rng.choice(found) if found else None

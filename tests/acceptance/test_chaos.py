@@ -28,8 +28,8 @@ from server.store import check, comparisons, create_engine
 ROUNDS = int(os.environ.get("REHYB_SOAK_ROUNDS", "2"))
 SHORT = ROUNDS == 2
 STUDY: Json = {"name": "chaos", "model": "ishigami", "method": "saltelli", "seed": 5}
-ROWS = 300 if SHORT else 800
-SECONDS = 240.0
+ROWS = 300 if SHORT else 500
+SECONDS = 600.0
 BLOWS = (
     "kill worker",
     "stop worker",
@@ -41,7 +41,7 @@ BLOWS = (
     "start a second coordinator",
 )
 #: Blows per round: after these, the study is left to end.
-MOST_BLOWS = len(BLOWS) if SHORT else 3 * len(BLOWS)
+MOST_BLOWS = len(BLOWS) if SHORT else 2 * len(BLOWS)
 HOUR = 3600
 
 
