@@ -141,9 +141,15 @@ def pause(study_id: Id, store: Store) -> dict[str, Any]:
     return _shown(control.pause(store, study_id))
 
 
+@router.post("/{study_id}/drain")
+def drain(study_id: Id, store: Store) -> dict[str, Any]:
+    """Finish the rows that were begun and begin no other; then the study is paused."""
+    return _shown(control.drain(store, study_id))
+
+
 @router.post("/{study_id}/resume")
 def resume(study_id: Id, store: Store) -> dict[str, Any]:
-    """Go on with a paused study."""
+    """Go on with a paused or draining study."""
     return _shown(control.resume(store, study_id))
 
 

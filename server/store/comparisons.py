@@ -72,7 +72,7 @@ def studies_waiting(connection: Connection, models: Sequence[str], *, host: str)
     return [
         study
         for study in found
-        if study.state in ("running", "complete") and study.plan.model in models
+        if study.state in ("running", "draining", "complete") and study.plan.model in models
     ]
 
 

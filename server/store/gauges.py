@@ -58,7 +58,7 @@ def read(engine: Engine, *, now: float) -> Gauges:
         opinions = connection.execute(
             sa.select(comparisons.c.state, sa.func.count().label("n")).group_by(comparisons.c.state)
         ).all()
-    active = [row for row in found if row.state in ("running", "paused")]
+    active = [row for row in found if row.state in ("running", "draining", "paused")]
     failures: Counter[str] = Counter()
     for row in found:
         failures.update(row.failures)

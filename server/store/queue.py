@@ -100,7 +100,9 @@ def _grant_of(
     """Hand out instances of one study; None if it has none for this kind of machine."""
     study = studies.locked(connection, candidate)
     mine = host_class(versions)
-    if study.state != "running" or objection_to_worker(study, versions=versions, tags=study.tags):
+    if study.state not in ("running", "draining"):
+        return None
+    if objection_to_worker(study, versions=versions, tags=study.tags) is not None:
         return None
     lease_id = uuid4().hex
     again: list[Slot] = []
@@ -114,7 +116,8 @@ def _grant_of(
             limit=max_instances,
         )
     again = [replace(slot, state="leased", lease=lease_id, host_class=mine) for slot in again]
-    begun = _new_rows(study, lease_id, mine, max_instances - len(again))
+    wanted = max_instances - len(again) if study.state == "running" else 0
+    begun = _new_rows(study, lease_id, mine, wanted)
     fresh = [slot for slot in begun if slot.state == "leased"]
     if not again and not fresh:
         return None

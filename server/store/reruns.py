@@ -89,7 +89,7 @@ def free_stranded_rows(engine: Engine, *, now: float, patience: float) -> int:
         concerned = connection.scalars(
             sa.select(instances.c.study_id)
             .join(studies_table, studies_table.c.id == instances.c.study_id)
-            .where(stranded, studies_table.c.state == "running")
+            .where(stranded, studies_table.c.state.in_(("running", "draining")))
             .distinct()
         ).all()
     freed = 0

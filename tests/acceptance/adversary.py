@@ -83,7 +83,7 @@ class Adversary:
         return self._rng.randrange(self._study["rows"]), self._rng.randrange(5)
 
     def _lease(self, engine: Engine, *conditions: Any) -> Any:
-        """Return somebody else's lease for results as the database knows it; None: there is none."""
+        """Return a lease that somebody else has or had, as the database knows it; None: none."""
         query = sa.select(leases).where(
             ~leases.c.compares, leases.c.worker_id != "evil", *conditions
         )

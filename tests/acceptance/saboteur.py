@@ -3,7 +3,7 @@
 TROUBLE: a folder that remembers which instances have done so, since each does it once: what does it
 three times has failed for good.
 MACHINE: what its host calls itself. CLOCK_OFFSET: seconds by which its clock is wrong.
-SPOOL_PAGES: the disk is full when the spool has so many pages.
+SMALL_DISK: the spool has room for a result or two.
 """
 
 import json
@@ -43,9 +43,15 @@ def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
 
 
 def small_disk(path: Path) -> sqlite3.Connection:
-    """Open a spool on a disk with room for a few results."""
+    """Open a spool on a disk with hardly any room."""
+    if not path.exists():
+        made = sqlite3.connect(path)
+        made.execute("PRAGMA page_size = 512")
+        made.execute("VACUUM")
+        made.close()
     database = SOUND(path)
-    database.execute(f"PRAGMA max_page_count = {os.environ['SPOOL_PAGES']}")
+    # No fewer than there are: from now on, none can be added.
+    database.execute("PRAGMA max_page_count = 1")
     return database
 
 
@@ -55,7 +61,7 @@ if __name__ == "__main__":
     right, offset = time.time, float(os.environ.get("CLOCK_OFFSET", "0"))
     time.time = lambda: right() + offset  # type: ignore[assignment]
     socket.gethostname = lambda: os.environ["MACHINE"]
-    if "SPOOL_PAGES" in os.environ:
+    if "SMALL_DISK" in os.environ:
         spool._open = small_disk
     cli.Pool = partial(Pool, evaluate=evaluate)  # type: ignore[assignment, misc]
     cli.main()

@@ -100,7 +100,7 @@ def test_whatever_goes_wrong_every_instance_counts_once_and_the_bits_are_the_sam
     with Client(lab.url, TOKEN) as client:
         study = client.submit({**STUDY, "rows": ROWS})
         for number, settings in enumerate(
-            [{}, {"CLOCK_OFFSET": str(HOUR)}, {"CLOCK_OFFSET": str(-HOUR), "SPOOL_PAGES": "3"}], 1
+            [{}, {"CLOCK_OFFSET": str(HOUR)}, {"CLOCK_OFFSET": str(-HOUR), "SMALL_DISK": "yes"}], 1
         ):
             lab.add_worker(f"worker-{number}", **settings)
             faults["worker's clock off by an hour"] += "CLOCK_OFFSET" in settings
