@@ -12,6 +12,9 @@ from server.store import gauges
 #: Seconds: from a closed form to an assessment on a slow machine, or one that hangs.
 RUN_BUCKETS = (0.001, 0.01, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 15.0, 60.0, 300.0)
 
+#: Seconds: of a transaction, and of many that wait for each other.
+LEASE_BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 5.0)
+
 
 class Clock(Protocol):
     """Tells seconds, UTC epoch."""
@@ -41,6 +44,12 @@ class Metrics:
         )
         self.verdicts = Counter(
             "rehyb_verdicts", "Results posted, by verdict", ["verdict"], registry=self.registry
+        )
+        self.lease_seconds = Histogram(
+            "rehyb_lease_seconds",
+            "Time it took to answer a worker that asked for work",
+            buckets=LEASE_BUCKETS,
+            registry=self.registry,
         )
         self.run_seconds = Histogram(
             "rehyb_run_seconds",

@@ -25,7 +25,7 @@ KEEPALIVE_SECONDS = 15.0
 #: While nothing happens, rate and remaining time are told anew this often.
 STALE_SECONDS = 10.0
 
-IfNoneMatch = Annotated[str | None, Header()]
+IfNoneMatch = Annotated[str | None, Header(examples=['W/"5f2b1c9d8e7a6b5c4d3e"'])]
 
 
 @router.get("/progress", response_model=None)

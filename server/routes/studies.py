@@ -15,7 +15,9 @@ router = APIRouter(prefix="/v1/studies", tags=["studies"])
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Title = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
-Key = Annotated[str | None, Header(alias="Idempotency-Key", min_length=1, max_length=255)]
+Key = Annotated[
+    str | None, Header(alias="Idempotency-Key", min_length=1, max_length=255, examples=["masses-1"])
+]
 
 
 class FactorBody(Body):
