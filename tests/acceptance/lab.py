@@ -1,5 +1,6 @@
 """A coordinator, an analysis and workers on bad machines, each restarted when it dies."""
 
+import json
 import os
 import re
 import socket
@@ -106,6 +107,11 @@ class Lab:
     def log(self, name: str) -> str:
         """Return what a process has written so far."""
         return (self.folder / f"{name}.log").read_text(errors="replace")
+
+    def failures(self) -> list[str]:
+        """Return the exceptions at which the coordinator failed to answer, in its own words."""
+        said = [json.loads(line) for line in self.log("coordinator").splitlines() if '"ex' in line]
+        return [entry["exception"] for entry in said if "exception" in entry]
 
     def trouble(self) -> Counter[str]:
         """Return what has gone wrong within workers, counted."""

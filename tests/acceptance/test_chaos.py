@@ -7,6 +7,7 @@ looks at its trust finds it, but its results are in.
 import csv
 import os
 import random
+import re
 import signal
 import time
 from collections import Counter
@@ -43,6 +44,8 @@ BLOWS = (
 #: Blows per round: after these, the study is left to end.
 MOST_BLOWS = len(BLOWS) if SHORT else 2 * len(BLOWS)
 HOUR = 3600
+#: All that the coordinator may fail at, as either database says it.
+DISK_FULL = "database or disk is full|No space left on device"
 
 
 @pytest.fixture
@@ -139,6 +142,7 @@ def test_whatever_goes_wrong_every_instance_counts_once_and_the_bits_are_the_sam
     assert {*blows, "instance: crash", "instance: hang", "spool: disk full"} <= set(faults)
     assert lab.network.faults and adversary.faults
     assert adversary.wrong == []
+    assert [words for words in lab.failures() if not re.search(DISK_FULL, words)] == []
     assert lost == 0
     assert (progress["state"], progress["failed"]) == ("complete", 0)
     with (lab.folder / "results.csv").open() as file:
