@@ -60,7 +60,7 @@ class Adversary:
         headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
         engine = create_engine(database)
         with httpx2.Client(base_url=url, headers=headers, trust_env=False, timeout=20) as http:
-            while not self._stop.wait(0.1):
+            while not self._stop.wait(0.2):
                 kind = self._rng.choice(list(self._attacks))
                 try:
                     answer = self._attacks[kind](http, engine)

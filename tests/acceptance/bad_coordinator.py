@@ -1,7 +1,7 @@
 """A coordinator on a bad machine: `python bad_coordinator.py`.
 
-SIGUSR1: its database's disk is full for a while. SIGUSR2: it is killed around its next commit, the
-moment before or the moment after. CLOCK_OFFSET: seconds by which its clock is wrong.
+SIGUSR1: its database's disk is full, until the next one. SIGUSR2: it is killed around its next
+commit, the moment before or the moment after. CLOCK_OFFSET: seconds by which its clock is wrong.
 """
 
 import os
@@ -17,23 +17,25 @@ from server import app
 from server.run import serve
 from server.settings import Settings
 
-#: How long a full disk stays full.
-FULL_SECONDS = 1.0
-#: PostgreSQL's own error, from the server itself.
-POSTGRESQL_FULL = """
-DO $$ BEGIN
-    RAISE EXCEPTION 'could not extend file: No space left on device' USING ERRCODE = '53100';
-END $$
-"""
+#: What either database cannot do then, so that it says so in its own words.
+TOO_MUCH = {
+    "sqlite": "UPDATE alembic_version SET version_num = zeroblob(100000000)",
+    "postgresql": """
+        DO $$ BEGIN
+            RAISE EXCEPTION 'could not extend file: No space left on device'
+            USING ERRCODE = '53100';
+        END $$
+    """,
+}
 
 
 class BadMachine:
     """What goes wrong with the database of one process."""
 
     def __init__(self) -> None:
-        self._full_until = 0.0
+        self._full = False
         self._doomed = False
-        signal.signal(signal.SIGUSR1, lambda *_: self._fill())
+        signal.signal(signal.SIGUSR1, lambda *_: self._fill_or_free())
         signal.signal(signal.SIGUSR2, lambda *_: self._doom())
 
     def engine(self, url: str) -> Engine:
@@ -41,24 +43,23 @@ class BadMachine:
         engine = SOUND(url)
         if engine.dialect.name == "sqlite":
             sa.event.listen(engine, "checkout", self._limit)
-        else:
-            sa.event.listen(engine, "before_cursor_execute", self._refuse)
+        sa.event.listen(engine, "before_cursor_execute", self._refuse)
         sa.event.listen(engine, "commit", self._die)
         return engine
 
-    def _fill(self) -> None:
-        self._full_until = time.monotonic() + FULL_SECONDS
+    def _fill_or_free(self) -> None:
+        self._full = not self._full
 
     def _doom(self) -> None:
         self._doomed = True
 
     def _limit(self, connection: Any, _record: Any, _proxy: Any) -> None:
-        pages = 1 if time.monotonic() < self._full_until else 2**30
+        pages = 1 if self._full else 2**30
         connection.execute(f"PRAGMA max_page_count = {pages}")
 
     def _refuse(self, connection: Connection, cursor: Any, statement: str, *_: Any) -> None:
-        if time.monotonic() < self._full_until and statement.startswith("INSERT"):
-            connection.exec_driver_sql(POSTGRESQL_FULL)
+        if self._full and statement.startswith("INSERT"):
+            connection.exec_driver_sql(TOO_MUCH[connection.dialect.name])
 
     def _die(self, connection: Connection) -> None:
         if self._doomed and connection.get_execution_options().get("immediate"):
