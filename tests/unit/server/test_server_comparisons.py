@@ -4,13 +4,27 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from fastapi.testclient import TestClient
+from pydantic import SecretStr
 from sqlalchemy.engine import Engine
 
+from server.app import create_app
 from server.logic.comparisons import Standing, agree, difference, is_chosen
 from server.logic.slots import Result
 from server.logic.study import Plan, instance_id
 from server.logic.verdicts import Report
-from server.store import check, comparisons, control, instances, queue, reruns, results, studies
+from server.settings import Settings
+from server.store import (
+    check,
+    comparisons,
+    control,
+    instances,
+    queue,
+    reruns,
+    results,
+    studies,
+    upgrade,
+)
 from server.store.queue import Grant
 
 Drawing = Callable[..., Plan]
@@ -221,3 +235,31 @@ def test_nobody_is_asked_for_ever_about_a_study_that_has_ended(
     assert len(asked_of(lease(engine, "b", n=1))) == 1
     comparisons.give_up(engine, now=4000.0, patience=3600.0)
     assert lease(engine, "b") is None
+
+
+def test_over_rest_a_worker_is_shown_with_its_hosts_trust(url: str) -> None:
+    upgrade(url)
+    settings = Settings(database_url=url, token=SecretStr("t"), recompute_share=1.0)
+    study = {"name": "s", "model": "ishigami", "method": "morris", "rows": 1}
+    headers = {"Authorization": "Bearer t"}
+    with TestClient(create_app(settings), headers=headers) as client:
+        study_id = client.post("/v1/studies", json=study).json()["id"]
+        for host, y in (("sound", 1.0), ("broken", 2.0)):
+            worker = {"id": f"of-{host}", "host": host}
+            asking = {"worker": worker, "models": ["ishigami"], "max_instances": 4}
+            lease = client.post("/v1/leases", json=asking).json()
+            found = [
+                {"instance": instance["id"], "outcome": "ok", "outputs": {"y": y}}
+                for instance in lease["instances"]
+            ]
+            body = {"lease": lease["id"], "fence": lease["fence"], "worker": f"of-{host}"}
+            posted = client.post("/v1/results", json={**body, "results": found})
+            assert posted.status_code == 200
+        for worker in client.get("/v1/workers").json()["workers"]:
+            assert (worker["agreed"], worker["disagreed"], worker["trust"]) == (0, 4, 0.2)
+        told = client.get(f"/v1/studies/{study_id}/instances/0/0").json()
+        assert told["result"]["outputs"] == {"y": 1.0}
+        (opinion,) = told["comparisons"]
+        assert (opinion["state"], opinion["second_host"]) == ("disagreed", "broken")
+        assert (opinion["outputs"], opinion["difference"]) == ({"y": 2.0}, 0.5)
+        assert 'rehyb_comparisons{state="disagreed"} 4.0' in client.get("/metrics").text
