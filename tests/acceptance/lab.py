@@ -19,6 +19,8 @@ TOKEN = "token-of-the-chaos"
 LEASE_SECONDS = 2.0
 #: Enough of them that hosts meet.
 SHARE = "0.05"
+#: Seconds for what takes two on a machine with nothing else to do.
+PATIENCE = 200.0
 
 
 class Lab:
@@ -94,7 +96,7 @@ class Lab:
             env=self.environment | {"REHYB_PORT": "0"},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=PATIENCE,
             check=False,
         )
         assert ended.returncode == 1
@@ -130,7 +132,7 @@ class Lab:
             process.wait()
 
     @staticmethod
-    def until(ask: Callable[[], object], seconds: float = 60.0) -> None:
+    def until(ask: Callable[[], object], seconds: float = PATIENCE) -> None:
         """Wait until the answer is true."""
         deadline = time.monotonic() + seconds
         while not ask():

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 from adversary import Adversary
-from lab import LEASE_SECONDS, TOKEN, Lab
+from lab import LEASE_SECONDS, PATIENCE, TOKEN, Lab
 from test_nothing_is_lost import computed_in_one_go
 
 from rehyb import Client, RehybError
@@ -29,7 +29,7 @@ ROUNDS = int(os.environ.get("REHYB_SOAK_ROUNDS", "2"))
 SHORT = ROUNDS == 2
 STUDY: Json = {"name": "chaos", "model": "ishigami", "method": "saltelli", "seed": 5}
 ROWS = 200 if SHORT else 400
-SECONDS = 600.0
+SECONDS = 900.0
 BLOWS = (
     "kill worker",
     "stop worker",
@@ -75,7 +75,7 @@ def torment(lab: Lab, blow: str, rng: random.Random) -> None:
         lab.signal(worker, signal.SIGCONT)
     elif blow == "kill coordinator in mid-commit":
         lab.signal("coordinator", signal.SIGUSR2)
-        lab.processes["coordinator"].wait(30)
+        lab.processes["coordinator"].wait(PATIENCE)
     elif blow == "fill the database's disk":
         before = len(lab.failures())
         lab.signal("coordinator", signal.SIGUSR1)
