@@ -12,6 +12,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from server import problems
 from server.compression import Gunzip
+from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
 from server.metrics import Metrics
 from server.routes import (
@@ -102,7 +103,8 @@ async def _reap_for_ever(engine: Engine, measures: Metrics, ttl: float, patience
                 freed = await asyncio.to_thread(
                     reruns.free_stranded_rows, engine, now=clock(), patience=patience
                 )
-        except SQLAlchemyError:
+        except (SQLAlchemyError, NotFoundError):
+            # The latter: a study was deleted between two looks at it.
             log.exception("expired leases could not be taken back; trying again")
             continue
         measures.lost.inc(lost)

@@ -183,19 +183,22 @@ def forget(connection: Connection, study: Study, places: Collection[Place]) -> N
 
 def give_up(engine: Engine, *, now: float, patience: float) -> None:
     """Ask no more about studies that no longer run and for which nobody came for `patience` s."""
-    with writing(engine) as connection:
-        ended = sa.select(studies_table.c.id).where(
-            studies_table.c.state.in_(("complete", "cancelled"))
-        )
-        connection.execute(
-            sa.update(comparisons)
-            .where(
-                comparisons.c.state == "waiting",
-                comparisons.c.asked_at < now - patience,
-                comparisons.c.study_id.in_(ended),
+    overdue = sa.and_(comparisons.c.state == "waiting", comparisons.c.asked_at < now - patience)
+    with reading(engine) as connection:
+        concerned = connection.scalars(
+            sa.select(comparisons.c.study_id)
+            .join(studies_table, studies_table.c.id == comparisons.c.study_id)
+            .where(overdue, studies_table.c.state.in_(("complete", "cancelled")))
+            .distinct()
+        ).all()
+    for study_id in concerned:
+        with writing(engine) as connection:
+            studies.find(connection, study_id, lock=True)
+            connection.execute(
+                sa.update(comparisons)
+                .where(overdue, comparisons.c.study_id == study_id)
+                .values(state="abandoned")
             )
-            .values(state="abandoned")
-        )
 
 
 def standings(engine: Engine) -> dict[str, Standing]:

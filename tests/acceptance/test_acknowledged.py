@@ -78,7 +78,7 @@ def coordinator(database: str, tmp_path: Path) -> Iterator[Coordinator]:
     coordinator.end()
 
 
-def until(ask: Callable[[], object], seconds: float = 60.0) -> None:
+def until(ask: Callable[[], object], seconds: float = 200.0) -> None:
     """Wait until the answer is true."""
     deadline = time.monotonic() + seconds
     while not ask():

@@ -1,11 +1,13 @@
 """What the coordinator does unasked, and when."""
 
 import asyncio
+from itertools import count
 from typing import Any
 
 import pytest
 
 from server import app
+from server.errors import NotFoundError
 from server.metrics import Metrics
 
 
@@ -30,7 +32,14 @@ def test_rows_are_freed_only_by_who_has_listened_for_that_long(
     monkeypatch.setattr(app, "monotonic", lambda: now[0])
     monkeypatch.setattr(app.asyncio, "sleep", sleep)
     monkeypatch.setattr(app.asyncio, "to_thread", here)
-    monkeypatch.setattr(app.queue, "reap", lambda *_, **__: 0)
+    asked = count(1)
+
+    def reap(_engine: object, **_: float) -> int:
+        if next(asked) == 2:
+            raise NotFoundError("a study was deleted meanwhile")
+        return 0
+
+    monkeypatch.setattr(app.queue, "reap", reap)
     monkeypatch.setattr(app.comparisons, "give_up", lambda *_, **__: None)
     monkeypatch.setattr(app.reruns, "free_stranded_rows", free)
     engine: Any = None
