@@ -30,6 +30,15 @@ from server.store.schema import studies as studies_table
 
 log = logging.getLogger(__name__)
 
+#: In two halves, each of which an index can find.
+_OF_OTHERS = sa.or_(
+    comparisons.c.first_host < sa.bindparam("host"), comparisons.c.first_host > sa.bindparam("host")
+)
+#: Built once: every worker that asks for work asks this.
+_STUDIES_WAITING = (
+    sa.select(comparisons.c.study_id).where(comparisons.c.state == "waiting", _OF_OTHERS).distinct()
+)
+
 
 def ask(
     connection: Connection,
@@ -62,13 +71,9 @@ def ask(
 
 def studies_waiting(connection: Connection, models: Sequence[str], *, host: str) -> list[Study]:
     """Return the studies of `models` in which a second opinion of `host` is wanted."""
-    wanted = (
-        sa.select(comparisons.c.study_id)
-        .where(comparisons.c.state == "waiting", _of_others(host))
-        .distinct()
-    )
     # First the few that are waiting, so that asking costs nothing while there are none.
-    found = [studies.find(connection, study_id) for study_id in connection.scalars(wanted).all()]
+    wanted = connection.scalars(_STUDIES_WAITING, {"host": host}).all()
+    found = [studies.find(connection, study_id) for study_id in wanted]
     return [
         study
         for study in found
@@ -82,11 +87,10 @@ def hand_out(
     """Give up to `limit` results of other hosts to a lease of `host`, to be computed again."""
     found = connection.execute(
         sa.select(comparisons.c.id, comparisons.c.row, comparisons.c.position)
-        .where(
-            comparisons.c.study_id == study.id, comparisons.c.state == "waiting", _of_others(host)
-        )
+        .where(comparisons.c.study_id == study.id, comparisons.c.state == "waiting", _OF_OTHERS)
         .order_by(comparisons.c.id)
-        .limit(limit)
+        .limit(limit),
+        {"host": host},
     ).all()
     if found:
         connection.execute(
@@ -215,11 +219,6 @@ def standings(engine: Engine) -> dict[str, Standing]:
                 of_host = counts.setdefault(row.host, {})
                 of_host[row.state] = of_host.get(row.state, 0) + row.n
     return {host: Standing(**found) for host, found in counts.items()}
-
-
-def _of_others(host: str) -> sa.ColumnElement[bool]:
-    # In two halves, each of which an index can find.
-    return sa.or_(comparisons.c.first_host < host, comparisons.c.first_host > host)
 
 
 def _conclude(
