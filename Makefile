@@ -22,7 +22,8 @@ check: $(READY)  ## Lint, format, types and the unit tests
 	$(BIN)/python -m pytest -m "not postgresql" tests/unit
 
 soak: $(READY)  ## Disturb studies in every way, twenty times over; half an hour
-	REHYB_SOAK_ROUNDS=20 $(BIN)/python -m pytest -s tests/acceptance/test_chaos.py
+	REHYB_SOAK_ROUNDS=20 $(BIN)/python -m pytest -s \
+		tests/acceptance/test_chaos.py tests/acceptance/test_acknowledged.py
 
 bench: $(READY)  ## Print the figures that README and docs quote
 	$(BIN)/python -m benchmarks.table_1

@@ -135,8 +135,12 @@ class Client:
         """Hand out nothing of a study until it is resumed; results under way are taken."""
         return self._json("POST", f"/v1/studies/{study_id}/pause")
 
+    def drain(self, study_id: str) -> Json:
+        """Finish the rows of a study that were begun and begin no other; then it is paused."""
+        return self._json("POST", f"/v1/studies/{study_id}/drain")
+
     def resume(self, study_id: str) -> Json:
-        """Go on with a paused study; Conflict if it is complete or cancelled."""
+        """Go on with a paused or draining study; Conflict if it is complete or cancelled."""
         return self._json("POST", f"/v1/studies/{study_id}/resume")
 
     def extend(self, study_id: str, rows: int) -> Json:
@@ -224,7 +228,7 @@ class Client:
         while True:
             progress = self.progress(study_id)
             on_progress(progress)
-            if progress["state"] not in ("running", "paused"):
+            if progress["state"] not in ("running", "draining", "paused"):
                 return progress
             time.sleep(poll_seconds)
 

@@ -49,10 +49,14 @@ def progress_in_words(progress: Mapping[str, Any]) -> str:
     """Return a study's progress as one line."""
     done = progress["ok"] + progress["failed"]
     rate = progress["results_per_second"] or 0.0
+    eta = duration(progress["eta_seconds"])
+    if progress.get("eta_high_seconds"):
+        low, high = progress["eta_low_seconds"], progress["eta_high_seconds"]
+        eta += f" [{duration(low)}, {duration(high)}]"
     return (
         f"{done}/{progress['instances']} results, "
         f"{progress['rows_complete']}/{progress['rows']} rows, {rate:.1f}/s, "
-        f"ETA {duration(progress['eta_seconds'])}, {progress['workers']} workers, "
+        f"ETA {eta}, {progress['workers']} workers, "
         f"failures: {failures_in_words(progress['failures'])}"
     )
 

@@ -4,6 +4,7 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
+from time import monotonic
 
 from fastapi import FastAPI
 from sqlalchemy.engine import Engine
@@ -11,6 +12,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from server import problems
 from server.compression import Gunzip
+from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
 from server.metrics import Metrics
 from server.routes import (
@@ -26,7 +28,7 @@ from server.routes import (
 )
 from server.routes.common import clock
 from server.settings import Settings
-from server.store import create_engine, queue, require_current, reruns, tokens
+from server.store import comparisons, create_engine, queue, require_current, reruns, tokens
 
 log = logging.getLogger(__name__)
 
@@ -89,14 +91,20 @@ def create_app(settings: Settings) -> FastAPI:
 
 async def _reap_for_ever(engine: Engine, measures: Metrics, ttl: float, patience: float) -> None:
     """Take back expired leases, and rows that wait for machines that are gone, unasked."""
+    started = monotonic()
     while True:
         await asyncio.sleep(ttl / 4.0)
+        freed = 0
         try:
             lost = await asyncio.to_thread(queue.reap, engine, now=clock())
-            freed = await asyncio.to_thread(
-                reruns.free_stranded_rows, engine, now=clock(), patience=patience
-            )
-        except SQLAlchemyError:
+            await asyncio.to_thread(comparisons.give_up, engine, now=clock(), patience=patience)
+            # Whoever has not listened for so long cannot say that nobody spoke.
+            if monotonic() - started >= patience:
+                freed = await asyncio.to_thread(
+                    reruns.free_stranded_rows, engine, now=clock(), patience=patience
+                )
+        except (SQLAlchemyError, NotFoundError):
+            # The latter: a study was deleted between two looks at it.
             log.exception("expired leases could not be taken back; trying again")
             continue
         measures.lost.inc(lost)

@@ -12,6 +12,9 @@ from server.store import gauges
 #: Seconds: from a closed form to an assessment on a slow machine, or one that hangs.
 RUN_BUCKETS = (0.001, 0.01, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 15.0, 60.0, 300.0)
 
+#: Seconds: of a transaction, and of many that wait for each other.
+LEASE_BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 5.0)
+
 
 class Clock(Protocol):
     """Tells seconds, UTC epoch."""
@@ -42,6 +45,12 @@ class Metrics:
         self.verdicts = Counter(
             "rehyb_verdicts", "Results posted, by verdict", ["verdict"], registry=self.registry
         )
+        self.lease_seconds = Histogram(
+            "rehyb_lease_seconds",
+            "Time it took to answer a worker that asked for work",
+            buckets=LEASE_BUCKETS,
+            registry=self.registry,
+        )
         self.run_seconds = Histogram(
             "rehyb_run_seconds",
             "Wall time of accepted instances",
@@ -62,6 +71,7 @@ class _Stored:
         yield _family("rehyb_studies", "Studies by state", "state", now.studies)
         yield _family("rehyb_instances", "Instances of studies under way", "state", now.instances)
         yield _family("rehyb_failures", "Final failures by outcome", "outcome", now.failures)
+        yield _family("rehyb_comparisons", "Second opinions by state", "state", now.comparisons)
         for name, text, value in (
             ("rehyb_workers", "Workers heard of within a minute", now.workers),
             ("rehyb_open_leases", "Leases held by workers", now.open_leases),

@@ -25,6 +25,12 @@ class Settings(BaseSettings):
     #: Seconds that a begun row waits for its kind of machine before another begins it anew.
     stranded_seconds: float = Field(default=3600.0, gt=0.0)
 
+    #: Share of the results that another host computes again; 0: none.
+    recompute_share: float = Field(default=0.01, ge=0.0, le=1.0)
+    #: Relative difference of an output at which two hosts still agree. Machines of one kind agree
+    #: to the last bit; between kinds, gaining or losing a contact amplifies the last bits.
+    recompute_tolerance: float = Field(default=1e-3, ge=0.0, allow_inf_nan=False)
+
     #: The least of what is logged.
     log_level: Literal["debug", "info", "warning", "error"] = "warning"
     #: Files with a certificate and its key (PEM): with both, the coordinator speaks TLS only.

@@ -20,7 +20,7 @@ import sqlalchemy as sa
 VARIABLE = "REHYB_TEST_POSTGRES_URL"
 START_SECONDS = 60.0
 #: Nothing in it is to survive anything, so that it may be fast.
-OPTIONS = ("fsync=off", "synchronous_commit=off", "full_page_writes=off", "max_connections=60")
+OPTIONS = ("fsync=off", "synchronous_commit=off", "full_page_writes=off", "max_connections=200")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

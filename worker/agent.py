@@ -2,10 +2,11 @@
 
 import logging
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from http import HTTPStatus
 from random import Random
 from typing import Any
 
@@ -28,6 +29,11 @@ LEASE_SECONDS = 2.0
 NEWEST_WEIGHT = 0.2
 #: A draining worker stays this long for a coordinator that is away; then the results stay on disk.
 FAREWELL_SECONDS = 10.0
+#: Results at which the coordinator itself fails are posted so often before they are set aside:
+#: others must get through.
+TRIES = 5
+#: Seconds after which what was set aside is posted again; the next worker that starts does so too.
+ASIDE_SECONDS = 600.0
 
 
 @dataclass(kw_only=True)
@@ -115,6 +121,9 @@ class Agent:
         self._ask_at = 0.0
         self._post_at = 0.0
         self._seconds_each: float | None = None
+        #: How often the coordinator has failed at a batch, by the first of its keys.
+        self._tries: Counter[int] = Counter()
+        self._bring_back_at = 0.0
         self.finished = 0
 
     def stop(self) -> None:
@@ -213,6 +222,8 @@ class Agent:
         """Post, renew, release and lease as is due; stay silent for a while if nobody answers."""
         try:
             if now >= self._post_at or any(not lease.open for lease in self._leases):
+                if now >= self._bring_back_at and (waiting := self._spool.bring_back()):
+                    log.info("trying again to post %d results that were set aside", waiting)
                 while batch := self._spool.next_batch():
                     self._post(batch)
                 self._post_at = now + POST_SECONDS
@@ -231,7 +242,8 @@ class Agent:
                 log.info("the coordinator answers again")
             self._failures = 0
 
-    def _post(self, batch: Batch) -> None:
+    def _post(self, batch: Batch, *, hopeless: bool = False) -> None:
+        """Post a batch; `hopeless`: the coordinator has failed too often at what it is part of."""
         try:
             verdicts = self._client.post_results(
                 lease=batch.lease, fence=batch.fence, worker=batch.worker, results=batch.results
@@ -239,12 +251,33 @@ class Agent:
         except Invalid as error:
             if len(batch.results) > 1:
                 # One of them spoils the request for the others.
-                for key, result in zip(batch.keys, batch.results, strict=True):
-                    self._post(replace(batch, keys=(key,), results=(result,)))
+                self._post_one_by_one(batch, hopeless)
                 return
             log.error("the coordinator cannot use a result: %s: %s", error, batch.results[0])
             self._spool.acknowledge(batch.keys)
             return
+        except ServerError as error:
+            if error.problem.get("status") != HTTPStatus.INTERNAL_SERVER_ERROR:
+                # It has had enough, or something before it has; what is posted has no part in it.
+                raise
+            self._tries[batch.keys[0]] += 1
+            if not hopeless and self._tries[batch.keys[0]] < TRIES:
+                raise
+            del self._tries[batch.keys[0]]
+            if len(batch.results) > 1:
+                self._post_one_by_one(batch, hopeless=True)
+                return
+            log.error(
+                "the coordinator fails at the result of %s, which stays on disk: it is posted "
+                "again in %g minutes, and by the next worker on this machine (%s)",
+                batch.results[0]["instance"],
+                ASIDE_SECONDS / 60.0,
+                error,
+            )
+            self._spool.set_aside(batch.keys)
+            self._bring_back_at = time.monotonic() + ASIDE_SECONDS
+            return
+        self._tries.pop(batch.keys[0], None)
         # Whatever the verdict, it is final: posting the same result again would not change it.
         self._spool.acknowledge(batch.keys)
         for verdict in verdicts:
@@ -258,6 +291,10 @@ class Agent:
         for lease in self._leases:
             if lease.id == batch.lease:
                 lease.extend(time.monotonic())
+
+    def _post_one_by_one(self, batch: Batch, hopeless: bool) -> None:
+        for key, result in zip(batch.keys, batch.results, strict=True):
+            self._post(replace(batch, keys=(key,), results=(result,)), hopeless=hopeless)
 
     def _release(self) -> None:
         """Let go of the leases in which nothing is open."""

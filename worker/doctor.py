@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rehyb.client import Client
 from rehyb.errors import RehybError, Unauthorized
-from worker.machine import canary, code
+from worker.machine import canary, code, cpu
 from worker.pool import available_cores
 
 #: An assessment takes 0.4 s on a core of 2020; one that takes ten times as long is hardly a help.
@@ -46,12 +46,11 @@ def examine(*, spool: Path, connect: Callable[[], Client]) -> Iterator[Finding]:
 
 def _processor() -> Finding:
     cores = available_cores()
-    try:
-        flags = Path("/proc/cpuinfo").read_text().split()
-    except OSError:
+    found = cpu()
+    if found == "unknown":
         return _ok("processor", f"{cores} cores for this process")
-    if "avx" in flags or "asimd" in flags:
-        return _ok("processor", f"{cores} cores for this process, with vector instructions")
+    if {"avx", "asimd"} & set(found.split()):
+        return _ok("processor", f"{cores} cores for this process, with {found}")
     return Finding(
         check="processor",
         verdict="warning",

@@ -13,6 +13,8 @@ from sim.evaluation import versions
 #: Seconds the canary may take: half a second of simulation, and MuJoCo's first start from a disk
 #: that sleeps.
 CANARY_SECONDS = 120.0
+#: x86-64 and ARM. More of them would only part machines that compute the same bits.
+VECTOR_FLAGS = ("sse4_2", "avx", "avx2", "fma", "avx512f", "asimd", "sve")
 #: Evaluates the nominal elbow and prints a digest of the bits of its outputs.
 _CANARY = """
 import hashlib, json, time
@@ -33,7 +35,16 @@ def describe() -> dict[str, str]:
     Raises:
         CanaryError: the nominal elbow cannot be evaluated here.
     """
-    return {**versions(), "code": code(), "canary": canary()[0]}
+    return {**versions(), "cpu": cpu(), "code": code(), "canary": canary()[0]}
+
+
+def cpu(path: Path = Path("/proc/cpuinfo")) -> str:
+    """Return the processor's vector instructions, by which libraries choose their code."""
+    try:
+        flags = path.read_text().split()
+    except OSError:
+        return "unknown"
+    return " ".join(flag for flag in VECTOR_FLAGS if flag in flags) or "none"
 
 
 def code() -> str:

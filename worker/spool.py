@@ -54,6 +54,8 @@ class Spool:
         self._overflow: dict[int, _Row] = {}
         #: Acknowledged, but still on disk.
         self._forgotten: set[int] = set()
+        #: Not to be posted for now.
+        self._aside: set[int] = set()
 
     def __len__(self) -> int:
         kept = int(self._database.execute("SELECT count(*) FROM results").fetchone()[0])
@@ -73,7 +75,7 @@ class Spool:
             self._overflow[min(self._overflow, default=0) - 1] = row
 
     def next_batch(self, limit: int = BATCH) -> Batch | None:
-        """Return the oldest results that share a lease, or None if everything is acknowledged."""
+        """Return the oldest results that share a lease; None if there are none to post now."""
         rows = self._database.execute(
             """
             WITH waiting AS (
@@ -83,13 +85,14 @@ class Spool:
             WHERE (lease, worker) = (SELECT lease, worker FROM waiting ORDER BY key LIMIT 1)
             ORDER BY key LIMIT ?
             """,
-            (json.dumps(sorted(self._forgotten)), limit),
+            (json.dumps(sorted(self._forgotten | self._aside)), limit),
         ).fetchall()
         if not rows:
-            first = next(iter(self._overflow.values()), None)
+            overflow = {k: row for k, row in self._overflow.items() if k not in self._aside}
+            first = next(iter(overflow.values()), None)
             rows = [
                 (key, *row)
-                for key, row in self._overflow.items()
+                for key, row in overflow.items()
                 if first is not None and row[:3] == first[:3]
             ][:limit]
         if not rows:
@@ -114,6 +117,16 @@ class Spool:
                 "DELETE FROM results WHERE key = ?", [(key,) for key in self._forgotten]
             )
             self._forgotten.clear()
+
+    def set_aside(self, keys: Sequence[int]) -> None:
+        """Leave the results under `keys` out of `next_batch`; they stay where they are."""
+        self._aside |= set(keys)
+
+    def bring_back(self) -> int:
+        """Have `next_batch` return what was set aside; returns how many results that are."""
+        count = len(self._aside)
+        self._aside.clear()
+        return count
 
     def adopt(self) -> int:
         """Take over the results that dead workers left in the folder; return how many."""

@@ -22,6 +22,13 @@ def pause(study: Id, url: Url = None, token: Token = None, as_json: AsJson = Fal
 
 
 @app.command()
+def drain(study: Id, url: Url = None, token: Token = None, as_json: AsJson = False) -> None:
+    """Finish the rows that were begun and begin no other; then the study is paused."""
+    with Client(url, token) as client:
+        _say(client.drain(study), as_json)
+
+
+@app.command()
 def resume(study: Id, url: Url = None, token: Token = None, as_json: AsJson = False) -> None:
     """Go on with a paused study."""
     with Client(url, token) as client:

@@ -228,7 +228,10 @@ def workers(url: Url = None, token: Token = None, as_json: AsJson = False) -> No
         for worker in known:
             worker["last_seen"] = f"{max(0.0, now - worker['last_seen']):.0f} s ago"
             worker["tags"] = ", ".join(worker.get("tags", ()))
-        print_rows(("id", "host", "host_class", "tags", "last_seen", "instances_done"), known)
+            worker["trust"] = f"{worker.get('trust', 1.0):.2f}"
+        print_rows(
+            ("id", "host", "host_class", "tags", "last_seen", "instances_done", "trust"), known
+        )
 
 
 def _read(file: Path) -> Json:

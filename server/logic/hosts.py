@@ -15,7 +15,7 @@ from server.logic.study import Study
 IDENTITY = ("code", "mujoco")
 #: What must be equal within a row. The canary is a digest of one nominal evaluation, so that
 #: machines whose bits differ are told apart even where all versions agree.
-HOST_CLASS = (*IDENTITY, "numpy", "platform", "canary")
+HOST_CLASS = (*IDENTITY, "numpy", "platform", "cpu", "canary")
 
 
 def identity(versions: Mapping[str, str]) -> dict[str, str]:

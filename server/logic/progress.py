@@ -1,11 +1,20 @@
 """How far a study is, how fast it goes and when it will be done."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from math import sqrt
+from statistics import stdev
 
 from server.logic.study import Study
 
 #: The rate is taken over this many results: enough to be calm, few enough to follow the fleet.
 RATE_WINDOW = 500
+#: The window is cut into so many blocks of equally many results: how much the times they took
+#: differ says how far the rate is to be trusted.
+BLOCKS = 10
+#: Student's t for a two-sided interval of 90 % with BLOCKS - 1 degrees of freedom.
+STUDENT_T = 1.833
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,6 +24,10 @@ class Pace:
     results_per_second: float
     #: Seconds until the last result; None if it cannot be told, 0 if nothing is left to do.
     eta_seconds: float | None
+    #: A prediction interval of 90 % for it, as far as the last results tell; None before there
+    #: are enough.
+    eta_low_seconds: float | None
+    eta_high_seconds: float | None
     elapsed_seconds: float
 
 
@@ -23,7 +36,18 @@ def window_start(result_count: int) -> int:
     return max(0, result_count - RATE_WINDOW)
 
 
-def pace(study: Study, *, window_opened_at: float, now: float) -> Pace:
+def block_ends(result_count: int) -> list[int]:
+    """Return the numbers of the results between the blocks, BLOCKS + 1 of them; none: too few.
+
+    Number 0 stands for the start of the study.
+    """
+    size = (result_count - window_start(result_count)) // BLOCKS
+    return [result_count - size * k for k in range(BLOCKS, -1, -1)] if size else []
+
+
+def pace(
+    study: Study, *, window_opened_at: float, now: float, passed_at: Sequence[float] = ()
+) -> Pace:
     """Return how fast results come.
 
     Args:
@@ -31,17 +55,40 @@ def pace(study: Study, *, window_opened_at: float, now: float) -> Pace:
         window_opened_at: when result number `window_start(study.result_count)` arrived, or when
             the study was created if that is 0.
         now: seconds, UTC epoch. While the study runs, silence therefore lowers the rate.
+        passed_at: when the results `block_ends(study.result_count)` arrived.
     """
     if study.finished_at is not None:
         elapsed = study.finished_at - study.created_at
         rate = study.result_count / elapsed if elapsed > 0.0 else 0.0
-        return Pace(results_per_second=rate, eta_seconds=0.0, elapsed_seconds=elapsed)
+        return Pace(
+            results_per_second=rate,
+            eta_seconds=0.0,
+            eta_low_seconds=0.0,
+            eta_high_seconds=0.0,
+            elapsed_seconds=elapsed,
+        )
     counted = study.result_count - window_start(study.result_count)
     since = now - window_opened_at
     rate = counted / since if since > 0.0 else 0.0
     left = study.plan.instances - study.result_count
+    eta = left / rate if rate > 0.0 else None
+    off = None if eta is None else _half_width(passed_at, left * BLOCKS / counted)
     return Pace(
         results_per_second=rate,
-        eta_seconds=left / rate if rate > 0.0 else None,
+        eta_seconds=eta,
+        eta_low_seconds=None if eta is None or off is None else max(0.0, eta - off),
+        eta_high_seconds=None if eta is None or off is None else eta + off,
         elapsed_seconds=max(0.0, now - study.created_at),
     )
+
+
+def _half_width(passed_at: Sequence[float], blocks_left: float) -> float | None:
+    """Return how far the time for so many blocks may be off, in seconds; None: nobody knows.
+
+    As if the blocks took times drawn independently from one normal distribution: the variance of
+    what is left, and that of the mean it is foretold from.
+    """
+    if len(passed_at) != BLOCKS + 1:
+        return None
+    spread = stdev(after - before for before, after in pairwise(passed_at))
+    return STUDENT_T * spread * sqrt(blocks_left + blocks_left**2 / BLOCKS)

@@ -58,7 +58,8 @@ class Study:
 
     id: str
     plan: Plan
-    #: "running", "paused", "complete" or "cancelled".
+    #: "running", "draining" (begun rows are finished, none is begun), "paused", "complete" or
+    #: "cancelled".
     state: str
     created_at: float
     #: When the study was completed or cancelled; None while it runs.
@@ -195,6 +196,13 @@ def extended(study: Study, rows: int) -> Study:
         finished_at=None if resumed else study.finished_at,
         edition=study.edition + 1,
     )
+
+
+def drained(study: Study) -> Study:
+    """Return a draining study paused, if all of its begun rows are done; any other as it is."""
+    if study.state == "draining" and study.handed_out == study.result_count:
+        return replace(study, state="paused")
+    return study
 
 
 def _known(pointer: str, what: str, name: str, known: Any) -> Any:

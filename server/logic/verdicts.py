@@ -97,7 +97,7 @@ def judge(
         # Otherwise a worker that only talks nonsense could lease and return an instance for ever.
         counted, final = after_attempt(slot, cause="invalid", reason=fault, host=host)
         return Judgement(verdict=verdict, slot=counted, result=final)
-    result = _result(report, slot, outputs)
+    result = as_result(report, slot.row, slot.position, outputs)
     if result.outcome in RETRIED and not held:
         return Judgement(verdict=say("duplicate", "this attempt no longer counts"))
     if stored is not None:
@@ -146,13 +146,13 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
     return None
 
 
-def _result(report: Report, slot: Slot, outputs: Sequence[str]) -> Result:
-    """Return a faultless report as a result of the instance in `slot`."""
+def as_result(report: Report, row: int, position: int, outputs: Sequence[str]) -> Result:
+    """Return a faultless report as a result of the instance at `row` and `position`."""
     ok = report.outcome == "ok"
     wall = report.wall_seconds
     return Result(
-        row=slot.row,
-        position=slot.position,
+        row=row,
+        position=position,
         outcome=report.outcome,
         outputs={name: float(report.outputs[name]) for name in outputs} if ok else None,
         # PostgreSQL cannot store the character NUL.

@@ -52,7 +52,10 @@ PRINTABLE = r"^[^\x00-\x1f\x7f]+$"
 
 #: A name somebody gave to something: one line, no control characters.
 Name = Annotated[str, StringConstraints(min_length=1, max_length=128, pattern=PRINTABLE)]
-#: An identifier in a path.
-Id = Annotated[str, Path(max_length=128, pattern=PRINTABLE)]
+#: Identifiers in a path.
+Id = Annotated[str, Path(max_length=128, pattern=PRINTABLE, examples=["3fb1c2a4d5e6"])]
+LeaseId = Annotated[
+    str, Path(max_length=128, pattern=PRINTABLE, examples=["0f8e4ab7c5d94e2b8a1d6c3f7e9b2a10"])
+]
 #: A whole number that a database can hold.
 MAX_INTEGER = 2**63 - 1

@@ -14,16 +14,16 @@ router = APIRouter(prefix="/v1/studies/{study_id}/instances", tags=["instances"]
 
 State = Annotated[
     Literal["pending", "leased", "done", "ok", "failed"] | None,
-    Query(description="Only these; failed: done, but not ok."),
+    Query(description="Only these; failed: done, but not ok.", examples=["failed"]),
 ]
 Outcome = Annotated[str | None, Query(pattern=r"^[a-z_]{1,40}$", examples=["slipped"])]
 After = Annotated[
     str | None,
     Query(pattern=r"^\d{1,18}:\d{1,9}$", description="`next` of the page before", examples=["7:3"]),
 ]
-Limit = Annotated[int, Query(ge=1, le=1000)]
-Row = Annotated[int, Path(ge=0, le=MAX_INTEGER)]
-Position = Annotated[int, Path(ge=0, le=2**31 - 1)]
+Limit = Annotated[int, Query(ge=1, le=1000, examples=[100])]
+Row = Annotated[int, Path(ge=0, le=MAX_INTEGER, examples=[0])]
+Position = Annotated[int, Path(ge=0, le=2**31 - 1, examples=[3])]
 
 
 @router.get("")
@@ -71,6 +71,7 @@ def bundle(study_id: Id, row: Row, position: Position, store: Store) -> dict[str
         "result": found.result,
         "conflicts": found.conflicts,
         "superseded": found.superseded,
+        "comparisons": found.comparisons,
     }
 
 

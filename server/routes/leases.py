@@ -12,7 +12,7 @@ from server.routes.common import (
     MAX_INTEGER,
     Body,
     Configured,
-    Id,
+    LeaseId,
     Measures,
     Name,
     Now,
@@ -70,17 +70,18 @@ def lease(
     """Lease instances of one study; 204: nothing to do now; 409: nothing that the worker fits."""
     measures.lost.inc(queue.reap(store, now=now))
     try:
-        grant = queue.grant(
-            store,
-            worker=body.worker.id,
-            host=body.worker.host,
-            versions=body.worker.versions,
-            models=body.models,
-            max_instances=body.max_instances,
-            now=now,
-            ttl=settings.lease_seconds,
-            tags=body.worker.tags,
-        )
+        with measures.lease_seconds.time():
+            grant = queue.grant(
+                store,
+                worker=body.worker.id,
+                host=body.worker.host,
+                versions=body.worker.versions,
+                models=body.models,
+                max_instances=body.max_instances,
+                now=now,
+                ttl=settings.lease_seconds,
+                tags=body.worker.tags,
+            )
     except ConflictError:
         measures.misfits.inc()
         raise
@@ -107,7 +108,7 @@ def lease(
 
 @router.post("/{lease_id}/renew")
 def renew(
-    lease_id: Id, body: FenceBody, store: Store, settings: Configured, now: Now
+    lease_id: LeaseId, body: FenceBody, store: Store, settings: Configured, now: Now
 ) -> dict[str, Any]:
     """Keep a lease for another ttl."""
     ttl = settings.lease_seconds
@@ -116,7 +117,7 @@ def renew(
 
 
 @router.post("/{lease_id}/release")
-def release(lease_id: Id, body: FenceBody, store: Store, now: Now) -> dict[str, Any]:
+def release(lease_id: LeaseId, body: FenceBody, store: Store, now: Now) -> dict[str, Any]:
     """Give back, unharmed, what a lease still holds."""
     queue.release(store, lease_id, fence=body.fence, now=now)
     return {"released": True}

@@ -25,7 +25,7 @@ KEEPALIVE_SECONDS = 15.0
 #: While nothing happens, rate and remaining time are told anew this often.
 STALE_SECONDS = 10.0
 
-IfNoneMatch = Annotated[str | None, Header()]
+IfNoneMatch = Annotated[str | None, Header(examples=['W/"5f2b1c9d8e7a6b5c4d3e"'])]
 
 
 @router.get("/progress", response_model=None)
@@ -98,7 +98,12 @@ def _tag(standing: Standing, now: float) -> str:
 
 def _shown(standing: Standing, now: float) -> dict[str, Any]:
     study = standing.study
-    speed = pace(study, window_opened_at=standing.window_opened_at, now=now)
+    speed = pace(
+        study,
+        window_opened_at=standing.window_opened_at,
+        now=now,
+        passed_at=standing.passed_at,
+    )
     return {
         "study": study.id,
         "state": study.state,
@@ -112,6 +117,8 @@ def _shown(standing: Standing, now: float) -> dict[str, Any]:
         "rows_complete": study.rows_complete,
         "results_per_second": speed.results_per_second,
         "eta_seconds": speed.eta_seconds,
+        "eta_low_seconds": speed.eta_low_seconds,
+        "eta_high_seconds": speed.eta_high_seconds,
         "workers": standing.workers,
         "elapsed_seconds": speed.elapsed_seconds,
     }

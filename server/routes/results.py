@@ -91,6 +91,8 @@ def post(
         worker=body.worker,
         now=now,
         ttl=settings.lease_seconds,
+        share=settings.recompute_share,
+        tolerance=settings.recompute_tolerance,
     )
     for result, verdict in zip(body.results, verdicts, strict=True):
         measures.verdicts.labels(verdict.verdict).inc()

@@ -15,7 +15,9 @@ router = APIRouter(prefix="/v1/studies", tags=["studies"])
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Title = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
-Key = Annotated[str | None, Header(alias="Idempotency-Key", min_length=1, max_length=255)]
+Key = Annotated[
+    str | None, Header(alias="Idempotency-Key", min_length=1, max_length=255, examples=["masses-1"])
+]
 
 
 class FactorBody(Body):
@@ -141,9 +143,15 @@ def pause(study_id: Id, store: Store) -> dict[str, Any]:
     return _shown(control.pause(store, study_id))
 
 
+@router.post("/{study_id}/drain")
+def drain(study_id: Id, store: Store) -> dict[str, Any]:
+    """Finish the rows that were begun and begin no other; then the study is paused."""
+    return _shown(control.drain(store, study_id))
+
+
 @router.post("/{study_id}/resume")
 def resume(study_id: Id, store: Store) -> dict[str, Any]:
-    """Go on with a paused study."""
+    """Go on with a paused or draining study."""
     return _shown(control.resume(store, study_id))
 
 

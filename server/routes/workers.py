@@ -5,13 +5,28 @@ from typing import Any
 
 from fastapi import APIRouter
 
+from server.logic.comparisons import Standing
 from server.routes.common import Store
-from server.store import workers
+from server.store import comparisons, workers
 
 router = APIRouter(prefix="/v1/workers", tags=["workers"])
 
 
 @router.get("")
 def every(store: Store) -> dict[str, Any]:
-    """List every worker that has ever asked for work, the latest heard from first."""
-    return {"workers": [asdict(worker) for worker in workers.every(store)]}
+    """List every worker that has ever asked for work, and how far its host is trusted.
+
+    The latest heard from comes first. `agreed` and `disagreed` count the results of the host that
+    another one has computed again, and those of others that it has.
+    """
+    standings = comparisons.standings(store)
+    return {
+        "workers": [
+            {**asdict(worker), **_shown(standings.get(worker.host, Standing()))}
+            for worker in workers.every(store)
+        ]
+    }
+
+
+def _shown(standing: Standing) -> dict[str, Any]:
+    return {**asdict(standing), "trust": standing.trust}

@@ -11,7 +11,7 @@ from server.errors import ConflictError
 from server.logic.study import Study
 from server.store import studies
 from server.store.engine import reading
-from server.store.schema import instances, leases, results
+from server.store.schema import comparisons, instances, leases, results
 
 
 def faults(engine: Engine) -> list[str]:
@@ -98,6 +98,15 @@ def _study_faults(connection: Connection, study: Study) -> Iterator[str]:
             sa.or_(leases.c.state.is_(None), leases.c.state != "open"),
         )
     )
+    unasked = connection.scalar(
+        sa.select(sa.func.count())
+        .select_from(comparisons.outerjoin(leases, leases.c.id == comparisons.c.lease_id))
+        .where(
+            comparisons.c.study_id == study.id,
+            comparisons.c.state == "leased",
+            sa.or_(leases.c.state.is_(None), leases.c.state != "open"),
+        )
+    )
     mixed = sa.select(instances.c.row).where(of_study).group_by(instances.c.row)
     mixed = mixed.having(sa.func.count(instances.c.host_class.distinct()) > 1)
     for what, counted, expected in (
@@ -110,6 +119,7 @@ def _study_faults(connection: Connection, study: Study) -> Iterator[str]:
         ("instances that are done", states.get("done", 0), study.result_count),
         ("results of instances that are done", matched, study.result_count),
         ("instances held by a lease that has ended", unheld, 0),
+        ("second opinions held by a lease that has ended", unasked, 0),
         ("rows shared by kinds of machines", len(connection.execute(mixed).all()), 0),
     ):
         if counted != expected:

@@ -1,4 +1,4 @@
-"""What an operator does with a study under way: pause, resume, extend, prefer, delete."""
+"""What an operator does with a study under way: pause, drain, resume, extend, prefer, delete."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,9 +7,10 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError
-from server.logic.study import Study, extended, objection_to_extension
+from server.logic.study import Study, drained, extended, objection_to_extension
 from server.store.engine import writing
 from server.store.schema import (
+    comparisons,
     conflicts,
     estimator_states,
     instances,
@@ -29,12 +30,17 @@ def pause(engine: Engine, study_id: str) -> Study:
         NotFoundError: there is no study of that id.
         ConflictError: the study is complete or cancelled.
     """
-    return _change(engine, study_id, lambda study: _switch(study, "running", "paused"))
+    return _change(engine, study_id, lambda study: _switch(study, "paused"))
+
+
+def drain(engine: Engine, study_id: str) -> Study:
+    """Finish the rows that were begun and begin no other, then pause; raises as `pause` does."""
+    return _change(engine, study_id, lambda study: drained(_switch(study, "draining")))
 
 
 def resume(engine: Engine, study_id: str) -> Study:
-    """Go on with a paused study; raises as `pause` does."""
-    return _change(engine, study_id, lambda study: _switch(study, "paused", "running"))
+    """Go on with a paused or draining study; raises as `pause` does."""
+    return _change(engine, study_id, lambda study: _switch(study, "running"))
 
 
 def prioritise(engine: Engine, study_id: str, priority: int) -> Study:
@@ -72,12 +78,13 @@ def delete(engine: Engine, study_id: str) -> None:
     """
     with writing(engine) as connection:
         study = find(connection, study_id, lock=True)
-        if study.state == "running":
-            raise ConflictError(f"study {study_id} is running: pause or cancel it first")
+        if study.state in ("running", "draining"):
+            raise ConflictError(f"study {study_id} is {study.state}: pause or cancel it first")
         for table in (
             snapshots,
             estimator_states,
             conflicts,
+            comparisons,
             superseded,
             results,
             instances,
@@ -96,8 +103,8 @@ def _change(engine: Engine, study_id: str, change: Callable[[Study], Study]) -> 
     return after
 
 
-def _switch(study: Study, expected: str, state: str) -> Study:
-    """Return the study in `state`; it must be in it already, or in the state `expected`."""
-    if study.state not in (expected, state):
+def _switch(study: Study, state: str) -> Study:
+    """Return the study in `state`, unless it has ended."""
+    if study.state in ("complete", "cancelled"):
         raise ConflictError(f"study {study.id} is {study.state}: it cannot become {state}")
     return replace(study, state=state)

@@ -7,7 +7,7 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
 from server.store.engine import reading
-from server.store.schema import estimator_states, leases, studies, workers
+from server.store.schema import comparisons, estimator_states, leases, studies, workers
 
 #: A worker without work asks every second: one silent for so long is gone.
 GONE_SECONDS = 60.0
@@ -27,6 +27,8 @@ class Gauges:
     open_leases: int
     #: Seconds since the oldest open lease was granted; 0 if there is none.
     oldest_lease: float
+    #: Second opinions by what became of them.
+    comparisons: dict[str, int]
     #: Results that no estimator has taken in.
     lag: int
 
@@ -53,7 +55,10 @@ def read(engine: Engine, *, now: float) -> Gauges:
         alive = connection.scalar(
             sa.select(sa.func.count()).where(workers.c.last_seen > now - GONE_SECONDS)
         )
-    active = [row for row in found if row.state in ("running", "paused")]
+        opinions = connection.execute(
+            sa.select(comparisons.c.state, sa.func.count().label("n")).group_by(comparisons.c.state)
+        ).all()
+    active = [row for row in found if row.state in ("running", "draining", "paused")]
     failures: Counter[str] = Counter()
     for row in found:
         failures.update(row.failures)
@@ -69,5 +74,6 @@ def read(engine: Engine, *, now: float) -> Gauges:
         workers=alive or 0,
         open_leases=count,
         oldest_lease=max(0.0, now - oldest) if oldest is not None else 0.0,
+        comparisons={row.state: row.n for row in opinions},
         lag=sum(max(0, row.result_count - row.cursor) for row in found),
     )

@@ -11,7 +11,14 @@ from server.errors import NotFoundError
 from server.logic.study import Study
 from server.store.engine import reading
 from server.store.ledger import Place
-from server.store.schema import conflicts, instances, results, superseded, workers
+from server.store.schema import (
+    comparisons,
+    conflicts,
+    instances,
+    results,
+    superseded,
+    workers,
+)
 from server.store.studies import find
 
 #: What a listing can be narrowed to: the states of an instance, and how it ended.
@@ -39,6 +46,10 @@ _COLUMNS = (
 )
 
 
+#: What a reader is shown of a comparison.
+_OPINION = ("state", "first_host", "second_host", "outcome", "outputs", "difference", "decided_at")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Account:
     """All that is known of one instance."""
@@ -53,6 +64,8 @@ class Account:
     conflicts: list[Mapping[str, Any]]
     #: Results that were taken back before, first ones first.
     superseded: list[Mapping[str, Any]]
+    #: What other hosts said when they were asked to compute it again.
+    comparisons: list[Mapping[str, Any]]
 
 
 def page(
@@ -123,6 +136,10 @@ def account(engine: Engine, study_id: str, place: Place) -> Account:
             result=_result(connection, study_id, place),
             conflicts=[_plain(r) for r in connection.execute(_at(conflicts, study_id, place))],
             superseded=[_plain(r) for r in connection.execute(_at(superseded, study_id, place))],
+            comparisons=[
+                {name: value for name, value in r._mapping.items() if name in _OPINION}
+                for r in connection.execute(_at(comparisons, study_id, place))
+            ],
         )
 
 

@@ -9,7 +9,7 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Connection
 
 from server.logic.slots import Result, Slot
-from server.logic.study import Study
+from server.logic.study import Study, drained
 from server.store import studies
 from server.store.schema import instances, results
 
@@ -140,7 +140,7 @@ def settle(
         outcomes = Counter(item.result.outcome for item in filed)
         ok = outcomes.pop("ok", 0)
         done = study.result_count + len(filed)
-        finished = done == study.plan.instances and study.state in ("running", "paused")
+        finished = done == study.plan.instances and study.state != "cancelled"
         study = replace(
             study,
             result_count=done,
@@ -152,6 +152,7 @@ def settle(
             state="complete" if finished else study.state,
             finished_at=now if finished else study.finished_at,
         )
+    study = drained(study)
     studies.save(connection, study)
     return study
 

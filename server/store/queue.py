@@ -18,7 +18,7 @@ from server.logic.leases import (
 )
 from server.logic.slots import Slot, after_attempt, handed_back
 from server.logic.study import Study
-from server.store import ledger, studies, workers
+from server.store import comparisons, ledger, studies, workers
 from server.store.engine import reading, writing
 from server.store.schema import leases
 
@@ -45,7 +45,9 @@ def grant(
 ) -> Grant | None:
     """Lease instances of one running study that the worker fits: highest priority, then oldest.
 
-    Those that wait in begun rows go first, so that rows are finished before new ones are begun.
+    Second opinions that other hosts' results wait for go first: they are few, and the sooner a
+    host is found out, the better. Of results, those in begun rows go first, so that rows are
+    finished before new ones are begun.
 
     Returns:
         The lease of 1 to `max_instances` instances; None if there is nothing to do.
@@ -56,7 +58,18 @@ def grant(
     objection: str | None = None
     with writing(engine) as connection:
         granted: Grant | None = None
-        for candidate in studies.with_work(connection, models):
+        waiting = [
+            study
+            for study in comparisons.studies_waiting(connection, models, host=host)
+            if objection_to_worker(study, versions=versions, tags=tags) is None
+        ]
+        if waiting:
+            # If another worker is faster this one asks again: who locked two studies out of their
+            # order could wait for somebody who waits for it.
+            granted = _comparisons_of(
+                connection, waiting[0], worker, host, versions, max_instances, now, ttl
+            )
+        for candidate in [] if waiting else studies.with_work(connection, models):
             unfit = objection_to_worker(candidate, versions=versions, tags=tags)
             if unfit is not None:
                 objection = objection or unfit
@@ -87,7 +100,9 @@ def _grant_of(
     """Hand out instances of one study; None if it has none for this kind of machine."""
     study = studies.locked(connection, candidate)
     mine = host_class(versions)
-    if study.state != "running" or objection_to_worker(study, versions=versions, tags=study.tags):
+    if study.state not in ("running", "draining"):
+        return None
+    if objection_to_worker(study, versions=versions, tags=study.tags) is not None:
         return None
     lease_id = uuid4().hex
     again: list[Slot] = []
@@ -101,7 +116,8 @@ def _grant_of(
             limit=max_instances,
         )
     again = [replace(slot, state="leased", lease=lease_id, host_class=mine) for slot in again]
-    begun = _new_rows(study, lease_id, mine, max_instances - len(again))
+    wanted = max_instances - len(again) if study.state == "running" else 0
+    begun = _new_rows(study, lease_id, mine, wanted)
     fresh = [slot for slot in begun if slot.state == "leased"]
     if not again and not fresh:
         return None
@@ -117,6 +133,36 @@ def _grant_of(
         expires_at=expiry(now, ttl),
         instances=tuple((slot.row, slot.position) for slot in [*again, *fresh]),
         host_class=mine,
+    )
+    return Grant(lease=lease, study=study)
+
+
+def _comparisons_of(
+    connection: Connection,
+    candidate: Study,
+    worker: str,
+    host: str,
+    versions: Mapping[str, str],
+    max_instances: int,
+    now: float,
+    ttl: float,
+) -> Grant | None:
+    """Hand out results of other hosts to be computed again; None if somebody was faster."""
+    study = studies.locked(connection, candidate)
+    lease_id = uuid4().hex
+    places = comparisons.hand_out(connection, study, host=host, lease=lease_id, limit=max_instances)
+    if not places:
+        return None
+    lease = Lease(
+        id=lease_id,
+        fence=0,
+        worker=worker,
+        study=study.id,
+        state="open",
+        expires_at=expiry(now, ttl),
+        instances=tuple(places),
+        host_class=host_class(versions),
+        compares=True,
     )
     return Grant(lease=lease, study=study)
 
@@ -155,6 +201,7 @@ def _file(connection: Connection, lease: Lease, now: float) -> Lease:
         "expires_at": lease.expires_at,
         "instances": lease.instances,
         "host_class": lease.host_class,
+        "compares": lease.compares,
     }
     fence = connection.scalar(sa.insert(leases).values(values).returning(leases.c.fence))
     return replace(lease, fence=int(fence or 0))
@@ -191,6 +238,8 @@ def release(engine: Engine, lease_id: str, *, fence: int, now: float) -> None:
         study = studies.find(connection, lease.study, lock=True)
         if not end(connection, lease, "released"):
             return
+        if lease.compares:
+            comparisons.let_go(connection, lease, counted=False)
         before = held(connection, study, lease)
         after = {place: handed_back(slot) for place, slot in before.items()}
         ledger.settle(connection, study, before=before, after=after, filed=(), now=now)
@@ -211,6 +260,8 @@ def reap(engine: Engine, *, now: float) -> int:
             for row in connection.execute(query).all():
                 lease = _lease(row)
                 end(connection, lease, "expired")
+                if lease.compares:
+                    comparisons.let_go(connection, lease, counted=True)
                 before = held(connection, study, lease)
                 study = _lose(connection, study, lease, before, now)
                 lost += len(before)
@@ -218,12 +269,14 @@ def reap(engine: Engine, *, now: float) -> int:
 
 
 def excuse_silence(engine: Engine, *, now: float, ttl: float) -> None:
-    """Extend every open lease: a coordinator that was away cannot tell whose worker is gone."""
+    """Let every open lease end a ttl from now.
+
+    A coordinator that was away cannot tell whose worker is gone. If its clock was set back
+    meanwhile, a lease would otherwise last for as much longer.
+    """
     with writing(engine) as connection:
         connection.execute(
-            sa.update(leases)
-            .where(leases.c.state == "open", leases.c.expires_at < expiry(now, ttl))
-            .values(expires_at=expiry(now, ttl))
+            sa.update(leases).where(leases.c.state == "open").values(expires_at=expiry(now, ttl))
         )
 
 
@@ -288,4 +341,5 @@ def _lease(row: Any) -> Lease:
         expires_at=row.expires_at,
         instances=tuple((place[0], place[1]) for place in row.instances),
         host_class=row.host_class,
+        compares=row.compares,
     )

@@ -15,7 +15,7 @@ from sqlalchemy.engine import Connection, Engine
 from server.errors import ConflictError
 from server.logic.slots import reopened
 from server.logic.study import Study
-from server.store import ledger, studies
+from server.store import comparisons, ledger, studies
 from server.store.engine import reading, writing
 from server.store.schema import (
     estimator_states,
@@ -89,7 +89,7 @@ def free_stranded_rows(engine: Engine, *, now: float, patience: float) -> int:
         concerned = connection.scalars(
             sa.select(instances.c.study_id)
             .join(studies_table, studies_table.c.id == instances.c.study_id)
-            .where(stranded, studies_table.c.state == "running")
+            .where(stranded, studies_table.c.state.in_(("running", "draining")))
             .distinct()
         ).all()
     freed = 0
@@ -161,6 +161,7 @@ def _take_back(
                 ),
                 [{"at_seq": row.seq} for row in found],
             )
+            comparisons.forget(connection, study, [(row.row, row.position) for row in found])
         taken += len(found)
     if taken:
         _number_anew(connection, study)

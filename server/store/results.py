@@ -1,17 +1,17 @@
 """Results: taking them in, and reading them out in order."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
 
 from server.errors import NotFoundError
-from server.logic.leases import objection_to_results
+from server.logic.leases import Lease, objection_to_results
 from server.logic.slots import Result, Slot
 from server.logic.study import Study, instance_id
 from server.logic.verdicts import Judgement, Report, Verdict, judge
-from server.store import ledger, queue, studies, workers
+from server.store import comparisons, ledger, queue, studies, workers
 from server.store.engine import reading, writing
 from server.store.schema import conflicts, results
 
@@ -28,8 +28,21 @@ def post(
     worker: str,
     now: float,
     ttl: float,
+    share: float = 0.0,
+    tolerance: float = 0.0,
 ) -> list[Verdict]:
     """Judge and file reports, the good ones whatever becomes of the others.
+
+    Args:
+        engine: where.
+        reports: what the worker says.
+        lease_id: the lease it says it under.
+        fence: the lease's, to prove it.
+        worker: who says it.
+        now: seconds, UTC epoch.
+        ttl: seconds the lease lasts from now on, if it still holds anything.
+        share: of the results, how many another host is to compute again.
+        tolerance: relative difference of an output at which two hosts still agree.
 
     Returns:
         A verdict for each report, in order.
@@ -46,6 +59,21 @@ def post(
         except NotFoundError:
             # Deleted since its lease was read, which took no lock.
             return _to_all(reports, "unknown", "the study was deleted")
+        host = workers.host_of(connection, worker)
+        if lease.compares:
+            verdicts = comparisons.judge(
+                connection,
+                study,
+                reports,
+                lease=lease,
+                stored=_at(connection, study, lease.instances),
+                host=host or "",
+                tolerance=tolerance,
+                now=now,
+            )
+            _keep_or_end(connection, lease, comparisons.are_held(connection, lease), now, ttl)
+            workers.heard_from(connection, worker, now=now)
+            return verdicts
         places = {instance_id(study.id, *place): place for place in lease.instances}
         named = [places[report.instance] for report in reports if report.instance in places]
         before = ledger.slots(connection, study, named)
@@ -56,7 +84,7 @@ def post(
             stored=_stored(connection, study, before),
             lease=lease_id,
             outputs=study.plan.outputs,
-            host=workers.host_of(connection, worker),
+            host=host,
             host_class=lease.host_class,
         )
         final = [j.result for j in judgements if j.result is not None]
@@ -71,10 +99,10 @@ def post(
         )
         contradictions = [j.conflict for j in judgements if j.conflict is not None]
         _record_conflicts(connection, study, contradictions, worker=worker, now=now)
-        if queue.held(connection, study, lease):
-            queue.extend(connection, lease, now=now, ttl=ttl)
-        else:
-            queue.end(connection, lease, "finished")
+        comparisons.ask(
+            connection, study, final, share=share, host=host or "", worker=worker, now=now
+        )
+        _keep_or_end(connection, lease, bool(queue.held(connection, study, lease)), now, ttl)
         workers.heard_from(connection, worker, done=len(final), now=now)
     return [judgement.verdict for judgement in judgements]
 
@@ -133,6 +161,14 @@ def _judge(
     return judgements
 
 
+def _keep_or_end(connection: Connection, lease: Lease, holds: bool, now: float, ttl: float) -> None:
+    """Let a lease last on that still holds something; end it if it does not."""
+    if holds:
+        queue.extend(connection, lease, now=now, ttl=ttl)
+    else:
+        queue.end(connection, lease, "finished")
+
+
 def _to_all(reports: Sequence[Report], verdict: str, detail: str) -> list[Verdict]:
     return [Verdict(instance=r.instance, verdict=verdict, detail=detail) for r in reports]
 
@@ -141,14 +177,20 @@ def _stored(
     connection: Connection, study: Study, slots: dict[ledger.Place, Slot]
 ) -> dict[ledger.Place, Result]:
     """Return the final results of those slots that have one."""
-    done = {place for place, slot in slots.items() if slot.state == "done"}
-    if not done:
+    return _at(connection, study, {p for p, slot in slots.items() if slot.state == "done"})
+
+
+def _at(
+    connection: Connection, study: Study, places: Collection[ledger.Place]
+) -> dict[ledger.Place, Result]:
+    """Return the final results at `places`, leaving out those that have none."""
+    if not places:
         return {}
     query = sa.select(results).where(
-        results.c.study_id == study.id, results.c.row.in_({row for row, _ in done})
+        results.c.study_id == study.id, results.c.row.in_({row for row, _ in places})
     )
     found = {(row.row, row.position): _result(row) for row in connection.execute(query)}
-    return {place: found[place] for place in done}
+    return {place: found[place] for place in places if place in found}
 
 
 def _record_conflicts(

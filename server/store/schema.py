@@ -82,6 +82,8 @@ leases = sa.Table(
     sa.Column("expires_at", sa.Double, nullable=False),
     sa.Column("instances", sa.JSON, nullable=False),
     sa.Column("host_class", sa.String(16)),
+    #: Whether it asks for second opinions (`comparisons`) and not for results.
+    sa.Column("compares", sa.Boolean, nullable=False, server_default=sa.false()),
     sqlite_autoincrement=True,
 )
 sa.Index(
@@ -139,6 +141,33 @@ superseded = sa.Table(
     sa.Column("received_at", sa.Double, nullable=False),
     sa.Column("superseded_at", sa.Double, nullable=False),
     sa.Column("why", sa.String(200), nullable=False),
+)
+
+#: Results that another host is to compute again, and what came of it: evidence about both hosts,
+#: never used in an estimate. `outcome` and `outputs` are the second host's.
+comparisons = sa.Table(
+    "comparisons",
+    metadata,
+    sa.Column("id", sa.BigInteger().with_variant(sa.Integer, "sqlite"), primary_key=True),
+    sa.Column("study_id", sa.ForeignKey("studies.id"), nullable=False),
+    sa.Column("row", sa.BigInteger, nullable=False),
+    sa.Column("position", sa.Integer, nullable=False),
+    #: "waiting", "leased", "agreed", "disagreed" or "abandoned".
+    sa.Column("state", sa.String(16), nullable=False),
+    sa.Column("attempts", sa.Integer, nullable=False),
+    sa.Column("lease_id", sa.String(32), index=True),
+    sa.Column("asked_at", sa.Double, nullable=False),
+    sa.Column("decided_at", sa.Double),
+    sa.Column("first_host", sa.String(255), nullable=False),
+    sa.Column("first_worker_id", sa.ForeignKey("workers.id"), nullable=False),
+    sa.Column("second_host", sa.String(255)),
+    sa.Column("second_worker_id", sa.ForeignKey("workers.id")),
+    sa.Column("outcome", sa.String(40)),
+    sa.Column("outputs", sa.JSON(none_as_null=True)),
+    #: Largest relative difference of an output; NULL if the outcomes differ.
+    sa.Column("difference", sa.Double),
+    sa.Index("comparisons_by_state", "state", "first_host"),
+    sa.Index("comparisons_by_instance", "study_id", "row", "position"),
 )
 
 #: Who may do what, besides the operator's own token. Of a secret only its digest is kept.

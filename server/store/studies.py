@@ -10,7 +10,7 @@ from sqlalchemy.engine import Connection, Engine
 
 from analysis.distributions import Distribution
 from server.errors import ConflictError, NotFoundError
-from server.logic.progress import window_start
+from server.logic.progress import block_ends, window_start
 from server.logic.study import Plan, Study
 from server.store.engine import insert, reading, writing
 from server.store.schema import leases, results, studies
@@ -23,6 +23,8 @@ class Standing:
     study: Study
     #: When the result from which on the rate is counted arrived (seconds, UTC epoch).
     window_opened_at: float
+    #: When the results arrived between which the rate's spread is taken.
+    passed_at: tuple[float, ...]
     #: Workers that hold a lease of this study now.
     workers: int
 
@@ -99,12 +101,13 @@ def standing(engine: Engine, study_id: str, *, now: float) -> Standing:
     """Return a study and how it has been going; NotFoundError if there is none of that id."""
     with reading(engine) as connection:
         study = find(connection, study_id)
-        opened = connection.scalar(
-            sa.select(results.c.received_at).where(
-                results.c.study_id == study_id,
-                results.c.seq == window_start(study.result_count),
+        opening, ends = window_start(study.result_count), block_ends(study.result_count)
+        arrivals = connection.execute(
+            sa.select(results.c.seq, results.c.received_at).where(
+                results.c.study_id == study_id, results.c.seq.in_([opening, *ends])
             )
         )
+        arrived_at = {0: study.created_at} | {row.seq: row.received_at for row in arrivals}
         workers = connection.scalar(
             sa.select(sa.func.count(leases.c.worker_id.distinct())).where(
                 leases.c.study_id == study_id,
@@ -114,7 +117,8 @@ def standing(engine: Engine, study_id: str, *, now: float) -> Standing:
         )
     return Standing(
         study=study,
-        window_opened_at=study.created_at if opened is None else opened,
+        window_opened_at=arrived_at[opening],
+        passed_at=tuple(arrived_at[number] for number in ends),
         workers=workers or 0,
     )
 
@@ -130,7 +134,7 @@ def cancel(engine: Engine, study_id: str, *, now: float) -> Study:
         study = find(connection, study_id, lock=True)
         if study.state == "complete":
             raise ConflictError(f"study {study_id} is already complete")
-        if study.state == "running":
+        if study.state != "cancelled":
             study = replace(study, state="cancelled", finished_at=now)
             save(connection, study)
     return study
@@ -161,12 +165,15 @@ def locked(connection: Connection, study: Study) -> Study:
 
 def with_work(connection: Connection, models: Sequence[str]) -> list[Study]:
     """Return the running studies of `models` with something to hand out, first to serve first."""
+    taken = studies.c.result_count + studies.c.leased
     rows = connection.execute(
         sa.select(studies)
         .where(
-            studies.c.state == "running",
             studies.c.model.in_(models),
-            studies.c.instances > studies.c.result_count + studies.c.leased,
+            sa.or_(
+                sa.and_(studies.c.state == "running", studies.c.instances > taken),
+                sa.and_(studies.c.state == "draining", studies.c.handed_out > taken),
+            ),
         )
         .order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
     )

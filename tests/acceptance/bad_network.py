@@ -1,18 +1,22 @@
-"""A proxy that loses, delays and repeats: what a laboratory's network does on a bad day."""
+"""A proxy that loses, delays, repeats and reorders: a laboratory's network on a bad day."""
 
 import http.client
 import random
 import threading
 import time
 from collections import Counter
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+FAULTS = ("dropped", "answer lost", "delayed", "repeated", "reordered")
 
 
 class BadNetwork:
     """Forwards HTTP to `port` of this machine from a port of its own, badly.
 
     A request may be dropped before it arrives, its answer may be lost after it took effect, it may
-    be late (and so overtaken by others), or arrive twice.
+    be late or arrive twice; or it arrives only after those that were sent later, when its sender
+    has long tried again.
     """
 
     def __init__(self, port: int, seed: int, trouble: float = 0.08) -> None:
@@ -45,30 +49,43 @@ class BadNetwork:
         body = handler.rfile.read(int(handler.headers.get("Content-Length", 0)))
         fault = "none"
         if self._rng.random() < self._trouble:
-            fault = self._rng.choice(["dropped", "answer lost", "delayed", "repeated"])
+            fault = self._rng.choice(FAULTS)
             self.faults[fault] += 1
         handler.close_connection = True
         if fault == "dropped":
             return
+        if fault == "reordered":
+            self._deliver_later(handler.path, dict(handler.headers.items()), body)
+            return
         if fault == "delayed":
             time.sleep(self._rng.uniform(0.1, 1.0))
         try:
-            answer = self._ask(handler, body)
+            headers = dict(handler.headers.items())
+            answer = self._ask(handler.path, headers, body)
             if fault == "repeated":
-                answer = self._ask(handler, body)
+                answer = self._ask(handler.path, headers, body)
             if fault != "answer lost":
                 self._pass_on(handler, *answer)
         except OSError:
             # The coordinator is away, or the worker is: either finds a closed connection.
             return
 
+    def _deliver_later(self, path: str, headers: dict[str, str], body: bytes) -> None:
+        def deliver() -> None:
+            with suppress(OSError):
+                self._ask(path, headers, body)
+
+        timer = threading.Timer(self._rng.uniform(0.5, 4.0), deliver)
+        timer.daemon = True
+        timer.start()
+
     def _ask(
-        self, handler: BaseHTTPRequestHandler, body: bytes
+        self, path: str, headers: dict[str, str], body: bytes
     ) -> tuple[int, list[tuple[str, str]], bytes]:
         connection = http.client.HTTPConnection("127.0.0.1", self._target, timeout=20)
         try:
-            headers = {k: v for k, v in handler.headers.items() if k.lower() != "host"}
-            connection.request("POST", handler.path, body, headers)
+            headers = {k: v for k, v in headers.items() if k.lower() != "host"}
+            connection.request("POST", path, body, headers)
             response = connection.getresponse()
             return response.status, response.getheaders(), response.read()
         except http.client.HTTPException as error:

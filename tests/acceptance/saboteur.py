@@ -1,31 +1,67 @@
-"""A worker in which now and then an instance segfaults or hangs: `python saboteur.py`."""
+"""A worker on a bad machine, in which chosen instances segfault and hang: `python saboteur.py`.
 
+TROUBLE: a folder that remembers which instances have done so, since each does it once: what does it
+three times has failed for good.
+MACHINE: what its host calls itself. CLOCK_OFFSET: seconds by which its clock is wrong.
+SMALL_DISK: the spool has room for a result or two.
+"""
+
+import json
 import os
-import random
 import signal
+import socket
+import sqlite3
 import time
+import zlib
 from collections.abc import Mapping
 from functools import partial
+from pathlib import Path
 
 from sim.evaluation import Evaluation
 from sim.evaluation import evaluate as soundly
-from worker import cli
+from worker import cli, spool
 from worker.pool import Pool
 
-#: Rare enough that no instance meets it three times, which would be its final result.
-CRASHES, HANGS = 0.006, 0.004
+#: One instance in so many.
+CRASHES, HANGS = 101, 397
+#: Long enough that a study is not over before everything has gone wrong.
+SECONDS = 0.01
 
 
 def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
     """Evaluate, or do not."""
-    chance = random.random()
-    if chance < CRASHES:
-        os.kill(os.getpid(), signal.SIGSEGV)
-    if chance < CRASHES + HANGS:
-        time.sleep(3600)
+    number = zlib.crc32(json.dumps(sorted(parameters.items())).encode())
+    for trouble, one_in in (("crash", CRASHES), ("hang", HANGS)):
+        mark = Path(os.environ["TROUBLE"]) / f"{trouble}-{number}"
+        if number % one_in == 0 and not mark.exists():
+            mark.touch()
+            if trouble == "crash":
+                os.kill(os.getpid(), signal.SIGSEGV)
+            time.sleep(3600)
+    time.sleep(SECONDS)
     return soundly(model, parameters)
 
 
+def small_disk(path: Path) -> sqlite3.Connection:
+    """Open a spool on a disk with hardly any room."""
+    if not path.exists():
+        made = sqlite3.connect(path)
+        made.execute("PRAGMA page_size = 512")
+        made.execute("VACUUM")
+        made.close()
+    database = SOUND(path)
+    # No fewer than there are: from now on, none can be added.
+    database.execute("PRAGMA max_page_count = 1")
+    return database
+
+
+SOUND = spool._open
+
 if __name__ == "__main__":
+    right, offset = time.time, float(os.environ.get("CLOCK_OFFSET", "0"))
+    time.time = lambda: right() + offset  # type: ignore[assignment]
+    socket.gethostname = lambda: os.environ["MACHINE"]
+    if "SMALL_DISK" in os.environ:
+        spool._open = small_disk
     cli.Pool = partial(Pool, evaluate=evaluate)  # type: ignore[assignment, misc]
     cli.main()

@@ -20,11 +20,12 @@ KEYS = {
     "depends_on",
     "entrypoint",
     "environment",
+    "hostname",
     "image",
     "ports",
     "profiles",
     "restart",
-    "user",
+    "stop_grace_period",
     "volumes",
 }
 

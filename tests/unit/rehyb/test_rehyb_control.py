@@ -63,6 +63,7 @@ def run(
 @pytest.mark.parametrize(
     ("command", "asked", "body", "said"),
     [
+        ("drain s1", "POST /v1/studies/s1/drain", None, "s1 is paused: 9 rows, 36 instances"),
         ("pause s1", "POST /v1/studies/s1/pause", None, "s1 is paused: 9 rows, 36 instances"),
         ("resume s1", "POST /v1/studies/s1/resume", None, "priority 3"),
         ("extend s1 --rows 9", "POST /v1/studies/s1/extend", {"rows": 9}, "9 rows"),

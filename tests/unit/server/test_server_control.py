@@ -86,6 +86,43 @@ def test_a_paused_study_hands_out_nothing_until_it_is_resumed(
     assert lease(engine) is not None
 
 
+def test_a_draining_study_finishes_the_rows_it_has_begun_and_is_then_paused(
+    engine: Engine, plan: Drawing
+) -> None:
+    study = create(engine, plan(rows=3))
+    held = lease(engine, n=2)
+    assert held is not None
+    assert control.drain(engine, study.id).state == "draining"
+    with pytest.raises(ConflictError, match="is draining: pause or cancel it first"):
+        control.delete(engine, study.id)
+    queue.release(engine, held.lease.id, fence=held.lease.fence, now=0.0)
+    assert work_off(engine) == 4
+    drained = studies.get(engine, study.id)
+    assert (drained.state, drained.rows_complete, drained.pending) == ("paused", 1, 8)
+    # Nothing is begun: there is nothing to wait for.
+    assert control.drain(engine, study.id).state == "paused"
+    assert control.resume(engine, study.id).state == "running"
+    assert work_off(engine) == 8
+    assert studies.get(engine, study.id).state == "complete"
+
+
+def test_a_study_that_drains_with_its_last_row_is_complete(engine: Engine, plan: Drawing) -> None:
+    study = create(engine, plan(rows=1))
+    lease(engine, n=1)
+    control.drain(engine, study.id)
+    queue.reap(engine, now=TTL)
+    work_off(engine, now=TTL)
+    assert studies.get(engine, study.id).state == "complete"
+
+
+def test_a_paused_study_can_be_cancelled(engine: Engine, plan: Drawing) -> None:
+    study = create(engine, plan())
+    control.pause(engine, study.id)
+    assert studies.cancel(engine, study.id, now=3.0).state == "cancelled"
+    with pytest.raises(ConflictError, match="is cancelled: it cannot become running"):
+        control.resume(engine, study.id)
+
+
 def test_a_study_paused_before_its_last_result_still_completes(
     engine: Engine, plan: Drawing
 ) -> None:

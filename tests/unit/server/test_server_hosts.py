@@ -54,7 +54,7 @@ def reports(grant: Grant, report: Reporting, **changes: Any) -> list[Report]:
     return [report(instance_id(grant.study.id, *place), **changes) for place in places(grant)]
 
 
-@pytest.mark.parametrize("name", ["code", "mujoco", "numpy", "platform", "canary"])
+@pytest.mark.parametrize("name", ["code", "mujoco", "numpy", "platform", "cpu", "canary"])
 def test_machines_that_differ_in_what_decides_the_bits_are_of_different_classes(name: str) -> None:
     assert host_class(LINUX) == host_class({**LINUX, "python": "3.13"})
     assert host_class(LINUX) != host_class({**LINUX, name: "other"})

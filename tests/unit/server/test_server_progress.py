@@ -1,11 +1,14 @@
 """How fast a study goes."""
 
 from collections.abc import Callable
+from itertools import accumulate
+from math import sqrt
+from random import Random
 from typing import Any
 
 import pytest
 
-from server.logic.progress import RATE_WINDOW, pace, window_start
+from server.logic.progress import BLOCKS, RATE_WINDOW, block_ends, pace, window_start
 from server.logic.study import Plan, Study
 
 
@@ -57,6 +60,50 @@ def test_silence_lowers_the_rate(study: Callable[..., Study]) -> None:
         pace(running, window_opened_at=100.0, now=now).results_per_second for now in (110, 120, 400)
     ]
     assert rates == sorted(rates, reverse=True)
+
+
+def test_the_remaining_time_is_as_certain_as_the_last_results_were_regular(
+    study: Callable[..., Study],
+) -> None:
+    # 100 results in 10 blocks of 10, one a second on average; 3900 are left.
+    running = study(result_count=100)
+    regular = [100.0 + 10.0 * k for k in range(BLOCKS + 1)]
+    uneven = [at + (k % 2) for k, at in enumerate(regular)]
+    calm, rough = (
+        pace(running, window_opened_at=100.0, now=200.0, passed_at=at) for at in (regular, uneven)
+    )
+    assert (calm.eta_low_seconds, calm.eta_seconds, calm.eta_high_seconds) == (3900.0,) * 3
+    # Blocks take 11 and 9 s in turn: a spread of sqrt(10 / 9) s. 390 blocks are left.
+    half = 1.833 * sqrt(10 / 9) * sqrt(390 + 390**2 / 10)
+    assert rough.eta_low_seconds == pytest.approx(3900.0 - half)
+    assert rough.eta_high_seconds == pytest.approx(3900.0 + half)
+
+
+def test_nine_of_ten_predictions_hold_when_results_come_at_random(
+    study: Callable[..., Study],
+) -> None:
+    rng = Random(4)
+    held = 0
+    for _ in range(400):
+        arrivals = list(accumulate((rng.expovariate(1.0) for _ in range(200)), initial=100.0))
+        speed = pace(
+            study(result_count=200),
+            window_opened_at=100.0,
+            now=arrivals[200],
+            passed_at=[arrivals[number] for number in block_ends(200)],
+        )
+        # A sum of 3800 waits is as good as normal.
+        left = rng.gauss(3800.0, sqrt(3800.0))
+        assert speed.eta_low_seconds is not None and speed.eta_high_seconds is not None
+        held += speed.eta_low_seconds <= left <= speed.eta_high_seconds
+    assert 0.85 < held / 400 < 0.95
+
+
+def test_the_blocks_end_with_the_last_result_and_need_one_each() -> None:
+    assert block_ends(9) == []
+    assert block_ends(10) == list(range(11))
+    assert block_ends(25) == [5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25]
+    assert block_ends(1000)[0] == window_start(1000)
 
 
 def test_a_finished_study_tells_its_average_and_has_nothing_left(

@@ -234,6 +234,14 @@ def test_a_coordinator_that_was_away_excuses_silence(engine: Engine, plan: Drawi
     assert queue.renew(engine, held.id, fence=held.fence, now=559.0, ttl=TTL) == 619.0
 
 
+def test_a_clock_that_was_set_back_lengthens_no_lease(engine: Engine, plan: Drawing) -> None:
+    create(engine, plan())
+    leased(engine, now=3600.0)
+    queue.excuse_silence(engine, now=0.0, ttl=TTL)
+    assert queue.reap(engine, now=TTL - 1.0) == 0
+    assert queue.reap(engine, now=TTL) == 3
+
+
 def test_workers_are_remembered_with_what_they_did(
     engine: Engine, plan: Drawing, report: Reporting
 ) -> None:

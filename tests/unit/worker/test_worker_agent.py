@@ -31,6 +31,8 @@ class Coordinator:
         self.refuse_renewals = False
         self.unusable: set[str] = set()
         self.refused: set[str] = set()
+        self.poison: set[str] = set()
+        self.sick = 0
         self.status: int | None = None
         self.misfits = 0
         self.sizes: list[int] = []
@@ -73,6 +75,9 @@ class Coordinator:
 
     def _results(self, body: Mapping[str, Any]) -> httpx2.Response:
         names = [result["instance"] for result in body["results"]]
+        if self.sick or self.poison & set(names):
+            self.sick -= self.sick > 0
+            return httpx2.Response(500, json={"status": 500, "detail": "its log says why"})
         if self.unusable & set(names):
             return httpx2.Response(422, json={"detail": "one of them is malformed"})
         verdicts = []
@@ -262,6 +267,36 @@ def test_a_result_the_coordinator_cannot_read_does_not_hold_back_the_others(tmp_
     work.coordinator.unusable = {"b"}
     work.agent.run()
     assert set(work.coordinator.results) == {"a", "c"}
+    assert work.spooled() == 0
+
+
+def test_a_result_at_which_the_coordinator_fails_is_set_aside_for_the_next_worker(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    work = Work(tmp_path, [["a", "b", "c"], ["d"]], processes=3)
+    work.coordinator.poison = {"b"}
+    work.agent.run()
+    assert set(work.coordinator.results) == {"a", "c", "d"}
+    assert sum("fails at the result of b" in record.message for record in caplog.records) == 1
+    assert work.spooled() == 1
+    # TRIES together, once alone; and once more in parting nobody asks.
+    assert work.coordinator.calls.count("/v1/results") < 15
+    work.coordinator.poison = set()
+    work.new_agent("w2").run()
+    assert set(work.coordinator.results) == {"a", "b", "c", "d"}
+    assert work.spooled() == 0
+
+
+def test_what_was_set_aside_is_posted_again_after_a_while(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("worker.agent.ASIDE_SECONDS", 0.0)
+    monkeypatch.setattr("worker.agent.POST_SECONDS", 0.0)
+    work = Work(tmp_path, [["a"], ["b"]])
+    # As a full disk would have it: everything fails, for longer than anybody tries.
+    work.coordinator.sick = 7
+    work.agent.run()
+    assert set(work.coordinator.results) == {"a", "b"}
     assert work.spooled() == 0
 
 

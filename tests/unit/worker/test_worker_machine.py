@@ -11,7 +11,7 @@ import pytest
 from rehyb.client import Client
 from rehyb.errors import RehybError
 from worker.doctor import Finding, examine
-from worker.machine import CanaryError, canary, code
+from worker.machine import CanaryError, canary, code, cpu
 
 FAST = "print('[\"c0ffee\", 0.4]')"
 
@@ -102,3 +102,19 @@ def test_a_machine_that_cannot_simulate_or_spool_or_reach_anybody_fails_thrice(
         "spool",
         "coordinator",
     ]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("flags : fpu sse4_2 avx avx2 bmi2 fma ibrs\n", "sse4_2 avx avx2 fma"),
+        ("Features : fp asimd crc32\n", "asimd"),
+        ("flags : fpu sse2\n", "none"),
+    ],
+)
+def test_a_processor_is_known_by_its_vector_instructions(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    (tmp_path / "cpuinfo").write_text(text)
+    assert cpu(tmp_path / "cpuinfo") == words
+    assert cpu(tmp_path / "not linux") == "unknown"

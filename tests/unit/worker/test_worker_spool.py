@@ -52,6 +52,29 @@ def test_a_batch_is_offered_again_until_it_is_acknowledged(tmp_path: Path) -> No
     assert spool.next_batch() is None
 
 
+def test_what_is_set_aside_lets_others_pass_and_can_be_brought_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spool = Spool(tmp_path, "w")
+    spool.add(lease="a", fence=1, result=result("on disk"))
+    with monkeypatch.context() as full:
+        full.setattr(spool, "_insert", _no_room)
+        spool.add(lease="b", fence=2, result=result("in memory"))
+    for expected in ("on disk", "in memory"):
+        batch = spool.next_batch()
+        assert batch is not None
+        assert [r["instance"] for r in batch.results] == [expected]
+        spool.set_aside(batch.keys)
+    assert spool.next_batch() is None
+    assert len(spool) == 2
+    assert spool.bring_back() == 2
+    assert spool.next_batch() is not None
+
+
+def _no_room(_rows: object) -> None:
+    raise sqlite3.OperationalError("database or disk is full")
+
+
 def test_a_batch_is_no_longer_than_asked(tmp_path: Path) -> None:
     spool = Spool(tmp_path, "w")
     for i in range(5):

@@ -1,0 +1,84 @@
+"""A coordinator on a bad machine: `python bad_coordinator.py`.
+
+SIGUSR1: its database's disk is full, until the next one. SIGUSR2: it is killed around its next
+commit, the moment before or the moment after. CLOCK_OFFSET: seconds by which its clock is wrong.
+"""
+
+import os
+import random
+import signal
+import time
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Connection, Engine
+
+from server import app
+from server.run import serve
+from server.settings import Settings
+
+#: What either database cannot do then, so that it says so in its own words.
+TOO_MUCH = {
+    "sqlite": "UPDATE alembic_version SET version_num = zeroblob(100000000)",
+    "postgresql": """
+        DO $$ BEGIN
+            RAISE EXCEPTION 'could not extend file: No space left on device'
+            USING ERRCODE = '53100';
+        END $$
+    """,
+}
+
+
+class BadMachine:
+    """What goes wrong with the database of one process."""
+
+    def __init__(self) -> None:
+        self._full = False
+        self._doomed = False
+        signal.signal(signal.SIGUSR1, lambda *_: self._fill_or_free())
+        signal.signal(signal.SIGUSR2, lambda *_: self._doom())
+
+    def engine(self, url: str) -> Engine:
+        """Return an engine that suffers from it."""
+        engine = SOUND(url)
+        if engine.dialect.name == "sqlite":
+            sa.event.listen(engine, "checkout", self._limit)
+        sa.event.listen(engine, "before_cursor_execute", self._refuse)
+        sa.event.listen(engine, "commit", self._die)
+        return engine
+
+    def _fill_or_free(self) -> None:
+        self._full = not self._full
+
+    def _doom(self) -> None:
+        self._doomed = True
+
+    def _limit(self, connection: Any, _record: Any, _proxy: Any) -> None:
+        pages = 1 if self._full else 2**30
+        connection.execute(f"PRAGMA max_page_count = {pages}")
+
+    def _refuse(self, connection: Connection, cursor: Any, statement: str, *_: Any) -> None:
+        if self._full and statement.startswith("INSERT"):
+            connection.exec_driver_sql(TOO_MUCH[connection.dialect.name])
+
+    def _die(self, connection: Connection) -> None:
+        if self._doomed and connection.get_execution_options().get("immediate"):
+            if random.random() < 0.5:
+                # It is in the database, and nobody will hear of it.
+                connection.connection.commit()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+SOUND = app.create_engine
+
+
+def main() -> None:
+    """Serve until something happens."""
+    right, offset = time.time, float(os.environ.get("CLOCK_OFFSET", "0"))
+    time.time = lambda: right() + offset  # type: ignore[assignment]
+    app.create_engine = BadMachine().engine
+    serve(Settings())
+
+
+if __name__ == "__main__":
+    main()
