@@ -25,9 +25,9 @@ soak: $(READY)  ## Disturb studies in every way, twenty times over; half an hour
 	REHYB_SOAK_ROUNDS=20 $(BIN)/python -m pytest -s \
 		tests/acceptance/test_chaos.py tests/acceptance/test_acknowledged.py
 
-bench: $(READY)  ## Print the figures that README and docs quote
+bench: .venv/.rivals  ## Print the figures that README and docs quote, and rivals beside them
 	$(BIN)/python -m benchmarks.table_1
-	$(BIN)/python -m benchmarks.service
+	$(BIN)/python -m benchmarks.side_by_side
 
 bench-sim: $(READY)  ## Print what an assessment costs and how the fidelities agree (10 minutes)
 	$(BIN)/python -m benchmarks.simulation
@@ -53,3 +53,7 @@ $(READY): pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $(READY)
+
+.venv/.rivals: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[rivals]'
+	@touch $@

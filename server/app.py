@@ -64,16 +64,18 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.settings = settings
     app.state.engine = create_engine(settings.database_url)
     app.state.metrics = Metrics(app.state.engine, lambda: clock())
+    app.state.sweep = leases.Sweep()
     #: Set when the process is asked to stop: whoever streams must end.
     app.state.stopping = asyncio.Event()
     problems.install(app)
+    # The first that fits is taken, so what workers ask all the time comes first.
     for noun in (
+        leases,
+        results,
         studies,
         progress,
         indices,
         instances,
-        results,
-        leases,
         workers,
         metrics,
         health,

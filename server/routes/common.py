@@ -1,9 +1,12 @@
 """What the routes share: where they find the store and the time, and how strictly they read."""
 
+import json
 import time
+from collections.abc import Mapping
+from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import Depends, Path, Request
+from fastapi import Depends, Path, Request, Response
 from pydantic import BaseModel, ConfigDict, StringConstraints
 from sqlalchemy.engine import Engine
 
@@ -22,30 +25,43 @@ def example(**content: Any) -> ConfigDict:
     return ConfigDict(json_schema_extra={"examples": [content]})
 
 
-def _engine(request: Request) -> Engine:
+# Async though they wait for nothing: what is not is called in another thread, which costs more than
+# all that these do.
+async def _engine(request: Request) -> Engine:
     engine: Engine = request.app.state.engine
     return engine
 
 
-def _settings(request: Request) -> Settings:
+async def _settings(request: Request) -> Settings:
     settings: Settings = request.app.state.settings
     return settings
 
 
-def _metrics(request: Request) -> Metrics:
+async def _metrics(request: Request) -> Metrics:
     metrics: Metrics = request.app.state.metrics
     return metrics
 
 
 def clock() -> float:
-    """Return the coordinator's time in seconds, UTC epoch. Tests put their own in its place."""
+    """Return the coordinator's time in seconds, UTC epoch."""
     return time.time()
+
+
+async def moment() -> float:
+    """Return when a request is served. Tests put their own clock in its place."""
+    return clock()
+
+
+def as_json(content: Mapping[str, Any], status: int = HTTPStatus.OK) -> Response:
+    """Return an answer of plain values as it is: FastAPI would look through every one of them."""
+    text = json.dumps(content, allow_nan=False, separators=(",", ":"))
+    return Response(text, status, media_type="application/json")
 
 
 Store = Annotated[Engine, Depends(_engine)]
 Configured = Annotated[Settings, Depends(_settings)]
 Measures = Annotated[Metrics, Depends(_metrics)]
-Now = Annotated[float, Depends(clock)]
+Now = Annotated[float, Depends(moment)]
 
 #: One line without control characters, which PostgreSQL and terminals would stumble over.
 PRINTABLE = r"^[^\x00-\x1f\x7f]+$"

@@ -1,10 +1,13 @@
 """Leases: ask for work, keep it, give it back."""
 
 import logging
+from http import HTTPStatus
+from math import inf
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field, StringConstraints
+from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError
 from server.logic.study import instance_id, parameters
@@ -17,6 +20,7 @@ from server.routes.common import (
     Name,
     Now,
     Store,
+    as_json,
     example,
 )
 from server.store import queue
@@ -28,6 +32,8 @@ router = APIRouter(prefix="/v1/leases", tags=["leases"])
 
 #: Seconds a worker without work should wait before it asks again.
 RETRY_AFTER_SECONDS = 1
+#: Seconds between two looks for leases that have expired.
+SWEEP_SECONDS = 1.0
 
 Fence = Annotated[int, Field(ge=0, le=MAX_INTEGER)]
 
@@ -63,12 +69,36 @@ class FenceBody(Body):
     fence: Fence
 
 
+class Sweep:
+    """Takes back what silent workers hold, once in a while however many ask for work."""
+
+    def __init__(self) -> None:
+        self._last = -inf
+
+    def __call__(self, engine: Engine, *, now: float) -> int:
+        """Return how many instances came back; 0 if the last time was just before."""
+        if self._last <= now < self._last + SWEEP_SECONDS:
+            return 0
+        self._last = now
+        return queue.reap(engine, now=now)
+
+
+async def _sweep(request: Request) -> Sweep:
+    sweep: Sweep = request.app.state.sweep
+    return sweep
+
+
 @router.post("", status_code=201, response_model=None)
 def lease(
-    body: LeaseBody, store: Store, settings: Configured, now: Now, measures: Measures
-) -> dict[str, Any] | Response:
+    body: LeaseBody,
+    store: Store,
+    settings: Configured,
+    now: Now,
+    measures: Measures,
+    sweep: Annotated[Sweep, Depends(_sweep)],
+) -> Response:
     """Lease instances of one study; 204: nothing to do now; 409: nothing that the worker fits."""
-    measures.lost.inc(queue.reap(store, now=now))
+    measures.lost.inc(sweep(store, now=now))
     try:
         with measures.lease_seconds.time():
             grant = queue.grant(
@@ -97,13 +127,14 @@ def lease(
             "instances": len(grant.lease.instances),
         },
     )
-    return {
+    granted = {
         "id": grant.lease.id,
         "fence": grant.lease.fence,
         "expires_at": grant.lease.expires_at,
         "ttl_seconds": settings.lease_seconds,
         "instances": _instances(grant),
     }
+    return as_json(granted, HTTPStatus.CREATED)
 
 
 @router.post("/{lease_id}/renew")

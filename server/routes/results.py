@@ -3,7 +3,9 @@
 import csv
 import io
 import logging
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from http import HTTPStatus
 from itertools import chain, islice
 from typing import Annotated, Any
 
@@ -13,7 +15,17 @@ from pydantic import Field, StringConstraints
 
 from server.logic.table import header, lines
 from server.logic.verdicts import Report
-from server.routes.common import Body, Configured, Id, Measures, Name, Now, Store, example
+from server.routes.common import (
+    Body,
+    Configured,
+    Id,
+    Measures,
+    Name,
+    Now,
+    Store,
+    as_json,
+    example,
+)
 from server.routes.leases import Fence
 from server.store import results, studies
 
@@ -63,15 +75,10 @@ class ResultsBody(Body):
     results: list[ResultBody] = Field(min_length=1, max_length=1000)
 
 
-@router.post("/results")
+@router.post("/results", response_model=dict[str, Any])
 def post(
-    body: ResultsBody,
-    store: Store,
-    settings: Configured,
-    now: Now,
-    response: Response,
-    measures: Measures,
-) -> dict[str, Any]:
+    body: ResultsBody, store: Store, settings: Configured, now: Now, measures: Measures
+) -> Response:
     """Take in results; 409 if any was refused, and its verdict says why."""
     verdicts = results.post(
         store,
@@ -94,8 +101,9 @@ def post(
         share=settings.recompute_share,
         tolerance=settings.recompute_tolerance,
     )
+    for said, count in Counter(verdict.verdict for verdict in verdicts).items():
+        measures.verdicts.labels(said).inc(count)
     for result, verdict in zip(body.results, verdicts, strict=True):
-        measures.verdicts.labels(verdict.verdict).inc()
         if verdict.verdict == "accepted" and isinstance(result.wall_seconds, int | float):
             measures.run_seconds.observe(result.wall_seconds)
         if verdict.refused:
@@ -109,12 +117,9 @@ def post(
                     "worker": body.worker,
                 },
             )
-    response.status_code = 409 if any(verdict.refused for verdict in verdicts) else 200
-    return {
-        "verdicts": [
-            {"instance": v.instance, "verdict": v.verdict, "detail": v.detail} for v in verdicts
-        ]
-    }
+    told = [{"instance": v.instance, "verdict": v.verdict, "detail": v.detail} for v in verdicts]
+    refused = any(verdict.refused for verdict in verdicts)
+    return as_json({"verdicts": told}, HTTPStatus.CONFLICT if refused else HTTPStatus.OK)
 
 
 @router.get("/studies/{study_id}/results.csv")

@@ -19,6 +19,55 @@ Place = tuple[int, int]
 #: Values in one IN list: well under what any SQLite takes.
 _IN_LIST = 500
 
+# Statements that every lease and every post executes are built once: building one takes SQLAlchemy
+# longer than executing it takes the database.
+_SLOTS = sa.select(instances).where(
+    instances.c.study_id == sa.bindparam("of_study"),
+    instances.c.row.in_(sa.bindparam("rows", expanding=True)),
+)
+_HELD = _SLOTS.where(instances.c.lease_id == sa.bindparam("of_lease"))
+_WAITING = (
+    sa.select(instances)
+    .where(
+        instances.c.study_id == sa.bindparam("of_study"),
+        instances.c.state == "pending",
+        sa.or_(
+            instances.c.host_class.is_(None), instances.c.host_class == sa.bindparam("asking_class")
+        ),
+    )
+    .order_by(instances.c.row, instances.c.position)
+    .limit(sa.bindparam("most"))
+)
+_WAITING_FOR_OTHERS = _WAITING.where(
+    sa.or_(instances.c.avoid.is_(None), instances.c.avoid != sa.bindparam("asking_host"))
+)
+_INSERT = sa.insert(instances)
+_UPDATE = sa.update(instances).where(
+    instances.c.study_id == sa.bindparam("of_study"),
+    instances.c.row == sa.bindparam("at_row"),
+    instances.c.position == sa.bindparam("at_position"),
+)
+_BIND = (
+    sa.update(instances)
+    .where(
+        instances.c.study_id == sa.bindparam("of_study"),
+        instances.c.row.in_(sa.bindparam("rows", expanding=True)),
+        instances.c.host_class.is_(None),
+    )
+    .values(host_class=sa.bindparam("to_class"))
+)
+_COMPLETE = (
+    sa.select(instances.c.row)
+    .where(
+        instances.c.study_id == sa.bindparam("of_study"),
+        instances.c.row.in_(sa.bindparam("rows", expanding=True)),
+        instances.c.state == "done",
+    )
+    .group_by(instances.c.row)
+    .having(sa.func.count() == sa.bindparam("width"))
+)
+_APPEND = sa.insert(results)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Filed:
@@ -33,12 +82,21 @@ def slots(connection: Connection, study: Study, places: Iterable[Place]) -> dict
     wanted = set(places)
     found: dict[Place, Slot] = {}
     for rows in chunks({row for row, _ in wanted}):
-        query = sa.select(instances).where(
-            instances.c.study_id == study.id, instances.c.row.in_(rows)
-        )
-        for row in connection.execute(query):
+        for row in connection.execute(_SLOTS, {"of_study": study.id, "rows": rows}):
             if (row.row, row.position) in wanted:
                 found[row.row, row.position] = slot_of(row)
+    return found
+
+
+def held(
+    connection: Connection, study: Study, places: Iterable[Place], *, lease: str
+) -> dict[Place, Slot]:
+    """Return those of the instances at `places` that a lease holds now."""
+    found: dict[Place, Slot] = {}
+    for rows in chunks({row for row, _ in places}):
+        asked = {"of_study": study.id, "rows": rows, "of_lease": lease}
+        for row in connection.execute(_HELD, asked):
+            found[row.row, row.position] = slot_of(row)
     return found
 
 
@@ -54,19 +112,11 @@ def waiting(
         avoided_by: the host that asks, if what went wrong there last is to be left to others.
         limit: how many.
     """
-    query = (
-        sa.select(instances)
-        .where(
-            instances.c.study_id == study.id,
-            instances.c.state == "pending",
-            sa.or_(instances.c.host_class.is_(None), instances.c.host_class == host_class),
-        )
-        .order_by(instances.c.row, instances.c.position)
-        .limit(limit)
-    )
-    if avoided_by is not None:
-        query = query.where(sa.or_(instances.c.avoid.is_(None), instances.c.avoid != avoided_by))
-    return [slot_of(row) for row in connection.execute(query)]
+    asked = {"of_study": study.id, "asking_class": host_class, "most": limit}
+    if avoided_by is None:
+        return [slot_of(row) for row in connection.execute(_WAITING, asked)]
+    asked["asking_host"] = avoided_by
+    return [slot_of(row) for row in connection.execute(_WAITING_FOR_OTHERS, asked)]
 
 
 def hand_out(
@@ -75,6 +125,7 @@ def hand_out(
     *,
     begun: Sequence[Slot],
     again: Sequence[Slot],
+    unbound: Collection[int],
     host_class: str,
 ) -> Study:
     """Write leased slots; returns the study as it is now.
@@ -84,21 +135,14 @@ def hand_out(
         study: as it was.
         begun: all slots of new rows, leased or pending.
         again: slots of rows begun before, now leased.
+        unbound: those of their rows that any kind of machine could have taken.
         host_class: the kind of machine that all rows concerned now belong to.
     """
     if begun:
-        connection.execute(sa.insert(instances), [_row(study, slot) for slot in begun])
+        connection.execute(_INSERT, [_row(study, slot) for slot in begun])
     update(connection, study, again)
-    for rows in chunks({slot.row for slot in again}):
-        connection.execute(
-            sa.update(instances)
-            .where(
-                instances.c.study_id == study.id,
-                instances.c.row.in_(rows),
-                instances.c.host_class.is_(None),
-            )
-            .values(host_class=host_class)
-        )
+    for rows in chunks(unbound):
+        connection.execute(_BIND, {"of_study": study.id, "rows": rows, "to_class": host_class})
     study = replace(
         study,
         handed_out=study.handed_out + len(begun),
@@ -160,7 +204,7 @@ def settle(
 def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: float) -> None:
     """Append final results to the study's log."""
     connection.execute(
-        sa.insert(results),
+        _APPEND,
         [
             {
                 "study_id": study.id,
@@ -184,17 +228,8 @@ def _complete(connection: Connection, study: Study, rows: Collection[int]) -> in
     """Return how many of `rows` have a final result in every position."""
     complete = 0
     for chunk in chunks(rows):
-        query = (
-            sa.select(instances.c.row)
-            .where(
-                instances.c.study_id == study.id,
-                instances.c.row.in_(chunk),
-                instances.c.state == "done",
-            )
-            .group_by(instances.c.row)
-            .having(sa.func.count() == study.plan.width)
-        )
-        complete += len(connection.execute(query).all())
+        asked = {"of_study": study.id, "rows": chunk, "width": study.plan.width}
+        complete += len(connection.execute(_COMPLETE, asked).all())
     return complete
 
 
@@ -202,6 +237,7 @@ def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> Non
     """Write slots that exist already."""
     values = [
         {
+            "of_study": study.id,
             "at_row": slot.row,
             "at_position": slot.position,
             "state": slot.state,
@@ -213,14 +249,7 @@ def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> Non
         for slot in changed
     ]
     if values:
-        connection.execute(
-            sa.update(instances).where(
-                instances.c.study_id == study.id,
-                instances.c.row == sa.bindparam("at_row"),
-                instances.c.position == sa.bindparam("at_position"),
-            ),
-            values,
-        )
+        connection.execute(_UPDATE, values)
 
 
 def _row(study: Study, slot: Slot) -> dict[str, Any]:

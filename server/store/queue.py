@@ -22,6 +22,30 @@ from server.store import comparisons, ledger, studies, workers
 from server.store.engine import reading, writing
 from server.store.schema import leases
 
+# Built once: see `server.store.ledger`.
+_FIND = sa.select(leases).where(leases.c.id == sa.bindparam("of_lease"))
+_FIND_LOCKED = _FIND.with_for_update()
+_FILE = sa.insert(leases).returning(leases.c.fence)
+_EXTEND = (
+    sa.update(leases)
+    .where(
+        leases.c.id == sa.bindparam("of_lease"),
+        leases.c.state == "open",
+        leases.c.expires_at > sa.bindparam("now"),
+    )
+    .values(expires_at=sa.bindparam("until"))
+)
+_END = (
+    sa.update(leases)
+    .where(leases.c.id == sa.bindparam("of_lease"), leases.c.state == "open")
+    .values(state=sa.bindparam("to_state"))
+)
+_CONCERNED_BY_EXPIRY = (
+    sa.select(leases.c.study_id)
+    .where(leases.c.state == "open", leases.c.expires_at <= sa.bindparam("now"))
+    .distinct()
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Grant:
@@ -115,6 +139,7 @@ def _grant_of(
             avoided_by=host if shunned else None,
             limit=max_instances,
         )
+    unbound = {slot.row for slot in again if slot.host_class is None}
     again = [replace(slot, state="leased", lease=lease_id, host_class=mine) for slot in again]
     wanted = max_instances - len(again) if study.state == "running" else 0
     begun = _new_rows(study, lease_id, mine, wanted)
@@ -123,7 +148,9 @@ def _grant_of(
         return None
     if study.identity is None:
         study = replace(study, identity=identity(versions))
-    study = ledger.hand_out(connection, study, begun=begun, again=again, host_class=mine)
+    study = ledger.hand_out(
+        connection, study, begun=begun, again=again, unbound=unbound, host_class=mine
+    )
     lease = Lease(
         id=lease_id,
         fence=0,
@@ -203,7 +230,7 @@ def _file(connection: Connection, lease: Lease, now: float) -> Lease:
         "host_class": lease.host_class,
         "compares": lease.compares,
     }
-    fence = connection.scalar(sa.insert(leases).values(values).returning(leases.c.fence))
+    fence = connection.scalar(_FILE, values)
     return replace(lease, fence=int(fence or 0))
 
 
@@ -250,7 +277,7 @@ def reap(engine: Engine, *, now: float) -> int:
     """Take back what expired leases still hold, as lost; returns how many instances that were."""
     run_out = sa.and_(leases.c.state == "open", leases.c.expires_at <= now)
     with reading(engine) as connection:
-        concerned = connection.scalars(sa.select(leases.c.study_id).where(run_out).distinct()).all()
+        concerned = connection.scalars(_CONCERNED_BY_EXPIRY, {"now": now}).all()
     lost = 0
     for study_id in concerned:
         with writing(engine) as connection:
@@ -282,34 +309,26 @@ def excuse_silence(engine: Engine, *, now: float, ttl: float) -> None:
 
 def find(connection: Connection, lease_id: str, *, lock: bool = False) -> Lease | None:
     """Return a lease within a transaction; None if there is none of that id."""
-    query = sa.select(leases).where(leases.c.id == lease_id)
-    row = connection.execute(query.with_for_update() if lock else query).one_or_none()
+    query = _FIND_LOCKED if lock else _FIND
+    row = connection.execute(query, {"of_lease": lease_id}).one_or_none()
     return None if row is None else _lease(row)
 
 
 def extend(connection: Connection, lease: Lease, *, now: float, ttl: float) -> None:
     """Let a lease last `ttl` seconds from `now`, unless it has ended."""
-    connection.execute(
-        sa.update(leases)
-        .where(leases.c.id == lease.id, leases.c.state == "open", leases.c.expires_at > now)
-        .values(expires_at=expiry(now, ttl))
-    )
+    until = expiry(now, ttl)
+    connection.execute(_EXTEND, {"of_lease": lease.id, "now": now, "until": until})
 
 
 def end(connection: Connection, lease: Lease, state: str) -> bool:
     """Close a lease; False if it was closed before."""
-    closed = connection.execute(
-        sa.update(leases)
-        .where(leases.c.id == lease.id, leases.c.state == "open")
-        .values(state=state)
-    )
+    closed = connection.execute(_END, {"of_lease": lease.id, "to_state": state})
     return closed.rowcount == 1
 
 
 def held(connection: Connection, study: Study, lease: Lease) -> dict[ledger.Place, Slot]:
     """Return the instances a lease holds still."""
-    slots = ledger.slots(connection, study, lease.instances)
-    return {place: slot for place, slot in slots.items() if slot.lease == lease.id}
+    return ledger.held(connection, study, lease.instances, lease=lease.id)
 
 
 def _lose(

@@ -1,7 +1,9 @@
 """Studies: making, finding and cancelling them."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 from uuid import uuid4
 
@@ -14,6 +16,23 @@ from server.logic.progress import block_ends, window_start
 from server.logic.study import Plan, Study
 from server.store.engine import insert, reading, writing
 from server.store.schema import leases, results, studies
+
+# Built once: see `server.store.ledger`.
+_FIND = sa.select(studies).where(studies.c.id == sa.bindparam("of_study"))
+_FIND_LOCKED = _FIND.with_for_update()
+_TAKEN = studies.c.result_count + studies.c.leased
+_WITH_WORK = (
+    sa.select(studies)
+    .where(
+        studies.c.model.in_(sa.bindparam("models", expanding=True)),
+        sa.or_(
+            sa.and_(studies.c.state == "running", studies.c.instances > _TAKEN),
+            sa.and_(studies.c.state == "draining", studies.c.handed_out > _TAKEN),
+        ),
+    )
+    .order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
+)
+_SAVE = sa.update(studies).where(studies.c.id == sa.bindparam("of_study"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,8 +167,8 @@ def find(connection: Connection, study_id: str, *, lock: bool = False) -> Study:
         study_id: which study.
         lock: make every other transaction that locks this study wait until this one ends.
     """
-    query = sa.select(studies).where(studies.c.id == study_id)
-    row = connection.execute(query.with_for_update() if lock else query).one_or_none()
+    query = _FIND_LOCKED if lock else _FIND
+    row = connection.execute(query, {"of_study": study_id}).one_or_none()
     if row is None:
         raise NotFoundError(f"there is no study {study_id!r}")
     return _study(row)
@@ -165,24 +184,12 @@ def locked(connection: Connection, study: Study) -> Study:
 
 def with_work(connection: Connection, models: Sequence[str]) -> list[Study]:
     """Return the running studies of `models` with something to hand out, first to serve first."""
-    taken = studies.c.result_count + studies.c.leased
-    rows = connection.execute(
-        sa.select(studies)
-        .where(
-            studies.c.model.in_(models),
-            sa.or_(
-                sa.and_(studies.c.state == "running", studies.c.instances > taken),
-                sa.and_(studies.c.state == "draining", studies.c.handed_out > taken),
-            ),
-        )
-        .order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
-    )
-    return [_study(row) for row in rows]
+    return [_study(row) for row in connection.execute(_WITH_WORK, {"models": list(models)})]
 
 
 def save(connection: Connection, study: Study) -> None:
     """Write back how far a study is, which was read, locked, in the same transaction."""
-    connection.execute(sa.update(studies).where(studies.c.id == study.id).values(_course(study)))
+    connection.execute(_SAVE, {"of_study": study.id, **_course(study)})
 
 
 def _row(study: Study) -> dict[str, Any]:
@@ -223,6 +230,12 @@ def _course(study: Study) -> dict[str, Any]:
     }
 
 
+@lru_cache(maxsize=1024)
+def _distribution(text: str) -> Distribution:
+    """Return a stored distribution; checking one takes longer than all else of reading a study."""
+    return Distribution.from_json(json.loads(text))
+
+
 def _study(row: Any) -> Study:
     return Study(
         id=row.id,
@@ -233,7 +246,7 @@ def _study(row: Any) -> Study:
             sampling=row.sampling,
             rows=row.rows,
             seed=row.seed,
-            distributions={n: Distribution.from_json(d) for n, d in row.distributions},
+            distributions={n: _distribution(json.dumps(d)) for n, d in row.distributions},
             fixed=row.fixed,
             outputs=tuple(row.outputs),
         ),

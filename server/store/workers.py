@@ -4,11 +4,48 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection, Engine
 
 from server.logic.hosts import host_class
-from server.store.engine import insert, reading
+from server.store.engine import reading
 from server.store.schema import leases, workers
+
+# Built once: see `server.store.ledger`.
+_HOST_OF = sa.select(workers.c.host).where(workers.c.id == sa.bindparam("of_worker"))
+_OTHERS_AT_WORK = (
+    sa.select(sa.literal(1))
+    .select_from(leases.join(workers, workers.c.id == leases.c.worker_id))
+    .where(
+        leases.c.state == "open",
+        leases.c.study_id == sa.bindparam("of_study"),
+        leases.c.expires_at > sa.bindparam("now"),
+        workers.c.host != sa.bindparam("asking_host"),
+        workers.c.host_class == sa.bindparam("asking_class"),
+    )
+    .limit(1)
+)
+_INTRODUCE = {
+    dialect: statement.on_conflict_do_update(
+        index_elements=["id"],
+        set_={
+            name: statement.excluded[name]
+            for name in ("host", "versions", "host_class", "tags", "last_seen")
+        },
+    )
+    for dialect, statement in (
+        ("sqlite", sqlite.insert(workers)),
+        ("postgresql", postgresql.insert(workers)),
+    )
+}
+_HEARD_FROM = (
+    sa.update(workers)
+    .where(workers.c.id == sa.bindparam("of_worker"))
+    .values(
+        last_seen=sa.bindparam("now"),
+        instances_done=workers.c.instances_done + sa.bindparam("done"),
+    )
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,22 +84,20 @@ def introduce(
 ) -> None:
     """Remember a worker, or what it now says of itself."""
     told = {
+        "id": worker,
+        "instances_done": 0,
         "host": host,
         "versions": dict(versions),
         "host_class": host_class(versions),
         "tags": list(tags),
         "last_seen": now,
     }
-    connection.execute(
-        insert(connection, workers)
-        .values(id=worker, instances_done=0, **told)
-        .on_conflict_do_update(index_elements=["id"], set_=told)
-    )
+    connection.execute(_INTRODUCE[connection.dialect.name], told)
 
 
 def host_of(connection: Connection, worker: str) -> str | None:
     """Return the machine a worker runs on; None if it never said so."""
-    host: str | None = connection.scalar(sa.select(workers.c.host).where(workers.c.id == worker))
+    host: str | None = connection.scalar(_HOST_OF, {"of_worker": worker})
     return host
 
 
@@ -70,24 +105,15 @@ def others_at_work(
     connection: Connection, study_id: str, *, host: str, host_class: str, now: float
 ) -> bool:
     """Say whether another host of the same class works on a study now."""
-    query = (
-        sa.select(sa.literal(1))
-        .select_from(leases.join(workers, workers.c.id == leases.c.worker_id))
-        .where(
-            leases.c.state == "open",
-            leases.c.study_id == study_id,
-            leases.c.expires_at > now,
-            workers.c.host != host,
-            workers.c.host_class == host_class,
-        )
-    )
-    return connection.scalar(query.limit(1)) is not None
+    asked = {
+        "of_study": study_id,
+        "now": now,
+        "asking_host": host,
+        "asking_class": host_class,
+    }
+    return connection.scalar(_OTHERS_AT_WORK, asked) is not None
 
 
 def heard_from(connection: Connection, worker: str, *, done: int = 0, now: float) -> None:
     """Note that a worker was in touch and how many final results it brought."""
-    connection.execute(
-        sa.update(workers)
-        .where(workers.c.id == worker)
-        .values(last_seen=now, instances_done=workers.c.instances_done + done)
-    )
+    connection.execute(_HEARD_FROM, {"of_worker": worker, "now": now, "done": done})

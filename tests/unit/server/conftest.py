@@ -13,7 +13,7 @@ from sqlalchemy.engine import Engine
 from server.app import create_app
 from server.logic.study import Plan, draw_up
 from server.logic.verdicts import Report
-from server.routes.common import clock as real_clock
+from server.routes.common import moment
 from server.settings import Settings
 from server.store import create_engine, upgrade
 
@@ -59,7 +59,7 @@ def clock() -> Clock:
 def app(url: str, clock: Clock) -> FastAPI:
     upgrade(url)
     app = create_app(Settings(database_url=url, token=SecretStr(TOKEN), lease_seconds=60.0))
-    app.dependency_overrides[real_clock] = clock
+    app.dependency_overrides[moment] = clock
     return app
 
 

@@ -97,6 +97,22 @@ def test_asking_for_work_takes_back_what_expired(
     assert again["fence"] > lease["fence"]
 
 
+def test_expired_leases_are_looked_for_once_a_second_however_many_ask(
+    app: FastAPI, client: TestClient, lease: Json, clock: Any
+) -> None:
+    looked: list[str] = []
+
+    def note(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
+        if "DISTINCT leases.study_id" in statement:
+            looked.append(statement)
+
+    event.listen(app.state.engine, "before_cursor_execute", note)
+    for seconds in (0.5, 0.4, 0.2, 0.5, -10.0):
+        clock.advance(seconds)
+        client.post("/v1/leases", json=asking())
+    assert len(looked) == 2
+
+
 def test_good_results_are_accepted(client: TestClient, lease: Json) -> None:
     results = [result(i) for i in lease["instances"]]
     response = client.post("/v1/results", json=posting(lease, results))

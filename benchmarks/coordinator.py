@@ -1,0 +1,163 @@
+"""A coordinator in a process of its own, and processes that work for it."""
+
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.queues import SimpleQueue
+from multiprocessing.synchronize import Barrier
+from typing import Any
+
+from benchmarks.measuring import Throughput, cpu_seconds
+from rehyb.client import Client
+
+TOKEN = "benchmark"
+#: Leases of each worker before the measurement.
+WARM_UP = 3
+#: Seconds that workers may take to be ready.
+START_SECONDS = 60.0
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Running:
+    """A running coordinator."""
+
+    url: str
+    pid: int
+
+
+@contextmanager
+def coordinator(database_url: str) -> Iterator[Running]:
+    """Run a coordinator on a database until the block ends."""
+    environment = os.environ | {
+        "REHYB_DATABASE_URL": database_url,
+        "REHYB_TOKEN": TOKEN,
+        "REHYB_PORT": "0",
+    }
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rehyb", "coordinator"],
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout is not None
+        match = re.search(r"http://\S+", process.stdout.readline())
+        if match is None:
+            sys.exit("the coordinator did not start")
+        yield Running(url=match.group(), pid=process.pid)
+    finally:
+        process.terminate()
+        process.wait(timeout=30)
+
+
+def submit(url: str, rows: int) -> Json:
+    """Submit a study of the Ishigami function, five instances a row; return it."""
+    with Client(url, TOKEN) as client:
+        return client.submit(
+            {"name": "bench", "model": "ishigami", "method": "saltelli", "rows": rows}
+        )
+
+
+def complete(client: Client, worker: Json, batch: int) -> int:
+    """Lease and post at once, as a worker whose simulations take no time; return how many."""
+    granted = lease(client, worker, batch)
+    return 0 if granted is None else finish(client, worker, granted)
+
+
+def lease(client: Client, worker: Json, batch: int) -> Json | None:
+    """Ask for instances; None if there are none."""
+    return client.lease(worker=worker, models=["ishigami"], max_instances=batch)
+
+
+def finish(client: Client, worker: Json, granted: Json) -> int:
+    """Post a result for all that a lease holds; return how many that are."""
+    results = [
+        {
+            "instance": instance["id"],
+            "outcome": "ok",
+            "outputs": {"y": 1.0},
+            "reason": "",
+            "state": None,
+            "wall_seconds": 0.0,
+        }
+        for instance in granted["instances"]
+    ]
+    verdicts = client.post_results(
+        lease=granted["id"], fence=granted["fence"], worker=worker["id"], results=results
+    )
+    assert all(verdict["verdict"] == "accepted" for verdict in verdicts)
+    return len(results)
+
+
+def throughput(
+    running: Running, *, processes: int, batch: int, seconds: float, database: Sequence[int] = ()
+) -> Throughput:
+    """Measure workers that lease `batch` instances and post their results, again and again.
+
+    Args:
+        running: a coordinator with enough to do.
+        processes: how many workers, each a process.
+        batch: instances of one lease.
+        seconds: how long.
+        database: further processes whose time counts, such as a database server.
+    """
+    context = get_context("spawn")
+    ready, reports = context.Barrier(processes + 1), context.SimpleQueue()
+    workers = [
+        context.Process(
+            target=work, args=(running.url, f"bench-{i}", batch, seconds, ready, reports)
+        )
+        for i in range(processes)
+    ]
+    for worker in workers:
+        worker.start()
+    ready.wait(START_SECONDS)
+    servers = [running.pid], database
+    before = [cpu_seconds(pids) for pids in servers]
+    time.sleep(seconds)
+    alone, stored = (cpu_seconds(pids) - b for pids, b in zip(servers, before, strict=True))
+    finished, own = zip(*(reports.get() for _ in workers), strict=True)
+    for worker in workers:
+        worker.join()
+    return Throughput(
+        per_second=sum(finished) / seconds,
+        cpu_ms=(alone + stored + sum(own)) / sum(finished) * 1000.0,
+        server_ms=alone / sum(finished) * 1000.0,
+    )
+
+
+def work(
+    url: str,
+    name: str,
+    batch: int,
+    seconds: float,
+    ready: Barrier,
+    reports: SimpleQueue[tuple[int, float]],
+) -> None:
+    """Work for a coordinator; report instances finished and the processor time it took here.
+
+    Args:
+        url: where it listens.
+        name: what this worker calls itself.
+        batch: instances of one lease.
+        seconds: how long instances count, once all workers are ready.
+        ready: where all wait for each other.
+        reports: takes (instances, seconds of processor time).
+    """
+    worker = {"id": name, "host": "here", "versions": {}}
+    with Client(url, TOKEN) as client:
+        for _ in range(WARM_UP):
+            complete(client, worker, batch)
+        ready.wait(START_SECONDS)
+        before, finished, end = time.process_time(), 0, time.monotonic() + seconds
+        while time.monotonic() < end:
+            finished += complete(client, worker, batch)
+        reports.put((finished, time.process_time() - before))

@@ -1,0 +1,114 @@
+"""What `make bench` concludes from what it measured."""
+
+from collections.abc import Iterator
+from math import nan
+
+import pytest
+
+from benchmarks import measuring
+from benchmarks.measuring import Target, Throughput, percentile, watch
+from benchmarks.million import Million
+from benchmarks.rivals import Rival
+from benchmarks.table import Line, targets
+
+
+def target(figure: float, *, at_least: bool) -> Target:
+    return Target(what="speed", figure=figure, bound=3.0, unit="times", at_least=at_least)
+
+
+def throughput(per_second: float) -> Throughput:
+    return Throughput(per_second=per_second, cpu_ms=0.5)
+
+
+@pytest.mark.parametrize(
+    ("values", "percent", "expected"),
+    [
+        ([7.0], 99, 7.0),
+        ([3.0, 1.0, 2.0, 4.0], 50, 2.0),
+        ([float(i) for i in range(1, 101)], 99, 99.0),
+        ([float(i) for i in range(1, 101)], 100, 100.0),
+        ([1.0, 2.0], 0, 1.0),
+    ],
+)
+def test_a_percentile_is_one_of_the_values(
+    values: list[float], percent: float, expected: float
+) -> None:
+    assert percentile(values, percent) == expected
+
+
+def test_nothing_has_no_percentile() -> None:
+    with pytest.raises(ValueError, match="nothing"):
+        percentile([], 50)
+
+
+@pytest.mark.parametrize(
+    ("figure", "at_least", "met"),
+    [
+        (3.0, True, True),
+        (2.9, True, False),
+        (3.0, False, True),
+        (3.1, False, False),
+        (nan, True, False),
+        (nan, False, False),
+    ],
+)
+def test_a_target_is_met_on_the_right_side_of_its_bound(
+    figure: float, at_least: bool, met: bool
+) -> None:
+    found = target(figure, at_least=at_least)
+    assert found.met == met
+    assert found.line().endswith(": met" if met else ": NOT MET")
+
+
+def test_a_rate_leaves_out_the_first_and_the_last_tenth(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Slow at both ends, ten a second between.
+    counts = iter([0, 1, 10, 50, 90, 91, 100])
+    times = iter([0.0, 100.0, 200.0, 204.0, 208.0, 300.0, 400.0])
+    monkeypatch.setattr(measuring.time, "perf_counter", lambda: next(times))
+    monkeypatch.setattr(measuring, "LOOK_SECONDS", 0.0)
+    spent: Iterator[float] = iter([1.0, 1.4])
+    monkeypatch.setattr(measuring, "cpu_seconds", lambda pids: next(spent))
+    found = watch(lambda: next(counts), 100, pids=[])
+    assert found.per_second == pytest.approx(10.0)
+    assert found.cpu_ms == pytest.approx(5.0)
+
+
+def test_who_is_slow_is_not_waited_for_longer_than_needed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    counts, times = iter([10, 20, 31]), iter([0.0, 9.0, 10.5])
+    monkeypatch.setattr(measuring.time, "perf_counter", lambda: next(times))
+    monkeypatch.setattr(measuring, "LOOK_SECONDS", 0.0)
+    assert watch(lambda: next(counts), 100, pids=[]).per_second == pytest.approx(2.0)
+
+
+def test_work_that_does_not_end_is_an_error() -> None:
+    with pytest.raises(TimeoutError, match="3 of 10"):
+        watch(lambda: 3, 10, pids=[], patience=0.0)
+
+
+def test_only_rivals_that_lack_nothing_are_compared_with() -> None:
+    rivals = [
+        Rival(name="safe", batch=1, throughput=throughput(500.0)),
+        Rival(name="forgetful", batch=1, throughput=throughput(9000.0), lacks="what it forgets"),
+        Rival(name="slow", batch=1, throughput=throughput(20.0)),
+    ]
+    first, second, *others = targets(
+        {1: throughput(100.0), 10: throughput(1500.0)},
+        rivals,
+        {"with work": [0.010] * 99 + [0.3]},
+        Million(submit_seconds=0.1, progress_seconds=[0.005], peak_mb=501.0),
+    )
+    assert (first.figure, first.met) == (3.0, True)
+    assert (second.figure, second.met) == (1500.0, False)
+    assert [(other.figure, other.met) for other in others] == [
+        (10.0, True),
+        (5.0, True),
+        (0.1, True),
+        (501.0, False),
+    ]
+
+
+def test_a_line_of_the_table_says_what_a_rival_lacks() -> None:
+    line = str(Line(name="a queue", batch=10, throughput=throughput(1234.5), remark="(slow)"))
+    assert line.split() == ["a", "queue", "10", "1234", "0.500", "(slow)"]
