@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.designs.radial import MEAN_INVERSE_STEP
 from analysis.estimators import Estimator
-from analysis.estimators.bootstrap import estimate
+from analysis.estimators.bootstrap import percentiles
 
 #: Bootstrap standard errors that a mark must be off by. Where 5 % of the runs fail at random, 1 to
 #: 7 studies in 100 raise the alarm; failures that a factor causes are off by far more.
@@ -67,7 +67,7 @@ def judge(
     alone = _errors_off(statistics[zero].weighted[:, column])
     with_others = statistics[floor].weighted[:, column]
     contrast = _errors_off(with_others - _dummy(estimator, column)[:, None])
-    spread = estimate(with_others, statistics[floor].n[column], LEVEL)
+    spread = percentiles(with_others, statistics[floor].n[column], LEVEL)
     # A share cannot be negative, a mean effect can.
     stands_out = (np.abs(alone) if zero == "mu" else alone) > ERRORS
     order = np.argsort(-np.nan_to_num(spread.value), kind="stable")

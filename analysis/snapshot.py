@@ -29,7 +29,6 @@ from typing import Any
 
 from analysis.convergence import GrowingEstimator, Point
 from analysis.estimators import Estimate, Estimator, Statistic, estimator_class
-from analysis.estimators.bootstrap import estimate
 from analysis.failures import judge
 from analysis.ranking import RANKED_BY, rank
 from analysis.records import StudyPlan
@@ -58,10 +57,7 @@ def take_snapshot(
         evaluations: number of results by outcome.
     """
     statistics = estimator.statistics()
-    indices = {
-        name: estimate(statistic.weighted, statistic.n, LEVEL)
-        for name, statistic in statistics.items()
-    }
+    indices = {name: statistic.estimate(LEVEL) for name, statistic in statistics.items()}
     shown = [
         _output(plan, estimator, o, statistics, indices, series)
         for o in range(len(plan.outputs) + 1)

@@ -4,15 +4,15 @@ import io
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.designs import row_width
-from analysis.estimators import bootstrap
-from analysis.estimators.bootstrap import Estimate, estimate
+from analysis.designs import BLOCKS, blocks_of, row_width
+from analysis.estimators.bootstrap import REPLICATES, weights
 from analysis.estimators.exact_sum import ExactSums, Integers, divide, square
+from analysis.estimators.intervals import Estimate, satterthwaite, student
 
 #: An output of larger magnitude counts as failed: its square has no exact sum.
 LARGEST_OUTPUT = 1e100
@@ -23,6 +23,9 @@ Terms = Mapping[str, NDArray[np.float64]]
 
 #: Sums of this ending add up the exact squares of their terms.
 SQUARED = "_squared"
+
+#: Ways to weight the rows: all alike, as each bootstrap replicate draws them, all but one block.
+WEIGHTINGS = 1 + REPLICATES + BLOCKS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,11 +41,24 @@ class Moments:
 class Statistic:
     """A statistic in every weighting of the rows."""
 
-    #: Shape (1 + bootstrap.REPLICATES, outputs, factors), or without factors; the first weighting
-    #: is the sample itself; nan where a weighting leaves the statistic undefined.
+    #: Shape (1 + REPLICATES, outputs, factors), or without factors; the first is the sample itself,
+    #: the others are its bootstrap replicates; nan where a weighting leaves it undefined.
     weighted: NDArray[np.float64]
     #: From how many rows it was computed, shape (outputs, factors), or without factors.
     n: NDArray[np.int64]
+    #: What it would be without each block of rows, shape (BLOCKS, ...).
+    without: NDArray[np.float64]
+    #: Which blocks it has rows of, shape (BLOCKS, ...).
+    present: NDArray[np.bool_]
+    #: 1 for a mean of squares or magnitudes, 2 for the root of one, None for what has either sign.
+    power: int | None
+
+    def estimate(self, level: float) -> Estimate:
+        """Return it with its interval at `level`; ValueError if that is not between 0 and 1."""
+        value = self.weighted[0]
+        if self.power is None:
+            return student(value, self.without, self.present, level)
+        return satterthwaite(value, self.without, self.present, level, self.power)
 
 
 class Estimator(ABC):
@@ -80,7 +96,8 @@ class Estimator(ABC):
         for name in self.factor_sums + self.output_sums:
             start, stop = stop, stop + outputs * (factors if name in self.factor_sums else 1)
             self._columns[name] = slice(start, stop)
-        self._sums = ExactSums(1 + bootstrap.REPLICATES, stop)
+        #: The last weightings are sums of one block each: what a block lacks, the others have.
+        self._sums = ExactSums(WEIGHTINGS, stop)
         self._counts: NDArray[np.int64] = np.zeros(self._sums.shape, dtype=np.int64)
 
     def add_rows(self, rows: Sequence[int], values: NDArray[np.float64]) -> None:
@@ -99,15 +116,16 @@ class Estimator(ABC):
         if not rows:
             return
         usable = np.where(np.abs(values) <= LARGEST_OUTPUT, values, np.nan)
-        weights = bootstrap.weights(self.seed, rows)
+        block = np.arange(BLOCKS)[:, None] == blocks_of(self.sampling, self.seed, rows)
+        weighting = np.concatenate([weights(self.seed, rows), block])
         for name, terms in self._terms(rows, usable).items():
             columns, flat = self._columns[name], terms.reshape(*terms.shape[:2], -1)
             valid = ~np.isnan(flat)
             addends = np.where(valid, flat, 0.0)
             if name.endswith(SQUARED):
                 addends = np.concatenate(square(addends))
-            self._sums.add(columns, weights, addends)
-            counts = weights @ valid.sum(axis=0, dtype=np.float64)
+            self._sums.add(columns, weighting, addends)
+            counts = weighting @ valid.sum(axis=0, dtype=np.float64)
             self._counts[:, columns] += counts.astype(np.int64)
             if name == self.use:
                 of_output = valid.reshape(*valid.shape[:2], self.outputs, -1)
@@ -129,8 +147,7 @@ class Estimator(ABC):
     def indices(self, level: float = 0.9) -> dict[str, Estimate]:
         """Return each of `statistics` with its interval at `level`."""
         return {
-            name: estimate(statistic.weighted, statistic.n, level)
-            for name, statistic in self.statistics().items()
+            name: statistic.estimate(level) for name, statistic in self.statistics().items()
         }
 
     @property
@@ -146,7 +163,7 @@ class Estimator(ABC):
 
     def weighted_mean(self, output: int) -> NDArray[np.float64]:
         """Return an output's mean in every weighting of the rows, shape (1 + replicates,)."""
-        mean: NDArray[np.float64] = self._mean("value")[:, output]
+        mean: NDArray[np.float64] = self._mean("value")[: 1 + REPLICATES, output]
         return mean
 
     def to_bytes(self) -> bytes:
@@ -187,8 +204,23 @@ class Estimator(ABC):
         of_factor = name in self.factor_sums
         return (-1, self.outputs, self.factors) if of_factor else (-1, self.outputs)
 
+    def _statistic(
+        self, values: NDArray[np.float64], counts: NDArray[np.int64], power: int | None = None
+    ) -> Statistic:
+        """Return a statistic from its values and numbers of rows in every weighting."""
+        end = 1 + REPLICATES
+        return Statistic(
+            weighted=values[:end],
+            n=counts[0],
+            without=values[end:],
+            present=counts[end:] < counts[0],
+            power=power,
+        )
+
     def _count(self, name: str) -> NDArray[np.int64]:
-        return self._counts[:, self._columns[name]].reshape(self._shape(name))
+        """Return how many terms a sum has in every weighting."""
+        counts: NDArray[np.int64] = _without_blocks(self._counts[:, self._columns[name]])
+        return counts.reshape(self._shape(name))
 
     def _first_count(self, name: str) -> NDArray[np.int64]:
         """Return how many terms a sum has, every row counted once."""
@@ -197,7 +229,7 @@ class Estimator(ABC):
 
     def _total(self, name: str) -> tuple[Integers, int]:
         total, shift = self._sums.integers(self._columns[name])
-        return total.reshape(self._shape(name)), shift
+        return _without_blocks(total).reshape(self._shape(name)), shift
 
     def _mean(self, name: str) -> NDArray[np.float64]:
         """Return the mean of a sum in every weighting, rounded once; nan of nothing."""
@@ -211,3 +243,9 @@ class Estimator(ABC):
         n = self._count(name).astype(object)
         numerator = n * (squares << shift) - total * total
         return divide(numerator, np.where(n > ddof, n * (n - ddof), 0), 2 * shift)
+
+
+def _without_blocks(sums: NDArray[Any]) -> NDArray[Any]:
+    """Return sums of all rows but a block's where there were sums of the block, shape of `sums`."""
+    end = 1 + REPLICATES
+    return np.concatenate([sums[:end], sums[:1] - sums[end:]])

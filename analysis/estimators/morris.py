@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.designs import unit_row
 from analysis.designs.radial import steps
+from analysis.estimators.bootstrap import REPLICATES
 from analysis.estimators.estimator import Estimator, Statistic, Terms
 
 
@@ -24,14 +25,14 @@ class MorrisEstimator(Estimator):
 
     def statistics(self) -> dict[str, Statistic]:
         """Return "mu", "mu_star" and "sigma" of every output and factor."""
-        n = self.effects
+        counts = self._count("effect")
         variance = self._variance("effect", ddof=1)
         # Variances of resampled rows are too small by this factor in the mean.
-        variance[1:] *= n / np.maximum(n - 1, 1)
+        variance[1 : 1 + REPLICATES] *= counts[0] / np.maximum(counts[0] - 1, 1)
         return {
-            "mu": Statistic(weighted=self._mean("effect"), n=n),
-            "mu_star": Statistic(weighted=self._mean("magnitude"), n=n),
-            "sigma": Statistic(weighted=np.sqrt(variance), n=n),
+            "mu": self._statistic(self._mean("effect"), counts),
+            "mu_star": self._statistic(self._mean("magnitude"), counts, power=1),
+            "sigma": self._statistic(np.sqrt(variance), counts, power=2),
         }
 
     @property

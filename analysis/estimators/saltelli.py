@@ -39,13 +39,14 @@ class SaltelliEstimator(Estimator):
         first = _share(centred, variance[..., None])
         total = _share(0.5 * self._mean("difference_squared"), variance[..., None])
         chance = 1.0 - _share(0.5 * self._mean("between_squared"), variance)
-        firsts, totals = self.effects, self._first_count("difference_squared")
+        firsts, totals = self._count("product"), self._count("difference_squared")
+        between = self._count("between_squared")
         return {
-            "first_order": Statistic(weighted=first, n=firsts),
-            "total_order": Statistic(weighted=total, n=totals),
-            "sum_first_order": Statistic(weighted=first.sum(axis=-1), n=firsts.min(axis=-1)),
-            "sum_total_order": Statistic(weighted=total.sum(axis=-1), n=totals.min(axis=-1)),
-            "dummy_first_order": Statistic(weighted=chance, n=self._first_count("between_squared")),
+            "first_order": self._statistic(first, firsts),
+            "total_order": self._statistic(total, totals, power=1),
+            "sum_first_order": self._statistic(first.sum(axis=-1), firsts.min(axis=-1)),
+            "sum_total_order": self._statistic(total.sum(axis=-1), totals.min(axis=-1), power=1),
+            "dummy_first_order": self._statistic(chance, between),
         }
 
     @property

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.estimators.bootstrap import REPLICATES, estimate, weights
+from analysis.estimators.bootstrap import REPLICATES, percentiles, weights
 
 
 def test_weights_are_a_pure_function_of_seed_and_row() -> None:
@@ -37,7 +37,7 @@ def test_weights_of_neighbouring_rows_and_replicates_are_unrelated() -> None:
 
 def test_an_interval_of_many_rows_is_numpys_percentiles_of_the_replicates() -> None:
     replicates = np.random.default_rng(2).normal(size=(1 + REPLICATES, 3, 4))
-    found = estimate(replicates, np.full((3, 4), 10**9), 0.8)
+    found = percentiles(replicates, np.full((3, 4), 10**9), 0.8)
     assert np.array_equal(found.value, replicates[0])
     np.testing.assert_allclose(found.low, np.quantile(replicates[1:], 0.1, axis=0), rtol=1e-6)
     np.testing.assert_allclose(found.high, np.quantile(replicates[1:], 0.9, axis=0), rtol=1e-6)
@@ -49,7 +49,7 @@ def test_few_rows_widen_an_interval_as_students_t_does() -> None:
     normal = stats.norm.ppf((np.arange(REPLICATES) + 0.5) / REPLICATES)
     # The spread that resampling ten rows with sample deviation s gives their mean.
     replicates = np.append(0.0, normal * s * np.sqrt((n - 1) / n) / np.sqrt(n))[:, None]
-    found = estimate(replicates, np.array([n]), 0.9)
+    found = percentiles(replicates, np.array([n]), 0.9)
     half = stats.t.ppf(0.95, n - 1) * s / np.sqrt(n)
     assert found.high[0] == pytest.approx(half, rel=0.02)
     assert found.low[0] == pytest.approx(-half, rel=0.02)
@@ -60,7 +60,7 @@ def test_undefined_replicates_are_left_out_unless_they_are_most() -> None:
     replicates[1:50, 0] = np.nan
     replicates[1:150, 1] = np.nan
     replicates[0, 2] = np.nan
-    found = estimate(replicates, np.array([10**9, 10**9, 10**9, 1]), 0.9)
+    found = percentiles(replicates, np.array([10**9, 10**9, 10**9, 1]), 0.9)
     assert found.low[0] == pytest.approx(np.quantile(replicates[50:, 0], 0.05), rel=1e-6)
     assert np.array_equal(np.isnan(found.low), [False, True, True, True])
     assert np.array_equal(np.isnan(found.high), [False, True, True, True])
@@ -70,4 +70,4 @@ def test_undefined_replicates_are_left_out_unless_they_are_most() -> None:
 @pytest.mark.parametrize("level", [0.0, 1.0, 90.0])
 def test_a_level_is_a_probability(level: float) -> None:
     with pytest.raises(ValueError, match="level of an interval must be between 0 and 1"):
-        estimate(np.zeros((1 + REPLICATES, 1)), np.array([5]), level)
+        percentiles(np.zeros((1 + REPLICATES, 1)), np.array([5]), level)
