@@ -1,10 +1,10 @@
 """Into which of eight blocks a row counts, so that a study can tell its own error.
 
-What one randomised Sobol sequence errs cannot be seen from its own points: they are not independent,
-and the spread between rows says little of the error of their mean. The spread between several
-sequences that were scrambled independently does (Owen 1997, Monte Carlo variance of scrambled net
-quadrature), and Student's interval from few of them is hard to beat (L'Ecuyer, Nakayama, Owen and
-Tuffin 2023, Confidence intervals for randomized quasi-Monte Carlo estimators).
+What one randomised Sobol sequence errs cannot be seen from its own points: they are not
+independent, and the spread between rows says little of the error of their mean. The spread between
+several sequences that were scrambled independently does (Owen 1997, Monte Carlo variance of
+scrambled net quadrature), and Student's interval from few of them is hard to beat (L'Ecuyer,
+Nakayama, Owen and Tuffin 2023, Confidence intervals for randomized quasi-Monte Carlo estimators).
 """
 
 from collections.abc import Sequence

@@ -146,9 +146,7 @@ class Estimator(ABC):
 
     def indices(self, level: float = 0.9) -> dict[str, Estimate]:
         """Return each of `statistics` with its interval at `level`."""
-        return {
-            name: statistic.estimate(level) for name, statistic in self.statistics().items()
-        }
+        return {name: statistic.estimate(level) for name, statistic in self.statistics().items()}
 
     @property
     @abstractmethod

@@ -79,10 +79,8 @@ def satterthwaite(
     high = mean * half_freedom / gammaincinv(half_freedom, tail)
     moves = variation > 1e-9
     still = np.where(np.isnan(variation), np.nan, mean)
-    root = 1.0 / power
-    return Estimate(
-        value=value, low=np.where(moves, low, still) ** root, high=np.where(moves, high, still) ** root
-    )
+    ends = (np.where(moves, end, still) ** (1.0 / power) for end in (low, high))
+    return Estimate(value=value, low=next(ends), high=next(ends))
 
 
 def _error(without: Array, present: NDArray[np.bool_]) -> Array:

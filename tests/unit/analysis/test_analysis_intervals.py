@@ -50,7 +50,7 @@ def test_of_a_variance_of_many_normal_numbers_it_is_nearly_the_chi_square_interv
     wider = stats.t.ppf(0.95, 7) / stats.norm.ppf(0.95)
     assert np.median(found.low / value) == pytest.approx(1.0 - wider * (1.0 - low), abs=0.01)
     assert np.median(found.high / value) == pytest.approx(1.0 + wider * (high - 1.0), abs=0.01)
-    covered = np.mean((found.low <= 1.0) & (1.0 <= found.high))
+    covered = np.mean((found.low <= 1.0) & (found.high >= 1.0))
     assert covered == pytest.approx(0.9, abs=0.015)
 
 
