@@ -17,7 +17,7 @@
 Indices are "mu", "mu_star" and "sigma" (method morris, in the output's unit per range of the
 factor) or "first_order" and "total_order" (method saltelli, shares of the variance), for which
 there are the sums "sum_first_order" and "sum_total_order" and the measure of chance
-"dummy_first_order" (`SaltelliEstimator.statistics`). "failure" is the indicator that is 1 where a
+"dummy_first_order" (`SaltelliEstimator`). "failure" is the indicator that is 1 where a
 run failed and 0 elsewhere (`analysis.failures`), "ranking" says how many bootstrap replicates rank
 the factors alike (`analysis.ranking`), "convergence" what the first 8, 16, 32, ... rows said
 (`analysis.convergence`). What is not defined yet is null.

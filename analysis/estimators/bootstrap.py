@@ -25,17 +25,13 @@ _EDGES = np.floor(
 ).astype(np.uint64)
 
 
-def weights(seed: int, rows: Sequence[int]) -> NDArray[np.float64]:
-    """Return how often each row counts, shape (1 + REPLICATES, rows).
-
-    The first weighting counts every row once: it is the sample itself.
-    """
+def replicate_weights(seed: int, rows: Sequence[int]) -> NDArray[np.float64]:
+    """Return how often each replicate counts each row, shape (REPLICATES, rows)."""
     words = np.stack([bits(seed, Purpose.BOOTSTRAP, row, REPLICATES // 2) for row in rows])
     # As bytes in a fixed order, so that machines of either endianness agree.
     uniform = words.astype("<u8").view("<u4")
-    counts = np.ones((1 + REPLICATES, len(rows)))
-    counts[1:] = np.searchsorted(_EDGES, uniform.T.astype(np.uint64), side="right")
-    return counts
+    counts = np.searchsorted(_EDGES, uniform.T.astype(np.uint64), side="right")
+    return counts.astype(np.float64)
 
 
 def percentiles(statistic: NDArray[np.float64], n: NDArray[np.int64], level: float) -> Estimate:

@@ -30,6 +30,23 @@ def check_level(level: float) -> None:
         raise ValueError(f"level of an interval must be between 0 and 1, not {level:g}")
 
 
+def estimate(
+    value: Array, without: Array, present: NDArray[np.bool_], level: float, power: int | None
+) -> Estimate:
+    """Return an index with the interval that suits it.
+
+    Args:
+        value, without, present, level: as `student`.
+        power: as `satterthwaite`; None for an index that may have either sign.
+
+    Raises:
+        ValueError: as `student`.
+    """
+    if power is None:
+        return student(value, without, present, level)
+    return satterthwaite(value, without, present, level, power)
+
+
 def student(value: Array, without: Array, present: NDArray[np.bool_], level: float) -> Estimate:
     """Return an index that may have either sign, with Student's interval.
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from analysis.designs import unit_row
 from analysis.designs.radial import steps
-from analysis.estimators.bootstrap import REPLICATES
-from analysis.estimators.estimator import Estimator, Statistic, Terms
+from analysis.estimators.estimator import Estimator, Index, Terms
+from analysis.estimators.weightings import FIRST, Weighted
 
 
 class MorrisEstimator(Estimator):
@@ -23,21 +23,22 @@ class MorrisEstimator(Estimator):
     use = "effect"
     factor_sums = ("effect", "effect_squared", "magnitude")
 
-    def statistics(self) -> dict[str, Statistic]:
-        """Return "mu", "mu_star" and "sigma" of every output and factor."""
-        counts = self._count("effect")
-        variance = self._variance("effect", ddof=1)
-        # Variances of resampled rows are too small by this factor in the mean.
-        variance[1 : 1 + REPLICATES] *= counts[0] / np.maximum(counts[0] - 1, 1)
-        return {
-            "mu": self._statistic(self._mean("effect"), counts),
-            "mu_star": self._statistic(self._mean("magnitude"), counts, power=1),
-            "sigma": self._statistic(np.sqrt(variance), counts, power=2),
-        }
-
     @property
     def effects(self) -> NDArray[np.int64]:
-        return self._first_count("effect")
+        effects: NDArray[np.int64] = self._weighted(1).count("effect")[0]
+        return effects
+
+    def _indices(self, sums: Weighted) -> dict[str, Index]:
+        """Return "mu", "mu_star" and "sigma" of every output and factor."""
+        counts = sums.count("effect")
+        variance = sums.variance("effect", ddof=1)
+        # Variances of resampled rows are too small by this factor in the mean.
+        variance[FIRST:] *= counts[0] / np.maximum(counts[0] - 1, 1)
+        return {
+            "mu": (sums.mean("effect"), counts, None),
+            "mu_star": (sums.mean("magnitude"), counts, 1),
+            "sigma": (np.sqrt(variance), counts, 2),
+        }
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
         step = np.stack(
