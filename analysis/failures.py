@@ -4,7 +4,9 @@ Indices of the outputs say nothing about the runs that failed. If failures fall 
 the factors more than on others, the outputs' indices describe a population that the study did not
 mean, and the reader must know. Failures that strike at random leave marks of their own: mu and the
 first-order indices of the indicator are 0, and mu* and the total-order index are the same for each
-factor, those of a dummy. What departs from these marks is due to the factors.
+factor, those of a dummy. What departs from these marks is due to the factors. (Sheikholeslami,
+Razavi and Haghnegahdar 2019, What should we do when a model crashes?, fill in the missing outputs;
+here they stay missing, and the crash is an output.)
 """
 
 from collections.abc import Sequence

@@ -2,7 +2,9 @@
 
 A study is made of rows: small groups of points whose outputs belong together. Row r is a pure
 function of (method, sampling, seed, r), so a study can be extended, sharded, or rebuilt without
-storing a point.
+storing a point. Rows are those of Campolongo et al. 2011 (`radial`) and of Saltelli et al. 2010
+(`saltelli`), mapped to the factors' distributions by their quantiles (Devroye 1986, Non-uniform
+random variate generation, section II.2).
 """
 
 from collections.abc import Mapping

@@ -40,7 +40,7 @@ def sobol(seed: int, row: int, dimensions: int) -> NDArray[np.float64]:
 
 
 def sobol_blocks(seed: int, row: int, dimensions: int) -> NDArray[np.float64]:
-    """Return a point of one of eight Sobol sequences that are scrambled independently.
+    """Return a point of one of eight Sobol sequences scrambled independently (Owen 1997).
 
     Row r is point r // 8 of sequence r % 8 (`analysis.designs.blocks`), so all grow alike, and are
     balanced when the number of rows is a power of two.

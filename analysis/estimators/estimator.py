@@ -1,4 +1,7 @@
-"""What the estimators of both methods share: sums over rows that survive any order of arrival."""
+"""What the estimators of both methods share: sums over rows that survive any order of arrival.
+
+Why they do is docs/adr/0004-sums-do-not-depend-on-order.md.
+"""
 
 import io
 from abc import ABC, abstractmethod

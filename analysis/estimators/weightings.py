@@ -1,7 +1,8 @@
 """Means and variances of exact sums, in every way of weighting the rows.
 
-The weightings are, in this order: every row once, which is the sample itself; all rows but those of
-one block, for each block (`analysis.designs.blocks`); and each replicate of the Poisson bootstrap.
+The weightings are, in this order: every row once, which is the sample itself; all rows but those
+of one block, for each block (`analysis.designs.blocks`), which is the jackknife of Tukey 1958; and
+each replicate of the Poisson bootstrap (Hanley and MacGibbon 2006).
 """
 
 from collections.abc import Mapping, Sequence
