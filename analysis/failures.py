@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs.radial import MEAN_INVERSE_STEP
+from analysis.designs.trajectories import STEP
 from analysis.estimators import Estimator
 from analysis.estimators.bootstrap import percentiles
 
@@ -110,5 +111,6 @@ def _dummy(estimator: Estimator, column: int) -> NDArray[np.float64]:
     p = estimator.weighted_mean(column)
     if estimator.method == "saltelli":
         return np.ones_like(p)
-    dummy: NDArray[np.float64] = 2.0 * p * (1.0 - p) * MEAN_INVERSE_STEP
+    inverse_step = 1.0 / STEP if estimator.sampling == "trajectories" else MEAN_INVERSE_STEP
+    dummy: NDArray[np.float64] = 2.0 * p * (1.0 - p) * inverse_step
     return dummy

@@ -16,6 +16,7 @@ from analysis.designs.blocks import BLOCKS, blocks_of
 from analysis.designs.points import latin_hypercube, paired, sobol, sobol_blocks
 from analysis.designs.radial import radial_row
 from analysis.designs.saltelli import saltelli_row
+from analysis.designs.trajectories import trajectory_row
 from analysis.distributions import Distribution
 
 #: Elementary effects for screening, and variance-based indices.
@@ -44,8 +45,14 @@ __all__ = [
     "blocks_of",
     "instance_parameters",
     "row_width",
+    "samplings",
     "unit_row",
 ]
+
+
+def samplings(method: str) -> tuple[str, ...]:
+    """Return the samplings of a method: `SAMPLINGS`, and "trajectories" (Morris 1991) of morris."""
+    return (*SAMPLINGS, "trajectories") if method == "morris" else SAMPLINGS
 
 
 def row_width(method: str, factors: int) -> int:
@@ -72,6 +79,8 @@ def unit_row(method: str, sampling: str, seed: int, row: int, factors: int) -> N
         raise ValueError(f"seed must be an integer from 0 to 2**64 - 1, not {seed}")
     if row < 0:
         raise ValueError(f"row must not be negative, but is {row}")
+    if sampling == "trajectories":
+        return trajectory_row(seed, row, factors)
     point = _POINTS[sampling](seed, row, 2 * factors)
     if sampling in _PAIRED:
         point = paired(point)
@@ -100,5 +109,6 @@ def instance_parameters(
 def _check(method: str, sampling: str) -> None:
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}: expected one of {', '.join(METHODS)}")
-    if sampling not in SAMPLINGS:
-        raise ValueError(f"unknown sampling {sampling!r}: expected one of {', '.join(SAMPLINGS)}")
+    if sampling not in samplings(method):
+        expected = ", ".join(samplings(method))
+        raise ValueError(f"unknown sampling {sampling!r} of {method}: expected one of {expected}")

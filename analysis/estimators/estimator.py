@@ -65,7 +65,7 @@ class Estimator(ABC):
     It does not notice a row that is added twice: whoever feeds it must.
 
     Args:
-        sampling, seed: of the design, one of `analysis.designs.SAMPLINGS`.
+        sampling, seed: of the design, one of `analysis.designs.samplings`.
         factors, outputs: how many.
         indicators: how many of the outputs, the last ones, say something of every run, also of a
             failed one. They alone do not make a row count as used.

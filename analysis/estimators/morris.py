@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import unit_row
-from analysis.designs.radial import steps
+from analysis.designs.radial import legs
 from analysis.estimators.estimator import Estimator, Index, Terms
 from analysis.estimators.weightings import FIRST, Weighted
 
@@ -15,8 +15,9 @@ class MorrisEstimator(Estimator):
     """Mean, mean magnitude and standard deviation of the elementary effects of each factor.
 
     Effects are in the output's unit per whole range of the factor's distribution: the step of
-    equation 22 is taken in the unit cube. A row whose base failed has no effects; a row whose moved
-    point failed lacks that factor's effect only.
+    equation 22 is taken in the unit cube. A radial row whose base failed has no effects, one whose
+    moved point failed lacks that factor's effect only; a trajectory lacks the effects of the moves
+    to and from what failed.
     """
 
     method = "morris"
@@ -41,14 +42,14 @@ class MorrisEstimator(Estimator):
         }
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
-        step = np.stack(
-            [
-                steps(unit_row(self.method, self.sampling, self.seed, row, self.factors))
-                for row in rows
-            ]
-        )
-        moved = np.moveaxis(values[:, 1:, :], 1, 2)  # rows, outputs, factors
-        effect = (moved - values[:, 0, :, None]) / step[:, None, :]
+        designed = [
+            legs(unit_row(self.method, self.sampling, self.seed, row, self.factors)) for row in rows
+        ]
+        (before, after) = np.stack([places for places, _ in designed], axis=1)  # rows, factors
+        step = np.stack([step for _, step in designed])
+        row = np.arange(len(rows))[:, None]
+        moved = np.moveaxis(values[row, after] - values[row, before], 1, 2)
+        effect = moved / step[:, None, :]  # rows, outputs, factors
         points = np.moveaxis(values, 1, 0)
         return {
             "effect": effect[None],

@@ -43,7 +43,8 @@ def submit(
     sampling: Annotated[
         str | None,
         typer.Option(
-            help="sobol_blocks, sobol, sobol_paired or latin_hypercube. Default: sobol_blocks."
+            help="sobol_blocks, sobol, sobol_paired, latin_hypercube, or trajectories for morris. "
+            "Default: sobol_blocks."
         ),
     ] = None,
     priority: Annotated[

@@ -20,7 +20,7 @@ from analysis.designs import (
     unit_row,
 )
 from analysis.designs.points import LATIN_HYPERCUBE_ROWS
-from analysis.designs.radial import SMALLEST_STEP, steps
+from analysis.designs.radial import SMALLEST_STEP, legs
 from analysis.distributions import LogUniform, Normal, Uniform
 
 SEEDS = st.integers(0, 2**64 - 1)
@@ -90,7 +90,7 @@ def test_a_radial_row_moves_one_factor_at_a_time_and_never_by_little(
     points = unit_row("morris", sampling, seed, row, factors)
     moved = points[1:] != points[0]
     assert np.array_equal(moved, np.eye(factors, dtype=bool))
-    size = np.abs(steps(points))
+    size = np.abs(legs(points)[1])
     assert np.all((size >= SMALLEST_STEP - 1e-15) & (size <= 1.0 - SMALLEST_STEP + 1e-15))
 
 
@@ -158,7 +158,7 @@ def test_parameters_are_quantiles_in_position_order() -> None:
         (("fast", "sobol", 1, 0, 2), "unknown method 'fast': expected one of morris, saltelli"),
         (
             ("morris", "grid", 1, 0, 2),
-            "unknown sampling 'grid': expected one of sobol_blocks, sobol, sobol_p",
+            "unknown sampling 'grid' of morris: expected one of sobol_blocks, sobol",
         ),
         (("morris", "sobol", -1, 0, 2), "seed must be an integer from 0"),
         (("morris", "latin_hypercube", 2**64, 0, 2), "seed must be an integer from 0"),
