@@ -1,5 +1,7 @@
 """Other estimators of S and ST on the same runs, by name, to see what the choice does.
 
+Martinez 2011 with the intervals of Baudin et al. 2016, and Saltelli et al. 2008 without centring.
+
 The indices that studies report are the centred ones of `SaltelliEstimator`. These stand beside them
 in a report: they need all runs at once and are no part of what is streamed.
 """

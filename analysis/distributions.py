@@ -1,4 +1,7 @@
-"""Distributions a factor may be drawn from, by their quantile functions."""
+"""Distributions a factor may be drawn from, by their quantile functions.
+
+These are in Johnson, Kotz and Balakrishnan 1994, Continuous univariate distributions.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping

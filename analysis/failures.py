@@ -4,7 +4,9 @@ Indices of the outputs say nothing about the runs that failed. If failures fall 
 the factors more than on others, the outputs' indices describe a population that the study did not
 mean, and the reader must know. Failures that strike at random leave marks of their own: mu and the
 first-order indices of the indicator are 0, and mu* and the total-order index are the same for each
-factor, those of a dummy. What departs from these marks is due to the factors.
+factor, those of a dummy. What departs from these marks is due to the factors. (Sheikholeslami,
+Razavi and Haghnegahdar 2019, What should we do when a model crashes?, fill in the missing outputs;
+here they stay missing, and the crash is an output.)
 """
 
 from collections.abc import Sequence
@@ -14,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs.radial import MEAN_INVERSE_STEP
+from analysis.designs.trajectories import STEP
 from analysis.estimators import Estimator
-from analysis.estimators.bootstrap import estimate
+from analysis.estimators.bootstrap import percentiles
 
 #: Bootstrap standard errors that a mark must be off by. Where 5 % of the runs fail at random, 1 to
 #: 7 studies in 100 raise the alarm; failures that a factor causes are off by far more.
@@ -67,7 +70,7 @@ def judge(
     alone = _errors_off(statistics[zero].weighted[:, column])
     with_others = statistics[floor].weighted[:, column]
     contrast = _errors_off(with_others - _dummy(estimator, column)[:, None])
-    spread = estimate(with_others, statistics[floor].n[column], LEVEL)
+    spread = percentiles(with_others, statistics[floor].n[column], LEVEL)
     # A share cannot be negative, a mean effect can.
     stands_out = (np.abs(alone) if zero == "mu" else alone) > ERRORS
     order = np.argsort(-np.nan_to_num(spread.value), kind="stable")
@@ -108,5 +111,6 @@ def _dummy(estimator: Estimator, column: int) -> NDArray[np.float64]:
     p = estimator.weighted_mean(column)
     if estimator.method == "saltelli":
         return np.ones_like(p)
-    dummy: NDArray[np.float64] = 2.0 * p * (1.0 - p) * MEAN_INVERSE_STEP
+    inverse_step = 1.0 / STEP if estimator.sampling == "trajectories" else MEAN_INVERSE_STEP
+    dummy: NDArray[np.float64] = 2.0 * p * (1.0 - p) * inverse_step
     return dummy

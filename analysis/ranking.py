@@ -1,7 +1,7 @@
 """How far a ranking of factors can be relied on: would another sample have given the same one?
 
-The paper looks at 300 bootstrap replicates of the mu*-sigma plane by eye (figure 8). Here it is a
-number: the share of bootstrap replicates that rank the factors as the sample does.
+There one looks at 300 bootstrap replicates of the mu*-sigma plane by eye (paper, figure 8). Here it
+is a number: the share of bootstrap replicates that rank the factors as the sample does.
 """
 
 from collections.abc import Sequence

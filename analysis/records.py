@@ -16,7 +16,7 @@ class StudyPlan:
     #: One of `analysis.designs.METHODS`.
     method: str
     seed: int
-    #: One of `analysis.designs.SAMPLINGS`.
+    #: One of `analysis.designs.samplings`.
     sampling: str
     #: How many rows the study has.
     rows: int

@@ -17,7 +17,7 @@
 Indices are "mu", "mu_star" and "sigma" (method morris, in the output's unit per range of the
 factor) or "first_order" and "total_order" (method saltelli, shares of the variance), for which
 there are the sums "sum_first_order" and "sum_total_order" and the measure of chance
-"dummy_first_order" (`SaltelliEstimator.statistics`). "failure" is the indicator that is 1 where a
+"dummy_first_order" (`SaltelliEstimator`). "failure" is the indicator that is 1 where a
 run failed and 0 elsewhere (`analysis.failures`), "ranking" says how many bootstrap replicates rank
 the factors alike (`analysis.ranking`), "convergence" what the first 8, 16, 32, ... rows said
 (`analysis.convergence`). What is not defined yet is null.
@@ -29,7 +29,6 @@ from typing import Any
 
 from analysis.convergence import GrowingEstimator, Point
 from analysis.estimators import Estimate, Estimator, Statistic, estimator_class
-from analysis.estimators.bootstrap import estimate
 from analysis.failures import judge
 from analysis.ranking import RANKED_BY, rank
 from analysis.records import StudyPlan
@@ -58,10 +57,7 @@ def take_snapshot(
         evaluations: number of results by outcome.
     """
     statistics = estimator.statistics()
-    indices = {
-        name: estimate(statistic.weighted, statistic.n, LEVEL)
-        for name, statistic in statistics.items()
-    }
+    indices = {name: statistic.estimate(LEVEL) for name, statistic in statistics.items()}
     shown = [
         _output(plan, estimator, o, statistics, indices, series)
         for o in range(len(plan.outputs) + 1)

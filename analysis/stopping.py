@@ -1,7 +1,8 @@
 """How many more rows a wanted precision needs, from the intervals so far.
 
-The width of an interval falls with the square root of the number of rows. For Sobol points
-errors fall faster than that and the intervals do not know it, so the advice is cautious there.
+Width is the measure of convergence of Sarrazin, Pianosi and Wagener 2016 (Global sensitivity
+analysis of environmental models: convergence and validation). It falls with the square root of the
+number of rows, and faster for Sobol points, so the advice is cautious there.
 """
 
 from collections.abc import Mapping

@@ -17,6 +17,8 @@ class Purpose(IntEnum):
 
     LATIN_HYPERCUBE = 1
     BOOTSTRAP = 2
+    BLOCK = 3
+    TRAJECTORY = 4
 
 
 def bits(seed: int, purpose: Purpose, index: int, size: int) -> NDArray[np.uint64]:

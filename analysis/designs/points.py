@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from analysis.designs.blocks import BLOCKS
 from analysis.streams import Purpose, bits
 
 #: Rows per Latin hypercube. Every block is a hypercube of its own, so a study can be extended.
@@ -16,7 +17,9 @@ LATIN_HYPERCUBE_ROWS = 50
 
 #: A Sobol sequence has 2**30 points and as many values of a coordinate.
 _SOBOL_BITS = 30
-_SOBOL_BLOCK = 1024
+
+#: Points of a sequence that are made, and kept, at a time.
+_POINTS_AT_ONCE = 1024
 
 _CLOSEST_TO_ONE = 1.0 - 2.0**-53
 
@@ -30,10 +33,26 @@ def sobol(seed: int, row: int, dimensions: int) -> NDArray[np.float64]:
     Raises:
         ValueError: `row` is beyond the sequence's 2**30 points.
     """
-    if not 0 <= row < 2**_SOBOL_BITS:
-        raise ValueError(f"row of a Sobol design must be from 0 to 2**{_SOBOL_BITS} - 1, not {row}")
-    block, offset = divmod(row, _SOBOL_BLOCK)
-    point: NDArray[np.float64] = _sobol_block(seed, block, dimensions)[offset]
+    _check(row)
+    start, offset = divmod(row, _POINTS_AT_ONCE)
+    point: NDArray[np.float64] = _sobol_points(seed, (), start, _POINTS_AT_ONCE, dimensions)[offset]
+    return point
+
+
+def sobol_blocks(seed: int, row: int, dimensions: int) -> NDArray[np.float64]:
+    """Return a point of one of eight Sobol sequences scrambled independently (Owen 1997).
+
+    Row r is point r // 8 of sequence r % 8 (`analysis.designs.blocks`), so all grow alike, and are
+    balanced when the number of rows is a power of two.
+
+    Raises:
+        ValueError: as `sobol`.
+    """
+    _check(row)
+    index, block = divmod(row, BLOCKS)
+    size = _POINTS_AT_ONCE // BLOCKS
+    start, offset = divmod(index, size)
+    point: NDArray[np.float64] = _sobol_points(seed, (block,), start, size, dimensions)[offset]
     return point
 
 
@@ -55,15 +74,23 @@ def latin_hypercube(seed: int, row: int, dimensions: int) -> NDArray[np.float64]
     return point
 
 
-@lru_cache(maxsize=32)
-def _sobol_block(seed: int, block: int, dimensions: int) -> NDArray[np.float64]:
+def _check(row: int) -> None:
+    if not 0 <= row < 2**_SOBOL_BITS:
+        raise ValueError(f"row of a Sobol design must be from 0 to 2**{_SOBOL_BITS} - 1, not {row}")
+
+
+@lru_cache(maxsize=64)
+def _sobol_points(
+    seed: int, key: tuple[int, ...], start: int, size: int, dimensions: int
+) -> NDArray[np.float64]:
+    """Return points `start * size` to `(start + 1) * size - 1` of the sequence of (seed, key)."""
     # SciPy spawns the generator it is given, which only one with a seed sequence can do.
-    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
     engine = qmc.Sobol(dimensions, scramble=True, bits=_SOBOL_BITS, rng=rng)
-    if block > 0:
-        engine.fast_forward(block * _SOBOL_BLOCK)
+    if start > 0:
+        engine.fast_forward(start * size)
     # The middle of a cell of the sequence's grid rather than its corner, which may be 0.
-    points: NDArray[np.float64] = engine.random(_SOBOL_BLOCK) + 0.5 ** (_SOBOL_BITS + 1)
+    points: NDArray[np.float64] = engine.random(size) + 0.5 ** (_SOBOL_BITS + 1)
     points.setflags(write=False)
     return points
 

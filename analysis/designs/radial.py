@@ -36,7 +36,17 @@ def radial_row(point: NDArray[np.float64]) -> NDArray[np.float64]:
     return row
 
 
-def steps(row: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the signed step of every factor of a radial row (k + 1, k), shape (k,)."""
-    step: NDArray[np.float64] = np.diagonal(row[1:]) - row[0]
-    return step
+def legs(row: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return where a row (k + 1, k), radial or a trajectory, moves each factor (Morris 1991).
+
+    Returns:
+        The positions before and after the move, shape (2, k), and the signed steps, shape (k,). The
+        position before is the base of a radial row, and the one just before of a trajectory.
+    """
+    k = row.shape[1]
+    after = 1 + np.argmax(row[1:] != row[0], axis=0)
+    # In a radial row only one factor differs from the base; along a trajectory ever more do.
+    radial = np.count_nonzero(row[-1] != row[0]) == 1 or k == 1
+    before = np.zeros_like(after) if radial else after - 1
+    factor = np.arange(k)
+    return np.stack([before, after]), row[after, factor] - row[before, factor]

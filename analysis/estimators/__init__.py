@@ -1,7 +1,7 @@
 """Estimators that take rows in any order, merge, and carry their own confidence intervals."""
 
-from analysis.estimators.bootstrap import Estimate
 from analysis.estimators.estimator import Estimator, Moments, Statistic
+from analysis.estimators.intervals import Estimate
 from analysis.estimators.morris import MorrisEstimator
 from analysis.estimators.saltelli import SaltelliEstimator
 

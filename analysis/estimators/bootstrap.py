@@ -1,18 +1,20 @@
-"""Confidence intervals that stream: the Poisson bootstrap (Hanley and MacGibbon 2006).
+"""What other samples might have said: the Poisson bootstrap (Hanley and MacGibbon 2006), streaming.
 
 Drawing rows with replacement is, for many rows, giving each an independent Poisson(1) count. The
-counts are a pure function of (seed, row, replicate), so an interval does not depend on the order in
-which rows arrive, on batching, or on how many processes share the work.
+counts are a pure function of (seed, row, replicate), so a replicate does not depend on the order in
+which rows arrive, on batching, or on how many processes share the work. Replicates take rows as
+independent: they err on the side of caution for Sobol points. They tell how stable a ranking is and
+whether failures depend on factors; the intervals of indices are those of `intervals`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import exp, factorial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, stdtrit
 
+from analysis.estimators.intervals import Estimate, check_level
 from analysis.streams import Purpose, bits
 
 REPLICATES = 200
@@ -23,35 +25,21 @@ _EDGES = np.floor(
 ).astype(np.uint64)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """A statistic of every column and its confidence interval; nan where it is undefined."""
-
-    value: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-
-
-def weights(seed: int, rows: Sequence[int]) -> NDArray[np.float64]:
-    """Return how often each row counts, shape (1 + REPLICATES, rows).
-
-    The first weighting counts every row once: it is the sample itself.
-    """
+def replicate_weights(seed: int, rows: Sequence[int]) -> NDArray[np.float64]:
+    """Return how often each replicate counts each row, shape (REPLICATES, rows)."""
     words = np.stack([bits(seed, Purpose.BOOTSTRAP, row, REPLICATES // 2) for row in rows])
     # As bytes in a fixed order, so that machines of either endianness agree.
     uniform = words.astype("<u8").view("<u4")
-    counts = np.ones((1 + REPLICATES, len(rows)))
-    counts[1:] = np.searchsorted(_EDGES, uniform.T.astype(np.uint64), side="right")
-    return counts
+    counts = np.searchsorted(_EDGES, uniform.T.astype(np.uint64), side="right")
+    return counts.astype(np.float64)
 
 
-def estimate(statistic: NDArray[np.float64], n: NDArray[np.int64], level: float) -> Estimate:
+def percentiles(statistic: NDArray[np.float64], n: NDArray[np.int64], level: float) -> Estimate:
     """Return the first weighting's statistic with an interval from the others.
 
     The interval is the expanded percentile interval of Hesterberg 2015 (What teachers should know
     about the bootstrap): percentiles further out than the level's, as far as Student's t lies
-    outside the normal distribution, because plain percentiles are too narrow for few rows. It takes
-    rows as independent, so it is wider than need be for Sobol points.
+    outside the normal distribution, because plain percentiles are too narrow for few rows.
 
     Args:
         statistic: shape (1 + REPLICATES, ...), nan where a replicate leaves it undefined.
@@ -61,8 +49,7 @@ def estimate(statistic: NDArray[np.float64], n: NDArray[np.int64], level: float)
     Raises:
         ValueError: the level is not between 0 and 1.
     """
-    if not 0.0 < level < 1.0:
-        raise ValueError(f"level of an interval must be between 0 and 1, not {level:g}")
+    check_level(level)
     value, replicates = statistic[0], statistic[1:]
     rows = np.maximum(n, 2).astype(np.float64)
     tail = ndtr(np.sqrt(rows / (rows - 1.0)) * stdtrit(rows - 1.0, (1.0 - level) / 2.0))

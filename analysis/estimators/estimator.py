@@ -1,18 +1,22 @@
-"""What the estimators of both methods share: sums over rows that survive any order of arrival."""
+"""What the estimators of both methods share: sums over rows that survive any order of arrival.
+
+Why they do is docs/adr/0004-sums-do-not-depend-on-order.md.
+"""
 
 import io
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import row_width
-from analysis.estimators import bootstrap
-from analysis.estimators.bootstrap import Estimate, estimate
-from analysis.estimators.exact_sum import ExactSums, Integers, divide, square
+from analysis.estimators.exact_sum import ExactSums, square
+from analysis.estimators.intervals import Estimate, estimate
+from analysis.estimators.weightings import FIRST, SQUARED, WEIGHTINGS, Weighted, weights
 
 #: An output of larger magnitude counts as failed: its square has no exact sum.
 LARGEST_OUTPUT = 1e100
@@ -21,8 +25,8 @@ LARGEST_OUTPUT = 1e100
 #: nan marks what a sum leaves out.
 Terms = Mapping[str, NDArray[np.float64]]
 
-#: Sums of this ending add up the exact squares of their terms.
-SQUARED = "_squared"
+#: An index in every weighting, from how many rows it is, and `Statistic.power`.
+Index = tuple[NDArray[np.float64], NDArray[np.int64], int | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,11 +42,21 @@ class Moments:
 class Statistic:
     """A statistic in every weighting of the rows."""
 
-    #: Shape (1 + bootstrap.REPLICATES, outputs, factors), or without factors; the first weighting
-    #: is the sample itself; nan where a weighting leaves the statistic undefined.
+    #: Shape (1 + REPLICATES, outputs, factors), or without factors; the first is the sample itself,
+    #: the others are its bootstrap replicates; nan where a weighting leaves it undefined.
     weighted: NDArray[np.float64]
     #: From how many rows it was computed, shape (outputs, factors), or without factors.
     n: NDArray[np.int64]
+    #: What it would be without each block of rows, shape (BLOCKS, ...).
+    without: NDArray[np.float64]
+    #: Which blocks it has rows of, shape (BLOCKS, ...).
+    present: NDArray[np.bool_]
+    #: 1 for a mean of squares or magnitudes, 2 for the root of one, None for what has either sign.
+    power: int | None
+
+    def estimate(self, level: float) -> Estimate:
+        """Return it with its interval at `level`; ValueError if that is not between 0 and 1."""
+        return estimate(self.weighted[0], self.without, self.present, level, self.power)
 
 
 class Estimator(ABC):
@@ -51,7 +65,7 @@ class Estimator(ABC):
     It does not notice a row that is added twice: whoever feeds it must.
 
     Args:
-        sampling, seed: of the design, one of `analysis.designs.SAMPLINGS`.
+        sampling, seed: of the design, one of `analysis.designs.samplings`.
         factors, outputs: how many.
         indicators: how many of the outputs, the last ones, say something of every run, also of a
             failed one. They alone do not make a row count as used.
@@ -75,12 +89,14 @@ class Estimator(ABC):
         self.width = row_width(self.method, factors)
         #: Rows of which at least one index could use a part.
         self.rows_used = 0
-        self._columns: dict[str, slice] = {}
+        #: Where each sum is, and the shape of one weighting of it.
+        self._places: dict[str, tuple[slice, tuple[int, ...]]] = {}
         stop = 0
         for name in self.factor_sums + self.output_sums:
-            start, stop = stop, stop + outputs * (factors if name in self.factor_sums else 1)
-            self._columns[name] = slice(start, stop)
-        self._sums = ExactSums(1 + bootstrap.REPLICATES, stop)
+            shape = (outputs, factors) if name in self.factor_sums else (outputs,)
+            start, stop = stop, stop + prod(shape)
+            self._places[name] = slice(start, stop), shape
+        self._sums = ExactSums(WEIGHTINGS, stop)
         self._counts: NDArray[np.int64] = np.zeros(self._sums.shape, dtype=np.int64)
 
     def add_rows(self, rows: Sequence[int], values: NDArray[np.float64]) -> None:
@@ -99,15 +115,15 @@ class Estimator(ABC):
         if not rows:
             return
         usable = np.where(np.abs(values) <= LARGEST_OUTPUT, values, np.nan)
-        weights = bootstrap.weights(self.seed, rows)
+        weighting = weights(self.sampling, self.seed, rows)
         for name, terms in self._terms(rows, usable).items():
-            columns, flat = self._columns[name], terms.reshape(*terms.shape[:2], -1)
+            columns, flat = self._places[name][0], terms.reshape(*terms.shape[:2], -1)
             valid = ~np.isnan(flat)
             addends = np.where(valid, flat, 0.0)
             if name.endswith(SQUARED):
                 addends = np.concatenate(square(addends))
-            self._sums.add(columns, weights, addends)
-            counts = weights @ valid.sum(axis=0, dtype=np.float64)
+            self._sums.add(columns, weighting, addends)
+            counts = weighting @ valid.sum(axis=0, dtype=np.float64)
             self._counts[:, columns] += counts.astype(np.int64)
             if name == self.use:
                 of_output = valid.reshape(*valid.shape[:2], self.outputs, -1)
@@ -122,16 +138,26 @@ class Estimator(ABC):
         self._counts += other._counts
         self.rows_used += other.rows_used
 
-    @abstractmethod
     def statistics(self) -> dict[str, Statistic]:
         """Return each index in every weighting of the rows."""
+        return {
+            name: Statistic(
+                weighted=np.concatenate([values[:1], values[FIRST:]]),
+                n=counts[0],
+                without=values[1:FIRST],
+                present=counts[1:FIRST] < counts[0],
+                power=power,
+            )
+            for name, (values, counts, power) in self._indices(self._weighted()).items()
+        }
 
     def indices(self, level: float = 0.9) -> dict[str, Estimate]:
         """Return each of `statistics` with its interval at `level`."""
-        return {
-            name: estimate(statistic.weighted, statistic.n, level)
-            for name, statistic in self.statistics().items()
-        }
+        found: dict[str, Estimate] = {}
+        for name, (values, counts, power) in self._indices(self._weighted(FIRST)).items():
+            without, present = values[1:], counts[1:] < counts[0]
+            found[name] = estimate(values[0], without, present, level, power)
+        return found
 
     @property
     @abstractmethod
@@ -140,14 +166,15 @@ class Estimator(ABC):
 
     def moments(self) -> Moments:
         """Return mean and spread of the outputs over the factors' distributions."""
+        sample = self._weighted(1)
         with np.errstate(invalid="ignore"):
-            sd = np.sqrt(self._variance("value", ddof=1)[0])
-        return Moments(mean=self._mean("value")[0], sd=sd, n=self._first_count("value"))
+            sd = np.sqrt(sample.variance("value", ddof=1)[0])
+        return Moments(mean=sample.mean("value")[0], sd=sd, n=sample.count("value")[0])
 
     def weighted_mean(self, output: int) -> NDArray[np.float64]:
-        """Return an output's mean in every weighting of the rows, shape (1 + replicates,)."""
-        mean: NDArray[np.float64] = self._mean("value")[:, output]
-        return mean
+        """Return an output's mean in the sample and its replicates, shape (1 + replicates,)."""
+        mean = self._weighted().mean("value")[:, output]
+        return np.concatenate([mean[:1], mean[FIRST:]])
 
     def to_bytes(self) -> bytes:
         """Return all that was summed, as an NPZ file without pickles."""
@@ -179,35 +206,13 @@ class Estimator(ABC):
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
         """Return what `rows` with these (rows, width, outputs) values add to every sum."""
 
+    @abstractmethod
+    def _indices(self, sums: Weighted) -> dict[str, Index]:
+        """Return each index, by name, in the weightings of `sums`."""
+
     def _identity(self) -> tuple[object, ...]:
         shape = (self.factors, self.outputs, self.indicators)
         return (self.method, self.sampling, self.seed, *shape)
 
-    def _shape(self, name: str) -> tuple[int, ...]:
-        of_factor = name in self.factor_sums
-        return (-1, self.outputs, self.factors) if of_factor else (-1, self.outputs)
-
-    def _count(self, name: str) -> NDArray[np.int64]:
-        return self._counts[:, self._columns[name]].reshape(self._shape(name))
-
-    def _first_count(self, name: str) -> NDArray[np.int64]:
-        """Return how many terms a sum has, every row counted once."""
-        counts: NDArray[np.int64] = self._count(name)[0]
-        return counts
-
-    def _total(self, name: str) -> tuple[Integers, int]:
-        total, shift = self._sums.integers(self._columns[name])
-        return total.reshape(self._shape(name)), shift
-
-    def _mean(self, name: str) -> NDArray[np.float64]:
-        """Return the mean of a sum in every weighting, rounded once; nan of nothing."""
-        total, shift = self._total(name)
-        return divide(total, self._count(name).astype(object), shift)
-
-    def _variance(self, name: str, *, ddof: int) -> NDArray[np.float64]:
-        """Return the variance in every weighting, rounded once, so 0 exactly if nothing varies."""
-        total, shift = self._total(name)
-        squares, _ = self._total(name + SQUARED)
-        n = self._count(name).astype(object)
-        numerator = n * (squares << shift) - total * total
-        return divide(numerator, np.where(n > ddof, n * (n - ddof), 0), 2 * shift)
+    def _weighted(self, stop: int = WEIGHTINGS) -> Weighted:
+        return Weighted(self._sums, self._counts, self._places, stop)

@@ -84,16 +84,21 @@ class ExactSums:
             raise ValueError(f"cannot merge sums of shape {other.shape} into {self.shape}")
         self._include(other.low, other.limbs, slice(None))
 
-    def integers(self, columns: slice) -> tuple[Integers, int]:
-        """Return `(n, shift)` such that the exact sums of `columns` are n / 2**shift.
+    @property
+    def shift(self) -> int:
+        """What the whole numbers of `integers` count: 2**-shift."""
+        return -LIMB_BITS * self.low
 
-        `n` holds Python integers, shape (weightings, columns of the slice).
+    def integers(self, columns: slice, stop: int | None = None) -> Integers:
+        """Return the exact sums of `columns` as whole numbers of 2**-shift.
+
+        Python integers, shape (weightings, columns of the slice), of the first `stop` weightings.
         """
-        limbs = self.limbs[:, :, columns]
+        limbs = self.limbs[:, :stop, columns]
         total: Integers = np.zeros(limbs.shape[1:], dtype=object)
         for limb in limbs[::-1]:
             total = total * 2**LIMB_BITS + limb.astype(object)
-        return total, -LIMB_BITS * self.low
+        return total
 
     def _include(self, low: int, limbs: NDArray[np.int64], columns: slice) -> None:
         below = max(self.low - low, 0)

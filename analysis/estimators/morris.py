@@ -6,47 +6,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import unit_row
-from analysis.designs.radial import steps
-from analysis.estimators.estimator import Estimator, Statistic, Terms
+from analysis.designs.radial import legs
+from analysis.estimators.estimator import Estimator, Index, Terms
+from analysis.estimators.weightings import FIRST, Weighted
 
 
 class MorrisEstimator(Estimator):
     """Mean, mean magnitude and standard deviation of the elementary effects of each factor.
 
     Effects are in the output's unit per whole range of the factor's distribution: the step of
-    equation 22 is taken in the unit cube. A row whose base failed has no effects; a row whose moved
-    point failed lacks that factor's effect only.
+    equation 22 is taken in the unit cube. A radial row whose base failed has no effects, one whose
+    moved point failed lacks that factor's effect only; a trajectory lacks the effects of the moves
+    to and from what failed.
     """
 
     method = "morris"
     use = "effect"
     factor_sums = ("effect", "effect_squared", "magnitude")
 
-    def statistics(self) -> dict[str, Statistic]:
-        """Return "mu", "mu_star" and "sigma" of every output and factor."""
-        n = self.effects
-        variance = self._variance("effect", ddof=1)
-        # Variances of resampled rows are too small by this factor in the mean.
-        variance[1:] *= n / np.maximum(n - 1, 1)
-        return {
-            "mu": Statistic(weighted=self._mean("effect"), n=n),
-            "mu_star": Statistic(weighted=self._mean("magnitude"), n=n),
-            "sigma": Statistic(weighted=np.sqrt(variance), n=n),
-        }
-
     @property
     def effects(self) -> NDArray[np.int64]:
-        return self._first_count("effect")
+        effects: NDArray[np.int64] = self._weighted(1).count("effect")[0]
+        return effects
+
+    def _indices(self, sums: Weighted) -> dict[str, Index]:
+        """Return "mu", "mu_star" and "sigma" of every output and factor."""
+        counts = sums.count("effect")
+        variance = sums.variance("effect", ddof=1)
+        # Variances of resampled rows are too small by this factor in the mean.
+        variance[FIRST:] *= counts[0] / np.maximum(counts[0] - 1, 1)
+        return {
+            "mu": (sums.mean("effect"), counts, None),
+            "mu_star": (sums.mean("magnitude"), counts, 1),
+            "sigma": (np.sqrt(variance), counts, 2),
+        }
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
-        step = np.stack(
-            [
-                steps(unit_row(self.method, self.sampling, self.seed, row, self.factors))
-                for row in rows
-            ]
-        )
-        moved = np.moveaxis(values[:, 1:, :], 1, 2)  # rows, outputs, factors
-        effect = (moved - values[:, 0, :, None]) / step[:, None, :]
+        designed = [
+            legs(unit_row(self.method, self.sampling, self.seed, row, self.factors)) for row in rows
+        ]
+        (before, after) = np.stack([places for places, _ in designed], axis=1)  # rows, factors
+        step = np.stack([step for _, step in designed])
+        row = np.arange(len(rows))[:, None]
+        moved = np.moveaxis(values[row, after] - values[row, before], 1, 2)
+        effect = moved / step[:, None, :]  # rows, outputs, factors
         points = np.moveaxis(values, 1, 0)
         return {
             "effect": effect[None],

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimators.estimator import Estimator, Statistic, Terms
+from analysis.estimators.estimator import Estimator, Index, Terms
+from analysis.estimators.weightings import Weighted
 
 
 class SaltelliEstimator(Estimator):
@@ -25,7 +26,12 @@ class SaltelliEstimator(Estimator):
     factor_sums = ("product", "difference", "difference_squared")
     output_sums = ("value", "value_squared", "between_squared")
 
-    def statistics(self) -> dict[str, Statistic]:
+    @property
+    def effects(self) -> NDArray[np.int64]:
+        effects: NDArray[np.int64] = self._weighted(1).count("product")[0]
+        return effects
+
+    def _indices(self, sums: Weighted) -> dict[str, Index]:
         """Return "first_order" and "total_order" of every output and factor, and per output:
 
         "sum_first_order", "sum_total_order", and "dummy_first_order": the correlation of A with B,
@@ -34,23 +40,19 @@ class SaltelliEstimator(Estimator):
         Comparison of variance-based and moment-independent global sensitivity analysis approaches,
         section 2.3). Ours give such a factor exactly 0.
         """
-        variance = self._variance("value", ddof=0)
-        centred = self._mean("product") - self._mean("value")[..., None] * self._mean("difference")
+        variance = sums.variance("value", ddof=0)
+        centred = sums.mean("product") - sums.mean("value")[..., None] * sums.mean("difference")
         first = _share(centred, variance[..., None])
-        total = _share(0.5 * self._mean("difference_squared"), variance[..., None])
-        chance = 1.0 - _share(0.5 * self._mean("between_squared"), variance)
-        firsts, totals = self.effects, self._first_count("difference_squared")
+        total = _share(0.5 * sums.mean("difference_squared"), variance[..., None])
+        chance = 1.0 - _share(0.5 * sums.mean("between_squared"), variance)
+        firsts, totals = sums.count("product"), sums.count("difference_squared")
         return {
-            "first_order": Statistic(weighted=first, n=firsts),
-            "total_order": Statistic(weighted=total, n=totals),
-            "sum_first_order": Statistic(weighted=first.sum(axis=-1), n=firsts.min(axis=-1)),
-            "sum_total_order": Statistic(weighted=total.sum(axis=-1), n=totals.min(axis=-1)),
-            "dummy_first_order": Statistic(weighted=chance, n=self._first_count("between_squared")),
+            "first_order": (first, firsts, None),
+            "total_order": (total, totals, 1),
+            "sum_first_order": (first.sum(axis=-1), firsts.min(axis=-1), None),
+            "sum_total_order": (total.sum(axis=-1), totals.min(axis=-1), 1),
+            "dummy_first_order": (chance, sums.count("between_squared"), None),
         }
-
-    @property
-    def effects(self) -> NDArray[np.int64]:
-        return self._first_count("product")
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
         a, b = values[:, 0, :, None], values[:, 1, :, None]  # rows, outputs, 1

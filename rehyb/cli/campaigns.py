@@ -51,7 +51,9 @@ def run(
     ] = None,
     sampling: Annotated[
         str | None,
-        typer.Option(help="sobol, sobol_paired or latin_hypercube. Default: the preset's."),
+        typer.Option(
+            help="sobol_blocks, sobol, sobol_paired or latin_hypercube. Default: the preset's."
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of both designs.")] = 1,
     url: Url = None,

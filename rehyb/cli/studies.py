@@ -41,7 +41,11 @@ def submit(
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Default: 1.")] = None,
     sampling: Annotated[
-        str | None, typer.Option(help="sobol, sobol_paired or latin_hypercube. Default: sobol.")
+        str | None,
+        typer.Option(
+            help="sobol_blocks, sobol, sobol_paired, latin_hypercube, or trajectories for morris. "
+            "Default: sobol_blocks."
+        ),
     ] = None,
     priority: Annotated[
         int | None, typer.Option(help="Higher is sooner. Default: 0.", show_default=False)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
 
-from analysis.designs import METHODS, SAMPLINGS, instance_parameters, row_width
+from analysis.designs import METHODS, instance_parameters, row_width, samplings
 from analysis.distributions import Distribution
 from analysis.records import StudyPlan
 from server.errors import InvalidStudyError
@@ -141,7 +141,7 @@ def draw_up(
     """
     described = _known("/model", "model", model, MODELS)
     _known("/method", "method", method, METHODS)
-    _known("/sampling", "sampling", sampling, SAMPLINGS)
+    _known("/sampling", "sampling", sampling, samplings(method))
     if not 1 <= rows <= MAX_ROWS:
         raise InvalidStudyError("/rows", f"rows must lie between 1 and {MAX_ROWS}, not {rows}")
     names = [factor.name for factor in described.factors]

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Header, Response
 from pydantic import Field, StringConstraints
 
+from analysis.designs import DEFAULT_SAMPLING
 from server.logic.study import FactorChoice, Study, draw_up
 from server.routes.common import MAX_INTEGER, PRINTABLE, Body, Id, Name, Now, Store, example
 from server.store import control, reruns, studies
@@ -48,7 +49,7 @@ class StudyBody(Body):
     fixed: dict[str, float] = Field(default_factory=dict)
     seed: int = Field(default=1, ge=0, le=MAX_INTEGER)
     outputs: list[Name] | None = None
-    sampling: Name = "sobol"
+    sampling: Name = DEFAULT_SAMPLING
     priority: Priority = 0
     tags: list[Name] = Field(default_factory=list, max_length=20)
 

@@ -43,7 +43,7 @@ def study(
     *,
     rows: int,
     seed: int,
-    sampling: str = "sobol",
+    sampling: str = "sobol_blocks",
     failing: float = 0.0,
 ) -> Estimator:
     """Return the estimator of a study; a share `failing` of the runs fails at random."""
@@ -74,7 +74,7 @@ def test_indices_converge_to_their_closed_forms(
     np.testing.assert_allclose(found["total_order"].value[0], total, atol=tolerance)
 
 
-@pytest.mark.parametrize("sampling", ["sobol", "latin_hypercube"])
+@pytest.mark.parametrize("sampling", ["sobol_blocks", "sobol", "latin_hypercube"])
 def test_first_order_is_unbiased_over_seeds(sampling: str) -> None:
     found = np.stack(
         [
@@ -105,38 +105,49 @@ def test_a_sobol_design_is_worth_several_latin_hypercubes() -> None:
                 ]
             )
         )
-        for sampling in ("sobol", "latin_hypercube")
+        for sampling in ("sobol", "sobol_blocks", "latin_hypercube")
     }
     assert error["sobol"] < 0.5 * error["latin_hypercube"]
+    assert error["sobol_blocks"] < 0.8 * error["latin_hypercube"]
 
 
-@pytest.mark.parametrize("sampling", ["sobol", "latin_hypercube"])
-def test_intervals_of_variance_shares_cover_the_truth(sampling: str) -> None:
-    """Nine times in ten; more often for Sobol points, which err less than a bootstrap sees."""
-    truth = {"first_order": ISHIGAMI_FIRST, "total_order": ISHIGAMI_TOTAL}
+@pytest.mark.parametrize("failing", [0.0, 0.05])
+@pytest.mark.parametrize("function", [ishigami, sobol_g])
+def test_intervals_of_variance_shares_cover_the_truth(function: Function, failing: float) -> None:
+    """Nine times in ten, which 150 seeds tell to 0.025, for every factor that is not idle."""
+    first, total = g_indices() if function is sobol_g else (ISHIGAMI_FIRST, ISHIGAMI_TOTAL)
+    truth = {"first_order": first, "total_order": total}
     covered: dict[str, list[NDArray[np.bool_]]] = {name: [] for name in truth}
     for seed in range(150):
-        found = study("saltelli", ishigami, rows=256, seed=seed, sampling=sampling).indices()
+        found = study("saltelli", function, rows=128, seed=seed, failing=failing).indices()
         for name, value in truth.items():
             inside = (found[name].low[0] <= value) & (value <= found[name].high[0])
             covered[name].append(inside)
-    for name, inside in covered.items():
-        share = np.mean(inside, axis=0)
-        assert np.all(share >= 0.84), (name, share)
-        if sampling == "latin_hypercube":
-            assert np.mean(share) <= 0.97, (name, share)
+    share = np.stack([np.mean(inside, axis=0) for inside in covered.values()])
+    assert np.all((share >= 0.82) & (share <= 0.97)), share
+    assert np.mean(share) == pytest.approx(0.9, abs=0.025)
+
+
+def test_intervals_of_one_sobol_sequence_are_too_wide() -> None:
+    """What the default is for: at the same size its intervals are narrower, and no less true."""
+    width: dict[str, list[NDArray[np.float64]]] = {"sobol": [], "sobol_blocks": []}
+    for sampling, widths in width.items():
+        for seed in range(10):
+            found = study("saltelli", sobol_g, rows=1024, seed=seed, sampling=sampling).indices()
+            widths.append(found["total_order"].high[0] - found["total_order"].low[0])
+    medians = {sampling: np.median(widths, axis=0) for sampling, widths in width.items()}
+    assert np.all(medians["sobol_blocks"][:4] < 0.7 * medians["sobol"][:4])
 
 
 @pytest.mark.parametrize("rows", [10, 50])
 @pytest.mark.parametrize("function", [ishigami, sobol_g])
 def test_intervals_of_elementary_effects_cover_the_truth(function: Function, rows: int) -> None:
-    """Already from ten rows, a demonstration's screening; but sigma needs more."""
+    """Already from ten rows; but sigma needs more."""
     truth = study("morris", function, rows=16384, seed=10**6).indices()
     names = ("mu", "mu_star") if rows == 10 else ("mu", "mu_star", "sigma")
     covered: dict[str, list[NDArray[np.bool_]]] = {name: [] for name in names}
     for seed in range(150):
-        estimator = study("morris", function, rows=rows, seed=seed, sampling="latin_hypercube")
-        found = estimator.indices()
+        found = study("morris", function, rows=rows, seed=seed).indices()
         for name, inside in covered.items():
             value = truth[name].value[0]
             inside.append((found[name].low[0] <= value) & (value <= found[name].high[0]))

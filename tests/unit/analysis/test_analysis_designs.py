@@ -10,9 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest, qmc
 
-from analysis.designs import METHODS, SAMPLINGS, instance_parameters, row_width, unit_row
+from analysis.designs import (
+    BLOCKS,
+    METHODS,
+    SAMPLINGS,
+    blocks_of,
+    instance_parameters,
+    row_width,
+    unit_row,
+)
 from analysis.designs.points import LATIN_HYPERCUBE_ROWS
-from analysis.designs.radial import SMALLEST_STEP, steps
+from analysis.designs.radial import SMALLEST_STEP, legs
 from analysis.distributions import LogUniform, Normal, Uniform
 
 SEEDS = st.integers(0, 2**64 - 1)
@@ -82,7 +90,7 @@ def test_a_radial_row_moves_one_factor_at_a_time_and_never_by_little(
     points = unit_row("morris", sampling, seed, row, factors)
     moved = points[1:] != points[0]
     assert np.array_equal(moved, np.eye(factors, dtype=bool))
-    size = np.abs(steps(points))
+    size = np.abs(legs(points)[1])
     assert np.all((size >= SMALLEST_STEP - 1e-15) & (size <= 1.0 - SMALLEST_STEP + 1e-15))
 
 
@@ -150,7 +158,7 @@ def test_parameters_are_quantiles_in_position_order() -> None:
         (("fast", "sobol", 1, 0, 2), "unknown method 'fast': expected one of morris, saltelli"),
         (
             ("morris", "grid", 1, 0, 2),
-            "unknown sampling 'grid': expected one of sobol, sobol_paired, latin_hy",
+            "unknown sampling 'grid' of morris: expected one of sobol_blocks, sobol",
         ),
         (("morris", "sobol", -1, 0, 2), "seed must be an integer from 0"),
         (("morris", "latin_hypercube", 2**64, 0, 2), "seed must be an integer from 0"),
@@ -190,3 +198,37 @@ def squares(sampling: str, seed: int) -> "np.ndarray[tuple[int, ...], np.dtype[n
     """Return squared differences of A and B over 64 rows of 6 factors."""
     rows = np.stack([unit_row("saltelli", sampling, seed, row, 6)[:2] for row in range(64)])
     return np.asarray((rows[:, 0] - rows[:, 1]) ** 2)
+
+
+def test_every_block_is_a_sobol_sequence_of_its_own() -> None:
+    """16 rows of a block have one point in each of 16 strata of every coordinate."""
+    rows = np.stack([unit_row("saltelli", "sobol_blocks", 9, row, 3)[:2] for row in range(128)])
+    for block in range(BLOCKS):
+        strata = np.floor(rows[block::BLOCKS].reshape(16, 6) * 16).astype(int)
+        assert np.array_equal(np.sort(strata, axis=0), np.tile(np.arange(16)[:, None], 6))
+
+
+def test_blocks_err_independently_of_each_other() -> None:
+    """Means of one coordinate over 4 points of each block, of 200 seeds, are not correlated."""
+    means = np.stack(
+        [
+            np.stack([unit_row("morris", "sobol_blocks", seed, row, 1)[0] for row in range(32)])
+            .reshape(4, BLOCKS)
+            .mean(axis=0)
+            for seed in range(200)
+        ]
+    )
+    correlation = np.corrcoef(means.T)
+    np.fill_diagonal(correlation, 0.0)
+    assert np.max(np.abs(correlation)) < 4.0 / np.sqrt(200)
+
+
+@pytest.mark.parametrize("sampling", SAMPLINGS)
+def test_eight_neighbours_belong_to_eight_blocks(sampling: str) -> None:
+    blocks = blocks_of(sampling, 5, range(80)).reshape(10, BLOCKS)
+    assert np.array_equal(np.sort(blocks, axis=1), np.tile(np.arange(BLOCKS), (10, 1)))
+    shuffled = [70, 3, 12, 3]
+    expected = blocks.ravel()[shuffled]
+    assert np.array_equal(blocks_of(sampling, 5, shuffled), expected)
+    in_turn = np.all(blocks == np.arange(BLOCKS))
+    assert in_turn == (sampling == "sobol_blocks"), "rows of other designs are dealt at random"

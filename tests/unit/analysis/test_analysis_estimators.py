@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from SALib.analyze import sobol as salib_sobol
 from scipy.stats import sobol_indices
 
-from analysis.designs import unit_row
+from analysis.designs import BLOCKS, blocks_of, unit_row
 from analysis.estimators import Estimator, MorrisEstimator, SaltelliEstimator, estimator_class
-from analysis.estimators.bootstrap import estimate, weights
+from analysis.estimators.bootstrap import replicate_weights
+from analysis.estimators.intervals import satterthwaite, student
 
 SEED, FACTORS, OUTPUTS = 12, 3, 2
 CLASSES = (MorrisEstimator, SaltelliEstimator)
@@ -84,8 +85,8 @@ def test_first_and_total_order_are_scipys() -> None:
         },
         n=rows,
     )
-    np.testing.assert_allclose(found["first_order"].value, oracle.first_order, rtol=1e-9)
-    np.testing.assert_allclose(found["total_order"].value, oracle.total_order, rtol=1e-9)
+    np.testing.assert_allclose(found["first_order"].value, oracle.first_order, rtol=1e-10)
+    np.testing.assert_allclose(found["total_order"].value, oracle.total_order, rtol=1e-10)
 
 
 def test_first_and_total_order_are_salibs() -> None:
@@ -100,38 +101,64 @@ def test_first_and_total_order_are_salibs() -> None:
         )
         # SALib centres on the mean of all points; Saltelli et al. 2010 on that of A and B.
         np.testing.assert_allclose(found["first_order"].value[output], oracle["S1"], atol=1e-3)
-        np.testing.assert_allclose(found["total_order"].value[output], oracle["ST"], rtol=1e-9)
+        np.testing.assert_allclose(found["total_order"].value[output], oracle["ST"], rtol=1e-10)
 
 
-@pytest.mark.parametrize(
-    ("cls", "name"),
-    [
-        (MorrisEstimator, "mu"),
-        (MorrisEstimator, "mu_star"),
-        (MorrisEstimator, "sigma"),
-        (SaltelliEstimator, "first_order"),
-        (SaltelliEstimator, "total_order"),
-        (SaltelliEstimator, "sum_total_order"),
-    ],
-)
-def test_an_interval_is_that_of_rows_repeated_as_the_weights_say(
-    cls: type[Estimator], name: str
+EVERY_INDEX = [
+    (MorrisEstimator, "mu", None),
+    (MorrisEstimator, "mu_star", 1),
+    (MorrisEstimator, "sigma", 2),
+    (SaltelliEstimator, "first_order", None),
+    (SaltelliEstimator, "total_order", 1),
+    (SaltelliEstimator, "sum_first_order", None),
+    (SaltelliEstimator, "sum_total_order", 1),
+    (SaltelliEstimator, "dummy_first_order", None),
+]
+
+
+@pytest.mark.parametrize(("cls", "name", "power"), EVERY_INDEX)
+def test_a_replicate_is_the_index_of_rows_repeated_as_its_weights_say(
+    cls: type[Estimator], name: str, power: int | None
 ) -> None:
     """Replicates the slow way: an estimator fed a resampled set of rows."""
     values = values_of(cls, 15)
-    found = fed(cls, values).indices(level=0.5)[name]
+    once = np.ones((1, 15), dtype=int)
     slow = []
-    for weighting in weights(SEED, range(15))[1:].astype(int):
+    for weighting in np.concatenate([once, replicate_weights(SEED, range(15))[:40].astype(int)]):
         repeated = np.repeat(np.arange(15), weighting)
         resampled = empty(cls)
         resampled.add_rows(repeated.tolist(), values[repeated])
         slow.append(resampled.indices()[name].value)
     # The variance of n rows drawn from n rows is too small by (n - 1) / n in the mean.
-    inflation = np.sqrt(15 / 14) if name == "sigma" else 1.0
-    replicates = np.stack([found.value, *(inflation * np.array(slow))])
-    expected = estimate(replicates, np.full(found.value.shape, 15), 0.5)
-    np.testing.assert_allclose(found.low, expected.low, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(found.high, expected.high, rtol=1e-12, atol=1e-12)
+    slow[1:] = np.array(slow[1:]) * (np.sqrt(15 / 14) if name == "sigma" else 1.0)
+    found = fed(cls, values).statistics()[name]
+    np.testing.assert_allclose(found.weighted[:41], slow, rtol=1e-12, atol=1e-12)
+    assert found.power == power
+
+
+@pytest.mark.parametrize(("cls", "name", "power"), EVERY_INDEX)
+def test_an_interval_is_made_of_what_the_index_is_without_each_block(
+    cls: type[Estimator], name: str, power: int | None
+) -> None:
+    """The slow way: an estimator for each block that never sees its rows."""
+    values = values_of(cls, 24)
+    values[5, 1] = np.nan
+    found = fed(cls, values).indices(level=0.8)[name]
+    blocks = blocks_of("sobol", SEED, range(24))
+    slow = []
+    for block in range(BLOCKS):
+        others = np.flatnonzero(blocks != block)
+        without = empty(cls)
+        without.add_rows(others.tolist(), values[others])
+        slow.append(without.indices()[name].value)
+    present = np.ones((BLOCKS, *found.value.shape), dtype=np.bool_)
+    expected = (
+        student(found.value, np.stack(slow), present, 0.8)
+        if power is None
+        else satterthwaite(found.value, np.stack(slow), present, 0.8, power)
+    )
+    np.testing.assert_allclose(found.low, expected.low, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found.high, expected.high, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("cls", CLASSES)

@@ -15,7 +15,7 @@ NUMBERS = st.lists(st.floats(-1e200, 1e200), min_size=1, max_size=30)
 
 def total_of(sums: ExactSums) -> Fraction:
     """Return the exact sum of the first weighting and column."""
-    numbers, shift = sums.integers(slice(0, 1))
+    numbers, shift = sums.integers(slice(0, 1)), sums.shift
     return Fraction(int(numbers[0, 0]), 2**shift)
 
 
@@ -41,7 +41,7 @@ def test_limbs_are_whole_numbers_that_make_up_the_value_exactly(values: list[flo
 @given(NUMBERS)
 def test_a_sum_is_the_true_sum_rounded_once(values: list[float]) -> None:
     sums = summed(values)
-    numbers, shift = sums.integers(slice(0, 1))
+    numbers, shift = sums.integers(slice(0, 1)), sums.shift
     assert total_of(sums) == sum(map(Fraction, values))
     rounded = divide(numbers, np.ones_like(numbers), shift)
     assert rounded[0, 0] == math.fsum(values)
@@ -68,7 +68,7 @@ def test_weights_count_a_row_as_often_as_they_say() -> None:
     weights = rng.integers(0, 14, (4, 5)).astype(float)
     sums = ExactSums(4, 7)
     sums.add(slice(2, 5), weights, values)
-    numbers, shift = sums.integers(slice(0, 7))
+    numbers, shift = sums.integers(slice(0, 7)), sums.shift
     for weighting in range(4):
         for column in range(3):
             expected = sum(

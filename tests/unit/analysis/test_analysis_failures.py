@@ -9,7 +9,7 @@ from analysis_studies import FACTORS, results_of, study_plan, two_outputs
 from scipy.stats import qmc
 
 from analysis.designs import METHODS, instance_parameters, unit_row
-from analysis.designs.radial import MEAN_INVERSE_STEP, steps
+from analysis.designs.radial import MEAN_INVERSE_STEP, legs
 from analysis.failures import FEWEST
 from analysis.records import StudyPlan
 from analysis.service import analyse
@@ -100,7 +100,7 @@ def test_rows_of_which_every_run_failed_are_not_used() -> None:
 
 def test_the_mean_inverse_step_is_that_of_the_design() -> None:
     rows = [unit_row("morris", "sobol", 3, row, 4) for row in range(4096)]
-    found = np.mean([1.0 / np.abs(steps(row)) for row in rows])
+    found = np.mean([1.0 / np.abs(legs(row)[1]) for row in rows])
     assert found == pytest.approx(MEAN_INVERSE_STEP, rel=2e-3)
 
 

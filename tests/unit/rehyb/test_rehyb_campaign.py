@@ -154,7 +154,7 @@ def test_phase_2_samples_the_other_factors_with_the_least_influential_at_nominal
         "saltelli",
         8,
     )
-    assert {first["sampling"], second["sampling"]} == {"sobol"}
+    assert {first["sampling"], second["sampling"]} == {"sobol_blocks"}
     assert report.fixed in ("x5", "x6")
     assert second["fixed"] == {report.fixed: 0.5}
     sampled = [factor["name"] for factor in second["factors"]]

@@ -45,7 +45,7 @@ def test_a_lease_says_what_to_evaluate(client: TestClient, study: Json, clock: A
         f["name"]: Uniform(low=f["distribution"]["low"], high=f["distribution"]["high"])
         for f in study["factors"]
     }
-    points = [instance_parameters("saltelli", "sobol", 1, row, ranges) for row in (0, 1)]
+    points = [instance_parameters("saltelli", "sobol_blocks", 1, row, ranges) for row in (0, 1)]
     places = [(0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (1, 0)]
     names = [f"{study['id']}:{row}:{position}" for row, position in places]
     assert [i.pop("id") for i in lease["instances"]] == names

@@ -1,0 +1,71 @@
+"""Classic design for elementary effects: trajectories over a grid of levels (Morris 1991).
+
+Each step moves one factor, all in random order, from a random point of the grid; of many random
+trajectories those are kept that lie far apart (Campolongo, Cariboni and Saltelli 2007; chosen one
+by one as in Ruano et al. 2012). Levels are the middles of four equal strata rather than the ends of
+three, so that each has a quantile in any distribution.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.streams import Purpose, bits
+
+#: p = 4 levels, and steps of p / 2 of them: from each level there is one step in the range.
+LEVELS = 4
+STEP = 0.5
+
+#: Trajectories are chosen ten at a time, of forty: a study can be extended by the next ten.
+CHOSEN = 10
+CANDIDATES = 40
+
+
+def trajectory_row(seed: int, row: int, factors: int) -> NDArray[np.float64]:
+    """Return trajectory `row` of a study, shape (factors + 1, factors); ValueError as `bits`."""
+    batch, place = divmod(row, CHOSEN)
+    points: NDArray[np.float64] = _batch(seed, batch, factors)[place]
+    return points
+
+
+def distances(trajectories: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far trajectories (n, points, factors) lie apart, shape (n, n).
+
+    The sum of the distances between all pairs of their points (Campolongo et al. 2007).
+    """
+    apart = trajectories[:, None, :, None] - trajectories[None, :, None, :]
+    total: NDArray[np.float64] = np.sqrt((apart**2).sum(axis=-1)).sum(axis=(2, 3))
+    np.fill_diagonal(total, 0.0)
+    return total
+
+
+def far_apart(distance: NDArray[np.float64], number: int) -> list[int]:
+    """Return which of the trajectories to keep (Ruano et al. 2012), from `distances`.
+
+    The two that lie furthest apart, then always the one whose sum of squared distances to those
+    kept is largest.
+    """
+    first = np.unravel_index(np.argmax(distance), distance.shape)
+    chosen = [int(place) for place in first]
+    while len(chosen) < number:
+        reach = (distance[chosen] ** 2).sum(axis=0)
+        reach[chosen] = -1.0
+        chosen.append(int(np.argmax(reach)))
+    return chosen[:number]
+
+
+@lru_cache(maxsize=32)
+def _batch(seed: int, batch: int, factors: int) -> NDArray[np.float64]:
+    shape = (2, CANDIDATES, factors)
+    words = bits(seed, Purpose.TRAJECTORY, batch, int(np.prod(shape))).reshape(shape)
+    level = (words[0] >> np.uint64(62)).astype(np.float64)
+    start = (level + 0.5) / LEVELS
+    end = np.where(start < STEP, start + STEP, start - STEP)
+    # At point j the factors of turn before j have moved.
+    turn = np.argsort(np.argsort(words[1], axis=1, kind="stable"), axis=1)
+    moved = turn[:, None, :] < np.arange(factors + 1)[:, None]
+    candidates = np.where(moved, end[:, None, :], start[:, None, :])
+    chosen: NDArray[np.float64] = candidates[far_apart(distances(candidates), CHOSEN)]
+    chosen.setflags(write=False)
+    return chosen

@@ -1,0 +1,67 @@
+"""What the numbers of a study promise: each public function says which paper or equation it is."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import analysis
+
+ROOT = Path(str(analysis.__file__)).parent
+
+#: Modules that make numbers; the others carry or show them.
+NUMBERS = (
+    *("comparison.py", "convergence.py", "distributions.py", "failures.py", "ranking.py"),
+    *("screening.py", "stopping.py", "streams.py", "surrogate.py"),
+)
+
+#: An author and a year, or a place in the paper or in an ADR.
+SOURCE = re.compile(
+    r"[A-Z]\w+,? (?:and \w+ |et al\.?,? )?\(?(?:18|19|20)\d\d\b"
+    r"|paper'?s?,? (?:equations?|figures?|sections?) \d"
+    r"|docs/adr/\d{4}"
+)
+
+MODULES = sorted(
+    (
+        *(ROOT / name for name in NUMBERS),
+        *ROOT.glob("designs/*.py"),
+        *(path for path in ROOT.glob("estimators/*.py") if path.name != "__init__.py"),
+    )
+)
+
+
+def unsourced(text: str) -> list[str]:
+    """Return the public functions without a source, in their own docstring or their module's."""
+    module = ast.parse(text)
+    if SOURCE.search(" ".join((ast.get_docstring(module) or "").split())):
+        return []
+    return [
+        node.name
+        for node in module.body
+        if isinstance(node, ast.FunctionDef | ast.ClassDef)
+        and not node.name.startswith("_")
+        and not SOURCE.search(" ".join((ast.get_docstring(node) or "").split()))
+    ]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_public_function_cites_its_source(path: Path) -> None:
+    assert unsourced(path.read_text()) == []
+
+
+@pytest.mark.parametrize(
+    ("docstring", "missing"),
+    [
+        ("Jansen 1999.", []),
+        ("As in Campolongo et al. 2011.", []),
+        ("Owen (1997) says so.", []),
+        ("The paper's figure 10.", []),
+        ("Return the first 1999 rows.", ["f"]),
+        ("Well known.", ["f"]),
+    ],
+)
+def test_a_source_is_an_author_with_a_year_or_a_place(docstring: str, missing: list[str]) -> None:
+    text = f'"""A module."""\n\ndef f():\n    """{docstring}"""\n\ndef _g():\n    pass\n'
+    assert unsourced(text) == missing
