@@ -11,6 +11,7 @@ from rehyb.cli import (
     campaigns,
     files,
     loop,
+    precision,
     reports,
     services,
     simulation,
@@ -30,6 +31,7 @@ app = typer.Typer(
 )
 studies.app.command()(surrogates.surrogate)
 studies.app.command()(files.export)
+studies.app.command()(precision.watch)
 app.add_typer(studies.app, name="study")
 app.add_typer(campaigns.app, name="campaign")
 app.add_typer(services.database, name="db")
