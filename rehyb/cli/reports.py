@@ -20,6 +20,10 @@ def report(
         Path | None,
         typer.Option(metavar="FOLDER", help="Also every figure as PNG.", show_default=False),
     ] = None,
+    pdf: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Also every figure as PDF.", show_default=False),
+    ] = None,
     url: Url = None,
     token: Token = None,
     as_json: AsJson = False,
@@ -27,8 +31,9 @@ def report(
     """Write one HTML page, to be read offline, with every figure and table of a study."""
     from rehyb.reports import report_studies
 
+    folders = {kind: path for kind, path in (("png", png), ("pdf", pdf)) if path is not None}
     with Client(url, token) as client:
-        files = report_studies(client, study, out, output=output, png=png)
+        files = report_studies(client, study, out, output=output, folders=folders)
     if as_json:
         print_json({"files": [str(file) for file in files]})
     else:
