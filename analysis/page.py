@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from analysis.comparison import Compared
     from analysis.estimators import Estimate
+    from analysis.surrogate import Answer
 
 #: Columns of the tables of indices, with their symbols in the paper.
 _COLUMNS = {
@@ -113,6 +114,8 @@ class Section:
     compared: Mapping[str, Compared]
     #: The runs that panels point at (`analysis.hover.runs_table`).
     runs: Mapping[str, Any]
+    #: What fitted functions say of the output, or why they say nothing; None: nobody asked.
+    surrogate: Answer | str | None = None
 
 
 def page(title: str, findings: Sequence[str], sections: Sequence[Section]) -> str:
@@ -163,6 +166,9 @@ def _section(section: Section) -> str:
             else "",
             _folded("Other estimators on the same runs", _comparison(section))
             if section.compared
+            else "",
+            _folded("Surrogates on the same runs", _surrogate(section))
+            if section.surrogate
             else "",
             _folded("Failures", _failures(snapshot)) if snapshot["failure"]["failed"] else "",
             _folded("How this was computed", _facts(section)),
@@ -248,6 +254,32 @@ def _comparison(section: Section) -> str:
             f"<h3>{escape(compared.description)}</h3>" + _grid(["factor", "S", "ST"], rows)
         )
     return "".join(parts)
+
+
+def _surrogate(section: Section) -> str:
+    """Return the indices of fitted functions beside the sampled ones."""
+    found = section.surrogate
+    if found is None or isinstance(found, str):
+        return f"<p>{escape(found or '')}</p>"
+    fits = found.fits()
+    sampled = section.snapshot["outputs"][section.output]["factors"]
+    columns = _COLUMNS["saltelli"] if section.snapshot["method"] == "saltelli" else {}
+    rows = [
+        [
+            escape(_words(name)),
+            *(f"{fit.first_order[name]:.3f}, {fit.total_order[name]:.3f}" for fit in fits.values()),
+            *(_interval(sampled[name][index]) for index in columns),
+        ]
+        for name in sorted(sampled, key=lambda name: -found.fit.total_order[name])
+    ]
+    head = [
+        "factor",
+        *(f"{name}: S, ST" for name in fits),
+        *(f"{s} sampled" for s in columns.values()),
+    ]
+    held_out = [f"{max(fit.held_out, 0.0):.1%} explained" for fit in fits.values()]
+    foot = ["held-out rows", *held_out, *("" for _ in columns)]
+    return _grid(head, rows, foot) + f"<p>{escape(found.sentence)}</p>"
 
 
 def _estimate(estimate: Estimate, f: int) -> str:

@@ -7,7 +7,7 @@ made again from these two files alone, and its numbers are those of the coordina
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from analysis.estimators import Estimator
+    from analysis.surrogate import Answer
 
 _METHODS = {
     "morris": "Screening by elementary effects",
@@ -201,6 +202,7 @@ def write_report(
     title: str,
     findings: Sequence[str] = (),
     folders: Mapping[str, Path] | None = None,
+    surrogates: bool = False,
 ) -> list[Path]:
     """Write the page, and every figure into each of `folders`.
 
@@ -212,19 +214,24 @@ def write_report(
         title: of the page.
         findings: sentences for its top.
         folders: by format, "png" or "pdf"; made if missing.
+        surrogates: also fit functions to each study's runs, which takes some seconds.
 
     Returns:
         The files written, the page first.
 
     Raises:
         ValueError: a study has no such output.
+        ModuleNotFoundError: surrogates were asked for without scikit-learn (extra `surrogate`).
     """
     sections, files = [], [path]
     # A factor has one colour in all chapters, also where an earlier one was fixed.
     palette = list(dict.fromkeys(name for one in chapters for name in one.table.plan.factors))
     for number, one in enumerate(chapters, 1):
         drawn = pictures(one, output, units, palette)
-        sections.append(_section(one, output, units, drawn))
+        section = _section(one, output, units, drawn)
+        sections.append(
+            replace(section, surrogate=_surrogate(one, output)) if surrogates else section
+        )
         for kind, folder in (folders or {}).items():
             folder.mkdir(parents=True, exist_ok=True)
             for picture in drawn:
@@ -272,6 +279,16 @@ def _section(chapter: Chapter, output: str, units: Units, drawn: list[Picture]) 
         compared=_compared(chapter, output),
         runs=hover.runs_table(chapter.table, output),
     )
+
+
+def _surrogate(chapter: Chapter, output: str) -> Answer | str:
+    """Return what fitted functions say, or why they cannot."""
+    from analysis.surrogate import answer
+
+    try:
+        return answer(chapter.table, output)
+    except ValueError as error:
+        return f"There is no surrogate: {error}."
 
 
 def _compared(chapter: Chapter, output: str) -> Mapping[str, Compared]:

@@ -80,6 +80,15 @@ class Answer:
     chaos: Fit | None
     sentence: str
 
+    def fits(self) -> dict[str, Fit]:
+        """Return every fit by the words that a table's head has for it."""
+        fits = {
+            "Gaussian process": self.fit,
+            "without the outliers": self.without_outliers,
+            "polynomial chaos": self.chaos,
+        }
+        return {name: fit for name, fit in fits.items() if fit is not None}
+
 
 def answer(table: Table, output: str) -> Answer:
     """Fit a Gaussian process and a polynomial chaos to a study's runs and return their indices.

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rehyb.client import Client, Json
-from rehyb.errors import Invalid
+from rehyb.errors import Invalid, RehybError
 
 
 def report_studies(
@@ -15,6 +15,7 @@ def report_studies(
     *,
     output: str | None,
     folders: Mapping[str, Path] | None = None,
+    surrogates: bool = False,
 ) -> list[Path]:
     """Write one page about the studies, and return the files written.
 
@@ -24,6 +25,7 @@ def report_studies(
         out: the page.
         output: shown in the figures; default: the first that the first study has.
         folders: where to write every figure too, by format: "png" or "pdf".
+        surrogates: also fit functions to the runs and show what these say.
 
     Raises:
         Invalid: a study has no such output.
@@ -45,7 +47,7 @@ def report_studies(
                 )
         told = studies[0][0]["name"] if len(studies) == 1 else f"{len(studies)} studies"
         title = f"Sensitivity of {shown.replace('_', ' ')}: {told}"
-        return write(studies, shown, out, title=title, folders=folders)
+        return write(studies, shown, out, title=title, folders=folders, surrogates=surrogates)
 
 
 def write(
@@ -56,6 +58,7 @@ def write(
     title: str,
     findings: Sequence[str] = (),
     folders: Mapping[str, Path] | None = None,
+    surrogates: bool = False,
 ) -> list[Path]:
     """Write the page of studies whose descriptions and tables of results are at hand."""
     from analysis.report import Units, chapter, write_report
@@ -67,6 +70,18 @@ def write(
         outputs={name: unit for name, unit in model.units.items() if unit != "1"},
     )
     chapters = [chapter(study, table) for study, table in studies]
-    return write_report(
-        out, chapters, output, units, title=title, findings=findings, folders=folders
-    )
+    try:
+        return write_report(
+            out,
+            chapters,
+            output,
+            units,
+            title=title,
+            findings=findings,
+            folders=folders,
+            surrogates=surrogates,
+        )
+    except ModuleNotFoundError as error:
+        raise RehybError(
+            f"a surrogate needs {error.name}: pip install 'rehyb[surrogate]'"
+        ) from None

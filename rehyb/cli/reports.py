@@ -24,6 +24,10 @@ def report(
         Path | None,
         typer.Option(metavar="FOLDER", help="Also every figure as PDF.", show_default=False),
     ] = None,
+    surrogate: Annotated[
+        bool,
+        typer.Option("--surrogate", help="Also show what fitted functions say; takes seconds."),
+    ] = False,
     url: Url = None,
     token: Token = None,
     as_json: AsJson = False,
@@ -33,7 +37,9 @@ def report(
 
     folders = {kind: path for kind, path in (("png", png), ("pdf", pdf)) if path is not None}
     with Client(url, token) as client:
-        files = report_studies(client, study, out, output=output, folders=folders)
+        files = report_studies(
+            client, study, out, output=output, folders=folders, surrogates=surrogate
+        )
     if as_json:
         print_json({"files": [str(file) for file in files]})
     else:

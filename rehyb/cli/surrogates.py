@@ -59,11 +59,7 @@ def _print(found: Any, snapshot: Json) -> None:
 
     from rehyb.display import statistic
 
-    fits = {"Gaussian process: S, ST": found.fit}
-    if found.without_outliers is not None:
-        fits["without the outliers"] = found.without_outliers
-    if found.chaos is not None:
-        fits["polynomial chaos: S, ST"] = found.chaos
+    fits = {f"{name}: S, ST": fit for name, fit in found.fits().items()}
     sampled = snapshot["outputs"][found.output]["factors"]
     names = {"first_order": "S sampled", "total_order": "ST sampled"}
     shown = names if snapshot["method"] == "saltelli" else {}

@@ -14,7 +14,7 @@ from analysis.distributions import Distribution
 from analysis.service import LoggedResult, StudyPlan, analyse
 from rehyb.campaign import Campaign, Proposed, View
 from rehyb.errors import CampaignError, Unreachable
-from rehyb.plans import Plan
+from rehyb.plans import PRESETS, Plan
 from sim.catalogue import MODELS
 from sim.evaluation import evaluate
 
@@ -273,6 +273,12 @@ def test_a_resumed_campaign_submits_what_it_began_even_if_it_would_word_it_diffe
     campaign(coordinator, tmp_path).run()
     names = {study["name"] for study in coordinator.submitted.values()}
     assert names == {"worded by an earlier version"}
+
+
+def test_the_papers_campaign_is_a_preset() -> None:
+    paper = PRESETS["paper"]
+    assert (paper.screening_rows, paper.variance_rows) == (150, 3000)
+    assert paper.sampling == "latin_hypercube"
 
 
 def test_another_plan_in_the_same_directory_is_refused(tmp_path: Path) -> None:
