@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from analysis.digits import with_interval
 from analysis.figures.pairs import leading_pairs
 from analysis.figures.scatter import DRAWN
 from analysis.table import Table
@@ -131,9 +132,7 @@ def _told(snapshot: Mapping[str, Any], name: str, entry: Mapping[str, Any]) -> s
 
 
 def _interval(value: float, low: float | None, high: float | None) -> str:
-    if low is None or high is None:
-        return f"{value:.3g}"
-    return f"{value:.3g} [{low:.2g}, {high:.2g}]"
+    return " ".join(with_interval(value, low, high)).rstrip()
 
 
 def _short(value: float) -> float | None:

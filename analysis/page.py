@@ -20,6 +20,8 @@ from importlib.resources import files
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from analysis.digits import with_interval
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -236,10 +238,8 @@ def _table(snapshot: Mapping[str, Any], entry: Mapping[str, Any], level: str) ->
 def _interval(index: Mapping[str, float | None]) -> str:
     if index["value"] is None:
         return "–"
-    text = f"{index['value']:.3g}"
-    if index["low"] is not None and index["high"] is not None:
-        text += f" <small>[{index['low']:.2g}, {index['high']:.2g}]</small>"
-    return text
+    value, interval = with_interval(index["value"], index["low"], index["high"])
+    return f"{value} <small>{interval}</small>" if interval else value
 
 
 def _comparison(section: Section) -> str:

@@ -301,7 +301,10 @@ class Campaign:
         self, page: Path, decision: Json, fixed_at: float, phases: tuple[Json, Json]
     ) -> None:
         from rehyb.reports import write
+        from sim.catalogue import MODELS
 
+        unit = MODELS[self._plan.model].factor(decision["fixed"]).unit
+        unit = "" if unit == "1" else f" {unit}"
         output = self._plan.output
         write(
             [
@@ -313,7 +316,7 @@ class Campaign:
             title=f"Two-phase sensitivity analysis of {output.replace('_', ' ')}",
             findings=[
                 decision["evidence"],
-                f"Phase 2 holds {decision['fixed']} at its nominal {fixed_at:g}.",
+                f"Phase 2 holds {decision['fixed']} at its nominal {fixed_at:g}{unit}.",
                 *([self._manifest["precision"]] if "precision" in self._manifest else []),
             ],
         )
