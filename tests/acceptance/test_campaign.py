@@ -129,14 +129,14 @@ def test_a_campaign_asks_before_it_fixes_and_grows_to_the_precision_wanted(
     sizes = ("--screening-rows", "12", "--variance-rows", "16", "--up-to", "128")
     options = (*sizes, "--target", "0.25", "--confirm", "--json")
     first = start(directory, *options)
-    out, words = first.communicate("no\n", timeout=90)
+    out, words = first.communicate("no\n", timeout=180)
     assert (first.returncode, out) == (1, "")
     assert "has the least influence on y" in words and "and go on?" in words
     assert "rehyb: nothing was fixed, and phase 2 waits" in words.splitlines()[-1]
     assert processes_of(directory) == []
 
     second = start(directory, *options)
-    out, words = second.communicate("leg\nx4\n", timeout=90)
+    out, words = second.communicate("leg\nx4\n", timeout=180)
     assert second.returncode == 0, words
     assert "There is no factor 'leg': x" in words
     report = json.loads(out)
