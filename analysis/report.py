@@ -53,8 +53,8 @@ _DISTRIBUTION = (
     "this has one hump and little skew (paper, figure 9)."
 )
 _CONVERGENCE = (
-    "The same indices from the first 8, 16, 32, ... rows. Bands are intervals; lines that still "
-    "move ask for more rows (paper, figure 11)."
+    "The same indices from the first 8, 16, 32, ... rows. Bands are intervals, cut off where the "
+    "first ones would dwarf the rest; lines that still move ask for more rows (paper, figure 11)."
 )
 _SCATTER = "Every run, and the mean of each tenth of a factor's range (paper, figure 12)."
 _PAIRS = (
