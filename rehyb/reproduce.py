@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -71,6 +71,8 @@ def plan_of(study: Json) -> "Plan":
     from server.logic.study import FactorChoice, draw_up
 
     try:
+        if not 0 <= int(study["seed"]) < 2**63:
+            raise ValueError(f"seed {study['seed']} is none")
         return draw_up(
             name=str(study["name"]),
             model=str(study["model"]),
@@ -85,7 +87,7 @@ def plan_of(study: Json) -> "Plan":
             fixed={str(name): float(value) for name, value in study["fixed"].items()},
             outputs=study["outputs"],
         )
-    except (InvalidStudyError, ValueError, TypeError, AttributeError) as error:
+    except (InvalidStudyError, ValueError, TypeError, AttributeError, OverflowError) as error:
         raise Invalid(f"study.json describes no study that can be computed here: {error}") from None
     except KeyError as error:
         raise Invalid(f"study.json describes no study: it has no {error}") from None
@@ -236,19 +238,24 @@ def _sample(
     worst, where = 0.0, ""
     for i in map(int, chosen):
         place = (int(table.rows[i]), int(table.positions[i]))
-        done = evaluate(plan.model, parameters(plan, place[0])[place[1]])
         name = f"row {place[0]}, position {place[1]}"
+        try:
+            done = evaluate(plan.model, parameters(plan, place[0])[place[1]])
+        except ValueError as error:
+            return finding(False, f"{name} cannot be computed: {error}")
         if done.outcome != table.outcomes[i]:
             return finding(
                 False, f"{name} came out as {table.outcomes[i]}, and here as {done.outcome}"
             )
         for o, output in enumerate(plan.outputs if done.outcome == "ok" else ()):
-            off = abs(done.outputs[output] - table.values[i, o]) / sd[o]
-            if not off <= worst:
+            off = float(abs(done.outputs[output] - table.values[i, o]) / sd[o])
+            # What is no number is as far off as can be.
+            off = off if isfinite(off) else inf
+            if off > worst:
                 worst, where = off, f"{output} of {name}"
     stated = f"{len(chosen)} of {len(table.outcomes):,} runs, computed again,"
     code = _code(bundle.manifest)
-    if not worst <= tolerance:
+    if worst > tolerance:
         return finding(
             False,
             f"{stated} differ by up to {worst:.2g} standard deviations ({where}), more than "

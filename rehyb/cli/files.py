@@ -98,7 +98,9 @@ def reproduce(
             findings.append(finding)
             if not as_json:
                 verdict = "ok    " if finding.holds else "FAILED"
-                print(f"{verdict}  {finding.check}: {finding.sentence}", flush=True)
+                # A stranger's names must not steer the terminal.
+                said = "".join(c if c.isprintable() else "?" for c in finding.sentence)
+                print(f"{verdict}  {finding.check}: {said}", flush=True)
     holds = all(finding.holds for finding in findings)
     if as_json:
         print_json(

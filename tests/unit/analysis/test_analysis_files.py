@@ -86,6 +86,17 @@ def test_a_long_parquet_file_comes_in_pieces() -> None:
     assert pa.parquet.read_metadata(io.BytesIO(whole)).num_rows == 3 * GROUP
 
 
+def test_a_study_without_results_is_a_file_too(tmp_path: Path) -> None:
+    plan = study_plan("morris", rows=1)
+    study = described(plan)
+    csv = write_csv(tmp_path / "r.csv", plan)
+    write_parquet(tmp_path / "r.parquet", study, csv, UNITS)
+    assert pa.parquet.read_table(tmp_path / "r.parquet").num_rows == 0
+    write_netcdf(tmp_path / "r.nc", study, Table.read(plan, csv), UNITS)
+    with netCDF4.Dataset(tmp_path / "r.nc") as file:
+        assert file["outcome"][:].mask.all()
+
+
 def test_a_table_of_another_study_is_refused(tmp_path: Path) -> None:
     plan = study_plan("morris", rows=2)
     (tmp_path / "r.csv").write_text("row,position,a,outcome,y\n")
