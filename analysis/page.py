@@ -1,25 +1,33 @@
-"""The report as HTML: one file, no script, no reference to anything outside it.
+"""The report as HTML: one file without a reference to anything outside it.
 
 Figures are SVG images in the page itself, with clouds of points as pixels inside them, so a page
-stays near 1 MB whatever the size of the study, and prints well.
+stays near 1 MB whatever the size of the study, and prints well. `page.js` shows values at the
+pointer and sorts tables; without it nothing is missing. The page's own policy lets a browser run
+that script, and load nothing.
 """
 
 from __future__ import annotations
 
 import base64
+import hashlib
 import io
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.metadata import version
+from importlib.resources import files
 from math import isfinite
 from typing import TYPE_CHECKING, Any
+
+from analysis.digits import with_interval
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from analysis.comparison import Compared
     from analysis.estimators import Estimate
+    from analysis.surrogate import Answer
 
 #: Columns of the tables of indices, with their symbols in the paper.
 _COLUMNS = {
@@ -45,8 +53,18 @@ h3 { font-size: 1.05rem; margin: 0 0 .3rem; }
 .card { background: #fff; border: 1px solid var(--line); border-radius: 8px; padding: 1.1rem 1.2rem;
   margin: 0 0 1.1rem; break-inside: avoid; overflow-x: auto; }
 .warning { border-left: 5px solid #d55e00; background: #fff4ec; }
-figure { margin: 0; } figure img { width: 100%; height: auto; display: block;
-  margin: 0 auto; }
+figure { margin: 0; }
+.plot { position: relative; margin: 0 auto; } .plot img { width: 100%; display: block; }
+.ring { position: absolute; width: 15px; height: 15px; margin: -7.5px 0 0 -7.5px;
+  border: 2.5px solid #d55e00; border-radius: 50%; pointer-events: none; }
+#tip { position: absolute; z-index: 9; max-width: 24rem; padding: .4rem .6rem; font-size: .82rem;
+  white-space: pre-line; background: var(--ink); color: #fff; border-radius: 5px;
+  pointer-events: none; }
+#tip[hidden] { display: none; }
+thead th { cursor: pointer; }
+th[aria-sort="descending"]::after { content: " ▾"; }
+th[aria-sort="ascending"]::after { content: " ▴"; }
+tfoot td { font-style: italic; }
 figcaption { color: var(--faint); font-size: .88rem; margin-top: .5rem; }
 table { border-collapse: collapse; width: 100%; font-size: .92rem;
   font-variant-numeric: tabular-nums; }
@@ -72,6 +90,8 @@ class Picture:
     title: str
     caption: str
     figure: Figure
+    #: What it shows at the pointer (`analysis.hover`).
+    panels: Sequence[Mapping[str, Any]] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,15 +114,26 @@ class Section:
     pictures: Sequence[Picture]
     #: Other estimators' indices of the output, by name.
     compared: Mapping[str, Compared]
+    #: The runs that panels point at (`analysis.hover.runs_table`).
+    runs: Mapping[str, Any]
+    #: What fitted functions say of the output, or why they say nothing; None: nobody asked.
+    surrogate: Answer | str | None = None
 
 
 def page(title: str, findings: Sequence[str], sections: Sequence[Section]) -> str:
     """Return the whole page."""
     output = sections[0].output if sections else ""
+    script = files("analysis").joinpath("page.js").read_text(encoding="utf-8")
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    policy = (
+        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
+        f"script-src 'sha256-{digest}'"
+    )
     return "\n".join(
         [
             "<!DOCTYPE html>",
             '<html lang="en"><head><meta charset="utf-8">',
+            f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             f"<title>{escape(title)}</title><style>{_STYLE}</style></head><body><main>",
             f"<header><h1>{escape(title)}</h1>",
@@ -114,7 +145,7 @@ def page(title: str, findings: Sequence[str], sections: Sequence[Section]) -> st
             f"<footer>rehyb {escape(version('rehyb'))}. Intervals are bootstrap intervals at the "
             "level named with each table. Methods: Tesfazgi, Sangouard, Endo and Hirche 2023, "
             "doi 10.3389/fnbot.2023.1167604, sections 2.4 and 3.</footer>",
-            "</main></body></html>\n",
+            f"</main><script>{script}</script></body></html>\n",
         ]
     )
 
@@ -138,8 +169,12 @@ def _section(section: Section) -> str:
             _folded("Other estimators on the same runs", _comparison(section))
             if section.compared
             else "",
+            _folded("Surrogates on the same runs", _surrogate(section))
+            if section.surrogate
+            else "",
             _folded("Failures", _failures(snapshot)) if snapshot["failure"]["failed"] else "",
             _folded("How this was computed", _facts(section)),
+            f'<script type="application/json" class="runs">{_safe(section.runs)}</script>',
             "</section>",
         ]
     )
@@ -148,11 +183,17 @@ def _section(section: Section) -> str:
 def _picture(picture: Picture) -> str:
     return (
         f"<figure><h3>{escape(picture.title)}</h3>"
+        f'<div class="plot" data-panels="{escape(json.dumps(picture.panels, allow_nan=False))}" '
+        f'style="max-width: {picture.figure.get_figwidth() * _PIXELS_PER_INCH:.0f}px">'
         f'<img alt="{escape(picture.title + ": " + picture.caption)}" '
-        f'style="max-width: {picture.figure.get_figwidth() * _PIXELS_PER_INCH:.0f}px" '
-        f'src="{_svg(picture.figure)}">'
+        f'src="{_svg(picture.figure)}"></div>'
         f"<figcaption>{escape(picture.caption)}</figcaption></figure>"
     )
+
+
+def _safe(content: Mapping[str, Any]) -> str:
+    """Return JSON that ends no element: a name may hold anything."""
+    return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _svg(figure: Figure) -> str:
@@ -186,20 +227,19 @@ def _table(snapshot: Mapping[str, Any], entry: Mapping[str, Any], level: str) ->
         [escape(_words(name)), *(_interval(found[index]) for index in columns), f"{found['n']:,}"]
         for name, found in ranked
     ]
+    foot: list[str] = []
     if snapshot["method"] == "saltelli":
         sums = (entry["sum_first_order"], entry["sum_total_order"])
-        rows.append(["<i>sum</i>", *map(_interval, sums), ""])
+        foot = ["sum", *map(_interval, sums), ""]
     head = ["factor", *columns.values(), "n"]
-    return _grid(head, rows) + f'<p class="lead"><small>{level}</small></p>'
+    return _grid(head, rows, foot) + f'<p class="lead"><small>{level}</small></p>'
 
 
 def _interval(index: Mapping[str, float | None]) -> str:
     if index["value"] is None:
         return "–"
-    text = f"{index['value']:.3g}"
-    if index["low"] is not None and index["high"] is not None:
-        text += f" <small>[{index['low']:.2g}, {index['high']:.2g}]</small>"
-    return text
+    value, interval = with_interval(index["value"], index["low"], index["high"])
+    return f"{value} <small>{interval}</small>" if interval else value
 
 
 def _comparison(section: Section) -> str:
@@ -214,6 +254,32 @@ def _comparison(section: Section) -> str:
             f"<h3>{escape(compared.description)}</h3>" + _grid(["factor", "S", "ST"], rows)
         )
     return "".join(parts)
+
+
+def _surrogate(section: Section) -> str:
+    """Return the indices of fitted functions beside the sampled ones."""
+    found = section.surrogate
+    if found is None or isinstance(found, str):
+        return f"<p>{escape(found or '')}</p>"
+    fits = found.fits()
+    sampled = section.snapshot["outputs"][section.output]["factors"]
+    columns = _COLUMNS["saltelli"] if section.snapshot["method"] == "saltelli" else {}
+    rows = [
+        [
+            escape(_words(name)),
+            *(f"{fit.first_order[name]:.3f}, {fit.total_order[name]:.3f}" for fit in fits.values()),
+            *(_interval(sampled[name][index]) for index in columns),
+        ]
+        for name in sorted(sampled, key=lambda name: -found.fit.total_order[name])
+    ]
+    head = [
+        "factor",
+        *(f"{name}: S, ST" for name in fits),
+        *(f"{s} sampled" for s in columns.values()),
+    ]
+    held_out = [f"{max(fit.held_out, 0.0):.1%} explained" for fit in fits.values()]
+    foot = ["held-out rows", *held_out, *("" for _ in columns)]
+    return _grid(head, rows, foot) + f"<p>{escape(found.sentence)}</p>"
 
 
 def _estimate(estimate: Estimate, f: int) -> str:
@@ -246,9 +312,13 @@ def _facts(section: Section) -> str:
     return f'<table class="facts">{rows}</table><div class="facts">{grid}</div>'
 
 
-def _grid(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def _grid(head: Sequence[str], rows: Sequence[Sequence[str]], foot: Sequence[str] = ()) -> str:
     body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
-    return f"<table><tr>{''.join(f'<th>{cell}</th>' for cell in head)}</tr>{body}</table>"
+    last = "".join(f"<td>{cell}</td>" for cell in foot)
+    return (
+        f"<table><thead><tr>{''.join(f'<th>{cell}</th>' for cell in head)}</tr></thead>"
+        f"<tbody>{body}</tbody>{f'<tfoot><tr>{last}</tr></tfoot>' if foot else ''}</table>"
+    )
 
 
 def _card(content: str, kind: str = "") -> str:

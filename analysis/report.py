@@ -6,13 +6,14 @@ made again from these two files alone, and its numbers are those of the coordina
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from analysis import hover
 from analysis.comparison import Compared, compare, rows_of
 from analysis.figures import (
     convergence_figure,
@@ -29,7 +30,10 @@ from analysis.study_state import StudyState
 from analysis.table import Table
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from analysis.estimators import Estimator
+    from analysis.surrogate import Answer
 
 _METHODS = {
     "morris": "Screening by elementary effects",
@@ -49,8 +53,8 @@ _DISTRIBUTION = (
     "this has one hump and little skew (paper, figure 9)."
 )
 _CONVERGENCE = (
-    "The same indices from the first 8, 16, 32, ... rows. Bands are intervals; lines that still "
-    "move ask for more rows (paper, figure 11)."
+    "The same indices from the first 8, 16, 32, ... rows. Bands are intervals, cut off where the "
+    "first ones would dwarf the rest; lines that still move ask for more rows (paper, figure 11)."
 )
 _SCATTER = "Every run, and the mean of each tenth of a factor's range (paper, figure 12)."
 _PAIRS = (
@@ -107,8 +111,16 @@ def plan_of(study: Mapping[str, Any]) -> StudyPlan:
     )
 
 
-def pictures(chapter: Chapter, output: str, units: Units) -> list[Picture]:
-    """Return every figure of the paper that the study's method has.
+def pictures(
+    chapter: Chapter, output: str, units: Units, palette: Sequence[str] = ()
+) -> list[Picture]:
+    """Return every figure of the paper that the study's method has, drawn.
+
+    Args:
+        chapter: the study.
+        output: one of its outputs.
+        units: for axes.
+        palette: factors in the order of their colours; default: the study's.
 
     Raises:
         ValueError: the study has no such output.
@@ -119,48 +131,66 @@ def pictures(chapter: Chapter, output: str, units: Units) -> list[Picture]:
     points, values = (
         chapter.table.sample(output) if output in plan.outputs else (np.empty((0, 0)), np.empty(0))
     )
+    order = snapshot["outputs"][output]["ranking"]["order"] or list(plan.factors)
     if plan.method == "morris":
-        first = Picture(
-            name="plane",
-            title="Elementary effects",
-            caption=_PLANE,
-            figure=screening_figure(snapshot, output, unit, _clouds(chapter, output)),
+        first = _picture(
+            "plane",
+            "Elementary effects",
+            _PLANE,
+            screening_figure(snapshot, output, unit, _clouds(chapter, output), palette),
+            lambda figure: hover.plane(figure, snapshot, output),
         )
     else:
-        first = Picture(
-            name="shares",
-            title="Shares of the variance",
-            caption=_SHARES,
-            figure=variance_figure(snapshot, output, unit),
+        first = _picture(
+            "shares",
+            "Shares of the variance",
+            _SHARES,
+            variance_figure(snapshot, output, unit),
+            lambda figure: hover.shares(figure, snapshot, output),
         )
-    order = snapshot["outputs"][output]["ranking"]["order"] or list(plan.factors)
     return [
         first,
-        Picture(
-            name="convergence",
-            title="Convergence",
-            caption=_CONVERGENCE,
-            figure=convergence_figure(snapshot, output, unit),
+        _picture(
+            "convergence",
+            "Convergence",
+            _CONVERGENCE,
+            convergence_figure(snapshot, output, unit, palette),
+            lambda figure: hover.convergence(figure, snapshot, output),
         ),
-        Picture(
-            name="distribution",
-            title="Distribution of the output",
-            caption=_DISTRIBUTION,
-            figure=distribution_figure(values, output, unit),
+        _picture(
+            "distribution",
+            "Distribution of the output",
+            _DISTRIBUTION,
+            distribution_figure(values, output, unit),
+            lambda figure: [],
         ),
-        Picture(
-            name="scatter",
-            title="Output against each factor",
-            caption=_SCATTER,
-            figure=scatter_figure(points, values, plan.factors, output, unit, own),
+        _picture(
+            "scatter",
+            "Output against each factor",
+            _SCATTER,
+            scatter_figure(points, values, plan.factors, output, unit, own),
+            lambda figure: hover.scatter(figure, plan.factors, output),
         ),
-        Picture(
-            name="pairs",
-            title="Pairs of the leading factors",
-            caption=_PAIRS,
-            figure=pairs_figure(points, values, plan.factors, order, output, unit, own),
+        _picture(
+            "pairs",
+            "Pairs of the leading factors",
+            _PAIRS,
+            pairs_figure(points, values, plan.factors, order, output, unit, own),
+            lambda figure: hover.pairs(figure, order),
         ),
     ]
+
+
+def _picture(
+    name: str,
+    title: str,
+    caption: str,
+    figure: Figure,
+    panels: Callable[[Figure], list[hover.Panel]],
+) -> Picture:
+    # Places of panels are settled when a figure is drawn, and not before.
+    figure.draw_without_rendering()
+    return Picture(name=name, title=title, caption=caption, figure=figure, panels=panels(figure))
 
 
 def write_report(
@@ -171,9 +201,10 @@ def write_report(
     *,
     title: str,
     findings: Sequence[str] = (),
-    png: Path | None = None,
+    folders: Mapping[str, Path] | None = None,
+    surrogates: bool = False,
 ) -> list[Path]:
-    """Write the page, and every figure as PNG if `png` names a folder.
+    """Write the page, and every figure into each of `folders`.
 
     Args:
         path: of the page, one HTML file without references to anything outside.
@@ -182,23 +213,32 @@ def write_report(
         units: for axes and tables.
         title: of the page.
         findings: sentences for its top.
-        png: made if missing.
+        folders: by format, "png" or "pdf"; made if missing.
+        surrogates: also fit functions to each study's runs, which takes some seconds.
 
     Returns:
         The files written, the page first.
 
     Raises:
         ValueError: a study has no such output.
+        ModuleNotFoundError: surrogates were asked for without scikit-learn (extra `surrogate`).
     """
     sections, files = [], [path]
+    # A factor has one colour in all chapters, also where an earlier one was fixed.
+    palette = list(dict.fromkeys(name for one in chapters for name in one.table.plan.factors))
     for number, one in enumerate(chapters, 1):
-        drawn = pictures(one, output, units)
-        sections.append(_section(one, output, units, drawn))
-        if png is not None:
-            png.mkdir(parents=True, exist_ok=True)
+        drawn = pictures(one, output, units, palette)
+        section = _section(one, output, units, drawn)
+        sections.append(
+            replace(section, surrogate=_surrogate(one, output)) if surrogates else section
+        )
+        for kind, folder in (folders or {}).items():
+            folder.mkdir(parents=True, exist_ok=True)
             for picture in drawn:
-                files.append(png / f"{number}-{one.table.plan.method}-{picture.name}.png")
-                picture.figure.savefig(files[-1])
+                files.append(folder / f"{number}-{one.table.plan.method}-{picture.name}.{kind}")
+                # Without the date, so that the same study gives the same file.
+                undated = {"CreationDate": None} if kind == "pdf" else {}
+                picture.figure.savefig(files[-1], metadata=undated)
     partial = path.with_name(path.name + ".partial")
     partial.write_text(page(title, findings, sections), encoding="utf-8")
     partial.replace(path)
@@ -237,7 +277,18 @@ def _section(chapter: Chapter, output: str, units: Units, drawn: list[Picture]) 
         units=units.outputs,
         pictures=drawn,
         compared=_compared(chapter, output),
+        runs=hover.runs_table(chapter.table, output),
     )
+
+
+def _surrogate(chapter: Chapter, output: str) -> Answer | str:
+    """Return what fitted functions say, or why they cannot."""
+    from analysis.surrogate import answer
+
+    try:
+        return answer(chapter.table, output)
+    except ValueError as error:
+        return f"There is no surrogate: {error}."
 
 
 def _compared(chapter: Chapter, output: str) -> Mapping[str, Compared]:

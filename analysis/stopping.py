@@ -1,4 +1,4 @@
-"""How many more rows a wanted precision needs, from the intervals so far.
+"""How many more rows a wanted precision needs, from the intervals so far, and when to add them.
 
 Width is the measure of convergence of Sarrazin, Pianosi and Wagener 2016 (Global sensitivity
 analysis of environmental models: convergence and validation). It falls with the square root of the
@@ -11,6 +11,7 @@ from math import ceil, floor, inf, log10
 from typing import Any
 
 from analysis.designs import row_width
+from analysis.designs.points import LATIN_HYPERCUBE_ROWS
 
 #: Half width wanted of variance shares, and of mu* as a share of the largest mu*.
 SHARE_TARGET = 0.02
@@ -95,6 +96,57 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
         more_rows=more,
         more_runs=runs,
         sentence=sentence,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """What a study with a wanted precision does when all its rows are in."""
+
+    #: How many rows it is to have in all; None if it is over.
+    rows: int | None
+    #: Whether every interval is as narrow as wanted.
+    reached: bool
+    sentence: str
+
+
+def next_step(
+    snapshot: Mapping[str, Any], output: str, *, target: float | None, most_rows: int
+) -> Step:
+    """Decide whether a complete study is extended, and to how many rows.
+
+    It never more than doubles, since a forecast from few rows is a rough one. Sobol sequences grow
+    to powers of two, and Latin hypercubes by whole hypercubes, where they are balanced.
+
+    Args:
+        snapshot: of a study of which every row is complete.
+        output: the output whose indices are to be precise.
+        target: as in `advise`.
+        most_rows: rows beyond which it is not extended whatever its precision.
+
+    Raises:
+        ValueError: as `advise`.
+    """
+    rows = snapshot["rows_complete"]
+    advice = advise(snapshot, output, target)
+    if advice is None:
+        why = f"After {rows:,} rows {output} has no intervals: see why its runs failed."
+        return Step(rows=None, reached=False, sentence=why)
+    if advice.more_rows == 0:
+        return Step(rows=None, reached=True, sentence=advice.sentence)
+    if rows >= most_rows:
+        why = f"It has its {rows:,} rows, and {most_rows:,} at most were allowed. "
+        return Step(rows=None, reached=False, sentence=why + advice.sentence)
+    wanted = min(rows + advice.more_rows, 2 * rows)
+    if snapshot["sampling"] == "latin_hypercube":
+        wanted = -(-wanted // LATIN_HYPERCUBE_ROWS) * LATIN_HYPERCUBE_ROWS
+    else:
+        wanted = 1 << rows.bit_length()
+    wanted = min(wanted, most_rows)
+    return Step(
+        rows=wanted,
+        reached=False,
+        sentence=f"It is extended to {wanted:,} rows. {advice.sentence}",
     )
 
 

@@ -1,4 +1,7 @@
-"""Indices by a Gaussian process fitted to the runs there are, with an honest error.
+"""Indices by functions fitted to the runs there are, with an honest error.
+
+A Gaussian process answers, and a sparse polynomial chaos beside it where it can be had: two that
+agree although they are of different kinds are more than one.
 
 On a smooth model a hundred runs answer what sampling answers with thousands (Le Gratiet, Marelli
 and Sudret 2017, Metamodel-based sensitivity analysis). On a model with a few runs gone wrong the
@@ -73,11 +76,22 @@ class Answer:
     #: The fit without the outliers; None if there are none. Leaving out what does not fit flatters
     #: its held-out error.
     without_outliers: Fit | None
+    #: The same runs by a sparse polynomial chaos; None where OpenTURNS is not installed.
+    chaos: Fit | None
     sentence: str
+
+    def fits(self) -> dict[str, Fit]:
+        """Return every fit by the words that a table's head has for it."""
+        fits = {
+            "Gaussian process": self.fit,
+            "without the outliers": self.without_outliers,
+            "polynomial chaos": self.chaos,
+        }
+        return {name: fit for name, fit in fits.items() if fit is not None}
 
 
 def answer(table: Table, output: str) -> Answer:
-    """Fit a Gaussian process to a study's runs and return its indices.
+    """Fit a Gaussian process and a polynomial chaos to a study's runs and return their indices.
 
     Uses the first runs of the design, base points before all others.
 
@@ -130,7 +144,8 @@ def answer(table: Table, output: str) -> Answer:
         fit=fit,
         outliers=outliers,
         without_outliers=better,
-        sentence=_sentence(output, fit, outliers, better),
+        chaos=(chaos := _chaos(x, y, rows, plan.factors)),
+        sentence=_sentence(output, fit, outliers, better, chaos),
     )
 
 
@@ -185,14 +200,40 @@ def _fit(x: Array, y: Array, rows: NDArray[np.int64], names: tuple[str, ...]) ->
     )
     first, total = np.ravel(found.first_order), np.ravel(found.total_order)
     predicted = _held_out(x, y, rows, process.kernel_)
-    held_out = 1.0 - float(np.sum((y - predicted) ** 2) / np.sum((y - y.mean()) ** 2))
     fit = Fit(
         runs=len(y),
-        held_out=held_out,
+        held_out=_explained(y, predicted),
         first_order=dict(zip(names, first.tolist(), strict=True)),
         total_order=dict(zip(names, total.tolist(), strict=True)),
     )
     return fit, predicted
+
+
+def _chaos(x: Array, y: Array, rows: NDArray[np.int64], names: tuple[str, ...]) -> Fit | None:
+    """Return the fit of a polynomial chaos, whose terms are picked anew without each fold."""
+    from analysis.chaos import fit_chaos
+
+    try:
+        whole = fit_chaos(x, y)
+    except ModuleNotFoundError:
+        return None
+    predicted = np.full_like(y, np.mean(y))
+    fold = np.unique(rows, return_inverse=True)[1] % FOLDS
+    for part in np.unique(fold):
+        away = fold == part
+        if np.ptp(y[~away]) > 0.0:
+            predicted[away] = fit_chaos(x[~away], y[~away]).predict(x[away])
+    return Fit(
+        runs=len(y),
+        held_out=_explained(y, predicted),
+        first_order=dict(zip(names, whole.first_order, strict=True)),
+        total_order=dict(zip(names, whole.total_order, strict=True)),
+    )
+
+
+def _explained(y: Array, predicted: Array) -> float:
+    """Return the share of the variance that predictions explain; below 0 if a mean would do."""
+    return 1.0 - float(np.sum((y - predicted) ** 2) / np.sum((y - y.mean()) ** 2))
 
 
 def _outliers(
@@ -225,7 +266,13 @@ def _robust_sd(values: Array) -> float:
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 
-def _sentence(output: str, fit: Fit, outliers: tuple[Outlier, ...], better: Fit | None) -> str:
+def _sentence(
+    output: str,
+    fit: Fit,
+    outliers: tuple[Outlier, ...],
+    better: Fit | None,
+    chaos: Fit | None,
+) -> str:
     start = (
         f"Fitted to {fit.runs} runs, predictions of held-out rows explain {fit.held_out:.1%} of "
         f"the variance of {output}: "
@@ -243,4 +290,15 @@ def _sentence(output: str, fit: Fit, outliers: tuple[Outlier, ...], better: Fit 
             f" Without them held-out rows are explained to {better.held_out:.1%}, which flatters, "
             "since they were chosen by their error."
         )
+    if chaos is not None:
+        sentence += f" {_compared(fit, chaos)}"
     return sentence
+
+
+def _compared(fit: Fit, chaos: Fit) -> str:
+    """Say how a polynomial chaos does beside the process."""
+    start = f"A polynomial chaos explains {max(chaos.held_out, 0.0):.1%}"
+    if chaos.held_out < GOOD:
+        return f"{start}, too little for its indices to be used."
+    apart = max(abs(fit.total_order[name] - chaos.total_order[name]) for name in fit.total_order)
+    return f"{start}; its ST are within {max(apart, 0.001):.1g} of the process's."

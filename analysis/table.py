@@ -72,14 +72,20 @@ class Table:
     def sample(self, output: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return points and values of one output that stand for the factors' distributions.
 
+        Returns:
+            Shapes (n, factors) and (n,), those of `sampled`.
+        """
+        lines = self.sampled(output)
+        return self.points[lines], self.values[lines, self.plan.outputs.index(output)]
+
+    def sampled(self, output: str) -> NDArray[np.intp]:
+        """Return the lines whose points stand for the factors' distributions, without failed runs.
+
         Of a variance-based study these are A and B, which are independent draws; of a screening all
         points, each of which is such a draw, though those of a row are related.
-
-        Returns:
-            Shapes (n, factors) and (n,), in the order of the lines, without failed runs.
         """
         values = self.values[:, self.plan.outputs.index(output)]
         keep = np.isfinite(values)
         if self.plan.method == "saltelli":
             keep &= self.positions < 2
-        return self.points[keep], values[keep]
+        return np.flatnonzero(keep)

@@ -10,48 +10,19 @@ import time
 import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from rehyb.client import Client, Json
 from rehyb.errors import CampaignError, ServerError, Unreachable
+from rehyb.plans import LATER, Plan
+from rehyb.precision import Goal, decide
 
 T = TypeVar("T")
 
 POLL_SECONDS = 0.5
 MANIFEST = "campaign.json"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Plan:
-    """What a campaign is to compute; the same plan resumes the same campaign."""
-
-    model: str
-    #: The output whose uncertainty is ranked.
-    output: str
-    #: Rows of phase 1, each of k + 1 instances (r in the paper).
-    screening_rows: int
-    #: Rows of phase 2, each of k + 1 instances for the k - 1 factors left (N in the paper).
-    variance_rows: int
-    sampling: str = "sobol_blocks"
-    seed: int = 1
-
-
-@dataclass(frozen=True, kw_only=True)
-class Preset:
-    """Sizes of a campaign."""
-
-    screening_rows: int
-    variance_rows: int
-    sampling: str
-
-
-PRESETS: Mapping[str, Preset] = {
-    # Minutes on a laptop.
-    "demo": Preset(screening_rows=16, variance_rows=64, sampling="sobol_blocks"),
-    # Sections 3.1 and 3.2.
-    "paper": Preset(screening_rows=150, variance_rows=3000, sampling="latin_hypercube"),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +36,20 @@ class View:
     snapshot: Json
     #: One sentence when something keeps the campaign waiting; else empty.
     waiting: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proposed:
+    """What phase 1 proposes to fix, for somebody to agree to or not."""
+
+    factor: str
+    #: The value it would keep, with its unit.
+    value: str
+    #: One or two sentences with the numbers.
+    evidence: str
+    #: Every factor that may be fixed instead, the least influential first.
+    factors: tuple[str, ...]
+    snapshot: Json
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +84,8 @@ class Campaign:
         directory: made if missing; holds the manifest and the results.
         show: called with a View twice a second.
         tick: called twice a second; an exception from it ends the campaign.
+        confirm: called once with what phase 1 proposes; returns the factor to fix, or None to end
+            the campaign there. Default: what is proposed is fixed.
 
     Raises:
         CampaignError: the directory holds a campaign with a different plan.
@@ -112,12 +99,14 @@ class Campaign:
         *,
         show: Callable[[View], None],
         tick: Callable[[], None],
+        confirm: Callable[["Proposed"], str | None] = lambda proposed: proposed.factor,
     ) -> None:
         self._client = client
         self._plan = plan
         self._directory = directory
         self._show = show
         self._tick = tick
+        self._confirm = confirm
         self._view: View | None = None
         self._since = time.monotonic()
         self._manifest = _manifest(directory, plan)
@@ -182,6 +171,9 @@ class Campaign:
             progress = self._ask(lambda: self._client.progress(study_id))
             snapshot = self._ask(lambda: self._client.indices(study_id))
             done, waiting = _is_done(progress, snapshot)
+            if done and (more := self._more_rows(number, snapshot, progress["rows"])):
+                submitted = self._ask(partial(self._client.extend, study_id, more))
+                done = False
             self._view = View(
                 phase=number,
                 title=title,
@@ -200,6 +192,19 @@ class Campaign:
         self._ask(lambda: self._client.results_csv(study_id, table))
         return phase
 
+    def _more_rows(self, number: int, snapshot: Json, rows: int) -> int | None:
+        """Return how many rows a complete phase is to have in all; None if it has enough."""
+        if number == 1 or self._plan.most_rows is None:
+            return None
+        goal = Goal(
+            output=self._plan.output, target=self._plan.target, most_rows=self._plan.most_rows
+        )
+        step = decide(snapshot, rows, goal)
+        if step is None:
+            return None
+        self._manifest["precision"] = step.sentence
+        return step.rows
+
     def _ask(self, call: Callable[[], T]) -> T:
         """Make a call of the client; once the coordinator was there, wait for it to come back."""
         while True:
@@ -215,6 +220,7 @@ class Campaign:
     def _decide(self, snapshot: Json) -> Json:
         """Choose the factor to fix, once; a resumed campaign keeps its choice."""
         from analysis.screening import least_influential, propose_fixing
+        from sim.catalogue import MODELS
 
         if decision := self._manifest["decision"]:
             return dict(decision)
@@ -232,7 +238,28 @@ class Campaign:
                 " That does not settle it; as the paper does, phase 2 fixes the least influential "
                 f"factor all the same: {fixed}."
             )
-        decision = {"fixed": fixed, "separated": proposal.factor is not None, "evidence": evidence}
+        nominal = MODELS[self._plan.model].factor(fixed)
+        agreed = self._confirm(
+            Proposed(
+                factor=fixed,
+                value=f"{nominal.nominal:g}{'' if nominal.unit == '1' else ' ' + nominal.unit}",
+                evidence=evidence,
+                factors=tuple(line["factor"] for line in proposal.table),
+                snapshot=snapshot,
+            )
+        )
+        if agreed is None:
+            raise CampaignError(
+                f"nothing was fixed, and phase 2 waits; phase 1 is in {self._directory}. Run the "
+                "same command again to decide otherwise"
+            )
+        if agreed != fixed:
+            evidence += f" Asked, the user fixed {agreed} instead."
+        decision = {
+            "fixed": agreed,
+            "separated": agreed == proposal.factor,
+            "evidence": evidence,
+        }
         self._manifest["decision"] = decision
         self._save()
         return decision
@@ -274,7 +301,10 @@ class Campaign:
         self, page: Path, decision: Json, fixed_at: float, phases: tuple[Json, Json]
     ) -> None:
         from rehyb.reports import write
+        from sim.catalogue import MODELS
 
+        unit = MODELS[self._plan.model].factor(decision["fixed"]).unit
+        unit = "" if unit == "1" else f" {unit}"
         output = self._plan.output
         write(
             [
@@ -286,7 +316,8 @@ class Campaign:
             title=f"Two-phase sensitivity analysis of {output.replace('_', ' ')}",
             findings=[
                 decision["evidence"],
-                f"Phase 2 holds {decision['fixed']} at its nominal {fixed_at:g}.",
+                f"Phase 2 holds {decision['fixed']} at its nominal {fixed_at:g}{unit}.",
+                *([self._manifest["precision"]] if "precision" in self._manifest else []),
             ],
         )
 
@@ -323,7 +354,8 @@ def _manifest(directory: Path, plan: Plan) -> Json:
     directory.mkdir(parents=True, exist_ok=True)
     if path.exists():
         manifest: Json = json.loads(path.read_text())
-        if manifest.get("plan") != asdict(plan):
+        # A campaign that an earlier version began lacks what came later.
+        if {**LATER, **manifest.get("plan", {})} != asdict(plan):
             raise CampaignError(
                 f"{directory} holds a different campaign ({_words(manifest.get('plan'))}): "
                 f"ask for that one again, or use another directory"

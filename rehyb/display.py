@@ -1,7 +1,8 @@
 """Show a campaign while it runs and when it is over: tables for a terminal, lines for a log."""
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self, TextIO
 
@@ -115,7 +116,7 @@ def report_parts(report: Report) -> Iterable[RenderableType]:
     yield indices_table(
         report.phase2, plan.output, f"Phase 2: Sobol indices of {plan.output}, {level}"
     )
-    yield from _remarks(report.phase2, plan.output)
+    yield from _remarks(report.phase2, plan.output, plan.target)
     failed = sum(report.failures.values())
     yield (
         f"{report.instances} instances, {failed} failed "
@@ -124,10 +125,12 @@ def report_parts(report: Report) -> Iterable[RenderableType]:
     yield "\n".join(str(path) for path in report.files)
 
 
-def _remarks(snapshot: Mapping[str, Any], output: str) -> Iterable[RenderableType]:
+def _remarks(
+    snapshot: Mapping[str, Any], output: str, target: float | None = None
+) -> Iterable[RenderableType]:
     from analysis.remarks import remarks
 
-    return (Text(sentence) for sentence in remarks(snapshot, output))
+    return (Text(sentence) for sentence in remarks(snapshot, output, target))
 
 
 class LiveDisplay:
@@ -148,6 +151,15 @@ class LiveDisplay:
         traceback: TracebackType | None,
     ) -> None:
         self._live.stop()
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Leave the terminal to others within the block."""
+        self._live.stop()
+        try:
+            yield
+        finally:
+            self._live.start()
 
     def show(self, view: View) -> None:
         """Redraw."""
@@ -177,6 +189,11 @@ class LineDisplay:
         self._stream = stream
         self._last = ""
         self._shown_at = float("-inf")
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Leave the terminal to others within the block: nothing is printed unasked anyway."""
+        yield
 
     def show(self, view: View) -> None:
         """Print a line if there is news."""

@@ -1,15 +1,21 @@
 """Write the report of studies: fetch what it needs, and hand it to the analysis."""
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rehyb.client import Client, Json
-from rehyb.errors import Invalid
+from rehyb.errors import Invalid, RehybError
 
 
 def report_studies(
-    client: Client, ids: Sequence[str], out: Path, *, output: str | None, png: Path | None
+    client: Client,
+    ids: Sequence[str],
+    out: Path,
+    *,
+    output: str | None,
+    folders: Mapping[str, Path] | None = None,
+    surrogates: bool = False,
 ) -> list[Path]:
     """Write one page about the studies, and return the files written.
 
@@ -18,7 +24,8 @@ def report_studies(
         ids: theirs, in the order they are told.
         out: the page.
         output: shown in the figures; default: the first that the first study has.
-        png: a folder for every figure as PNG; None: no such files.
+        folders: where to write every figure too, by format: "png" or "pdf".
+        surrogates: also fit functions to the runs and show what these say.
 
     Raises:
         Invalid: a study has no such output.
@@ -38,8 +45,9 @@ def report_studies(
                     f"study {study['id']} has no output {shown!r}: "
                     f"it has {', '.join(study['outputs'])}"
                 )
-        title = f"Sensitivity of {shown.replace('_', ' ')}: {studies[0][0]['name']}"
-        return write(studies, shown, out, title=title, png=png)
+        told = studies[0][0]["name"] if len(studies) == 1 else f"{len(studies)} studies"
+        title = f"Sensitivity of {shown.replace('_', ' ')}: {told}"
+        return write(studies, shown, out, title=title, folders=folders, surrogates=surrogates)
 
 
 def write(
@@ -49,7 +57,8 @@ def write(
     *,
     title: str,
     findings: Sequence[str] = (),
-    png: Path | None = None,
+    folders: Mapping[str, Path] | None = None,
+    surrogates: bool = False,
 ) -> list[Path]:
     """Write the page of studies whose descriptions and tables of results are at hand."""
     from analysis.report import Units, chapter, write_report
@@ -61,4 +70,18 @@ def write(
         outputs={name: unit for name, unit in model.units.items() if unit != "1"},
     )
     chapters = [chapter(study, table) for study, table in studies]
-    return write_report(out, chapters, output, units, title=title, findings=findings, png=png)
+    try:
+        return write_report(
+            out,
+            chapters,
+            output,
+            units,
+            title=title,
+            findings=findings,
+            folders=folders,
+            surrogates=surrogates,
+        )
+    except ModuleNotFoundError as error:
+        raise RehybError(
+            f"a surrogate needs {error.name}: pip install 'rehyb[surrogate]'"
+        ) from None

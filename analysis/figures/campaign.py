@@ -11,7 +11,6 @@ from analysis.figures.style import (
     caption,
     factors_of,
     new_figure,
-    say,
     spread_in_words,
     words,
 )
@@ -36,16 +35,22 @@ def campaign_figure(phase1: Snapshot, phase2: Snapshot, output: str, unit: str =
     """
     screened = factors_of(phase1, output, "morris")
     ranked = factors_of(phase2, output, "saltelli")
-    figure = new_figure(15.0, 4.9)
-    plane, shares, failures = figure.subplots(1, 3, width_ratios=(1.15, 1.1, 0.8))
+    runs = sum(sum(phase["evaluations"].values()) for phase in (phase1, phase2))
+    failed = runs - sum(phase["evaluations"].get("ok", 0) for phase in (phase1, phase2))
+    figure = new_figure(15.0 if failed else 11.0, 4.9)
+    plane, shares, *failures = figure.subplots(
+        1, 3 if failed else 2, width_ratios=(1.15, 1.1, 0.8)[: 3 if failed else 2]
+    )
     draw_plane(plane, screened, unit)
     plane.set_title("Phase 1: elementary effects", fontsize=11)
     draw_shares(shares, ranked)
     shares.set_title("Phase 2: shares of the variance", fontsize=11)
-    _draw_failures(failures, phase1, phase2)
+    for axes in failures:
+        _draw_failures(axes, phase1, phase2)
     spread = spread_in_words(phase2["outputs"][output], unit)
     figure.suptitle(f"Sensitivity of {words(output)} (phase 2: {spread})", fontsize=13)
-    caption(figure, phase1, phase2)
+    none = "" if failed else f"; none of {runs:,} evaluations failed"
+    caption(figure, phase1, phase2, after=none)
     return figure
 
 
@@ -58,11 +63,6 @@ def _draw_failures(axes: Axes, phase1: Snapshot, phase2: Snapshot) -> None:
     causes = sorted(
         {*counts[0], *counts[1]}, key=lambda cause: sum(count.get(cause, 0) for count in counts)
     )
-    if not causes:
-        total = sum(sum(phase["evaluations"].values()) for phase in (phase1, phase2))
-        say(axes, f"none of {total:,}")
-        axes.set_axis_off()
-        return
     from matplotlib.ticker import MaxNLocator
 
     left = [0] * len(causes)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from analysis.figures.style import (
     COLOURS,
@@ -13,6 +15,7 @@ from analysis.figures.style import (
     factors_of,
     new_figure,
     say,
+    styles,
     words,
 )
 
@@ -27,13 +30,21 @@ _PANELS = {
 }
 
 
-def convergence_figure(snapshot: Snapshot, output: str, unit: str = "") -> Figure:
+#: Highest share worth showing, unless an index itself is higher: intervals of the first rows are
+#: wide, and would make all lines one.
+_SHARE = 1.25
+
+
+def convergence_figure(
+    snapshot: Snapshot, output: str, unit: str = "", palette: Sequence[str] = ()
+) -> Figure:
     """Draw the indices of the first 8, 16, ... rows and of all rows, with their intervals.
 
     Args:
         snapshot: of a study of either method.
         output: which of its outputs.
         unit: of the output, for the axes of elementary effects.
+        palette: factors in the order of their colours; default: the study's.
 
     Raises:
         ValueError: the snapshot has no such output.
@@ -42,24 +53,52 @@ def convergence_figure(snapshot: Snapshot, output: str, unit: str = "") -> Figur
     series = snapshot["outputs"][output]["convergence"]
     figure = new_figure(11.0, 4.2)
     panels = _PANELS[snapshot["method"]]
-    for axes, (index, label) in zip(figure.subplots(1, len(panels)), panels.items(), strict=True):
-        _draw(axes, series, factors, index, snapshot["rows_complete"])
+    shares = snapshot["method"] == "saltelli"
+    drawn = figure.subplots(1, len(panels), sharey=shares)
+    for axes, (index, label) in zip(drawn, panels.items(), strict=True):
+        _draw(axes, series, factors, index, snapshot["rows_complete"], palette)
         suffix = f" ({unit})" if unit and snapshot["method"] == "morris" else ""
         axes.set_ylabel(label + suffix)
+        axes.tick_params(labelleft=True)
+    if shares:
+        _limit(drawn)
     handles, labels = figure.axes[0].get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside right upper", frameon=False, fontsize=9)
     figure.suptitle(f"Convergence of the indices of {words(output)}", fontsize=11)
-    caption(figure, snapshot)
+    caption(figure, snapshot, what="bands span")
     return figure
 
 
+def _limit(drawn: Sequence[Axes]) -> None:
+    """Cut bands off that reach beyond every index and every share."""
+    curves = [line for axes in drawn for line in _curves(axes)]
+    if curves:
+        highest = max(_SHARE, *(1.1 * float(np.max(line.get_ydata())) for line in curves))
+        low = max(min(axes.dataLim.y0 for axes in drawn), -0.5)
+        high = min(max(axes.dataLim.y1 for axes in drawn), highest)
+        margin = 0.04 * (high - low)
+        drawn[0].set_ylim(low - margin, high + margin)
+
+
+def _curves(axes: Axes) -> list[Any]:
+    """Return the lines of indices, without the one at 0 and those without a point."""
+    return [
+        line for line in axes.lines if np.size(line.get_xdata()) and line.get_marker() != "None"
+    ]
+
+
 def _draw(
-    axes: Axes, series: Mapping[str, Any], factors: Mapping[str, Any], index: str, complete: int
+    axes: Axes,
+    series: Mapping[str, Any],
+    factors: Mapping[str, Any],
+    index: str,
+    complete: int,
+    palette: Sequence[str],
 ) -> None:
     rows = list(series["rows"])
     last = [complete] if complete and complete not in rows else []
-    for style, (name, entry) in enumerate(factors.items()):
+    for style, (name, entry) in zip(styles(factors, palette), factors.items(), strict=True):
         curve = {
             end: [*series["factors"][name][index][end], *([entry[index][end]] if last else [])]
             for end in ("value", "low", "high")
@@ -87,7 +126,13 @@ def _draw(
         return
     axes.axhline(0.0, color="#222222", lw=0.8)
     axes.set_xscale("log", base=2)
-    axes.set_xticks(rows + last, [f"{row:,}" for row in rows + last], rotation=45, fontsize=8)
+    crowded = len(rows) > 7
+    axes.set_xticks(
+        rows + last,
+        [f"{row:,}" for row in rows + last],
+        rotation=45 if crowded else 0,
+        fontsize=8 if crowded else 9,
+    )
     axes.minorticks_off()
     axes.set_xlabel("rows of the design")
     axes.spines[["top", "right"]].set_visible(False)

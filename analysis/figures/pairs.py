@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.figures.scatter import DRAWN
 from analysis.figures.style import new_figure, say, words
 
 if TYPE_CHECKING:
@@ -17,7 +18,10 @@ if TYPE_CHECKING:
 #: Factors paired with each other: the most influential ones, as in the paper.
 LEADING = 3
 
-_DRAWN = 3000
+
+def leading_pairs(order: Sequence[str]) -> list[tuple[str, str]]:
+    """Return the pairs of the leading factors, panel by panel; a lone factor with itself."""
+    return list(combinations(order[:LEADING], 2)) or [(order[0], order[0])]
 
 
 def pairs_figure(
@@ -35,8 +39,7 @@ def pairs_figure(
         points, values, names, output, unit, units: as in `scatter_figure`.
         order: the factors, the most influential first.
     """
-    leading = [list(names).index(name) for name in order[:LEADING]]
-    pairs = list(combinations(leading, 2)) or [(leading[0], leading[0])]
+    pairs = [(list(names).index(a), list(names).index(b)) for a, b in leading_pairs(order)]
     figure = new_figure(4.1 * len(pairs) + 0.9, 3.7)
     panels = figure.subplots(1, len(pairs), squeeze=False)[0]
     # Colours span the middle of the values: one extreme run must not make all others alike.
@@ -44,9 +47,9 @@ def pairs_figure(
     marks = None
     for axes, (a, b) in zip(panels, pairs, strict=True):
         marks = axes.scatter(
-            points[:_DRAWN, a],
-            points[:_DRAWN, b],
-            c=values[:_DRAWN],
+            points[:DRAWN, a],
+            points[:DRAWN, b],
+            c=values[:DRAWN],
             s=13,
             cmap="viridis",
             vmin=low,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from analysis.figures.style import (
     new_figure,
     reach,
     say,
+    styles,
     top_of,
     words,
 )
@@ -28,7 +29,11 @@ if TYPE_CHECKING:
 
 
 def screening_figure(
-    snapshot: Snapshot, output: str, unit: str = "", clouds: NDArray[np.float64] | None = None
+    snapshot: Snapshot,
+    output: str,
+    unit: str = "",
+    clouds: NDArray[np.float64] | None = None,
+    palette: Sequence[str] = (),
 ) -> Figure:
     """Draw the mu*-sigma plane of a screening with its confidence intervals.
 
@@ -38,6 +43,7 @@ def screening_figure(
         unit: of the output, for the axes.
         clouds: mu* and sigma of every bootstrap replicate, shape (2, replicates, factors); drawn
             beside the intervals, as on the right of the paper's figure 8.
+        palette: factors in the order of their colours; default: the study's.
 
     Raises:
         ValueError: the snapshot is of another method, or has no such output.
@@ -45,27 +51,40 @@ def screening_figure(
     factors = factors_of(snapshot, output, "morris")
     figure = new_figure(6.4 if clouds is None else 11.0, 4.6)
     left, *right = figure.subplots(1, 1 if clouds is None else 2, squeeze=False)[0]
-    draw_plane(left, factors, unit)
+    draw_plane(left, factors, unit, palette)
     for axes in right:
         assert clouds is not None
-        _draw_clouds(axes, list(factors), clouds, unit)
+        _draw_clouds(axes, list(factors), clouds, unit, palette)
+        _join_limits(left, axes)
     figure.suptitle(f"Elementary effects on {words(output)}", fontsize=11)
     caption(figure, snapshot)
     return figure
 
 
-def _draw_clouds(axes: Axes, names: list[str], clouds: NDArray[np.float64], unit: str) -> None:
+def _join_limits(left: Axes, right: Axes) -> None:
+    """Give both panels the same limits, so that clouds lie where the intervals are."""
+    for get, set_ in (("get_xlim", "set_xlim"), ("get_ylim", "set_ylim")):
+        both = np.array([getattr(axes, get)() for axes in (left, right)])
+        for axes in (left, right):
+            getattr(axes, set_)(both[:, 0].min(), both[:, 1].max())
+
+
+def _draw_clouds(
+    axes: Axes, names: list[str], clouds: NDArray[np.float64], unit: str, palette: Sequence[str]
+) -> None:
     mu_star, sigma = clouds
-    for style in np.argsort(-np.nanmean(np.nan_to_num(mu_star), axis=0)):
+    own = styles(names, palette)
+    for f in np.argsort(-np.nanmean(np.nan_to_num(mu_star), axis=0)):
+        style = own[f]
         axes.scatter(
-            mu_star[:, style],
-            sigma[:, style],
+            mu_star[:, f],
+            sigma[:, f],
             s=8,
             color=COLOURS[style % len(COLOURS)],
             marker=MARKERS[style % len(MARKERS)],
             alpha=0.6,
             linewidths=0,
-            label=words(names[style]),
+            label=words(names[f]),
             rasterized=True,
         )
     axes.set_title(f"{len(mu_star)} bootstrap replicates", fontsize=10)
@@ -79,11 +98,13 @@ def _label(axes: Axes, unit: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def draw_plane(axes: Axes, factors: Mapping[str, Any], unit: str) -> None:
+def draw_plane(
+    axes: Axes, factors: Mapping[str, Any], unit: str, palette: Sequence[str] = ()
+) -> None:
     """Draw mu* and sigma of every factor with their intervals."""
     known = {
         name: (style, indices["mu_star"], indices["sigma"])
-        for style, (name, indices) in enumerate(factors.items())
+        for style, (name, indices) in zip(styles(factors, palette), factors.items(), strict=True)
         if indices["mu_star"]["value"] is not None and indices["sigma"]["value"] is not None
     }
     marks = {}

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 #: Equal intervals of a factor's values, as in the paper.
 BINS = 10
 
-#: Points drawn; the means are of all.
-_DRAWN = 3000
+#: Points drawn, the first ones; the means are of all.
+DRAWN = 3000
 
 
 def scatter_figure(
@@ -43,8 +43,8 @@ def scatter_figure(
     panels = figure.subplots(down, across, sharey=True, squeeze=False).ravel()
     for f, (axes, name) in enumerate(zip(panels, names, strict=False)):
         axes.plot(
-            points[:_DRAWN, f],
-            values[:_DRAWN],
+            points[:DRAWN, f],
+            values[:DRAWN],
             ls="",
             marker="o",
             ms=2.2 if len(values) > 400 else 3.5,
@@ -58,6 +58,8 @@ def scatter_figure(
         suffix = f" ({units[f]})" if units and units[f] else ""
         axes.set_xlabel(words(name) + suffix, fontsize=9)
         axes.spines[["top", "right"]].set_visible(False)
+        # Few enough that the last of one panel keeps clear of the first of the next.
+        axes.locator_params(axis="x", nbins=5)
     for axes in panels[len(names) :]:
         axes.set_axis_off()
     suffix = f" ({unit})" if unit else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -16,6 +16,16 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 MARKERS = "osD^v<>p"
 FAINT = "#8C8C8C"
 INK = "#222222"
+
+
+def styles(factors: Iterable[str], palette: Sequence[str]) -> list[int]:
+    """Return each factor's place in the palette; one that is not in it takes its own place.
+
+    Args:
+        factors: those of one figure.
+        palette: all factors of several figures, so that each has one colour in all of them.
+    """
+    return [palette.index(name) if name in palette else place for place, name in enumerate(factors)]
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -36,12 +46,14 @@ def factors_of(snapshot: Snapshot, output: str, method: str) -> Mapping[str, Any
     return factors
 
 
-def caption(figure: Figure, *snapshots: Snapshot) -> None:
-    """Say below a figure from how many rows it is and what its bars are."""
+def caption(
+    figure: Figure, *snapshots: Snapshot, what: str = "error bars span", after: str = ""
+) -> None:
+    """Say below a figure from how many rows it is and what its bars or bands are."""
     rows = " and ".join(f"{s['rows_used']:,} of {s['rows']:,}" for s in snapshots)
     level = 100 * snapshots[0]["level"]
     figure.supxlabel(
-        f"{rows} rows used; error bars span {level:.0f} % intervals (bootstrap)",
+        f"{rows} rows used; {what} {level:.0f} % intervals (bootstrap){after}",
         fontsize=8,
         color=FAINT,
     )

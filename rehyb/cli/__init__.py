@@ -7,7 +7,18 @@ import sys
 
 import typer
 
-from rehyb.cli import campaigns, loop, reports, services, simulation, studies, surrogates, tokens
+from rehyb.cli import (
+    campaigns,
+    files,
+    loop,
+    precision,
+    reports,
+    services,
+    simulation,
+    studies,
+    surrogates,
+    tokens,
+)
 from rehyb.cli import control as control  # its commands join those of `studies`
 from rehyb.errors import Invalid, RehybError
 
@@ -19,6 +30,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 studies.app.command()(surrogates.surrogate)
+studies.app.command()(files.export)
+studies.app.command()(precision.watch)
 app.add_typer(studies.app, name="study")
 app.add_typer(campaigns.app, name="campaign")
 app.add_typer(services.database, name="db")
@@ -28,6 +41,8 @@ app.command()(services.coordinator)
 app.command()(services.analysis)
 app.command()(studies.workers)
 app.command()(reports.report)
+app.command()(files.bundle)
+app.command()(files.reproduce)
 app.command()(simulation.assess)
 app.command()(simulation.validate)
 app.command()(loop.close_loop)

@@ -2,14 +2,20 @@
 
 import sys
 from contextlib import ExitStack
+from functools import partial
+from math import inf
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rehyb.campaign import PRESETS, Campaign, Plan, Report
+from rehyb.campaign import Campaign, Proposed, Report
 from rehyb.cli.options import AsJson, Token, Url, interruptible, print_json
 from rehyb.client import Client
+from rehyb.plans import PRESETS, Plan
+
+if TYPE_CHECKING:
+    from rehyb.display import LineDisplay, LiveDisplay
 
 app = typer.Typer(help="Run the paper's two-phase study.", no_args_is_help=True)
 
@@ -56,6 +62,25 @@ def run(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of both designs.")] = 1,
+    up_to: Annotated[
+        int | None,
+        typer.Option(
+            min=2,
+            help="Extend phase 2 up to this many rows until it is as precise as --target says.",
+            show_default=False,
+        ),
+    ] = None,
+    target: Annotated[
+        float | None,
+        typer.Option(
+            help="Half width wanted of every interval of S and ST. Default: 0.02.",
+            show_default=False,
+        ),
+    ] = None,
+    confirm: Annotated[
+        bool,
+        typer.Option("--confirm", help="Ask before a factor is fixed. Default: fix it."),
+    ] = False,
     url: Url = None,
     token: Token = None,
     as_json: AsJson = False,
@@ -73,6 +98,10 @@ def run(
     outputs = MODELS[model].outputs
     if output is not None and output not in outputs:
         raise typer.BadParameter(f"{model} has no output {output!r}: it has {', '.join(outputs)}")
+    if target is not None and up_to is None:
+        raise typer.BadParameter("--target needs --up-to, the rows that it may cost in all")
+    if target is not None and not 0.0 < target < inf:
+        raise typer.BadParameter(f"--target is a positive half width, not {target:g}")
     sizes = PRESETS[preset]
     plan = Plan(
         model=model,
@@ -81,9 +110,11 @@ def run(
         variance_rows=variance_rows or sizes.variance_rows,
         sampling=sampling or sizes.sampling,
         seed=seed,
+        most_rows=up_to,
+        target=target,
     )
     try:
-        report = _run(plan, directory, local_workers, url, token, as_json)
+        report = _run(plan, directory, local_workers, url, token, as_json, confirm)
     except KeyboardInterrupt:
         print(
             f"\nInterrupted. Everything is stopped and nothing is lost: "
@@ -104,6 +135,7 @@ def _run(
     url: str | None,
     token: str | None,
     as_json: bool,
+    confirm: bool,
 ) -> Report:
     from rich.console import Console
 
@@ -122,13 +154,43 @@ def _run(
             display = stack.enter_context(LiveDisplay(console))
         else:
             display = LineDisplay(sys.stderr)
-        return Campaign(
+        campaign = Campaign(
             client,
             plan,
             directory,
             show=display.show,
             tick=tick or (lambda: None),
-        ).run()
+            confirm=partial(_ask, plan, display) if confirm else (lambda proposed: proposed.factor),
+        )
+        return campaign.run()
+
+
+def _ask(plan: Plan, display: "LiveDisplay | LineDisplay", proposed: Proposed) -> str | None:
+    """Show what phase 1 found on stderr, and ask what to fix."""
+    from rich.console import Console
+
+    from rehyb.display import indices_table
+
+    with display.paused():
+        console = Console(stderr=True, soft_wrap=True)
+        console.print(indices_table(proposed.snapshot, plan.output, "Phase 1"))
+        console.print(proposed.evidence, markup=False)
+        question = (
+            f"Fix {proposed.factor} at {proposed.value} and go on? (yes, no, or the factor to fix "
+            "instead): "
+        )
+        while True:
+            print(question, end="", file=sys.stderr, flush=True)
+            line = sys.stdin.readline()
+            # No answer is no consent.
+            answer = line.strip() if line else "no"
+            if answer.lower() in ("y", "yes"):
+                return proposed.factor
+            if answer.lower() in ("n", "no"):
+                return None
+            if answer in proposed.factors:
+                return str(answer)
+            console.print(f"There is no factor {answer!r}: {', '.join(proposed.factors)}")
 
 
 def _print(report: Report) -> None:

@@ -20,6 +20,14 @@ def report(
         Path | None,
         typer.Option(metavar="FOLDER", help="Also every figure as PNG.", show_default=False),
     ] = None,
+    pdf: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Also every figure as PDF.", show_default=False),
+    ] = None,
+    surrogate: Annotated[
+        bool,
+        typer.Option("--surrogate", help="Also show what fitted functions say; takes seconds."),
+    ] = False,
     url: Url = None,
     token: Token = None,
     as_json: AsJson = False,
@@ -27,8 +35,11 @@ def report(
     """Write one HTML page, to be read offline, with every figure and table of a study."""
     from rehyb.reports import report_studies
 
+    folders = {kind: path for kind, path in (("png", png), ("pdf", pdf)) if path is not None}
     with Client(url, token) as client:
-        files = report_studies(client, study, out, output=output, png=png)
+        files = report_studies(
+            client, study, out, output=output, folders=folders, surrogates=surrogate
+        )
     if as_json:
         print_json({"files": [str(file) for file in files]})
     else:

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from rehyb.cli.options import AsJson, Token, Url, assignment, number, print_json, print_rows
+from rehyb.cli.precision import to_precision
 from rehyb.client import Client, Json
 from rehyb.errors import Invalid
 
@@ -57,11 +58,26 @@ def submit(
         str | None,
         typer.Option(help="Idempotency key: submitting again returns the same study."),
     ] = None,
+    up_to: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Stay, and extend the study until it is as precise as --target says or has this "
+            "many rows, as `study watch` does.",
+            show_default=False,
+        ),
+    ] = None,
+    target: Annotated[
+        float | None,
+        typer.Option(help="Half width wanted of every interval of the first output."),
+    ] = None,
     url: Url = None,
     token: Token = None,
     as_json: AsJson = False,
 ) -> None:
     """Submit a study, from a JSON file or from options; options win over the file."""
+    if target is not None and up_to is None:
+        raise typer.BadParameter("--target needs --up-to, the rows that it may cost in all")
     study = _read(file) if file else {}
     given: Json = {
         "name": name,
@@ -84,10 +100,14 @@ def submit(
     study.setdefault("name", f"{study['model']} {study['method']} {study['rows']}")
     with Client(url, token) as client:
         answer = client.submit(study, idempotency_key=key)
+        if not as_json:
+            print(f"{answer['id']}  {answer['name']}: {answer['instances']} instances", flush=True)
+        if up_to is not None:
+            answer |= to_precision(client, answer, target, up_to, None, as_json=as_json)
     if as_json:
         print_json(answer)
-    else:
-        typer.echo(f"{answer['id']}  {answer['name']}: {answer['instances']} instances")
+    if not answer.get("reached", True):
+        raise typer.Exit(1)
 
 
 @app.command("list")

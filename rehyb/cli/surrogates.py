@@ -21,7 +21,10 @@ def surrogate(
     token: Token = None,
     as_json: AsJson = False,
 ) -> None:
-    """Answer by a Gaussian process fitted to the runs so far, with its held-out error."""
+    """Answer by functions fitted to the runs so far, with their held-out errors.
+
+    A Gaussian process and, with the extra `chaos`, a sparse polynomial chaos.
+    """
     with Client(url, token) as client, tempfile.TemporaryDirectory() as folder:
         described = client.study(study)
         results = Path(folder) / "results.csv"
@@ -56,9 +59,7 @@ def _print(found: Any, snapshot: Json) -> None:
 
     from rehyb.display import statistic
 
-    fits = {"S, ST of the surrogate": found.fit}
-    if found.without_outliers is not None:
-        fits["without the outliers"] = found.without_outliers
+    fits = {f"{name}: S, ST": fit for name, fit in found.fits().items()}
     sampled = snapshot["outputs"][found.output]["factors"]
     names = {"first_order": "S sampled", "total_order": "ST sampled"}
     shown = names if snapshot["method"] == "saltelli" else {}
@@ -70,6 +71,8 @@ def _print(found: Any, snapshot: Json) -> None:
             *(f"{f.first_order[factor]:.3f}, {f.total_order[factor]:.3f}" for f in fits.values()),
             *(statistic(sampled[factor].get(name)) for name in shown),
         )
+    table.add_section()
+    table.add_row("held out", *(f"{max(fit.held_out, 0.0):.1%} explained" for fit in fits.values()))
     console = Console(soft_wrap=True)
     console.print(table)
     console.print(found.sentence, markup=False)

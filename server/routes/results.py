@@ -6,13 +6,15 @@ import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from http import HTTPStatus
+from importlib.util import find_spec
 from itertools import chain, islice
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import StreamingResponse
 from pydantic import Field, StringConstraints
 
+from analysis.files.parquet import parquet
 from server.logic.table import header, lines
 from server.logic.verdicts import Report
 from server.routes.common import (
@@ -27,7 +29,9 @@ from server.routes.common import (
     example,
 )
 from server.routes.leases import Fence
+from server.routes.studies import show
 from server.store import results, studies
+from sim.catalogue import MODELS
 
 log = logging.getLogger(__name__)
 
@@ -131,6 +135,22 @@ def table(study_id: Id, store: Store) -> StreamingResponse:
         _csv(chain([header(study.plan)], rows)),
         media_type="text/csv; charset=utf-8",
         headers={"Content-Disposition": f'attachment; filename="{study.id}.csv"'},
+    )
+
+
+@router.get("/studies/{study_id}/results.parquet")
+def parquet_table(study_id: Id, store: Store) -> StreamingResponse:
+    """Stream the same as Apache Parquet, the study's description and the units in its metadata."""
+    if find_spec("pyarrow") is None:
+        raise HTTPException(501, "Parquet needs pyarrow on the coordinator: install 'rehyb[files]'")
+    study = studies.get(store, study_id)
+    model = MODELS[study.plan.model]
+    units = {factor.name: factor.unit for factor in model.factors} | dict(model.units)
+    rows = lines(study.plan, results.in_order(store, study))
+    return StreamingResponse(
+        parquet(show(study_id, store), rows, units),
+        media_type="application/vnd.apache.parquet",
+        headers={"Content-Disposition": f'attachment; filename="{study.id}.parquet"'},
     )
 
 

@@ -28,6 +28,7 @@ def start(directory: Path, *options: str) -> "subprocess.Popen[str]":
     command += ["--model", "sobol_g", "--local-workers", "2", "--directory", str(directory)]
     return subprocess.Popen(
         [*command, *options],
+        stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -120,3 +121,26 @@ def test_sigkill_of_the_command_leaves_nothing_running(directory: Path) -> None:
     while processes_of(directory) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert processes_of(directory) == []
+
+
+def test_a_campaign_asks_before_it_fixes_and_grows_to_the_precision_wanted(
+    directory: Path,
+) -> None:
+    sizes = ("--screening-rows", "12", "--variance-rows", "16", "--up-to", "128")
+    options = (*sizes, "--target", "0.25", "--confirm", "--json")
+    first = start(directory, *options)
+    out, words = first.communicate("no\n", timeout=180)
+    assert (first.returncode, out) == (1, "")
+    assert "has the least influence on y" in words and "and go on?" in words
+    assert "rehyb: nothing was fixed, and phase 2 waits" in words.splitlines()[-1]
+    assert processes_of(directory) == []
+
+    second = start(directory, *options)
+    out, words = second.communicate("leg\nx4\n", timeout=180)
+    assert second.returncode == 0, words
+    assert "There is no factor 'leg': x" in words
+    report = json.loads(out)
+    assert report["fixed"] == "x4" and "Asked, the user fixed x4 instead." in report["evidence"]
+    rows = report["phase2"]["rows"]
+    assert rows in (32, 64, 128) and report["phase2"]["rows_complete"] == rows
+    assert f"{rows} of {rows} complete" in (directory / "report.html").read_text()

@@ -17,6 +17,7 @@ from analysis.figures import (
     variance_figure,
 )
 from analysis.figures.scatter import bin_means
+from analysis.figures.style import COLOURS
 from analysis.service import analyse
 from analysis.snapshot import empty_snapshot
 
@@ -52,6 +53,33 @@ def test_the_unit_and_the_failures_are_written_in_the_picture(tmp_path: Path) ->
     picture = (tmp_path / "campaign.svg").read_text()
     for text in ("(Nm/rad)", "diverged", "phase 1: 2 of 48", "phase 2: 2 of 60", "90 % intervals"):
         assert f"<!-- {text}" in picture or text in picture
+
+
+def test_a_factor_keeps_its_colour_where_another_was_fixed() -> None:
+    plan = study_plan("saltelli", 12)
+    shot = analyse(plan, results_of(plan))
+    for entry in (shot["outputs"]["y"], shot["outputs"]["y"]["convergence"]):
+        del entry["factors"]["a"]
+    whole, rest = (convergence_figure(shot, "y", palette=p) for p in (["a", "b", "c"], ["b", "c"]))
+    assert [line.get_color() for line in whole.axes[0].lines[:2]] == list(COLOURS[1:3])
+    assert [line.get_color() for line in rest.axes[0].lines[:2]] == list(COLOURS[:2])
+
+
+def test_wide_bands_of_the_first_rows_do_not_hide_the_lines() -> None:
+    plan = study_plan("saltelli", 40)
+    shot = analyse(plan, results_of(plan))
+    for curve in shot["outputs"]["y"]["convergence"]["factors"].values():
+        curve["total_order"]["high"][0] = 99.0
+    for axes in convergence_figure(shot, "y").axes:
+        assert axes.get_ylim()[1] < 2.0
+
+
+def test_intervals_and_clouds_of_a_screening_have_the_same_axes() -> None:
+    plan = study_plan("morris", 12)
+    clouds = np.random.default_rng(3).random((2, 50, 3)) * [[[9.0]], [[0.1]]]
+    left, right = screening_figure(analyse(plan, results_of(plan)), "y", clouds=clouds).axes
+    assert left.get_xlim() == right.get_xlim() and left.get_ylim() == right.get_ylim()
+    assert left.get_xlim()[1] > 8.9
 
 
 def test_a_figure_refuses_the_wrong_method_or_output() -> None:

@@ -1,6 +1,8 @@
 """What a report promises: one file, nothing from outside, the coordinator's numbers, any state."""
 
+import base64
 import csv
+import hashlib
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -80,7 +82,13 @@ def test_a_report_holds_every_figure_of_its_method_and_nothing_from_outside(
     table = write_table(tmp_path / "r.csv", plan, results_of(plan, failed=FAILED))
     one = chapter(described(plan), table)
     files = write_report(
-        tmp_path / "r.html", [one], "y", UNITS, title="T", findings=["F < G"], png=tmp_path / "p"
+        tmp_path / "r.html",
+        [one],
+        "y",
+        UNITS,
+        title="T",
+        findings=["F < G"],
+        folders={"png": tmp_path / "p", "pdf": tmp_path / "q"},
     )
     text = (tmp_path / "r.html").read_text()
     outline = Outline()
@@ -90,12 +98,21 @@ def test_a_report_holds_every_figure_of_its_method_and_nothing_from_outside(
     assert len(sources) == 5
     assert all(source.startswith("data:image/svg+xml;base64,") for source in sources)
     assert not [name for name, _ in outline.attributes if name == "href"]
-    assert "<script" not in text and "url(" not in text and "@import" not in text
+    assert "url(" not in text and "@import" not in text
+    # The browser is told to run one script, ours, and to load nothing.
+    assert dict(outline.attributes)["content"] == "width=device-width, initial-scale=1"
+    policy = next(value for _, value in outline.attributes if value and "default-src" in value)
+    assert policy.startswith("default-src 'none'; img-src data:; style-src 'unsafe-inline'; script")
+    scripts = re.findall(r"<script(.*?)>(.*?)</script>", text, re.DOTALL)
+    assert [kind for kind, _ in scripts] == [' type="application/json" class="runs"', ""]
+    digest = base64.b64encode(hashlib.sha256(scripts[1][1].encode()).digest()).decode()
+    assert policy.endswith(f"script-src 'sha256-{digest}'")
     first = "plane" if method == "morris" else "shares"
     assert [file.name for file in files] == [
         "r.html",
         *(
-            f"1-{method}-{name}.png"
+            f"1-{method}-{name}.{kind}"
+            for kind in ("png", "pdf")
             for name in (first, "convergence", "distribution", "scatter", "pairs")
         ),
     ]
@@ -116,11 +133,14 @@ def test_numbers_are_those_of_the_coordinator_bit_for_bit(method: str, tmp_path:
 def test_the_same_study_gives_the_same_page(tmp_path: Path) -> None:
     plan = study_plan("saltelli", rows=8)
     table = write_table(tmp_path / "r.csv", plan, results_of(plan))
-    pages = set()
-    for name in ("a.html", "b.html"):
-        write_report(tmp_path / name, [chapter(described(plan), table)], "y", UNITS, title="T")
-        pages.add((tmp_path / name).read_bytes())
-    assert len(pages) == 1
+    written = []
+    for name in ("a", "b"):
+        one = chapter(described(plan), table)
+        folders = {"pdf": tmp_path / name}
+        page = tmp_path / f"{name}.html"
+        files = write_report(page, [one], "y", UNITS, title="T", folders=folders)
+        written.append([file.read_bytes() for file in files])
+    assert written[0] == written[1]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -147,6 +167,20 @@ def test_failures_that_depend_on_the_factors_are_a_banner(tmp_path: Path) -> Non
     write_report(tmp_path / "r.html", [chapter(described(plan), table)], "y", UNITS, title="T")
     banner = re.search(r'<div class="card warning"><p>(.*?)</p>', (tmp_path / "r.html").read_text())
     assert banner is not None and "failures depend on the factors: b." in banner[1]
+
+
+def test_surrogates_stand_in_a_report_where_asked_or_say_why_not(tmp_path: Path) -> None:
+    plan = study_plan("saltelli", rows=16)
+    one = chapter(described(plan), write_table(tmp_path / "r.csv", plan, results_of(plan)))
+    write_report(tmp_path / "r.html", [one], "y", UNITS, title="T", surrogates=True)
+    text = (tmp_path / "r.html").read_text()
+    assert "Surrogates on the same runs" in text and "polynomial chaos: S, ST" in text
+    assert "Fitted to 80 runs" in text
+    few = study_plan("saltelli", rows=2)
+    table = write_table(tmp_path / "f.csv", few, results_of(few))
+    one = chapter(described(few), table)
+    write_report(tmp_path / "f.html", [one], "y", UNITS, title="T", surrogates=True)
+    assert "There is no surrogate: a surrogate needs 15 runs" in (tmp_path / "f.html").read_text()
 
 
 def test_points_that_stand_for_the_distributions_are_a_and_b_of_a_saltelli_row(

@@ -1,5 +1,6 @@
 """What the advisor promises: rows by the square root law, and a sentence with the numbers."""
 
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -7,7 +8,7 @@ from analysis_studies import results_of, study_plan
 
 from analysis.service import analyse
 from analysis.snapshot import empty_snapshot
-from analysis.stopping import advise
+from analysis.stopping import advise, next_step
 
 
 def interval(value: float | None, half: float) -> dict[str, float | None]:
@@ -82,3 +83,51 @@ def test_a_target_is_positive_and_an_output_known() -> None:
         advise(snapshot(0.04), "error", target=0.0)
     with pytest.raises(ValueError, match="has no output 'q': it has error"):
         advise(snapshot(0.04), "q")
+
+
+@pytest.mark.parametrize(
+    ("half", "sampling", "rows", "most_rows", "expected"),
+    [
+        # Already there, or at the end of what is allowed.
+        (0.015, "sobol", 300, 5000, (None, True)),
+        (0.04, "sobol", 300, 300, (None, False)),
+        # To the next power of two, however many more are forecast.
+        (0.04, "sobol", 300, 5000, (512, False)),
+        (0.04, "sobol_paired", 512, 5000, (1024, False)),
+        (0.021, "sobol", 512, 5000, (1024, False)),
+        # As forecast, in whole hypercubes of 50 rows, but never more than doubled.
+        (0.022, "latin_hypercube", 300, 5000, (400, False)),
+        (0.2, "latin_hypercube", 300, 5000, (600, False)),
+        # Never beyond the cap.
+        (0.2, "latin_hypercube", 300, 420, (420, False)),
+        (0.2, "sobol", 300, 420, (420, False)),
+    ],
+)
+def test_a_study_grows_step_by_step_until_it_is_precise_or_at_its_cap(
+    half: float, sampling: str, rows: int, most_rows: int, expected: tuple[int | None, bool]
+) -> None:
+    shot = snapshot(half, sampling=sampling, rows=rows)
+    step = next_step(shot, "error", target=0.02, most_rows=most_rows)
+    assert (step.rows, step.reached) == expected
+
+
+def test_a_study_without_intervals_is_not_extended() -> None:
+    step = next_step(empty_snapshot(study_plan("morris", rows=3)), "y", target=0.1, most_rows=99)
+    assert (step.rows, step.reached) == (None, False)
+    assert step.sentence == "After 0 rows y has no intervals: see why its runs failed."
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "latin_hypercube"])
+def test_followed_to_its_end_a_study_is_as_precise_as_wanted(sampling: str) -> None:
+    rows, sizes = 16, list[int]()
+    while True:
+        plan = study_plan("saltelli", rows=rows, sampling=sampling)
+        shot = analyse(plan, results_of(plan))
+        step = next_step(shot, "y", target=0.15, most_rows=1000)
+        sizes.append(rows)
+        if step.rows is None:
+            break
+        rows = step.rows
+    assert step.reached and len(sizes) > 2
+    assert step.sentence.startswith("Every index of y is within ±0.15")
+    assert all(later <= 2 * earlier or later == 50 for earlier, later in pairwise(sizes))

@@ -1,11 +1,13 @@
 """What a surrogate promises: right indices on smooth models, and a warning elsewhere."""
 
+import sys
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 from analysis_studies import FACTORS, study_plan
 
+from analysis.chaos import fit_chaos
 from analysis.designs import METHODS, instance_parameters, row_width
 from analysis.surrogate import GOOD, MOST_RUNS, answer
 from analysis.table import Table
@@ -50,6 +52,31 @@ def test_a_smooth_model_is_answered_from_a_hundred_runs(method: str) -> None:
     for name, (first, total) in expected.items():
         assert found.fit.first_order[name] == pytest.approx(first, abs=0.01)
         assert found.fit.total_order[name] == pytest.approx(total, abs=0.01)
+    chaos = found.chaos
+    assert chaos is not None and chaos.held_out > 0.999
+    for name, (first, total) in expected.items():
+        assert chaos.first_order[name] == pytest.approx(first, abs=0.002)
+        assert chaos.total_order[name] == pytest.approx(total, abs=0.002)
+    assert (
+        "A polynomial chaos explains 100.0%; its ST are within 0.001 of the process"
+        in found.sentence
+    )
+
+
+def test_without_openturns_the_process_answers_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "openturns", None)
+    found = answer(table("saltelli", rows=24), "y")
+    assert found.chaos is None and "chaos" not in found.sentence
+
+
+def test_an_expansion_predicts_what_it_was_fitted_to() -> None:
+    x = np.random.default_rng(1).random((60, 2))
+    chaos = fit_chaos(x, 1e6 + 3.0 * x[:, 0] ** 2 * x[:, 1])
+    new = np.random.default_rng(2).random((5, 2))
+    np.testing.assert_allclose(
+        chaos.predict(new) - 1e6, 3.0 * new[:, 0] ** 2 * new[:, 1], atol=1e-6
+    )
+    assert chaos.terms < 12
 
 
 def test_two_jams_are_named_and_the_answer_with_them_is_not_recommended() -> None:
@@ -68,6 +95,8 @@ def test_what_no_factor_explains_has_no_answer() -> None:
     found = answer(table("saltelli", rows=24, function=lambda _: noise.normal()), "y")
     assert found.fit.held_out < 0.2
     assert "do not use" in found.sentence
+    assert found.chaos is not None and found.chaos.held_out < 0.2
+    assert "too little for its indices to be used" in found.sentence
 
 
 def test_failed_runs_are_left_out_and_runs_are_limited() -> None:

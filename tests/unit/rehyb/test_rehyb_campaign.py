@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ from matplotlib.figure import Figure
 from analysis.designs import instance_parameters
 from analysis.distributions import Distribution
 from analysis.service import LoggedResult, StudyPlan, analyse
-from rehyb.campaign import Campaign, Plan, View
+from rehyb.campaign import Campaign, Proposed, View
 from rehyb.errors import CampaignError, Unreachable
+from rehyb.plans import PRESETS, Plan
 from sim.catalogue import MODELS
 from sim.evaluation import evaluate
 
@@ -29,11 +31,20 @@ class Coordinator:
 
     def submit(self, study: dict[str, Any], idempotency_key: str) -> dict[str, Any]:
         self._answer()
-        self.submitted.setdefault(idempotency_key, study)
-        plan, distributions, _ = evaluated(idempotency_key, study)
+        self.submitted.setdefault(idempotency_key, dict(study))
+        return self._shown(idempotency_key)
+
+    def extend(self, study_id: str, rows: int) -> dict[str, Any]:
+        self._answer()
+        self.submitted[study_id]["rows"] = rows
+        return self._shown(study_id)
+
+    def _shown(self, study_id: str) -> dict[str, Any]:
+        study = self.submitted[study_id]
+        plan, distributions, _ = evaluated(study_id, study)
         return {
             **study,
-            "id": idempotency_key,
+            "id": study_id,
             "outputs": list(plan.outputs),
             "factors": [
                 {"name": name, "distribution": distribution.to_json()}
@@ -189,6 +200,55 @@ def test_failures_of_both_phases_are_counted_by_cause_and_every_file_is_written(
 
 
 @pytest.mark.usefixtures("no_drawing")
+def test_phase_2_is_extended_until_it_is_precise_and_resumes_as_long_as_it_grew(
+    tmp_path: Path,
+) -> None:
+    coordinator = Coordinator()
+    plan = replace(PLAN, most_rows=64, target=0.4)
+    report = campaign(coordinator, tmp_path, plan).run()
+    sizes = [study["rows"] for study in coordinator.submitted.values()]
+    assert sizes == [12, report.phase2["rows"]]
+    assert 8 < sizes[1] <= 64
+    assert f"{sizes[1]} of {sizes[1]} complete" in (tmp_path / "report.html").read_text()
+    assert "Every index of y is within ±0.4" in (tmp_path / "report.html").read_text()
+    again = campaign(coordinator, tmp_path, plan).run()
+    assert again.phase2 == report.phase2
+
+
+@pytest.mark.usefixtures("no_drawing")
+def test_a_campaign_of_an_earlier_version_is_resumed(tmp_path: Path) -> None:
+    coordinator = Coordinator()
+    campaign(coordinator, tmp_path).run()
+    manifest = json.loads((tmp_path / "campaign.json").read_text())
+    for later in ("most_rows", "target"):
+        del manifest["plan"][later]
+    (tmp_path / "campaign.json").write_text(json.dumps(manifest))
+    campaign(coordinator, tmp_path).run()
+    assert len(coordinator.submitted) == 2
+
+
+@pytest.mark.usefixtures("no_drawing")
+def test_what_is_fixed_is_what_somebody_agreed_to_and_asked_once_only(tmp_path: Path) -> None:
+    coordinator, asked = Coordinator(), list[Proposed]()
+
+    def answering(answer: str | None) -> Campaign:
+        running = campaign(coordinator, tmp_path)
+        running._confirm = lambda proposed: (asked.append(proposed), answer)[1]
+        return running
+
+    with pytest.raises(CampaignError, match="nothing was fixed, and phase 2 waits"):
+        answering(None).run()
+    assert len(coordinator.submitted) == 1
+    report = answering("x3").run()
+    assert (report.fixed, report.separated) == ("x3", False)
+    assert report.evidence.endswith("Asked, the user fixed x3 instead.")
+    assert answering("x1").run().fixed == "x3"
+    assert [proposed.factor for proposed in asked] == [asked[0].factor] * 2
+    assert asked[0].factor in ("x5", "x6") and asked[0].value == "0.5"
+    assert set(asked[0].factors) == {f"x{i}" for i in range(1, 7)}
+
+
+@pytest.mark.usefixtures("no_drawing")
 def test_a_second_run_submits_the_same_studies_under_the_same_keys(tmp_path: Path) -> None:
     coordinator = Coordinator()
     first = campaign(coordinator, tmp_path).run()
@@ -213,6 +273,12 @@ def test_a_resumed_campaign_submits_what_it_began_even_if_it_would_word_it_diffe
     campaign(coordinator, tmp_path).run()
     names = {study["name"] for study in coordinator.submitted.values()}
     assert names == {"worded by an earlier version"}
+
+
+def test_the_papers_campaign_is_a_preset() -> None:
+    paper = PRESETS["paper"]
+    assert (paper.screening_rows, paper.variance_rows) == (150, 3000)
+    assert paper.sampling == "latin_hypercube"
 
 
 def test_another_plan_in_the_same_directory_is_refused(tmp_path: Path) -> None:

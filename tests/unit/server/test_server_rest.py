@@ -8,11 +8,13 @@ from typing import Any
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
+from pyarrow import parquet
 from rest_bodies import STUDY, Json, asking, is_problem, posting, result
 from sqlalchemy import event
 
 from analysis.designs import instance_parameters
 from analysis.distributions import Uniform
+from analysis.files.parquet import STUDY_KEY
 from analysis.service import catch_up
 from server.logic.hosts import host_class
 from server.store.result_log import StoreResultLog
@@ -218,6 +220,26 @@ def test_results_are_downloaded_as_a_table(client: TestClient, study: Json, leas
     assert (first["row"], first["position"], first["outcome"]) == ("0", "0", "ok")
     assert (first["y"], first["wall_seconds"], first["worker"]) == ("0.5", "0.125", "w")
     assert (second["position"], second["outcome"], second["y"]) == ("1", "diverged", "")
+
+
+def test_results_are_downloaded_as_parquet_too(
+    client: TestClient, study: Json, lease: Json, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    a, b, *_ = lease["instances"]
+    results = [result(b, outcome="diverged", outputs={}), result(a)]
+    client.post("/v1/results", json=posting(lease, results))
+    path = f"/v1/studies/{study['id']}/results.parquet"
+    response = client.get(path)
+    assert response.headers["content-type"] == "application/vnd.apache.parquet"
+    table = parquet.read_table(io.BytesIO(response.content))
+    first, second = table.to_pylist()
+    assert {name: first[name] for name in a["parameters"]} == a["parameters"]
+    assert (first["row"], first["position"], first["outcome"]) == (0, 0, "ok")
+    assert (first["y"], first["wall_seconds"], first["worker"]) == (0.5, 0.125, "w")
+    assert (second["position"], second["outcome"], second["y"]) == (1, "diverged", None)
+    assert json.loads(table.schema.metadata[STUDY_KEY])["id"] == study["id"]
+    monkeypatch.setattr("server.routes.results.find_spec", lambda _: None)
+    assert "install 'rehyb[files]'" in is_problem(client.get(path), 501)["detail"]
 
 
 def test_cancelling_stops_the_leasing(client: TestClient, study: Json) -> None:

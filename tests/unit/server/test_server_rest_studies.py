@@ -132,6 +132,7 @@ def test_a_body_that_is_not_json_is_a_problem(client: TestClient) -> None:
         ("GET", "/v1/studies/nothing/progress", 404),
         ("GET", "/v1/studies/nothing/indices", 404),
         ("GET", "/v1/studies/nothing/results.csv", 404),
+        ("GET", "/v1/studies/nothing/results.parquet", 404),
         ("POST", "/v1/studies/nothing/cancel", 404),
         ("GET", "/v1/studies/%00", 422),
         ("DELETE", "/v1/studies", 405),

@@ -1,0 +1,20 @@
+"""Numbers with the digits that their intervals allow."""
+
+from math import floor, log10
+
+
+def with_interval(value: float, low: float | None, high: float | None) -> tuple[str, str]:
+    """Return a number and its interval, "[low, high]", as a reader wants them.
+
+    All have as many decimals as two digits of the interval's half width need: more would be noise.
+    Without an interval, or with one of no width, the number has three digits and the other is "".
+    """
+    if low is None or high is None:
+        return f"{value:.3g}", ""
+    half = 0.5 * (high - low)
+    if not half > 0.0:
+        return f"{value:.3g}", f"[{low:.3g}, {high:.3g}]"
+    if half < 1e-4 or half >= 1e5:
+        return f"{value:.3g}", f"[{low:.2g}, {high:.2g}]"
+    decimals = max(1 - floor(log10(half)), 0)
+    return f"{value:.{decimals}f}", f"[{low:.{decimals}f}, {high:.{decimals}f}]"

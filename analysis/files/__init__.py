@@ -1,0 +1,1 @@
+"""Files that a study's results leave in, for tools that are not ours."""

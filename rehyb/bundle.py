@@ -1,0 +1,252 @@
+"""A study as one file that can be checked without us: a zip archive with a manifest.
+
+    manifest.json  versions, code, seed, failures by cause, and size and SHA-256 of the others
+    study.json     the study's description, as `GET /v1/studies/{id}` gives it
+    results.csv    every result with its parameters
+    indices.json   the coordinator's snapshot of exactly these results
+    failures.json  the ledger: every failed instance with its reason and its worker
+
+The same study gives the same bytes. Reading writes nothing to disk by a name from the archive, and
+never unpacks more than an honest bundle could hold.
+"""
+
+import csv
+import hashlib
+import json
+import shutil
+import tempfile
+import zipfile
+import zlib
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from platform import python_version
+from typing import IO, Any
+
+from rehyb.client import Client, Json
+from rehyb.errors import Conflict, Invalid
+
+FORMAT = 1
+MANIFEST = "manifest.json"
+RESULTS = "results.csv"
+#: Beside the manifest, in this order.
+MEMBERS = ("study.json", RESULTS, "indices.json", "failures.json")
+
+#: What a bundle may unpack to. Results take about 300 bytes each.
+MOST_BYTES = 8 * 2**30
+MOST_JSON_BYTES = 2**28
+#: How much smaller than itself a member of a bundle may be: tables of numbers shrink to a third,
+#: and a ledger of equal failures to a fortieth.
+MOST_SHRUNK = 200
+
+_PAGE = 1000
+_CHUNK = 2**20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bundle:
+    """What a bundle says, read and limited but not yet believed."""
+
+    manifest: Json
+    study: Json
+    indices: Json
+    failures: list[Json]
+    #: SHA-256 of each member as it is in the archive.
+    found: Mapping[str, str]
+    #: A file with the results, for as long as the folder it was put into lasts.
+    results: Path
+
+
+def write_bundle(client: Client, study_id: str, out: Path) -> str:
+    """Write a study's bundle, and return the SHA-256 of the file.
+
+    Raises:
+        Conflict: the indices that the coordinator has are not yet those of all results.
+        RehybError: the coordinator does not know the study, or does not answer.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        study = client.study(study_id)
+        client.results_csv(study_id, folder / RESULTS)
+        indices = client.indices(study_id)
+        outcomes, workers = _counted(folder / RESULTS)
+        if indices["evaluations"] != dict(sorted(outcomes.items())):
+            raise Conflict(
+                f"study {study_id} has {sum(outcomes.values())} results and indices of "
+                f"{sum(indices['evaluations'].values())}: wait until it is complete, or pause it"
+            )
+        contents = {
+            "study.json": study,
+            "indices.json": indices,
+            "failures.json": _ledger(client, study_id),
+        }
+        for member, content in contents.items():
+            (folder / member).write_text(_text(content))
+        known = {worker["id"]: worker for worker in client.workers()}
+        manifest = {
+            "format": FORMAT,
+            "study": study_id,
+            "seed": study["seed"],
+            "results": sum(outcomes.values()),
+            "failures": {name: n for name, n in sorted(outcomes.items()) if name != "ok"},
+            "identity": client.instance(study_id, 0, 0)["identity"],
+            "workers": [
+                {
+                    "id": worker,
+                    "host_class": known.get(worker, {}).get("host_class"),
+                    "versions": known.get(worker, {}).get("versions", {}),
+                }
+                for worker in sorted(workers)
+            ],
+            "bundled_with": versions(),
+            "files": {
+                member: {
+                    "sha256": digest_of(folder / member),
+                    "bytes": (folder / member).stat().st_size,
+                }
+                for member in MEMBERS
+            },
+        }
+        (folder / MANIFEST).write_text(_text(manifest))
+        partial = out.with_name(out.name + ".partial")
+        try:
+            with zipfile.ZipFile(partial, "w") as archive:
+                for member in (MANIFEST, *MEMBERS):
+                    _add(archive, member, folder / member)
+            partial.replace(out)
+        finally:
+            partial.unlink(missing_ok=True)
+    return digest_of(out)
+
+
+def read_bundle(path: Path, folder: Path) -> Bundle:
+    """Read a bundle; its results are put into `folder` under a name of ours.
+
+    Raises:
+        Invalid: the file is no bundle, is cut short or damaged, or unpacks to more than a bundle
+            does; the message says which.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            _inspect(path, archive)
+            found = {}
+            parts: dict[str, Any] = {}
+            for member in (MANIFEST, *MEMBERS):
+                digest = hashlib.sha256()
+                with archive.open(member) as source:
+                    if member == RESULTS:
+                        _copy(source, folder / RESULTS, digest)
+                    else:
+                        parts[member] = _json(path, member, source, digest)
+                found[member] = digest.hexdigest()
+    except (zipfile.BadZipFile, EOFError, NotImplementedError, zlib.error) as error:
+        raise Invalid(f"{path} is no bundle, or is damaged: {error}") from None
+    for member in (MANIFEST, "study.json", "indices.json"):
+        if not isinstance(parts[member], dict):
+            raise Invalid(f"{path}: {member} is not a JSON object")
+    if parts[MANIFEST].get("format") != FORMAT:
+        raise Invalid(
+            f"{path} has format {parts[MANIFEST].get('format')!r}, and this version reads {FORMAT}"
+        )
+    ledger = parts["failures.json"]
+    if not isinstance(ledger, list) or not all(isinstance(line, dict) for line in ledger):
+        raise Invalid(f"{path}: failures.json is not a list of JSON objects")
+    return Bundle(
+        manifest=parts[MANIFEST],
+        study=parts["study.json"],
+        indices=parts["indices.json"],
+        failures=ledger,
+        found=found,
+        results=folder / RESULTS,
+    )
+
+
+def versions() -> dict[str, str]:
+    """Return the versions here that the indices' bits may depend on."""
+    return {name: version(name) for name in ("rehyb", "numpy", "scipy")} | {
+        "python": python_version()
+    }
+
+
+def _inspect(path: Path, archive: zipfile.ZipFile) -> None:
+    """Refuse an archive before anything of it is unpacked."""
+    members = archive.infolist()
+    names = Counter(member.filename for member in members)
+    wanted = {MANIFEST, *MEMBERS}
+    if strange := sorted(set(names) - wanted):
+        raise Invalid(f"{path} is no bundle: it holds {strange[0]!r}, which no bundle has")
+    if missing := sorted(wanted - set(names)):
+        raise Invalid(f"{path} is no bundle: it has no {', '.join(missing)}")
+    if twice := [name for name, n in names.items() if n > 1]:
+        raise Invalid(f"{path} is no bundle: it has {twice[0]} twice")
+    if sum(member.compress_size for member in members) > path.stat().st_size:
+        raise Invalid(f"{path} is no bundle: its members overlap")
+    for member in members:
+        most = MOST_BYTES if member.filename == RESULTS else MOST_JSON_BYTES
+        if member.file_size > most or member.file_size > MOST_SHRUNK * (member.compress_size + 100):
+            raise Invalid(
+                f"{path} is no bundle: {member.filename} unpacks from {member.compress_size:,} to "
+                f"{member.file_size:,} bytes, more than one ever does"
+            )
+        if member.flag_bits & 1:
+            raise Invalid(f"{path} is no bundle: {member.filename} is encrypted")
+
+
+def _json(path: Path, member: str, source: IO[bytes], digest: Any) -> Any:
+    data = source.read(MOST_JSON_BYTES + 1)
+    digest.update(data)
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise Invalid(f"{path}: {member} is not JSON: {error}") from None
+
+
+def _copy(source: IO[bytes], target: Path, digest: Any) -> None:
+    with target.open("wb") as file:
+        while chunk := source.read(_CHUNK):
+            digest.update(chunk)
+            file.write(chunk)
+
+
+def _counted(results: Path) -> tuple[Counter[str], set[str]]:
+    """Return how many results have each outcome, and who reported any."""
+    outcomes, workers = Counter[str](), set[str]()
+    with results.open(newline="") as file:
+        for line in csv.DictReader(file):
+            outcomes[line["outcome"]] += 1
+            workers.add(line["worker"])
+    return outcomes, workers
+
+
+def _ledger(client: Client, study_id: str) -> list[Json]:
+    """Return every failed instance as the coordinator lists it."""
+    ledger: list[Json] = []
+    after: str | None = None
+    while True:
+        page = client.instances(study_id, state="failed", after=after, limit=_PAGE)
+        ledger += page["instances"]
+        after = page["next"]
+        if after is None:
+            return ledger
+
+
+def _add(archive: zipfile.ZipFile, member: str, path: Path) -> None:
+    # Without the hour of day, so that the same study gives the same bytes.
+    info = zipfile.ZipInfo(member, date_time=(1980, 1, 1, 0, 0, 0))
+    info.compress_type = zipfile.ZIP_DEFLATED
+    info.external_attr = 0o644 << 16
+    info.file_size = path.stat().st_size
+    with path.open("rb") as source, archive.open(info, "w") as target:
+        shutil.copyfileobj(source, target, _CHUNK)
+
+
+def _text(content: Any) -> str:
+    return json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file, 64 hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,64 @@
+"""Bring a study's results into files that other tools read."""
+
+import tempfile
+from pathlib import Path
+
+from rehyb.client import Client, Json
+from rehyb.errors import Invalid, RehybError
+
+#: Formats by name, with the ending of their files.
+FORMATS = {"csv": ".csv", "parquet": ".parquet", "netcdf": ".nc"}
+
+
+def export(client: Client, study_id: str, out: Path | None, format: str) -> Path:
+    """Write a study's results so far as one file, and return its path.
+
+    Args:
+        client: the coordinator that has the study.
+        study_id: which study.
+        out: the file; default: named after the study, in the current folder.
+        format: one of FORMATS.
+
+    Raises:
+        Invalid: there is no such format.
+        RehybError: the coordinator does not know the study or does not answer, or what the format
+            needs is not installed.
+    """
+    if format not in FORMATS:
+        raise Invalid(f"there is no format {format!r}: take one of {', '.join(FORMATS)}")
+    path = out or Path(study_id + FORMATS[format])
+    if format == "csv":
+        client.results_csv(study_id, path)
+        return path
+    study = client.study(study_id)
+    with tempfile.TemporaryDirectory() as folder:
+        results = Path(folder) / "results.csv"
+        client.results_csv(study_id, results)
+        # Written beside its place first: nobody finds half a file.
+        partial = path.with_name(path.name + ".partial")
+        try:
+            _write(partial, study, results, format)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+    return path
+
+
+def _write(path: Path, study: Json, results: Path, format: str) -> None:
+    from sim.catalogue import MODELS
+
+    model = MODELS[study["model"]]
+    units = {factor.name: factor.unit for factor in model.factors} | dict(model.units)
+    try:
+        if format == "parquet":
+            from analysis.files.parquet import write_parquet
+
+            write_parquet(path, study, results, units)
+        else:
+            from analysis.files.netcdf import write_netcdf
+            from analysis.report import plan_of
+            from analysis.table import Table
+
+            write_netcdf(path, study, Table.read(plan_of(study), results), units)
+    except ModuleNotFoundError as error:
+        raise RehybError(f"{format} needs {error.name}: pip install 'rehyb[files]'") from None

@@ -1,0 +1,43 @@
+"""What a campaign is to compute, and sizes by name."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What a campaign is to compute; the same plan resumes the same campaign."""
+
+    model: str
+    #: The output whose uncertainty is ranked.
+    output: str
+    #: Rows of phase 1, each of k + 1 instances (r in the paper).
+    screening_rows: int
+    #: Rows of phase 2, each of k + 1 instances for the k - 1 factors left (N in the paper).
+    variance_rows: int
+    sampling: str = "sobol_blocks"
+    seed: int = 1
+    #: Phase 2 is extended up to this many rows until every interval of its indices is within
+    #: +-`target` (default 0.02); None: it has `variance_rows` and no more.
+    most_rows: int | None = None
+    target: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preset:
+    """Sizes of a campaign."""
+
+    screening_rows: int
+    variance_rows: int
+    sampling: str
+
+
+PRESETS: Mapping[str, Preset] = {
+    # Minutes on a laptop. At this size scrambled Sobol points are several times more precise.
+    "demo": Preset(screening_rows=16, variance_rows=64, sampling="sobol_blocks"),
+    # Sections 3.1 and 3.2.
+    "paper": Preset(screening_rows=150, variance_rows=3000, sampling="latin_hypercube"),
+}
+
+#: What plans of earlier versions did not have.
+LATER: Mapping[str, None] = {"most_rows": None, "target": None}
