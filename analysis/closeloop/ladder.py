@@ -1,12 +1,11 @@
 """Try every effect of the catalogue beside a model: the ladder that a name is chosen from."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.closeloop.catalogue import RUBBING, candidates
-from analysis.closeloop.catalogue.effect import Candidate, Columns, Estimate, Theta
+from analysis.closeloop.catalogue.effect import Candidate, Estimate, Theta
 from analysis.closeloop.model import Channel, Model, Term, estimate_of, evaluate, kept_columns
 from analysis.closeloop.regression import Rows, Score, Variant, compare, keep_independent, score
 
@@ -138,22 +137,20 @@ def _best_term(
 ) -> tuple[Model, Score] | None:
     effect, joint = candidate.effect, candidate.joint
     base, base_lower = model.base(rows)
-    variants, columns_of = [], []
-    for theta, columns, stacked in _stacked(model, rows, candidate, thetas, estimate):
+    variants = []
+    for theta, stacked in _stacked(model, rows, candidate, thetas, estimate):
         stacked, kept = keep_independent(base, stacked)
         if kept:
             variants.append(Variant(theta=theta, columns=stacked, kept=kept))
-            columns_of.append(columns)
     if not variants:
         return None
     scored = score(rows, model.target(rows), base, base_lower, variants, effect.lower)
-    number = next(i for i, variant in enumerate(variants) if variant is scored.variant)
     if not np.any(scored.coefficients[base.shape[1] :]):
         return None
     term = Term(
         name=effect.name,
         joint=joint,
-        columns=columns_of[number],
+        columns=effect.columns(model.recording, joint, scored.variant.theta, estimate),
         lower=effect.lower,
         theta=scored.variant.theta,
         kept=scored.variant.kept,
@@ -164,21 +161,33 @@ def _best_term(
 
 def _stacked(
     model: Model, rows: Rows, candidate: Candidate, thetas: list[Theta], estimate: Estimate
-) -> Iterator[tuple[Theta, Columns, np.ndarray]]:
-    """Yield every variant with its columns as they are and stacked; one pass of the filter."""
+) -> list[tuple[Theta, np.ndarray]]:
+    """Return every variant's columns stacked over rows; one pass of the filter."""
     effect, joint = candidate.effect, candidate.joint
-    every = [effect.columns(model.recording, joint, theta, estimate) for theta in thetas]
-    if not every:
-        return
-    widths = [next(iter(columns.values())).shape[1] for columns in every]
-    together = {
-        number: np.concatenate([columns[number] for columns in every], axis=1)
-        for number in every[0]
-    }
-    stacked = rows.stack(model.transformed(together), sum(widths))
-    ends = np.cumsum(widths)
-    for theta, columns, end, width in zip(thetas, every, ends, widths, strict=True):
-        yield theta, columns, stacked[:, end - width : end]
+
+    def make() -> list[tuple[Theta, np.ndarray]]:
+        every = [effect.columns(model.recording, joint, theta, estimate) for theta in thetas]
+        if not every:
+            return []
+        widths = [next(iter(columns.values())).shape[1] for columns in every]
+        together = {
+            number: np.concatenate([columns[number] for columns in every], axis=1)
+            for number in every[0]
+        }
+        stacked = rows.stack(model.transformed(together), sum(widths))
+        ends = np.cumsum(widths)
+        return [
+            (theta, stacked[:, end - width : end])
+            for theta, end, width in zip(thetas, ends, widths, strict=True)
+        ]
+
+    if effect.uses_estimate:
+        return make()
+    grid = tuple(tuple(theta.items()) for theta in thetas)
+    found: list[tuple[Theta, np.ndarray]] = rows.once(
+        ("variants", candidate.key, grid, model.channel_key), make
+    )
+    return found
 
 
 def _best_channel(

@@ -63,16 +63,31 @@ class Model:
         inverse = self.recording.inverse
         return self.transformed({j: inverse[:, [j]] for j in self.recording.joints})
 
+    @property
+    def channel_key(self) -> tuple[tuple[str, int, tuple[tuple[str, float], ...]], ...]:
+        """What tells one set of channels from another."""
+        return tuple((*c.candidate.key, tuple(c.theta.items())) for c in self.channels)
+
     def target(self, rows: Rows) -> np.ndarray:
-        return np.asarray(rows.stack_effort() - rows.stack(self.known(), 1)[:, 0])
+        def make() -> np.ndarray:
+            return np.asarray(rows.stack_effort() - rows.stack(self.known(), 1)[:, 0])
+
+        return np.asarray(rows.once(("target", self.channel_key), make))
 
     def base(self, rows: Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return all terms' kept columns stacked over rows, and their bounds."""
         parts, bounds = [np.empty((len(rows.weight), 0))], []
         for term in self.terms:
-            parts.append(rows.stack(self.transformed(kept_columns(term)), len(term.kept)))
+            parts.append(self._stacked(term, rows))
             bounds += [term.lower[min(i, len(term.lower) - 1)] for i in term.kept]
         return np.concatenate(parts, axis=1), np.array(bounds)
+
+    def _stacked(self, term: Term, rows: Rows) -> np.ndarray:
+        def make() -> tuple[Term, np.ndarray]:
+            # The term is kept beside its columns, so that no other can have its identity.
+            return term, rows.stack(self.transformed(kept_columns(term)), len(term.kept))
+
+        return np.asarray(rows.once(("term", id(term), self.channel_key), make)[1])
 
     def with_term(self, term: Term) -> "Model":
         return replace(self, terms=(*self.terms, term))

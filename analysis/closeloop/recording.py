@@ -57,9 +57,13 @@ class Recording:
     @cached_property
     def inverse(self) -> np.ndarray:
         """Torque that the declared chain needs, declared Coulomb friction included."""
-        torque = self._inverse(self.position, self.velocity, self.acceleration)
         sign = np.tanh(self.velocity / (0.5 * self.rest_speed))
-        return np.asarray(torque + self.device.friction * sign)
+        return np.asarray(self.rigid + self.device.friction * sign)
+
+    @cached_property
+    def rigid(self) -> np.ndarray:
+        """Torque that the declared chain needs without Coulomb friction."""
+        return self._inverse(self.position, self.velocity, self.acceleration)
 
     @cached_property
     def static(self) -> np.ndarray:
@@ -79,14 +83,14 @@ class Recording:
 
     @cached_property
     def own_inertia(self) -> np.ndarray:
-        """Diagonal of the mass matrix, kg m2 or kg."""
+        """Diagonal of the mass matrix, kg m2 or kg; NaN at joints that are not analysed."""
         still = np.zeros_like(self.position)
-        columns = []
-        for joint in range(self.position.shape[1]):
+        found = np.full_like(self.position, np.nan)
+        for joint in self.joints:
             unit = still.copy()
             unit[:, joint] = 1.0
-            columns.append(self._inverse(self.position, still, unit)[:, joint])
-        return np.asarray(np.column_stack(columns) - self.static)
+            found[:, joint] = (self._inverse(self.position, still, unit) - self.static)[:, joint]
+        return found
 
     def carried(self, body: str, position: np.ndarray) -> np.ndarray:
         """Return the torque that one more kilogram at `position` of `body` needs."""
@@ -94,7 +98,7 @@ class Recording:
         if key not in self.cache:
             mass = AddedMass(body=body, mass=1.0, position=(position[0], position[1], position[2]))
             motion = self.position, self.velocity, self.acceleration
-            self.cache[key] = self._inverse(*motion, extra=(mass,)) - self._inverse(*motion)
+            self.cache[key] = self._inverse(*motion, extra=(mass,)) - self.rigid
         return self.cache[key]
 
     @cached_property
