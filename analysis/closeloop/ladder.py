@@ -15,6 +15,8 @@ MIN_UNIQUE = 0.02
 MAX_GIVEN = 0.25
 #: A gain or lag beyond these is another effect in disguise.
 GAINS = (0.33, 3.0)
+#: No more than this share of the declared inertia can turn out not to be there.
+MAX_REMOVED = 0.7
 ONE_WAY = (
     "the only trial moves in one direction: friction, damping, stiffness and neutral angle cannot "
     "be told apart"
@@ -35,6 +37,8 @@ class Option:
     z: float
     #: Why it may not be named here; empty if it may.
     refused: str = ""
+    #: Simpler effects of the model that it takes the place of.
+    replaced: frozenset[tuple[str, int]] = frozenset()
 
 
 def ladder(model: Model, rows: Rows, current: Score) -> list[Option]:
@@ -52,9 +56,11 @@ def ladder(model: Model, rows: Rows, current: Score) -> list[Option]:
         joint_name = model.recording.device.joints[candidate.joint]
         if candidate.key in active | covered or (candidate.effect.name, joint_name) in declared:
             continue
-        option = _try(_without_included(model, candidate), rows, candidate, estimate, current)
+        rest = _without_included(model, candidate)
+        option = _try(rest, rows, candidate, estimate, current)
         if option is not None:
-            options.append(option)
+            replaced = {c.key for c in model.effects} - {c.key for c in rest.effects}
+            options.append(replace(option, replaced=frozenset(replaced)))
     options.sort(key=lambda option: -option.gain)
     return _sharpened(options, rows, current)
 
@@ -98,6 +104,10 @@ def _try(
     if effect.name == "torque_gain":
         gain = 1.0 + float(scored.coefficients[-1])
         if not 1.0 / GAINS[1] < gain < 1.0 / GAINS[0]:
+            return None
+    if effect.name == "added_inertia":
+        own = model.recording.own_inertia[rows.samples[candidate.joint], candidate.joint]
+        if float(scored.coefficients[-1]) < -MAX_REMOVED * float(own.min()):
             return None
     rubs = effect.name in RUBBING and not _corrects(model, candidate)
     if rubs and _drives(tried, scored, candidate):
@@ -248,9 +258,15 @@ def _refusal(model: Model, rows: Rows, candidate: Candidate, scored: Score) -> s
     width = scored.variant.columns.shape[1] if scored.variant.columns.size else 0
     if not width or not base.shape[1]:
         return ""
-    torque = scored.variant.columns @ scored.coefficients[-width:]
-    fitted = base @ np.linalg.lstsq(base, torque, rcond=None)[0]
-    unique = float(((torque - fitted) ** 2).sum() / max(float((torque**2).sum()), 1e-300))
+    columns, own = scored.variant.columns, scored.coefficients[-width:]
+    left = columns - base @ np.linalg.lstsq(base, columns, rcond=None)[0]
+    here = {term.name for term in model.terms if term.joint == candidate.joint}
+    if here.intersection(candidate.effect.includes):
+        # The part that is there already does not count: only what goes beyond it has to show.
+        beyond = (left**2).sum(axis=0) > MIN_UNIQUE * (columns**2).sum(axis=0)
+        if beyond.any():
+            columns, left, own = columns[:, beyond], left[:, beyond], own[beyond]
+    unique = float(((left @ own) ** 2).sum() / max(float(((columns @ own) ** 2).sum()), 1e-300))
     if unique < MIN_UNIQUE:
         return f"what is declared imitates {100 * (1 - unique):.1f} % of its torque in these trials"
     return ""

@@ -21,7 +21,7 @@ GAP_STEPS = 5.0
 #: Shortest stretch between gaps that is analysed, s.
 MIN_STRETCH = 0.5
 #: Bounds of the kinematic cutoff, Hz.
-CUTOFFS = (8.0, 30.0)
+CUTOFFS = (8.0, 60.0)
 #: Rate at which regressors are computed, over the cutoff; at least this many Hz if recorded so.
 OVERSAMPLING, MIN_RATE = 8.0, 200.0
 #: The fit's low-pass over the kinematic cutoff: below it, smoothing has hardly touched the motion.
@@ -189,7 +189,7 @@ def _butterworth(order: int, cutoff: float) -> list[tuple[np.ndarray, np.ndarray
 
 def derivatives(position: np.ndarray, sampling: Sampling) -> tuple[np.ndarray, ...]:
     """Return smoothed position, velocity and acceleration at the working rate, each (m, joints)."""
-    smooth = lowpass(position, sampling.cutoff, sampling.recorded)
+    smooth = lowpass(position, sampling.cutoff, sampling.recorded, order=8)
     step = 1.0 / sampling.recorded
     velocity = np.gradient(smooth, step, axis=0)
     acceleration = np.gradient(velocity, step, axis=0)

@@ -13,7 +13,8 @@ import pytest
 
 from analysis.closeloop.loop import FILES, close_loop
 from sim.effects.applied import AppliedEffects
-from tests.closeloop_sessions import Arm, write_session
+from tests.closeloop_effects import Arm
+from tests.closeloop_sessions import write_session
 
 SEED = 3
 

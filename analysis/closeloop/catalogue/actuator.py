@@ -40,8 +40,7 @@ class TorqueGain(Effect):
     """The joint feels gain times the effort; the whole balance is divided by the gain."""
 
     name = "torque_gain"
-    # As a payload, which it resembles: taking one for the other ruins the stiffness.
-    complexity = 2
+    complexity = 1
     signature = "the residual is a copy of the declared torque"
     element = "actuator/general/@gainprm"
     separating_trial = "hold a known mass still in two postures"

@@ -10,7 +10,8 @@ from analysis.closeloop.recording import Recording
 from analysis.closeloop.regression import keep_independent, solve
 from analysis.closeloop.session import Session, Trial
 from analysis.closeloop.signals import Sampling, lagged, shifted
-from tests.closeloop_sessions import Arm, mjcf
+from tests.closeloop_effects import Arm
+from tests.closeloop_sessions import mjcf
 
 CONTRACT = """
 coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_dependent_friction
