@@ -213,11 +213,30 @@ def _choose(rungs: list[Option], current: Score, rows: Rows, least: float) -> St
             lost, error = compare(taken.score.losses, twin.score.losses)
             if lost > error:
                 taken = twin
+    taken = next((o for o in equals if _carries_more(o, taken)), taken)
     return Step(
         taken=taken,
         equals=tuple(o for o in equals if o is not taken and not _nested(o, taken)),
         ladder=tuple(rungs),
         before=current.loss,
+    )
+
+
+def _carries_more(option: Option, taken: Option) -> bool:
+    """Whether a mass or inertia found already makes `option` likelier than a torque gain.
+
+    With a free inertia beside it, a payload at any distance is a gain; no coincidence speaks for
+    the gain then, and what hangs on a limb has both mass and inertia.
+    """
+    a, b = option.candidate, taken.candidate
+    carried = {"payload", "added_inertia"}
+    beside = {c.effect.name for c in option.model.effects if c.joint == a.joint and c != a}
+    return (
+        b.effect.name == "torque_gain"
+        and a.joint == b.joint
+        and a.effect.name in carried - beside
+        and bool(carried & beside)
+        and not option.refused
     )
 
 
@@ -285,7 +304,8 @@ def _retested(
             continue
         changed, rescored = refined(again.taken, rows)
         new = replace(again, taken=replace(again.taken, model=changed, score=rescored))
-        if again.taken.candidate.key == key or rescored.loss < current.loss:
+        equal = again.taken.candidate.key == key or _carries_more(again.taken, step.taken)
+        if equal or rescored.loss < current.loss:
             active = {candidate.key for candidate in changed.effects}
             model, current = changed, rescored
             steps = [new if s is step else s for s in steps]
