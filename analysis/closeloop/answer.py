@@ -17,7 +17,8 @@ from analysis.closeloop.accuracy import (
 )
 from analysis.closeloop.catalogue import BY_NAME, VISCOELASTIC
 from analysis.closeloop.device import load_device
-from analysis.closeloop.impedance import impedance_entries
+from analysis.closeloop.diagnostics import diagnose
+from analysis.closeloop.impedance import impedance_entries, undecided
 from analysis.closeloop.named import effect_entries
 from analysis.closeloop.plausibility import check_signs, check_trial
 from analysis.closeloop.recording import Recording, record
@@ -95,19 +96,21 @@ def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> An
     if verdict == "adequate" and lines:
         verdict = "unexplained"
     rng = np.random.default_rng(SEED)
+    effects, impedance = effect_entries(found, rng), impedance_entries(found, rng)
     report = {
         "schema": 1,
         "verdict": verdict,
         "convention": CONVENTION,
-        "effects": effect_entries(found, rng),
+        "effects": effects,
         "error": {
             "holdout": _errors(recording, found, held[0], held[1], relative=True),
             "fit": _errors(recording, found, fitted[0], fitted[1], relative=False),
         },
-        "impedance": impedance_entries(found, rng),
+        "impedance": impedance,
         "unexplained": unexplained(
             recording, found, fitted[1] + (held[1] if holdouts else []), lines, verdict
         ),
+        "diagnostics": _diagnostics(found),
         "advice": _advice(found, verdict),
         "warnings": warnings,
         "session": {
@@ -123,6 +126,7 @@ def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> An
         },
         "ladder": _ladder(recording, found),
     }
+    warnings += undecided(impedance)
     return Answer(
         report=_finite(report),
         trace=found,
@@ -187,6 +191,21 @@ def _advice(found: Trace, verdict: str) -> list[str]:
             "signals it depends. Record more there (EMG, temperature, the limb's own angle)."
         )
     return advice
+
+
+def _diagnostics(found: Trace) -> dict[str, Any]:
+    recording = found.rows.recording
+    models = (
+        ("before", found.declared, found.declared_score.coefficients),
+        ("after", found.model, found.score.coefficients),
+    )
+    return {
+        recording.device.joints[joint]: {
+            word: diagnose(model, coefficients, found.rows, joint)
+            for word, model, coefficients in models
+        }
+        for joint in recording.joints
+    }
 
 
 def _ladder(recording: Recording, found: Trace) -> list[list[dict[str, Any]]]:

@@ -1,5 +1,6 @@
 """Impedance of the declared joints before and after the repair, in the contract's words."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +11,9 @@ from analysis.closeloop.ladder import Option
 from analysis.closeloop.model import Model, evaluate, impedances
 from analysis.closeloop.tracing import Trace
 from analysis.closeloop.uncertainty import bootstrap, interval
+
+#: Stiffnesses under two names that differ by less than this are one.
+APART = 0.02
 
 
 def impedance_entries(found: Trace, rng: np.random.Generator) -> dict[str, Any]:
@@ -48,6 +52,25 @@ def impedance_entries(found: Trace, rng: np.random.Generator) -> dict[str, Any]:
                 entry["ci90_after"] = [min(every), max(every)]
             entries[name][key] = entry
     return entries
+
+
+def undecided(entries: Mapping[str, Any]) -> list[str]:
+    """Return a warning for every stiffness that depends on which of several names is right."""
+    lines = []
+    for joint, values in entries.items():
+        entry = values["stiffness"]
+        apart = {
+            name: value
+            for name, value in entry.get("after_if", {}).items()
+            if abs(value - entry["after"]) > APART * abs(entry["after"])
+        }
+        if apart:
+            said = ", ".join(f"{value:.3g} if it is {name}" for name, value in apart.items())
+            lines.append(
+                f"the stiffness of {joint} is {entry['after']:.3g} {entry['unit']} under the name "
+                f"given first, but {said}; its interval holds both"
+            )
+    return lines
 
 
 def alternatives(found: Trace) -> dict[str, dict[int, dict[str, float]]]:
