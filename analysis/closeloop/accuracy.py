@@ -4,11 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import decimate
 
 from analysis.closeloop.catalogue import RUBBING
 from analysis.closeloop.model import Model, kept_columns, prediction
 from analysis.closeloop.recording import Recording
 from analysis.closeloop.regression import Rows, resting, solve
+
+#: Rate, Hz, to which errors are decimated for comparison with published relative errors.
+SMOOTH_RATE = 100.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,6 +128,37 @@ def left_out_errors(model: Model, rows: Rows) -> list[TrialError]:
                 )
             )
     return found
+
+
+def smooth_relative(errors: list[TrialError], joint: int, rate: float) -> float | None:
+    """Return the relative error of a joint in the band of its motion, as identification papers do.
+
+    Effort and prediction pass one zero-phase low-pass of 40 Hz and are decimated to `SMOOTH_RATE`
+    (the parallel decimation of Gautier 1997; EMPS, Janot, Gautier and Brunot 2019); 2 % at each
+    end, which filters touch, are left out. None if recorded too slowly for that.
+
+    Args:
+        errors: trials of all joints.
+        joint: column number.
+        rate: of the recording, Hz.
+    """
+    factor = round(rate / SMOOTH_RATE)
+    if factor < 2:
+        return None
+    lost = power = 0.0
+    for error in errors:
+        if error.joint != joint or len(error.time) < 40 * factor:
+            continue
+        even = np.arange(error.time[0], error.time[-1], 1.0 / rate)
+        effort, predicted = (
+            decimate(np.interp(even, error.time, signal), factor, zero_phase=True)
+            for signal in (error.effort, error.predicted)
+        )
+        edge = len(effort) // 50
+        inside = slice(edge, len(effort) - edge)
+        lost += float(((effort - predicted)[inside] ** 2).sum())
+        power += float((effort[inside] ** 2).sum())
+    return float(np.sqrt(lost / power)) if power > 0 else None
 
 
 def rms_by_joint(errors: list[TrialError]) -> Mapping[int, tuple[float, float]]:

@@ -1,6 +1,6 @@
 """The whole answer to one session, in the contract's words."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,16 +13,18 @@ from analysis.closeloop.accuracy import (
     raw_errors,
     rms_by_joint,
     settled,
+    smooth_relative,
 )
 from analysis.closeloop.catalogue import BY_NAME, VISCOELASTIC
 from analysis.closeloop.device import load_device
-from analysis.closeloop.model import Model, gains, impedances
+from analysis.closeloop.diagnostics import diagnose
+from analysis.closeloop.impedance import impedance_entries, undecided
+from analysis.closeloop.named import effect_entries
 from analysis.closeloop.plausibility import check_signs, check_trial
 from analysis.closeloop.recording import Recording, record
 from analysis.closeloop.session import Session, read_session
-from analysis.closeloop.tracing import Step, Trace, p_value, trace
+from analysis.closeloop.tracing import Trace, trace
 from analysis.closeloop.trial_csv import read_trial
-from analysis.closeloop.uncertainty import bootstrap, interval
 from analysis.closeloop.unexplained import narrow_lines, smooth_part, unexplained
 
 SEED = 20231167
@@ -94,17 +96,21 @@ def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> An
     if verdict == "adequate" and lines:
         verdict = "unexplained"
     rng = np.random.default_rng(SEED)
+    effects, impedance = effect_entries(found, rng), impedance_entries(found, rng)
     report = {
         "schema": 1,
         "verdict": verdict,
         "convention": CONVENTION,
-        "effects": _effects(found, rng),
+        "effects": effects,
         "error": {
             "holdout": _errors(recording, found, held[0], held[1], relative=True),
             "fit": _errors(recording, found, fitted[0], fitted[1], relative=False),
         },
-        "impedance": _impedances(found, rng),
-        "unexplained": unexplained(recording, found, fitted[1], lines, verdict),
+        "impedance": impedance,
+        "unexplained": unexplained(
+            recording, found, fitted[1] + (held[1] if holdouts else []), lines, verdict
+        ),
+        "diagnostics": _diagnostics(found),
         "advice": _advice(found, verdict),
         "warnings": warnings,
         "session": {
@@ -120,6 +126,7 @@ def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> An
         },
         "ladder": _ladder(recording, found),
     }
+    warnings += undecided(impedance)
     return Answer(
         report=_finite(report),
         trace=found,
@@ -127,97 +134,6 @@ def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> An
         before=fitted[0] + ([] if not holdouts else held[0]),
         after=fitted[1] + ([] if not holdouts else held[1]),
     )
-
-
-def _effects(found: Trace, rng: np.random.Generator) -> list[dict[str, Any]]:
-    recording = found.rows.recording
-    steps = sorted(found.steps, key=lambda step: -_share(step))
-    named = found.verdict != "not_identifiable"
-    model, coefficients = found.model, found.score.coefficients
-    if not named and steps:
-        model = found.steps[0].taken.model
-        coefficients = found.steps[0].taken.score.coefficients
-    draws, thetas = bootstrap(model, found.rows, coefficients, rng) if steps else (None, {})
-    entries = []
-    for step in steps:
-        effect, joint = step.taken.candidate.effect, step.taken.candidate.joint
-        others = list(dict.fromkeys(o.candidate.effect.name for o in step.equals))
-        others = [name for name in others if name != effect.name]
-        entries.append(
-            {
-                "name": effect.name,
-                "joint": recording.device.joints[joint],
-                "parameters": _parameters(model, coefficients, draws, thetas, effect.name, joint),
-                "indistinguishable_from": others,
-                "separating_trial": effect.separating_trial if others or not named else None,
-                "evidence": {
-                    "holdout_gain": _share(step),
-                    "p_value": p_value(step.taken.z, len(step.ladder)),
-                    "signature": effect.signature,
-                },
-                "mujoco_element": effect.element,
-            }
-        )
-    return entries
-
-
-def _share(step: Step) -> float:
-    return step.taken.gain / max(step.before, 1e-300)
-
-
-def _parameters(
-    model: Model,
-    coefficients: np.ndarray,
-    draws: np.ndarray | None,
-    thetas: Mapping[tuple[str, int, str], np.ndarray],
-    name: str,
-    joint: int,
-) -> dict[str, Any]:
-    """Return the physical parameters with their intervals."""
-    effect, start = BY_NAME[name], 0
-    theta: dict[str, float] = {}
-    kept: tuple[int, ...] = ()
-    own, own_draws = np.empty(0), np.empty((0, 0))
-    for channel in model.channels:
-        if channel.candidate.key == (name, joint):
-            theta = dict(channel.theta)
-    for term in model.terms:
-        stop = start + len(term.kept)
-        if term.candidate is not None and term.candidate.key == (name, joint):
-            theta, kept, own = dict(term.theta), term.kept, coefficients[start:stop]
-            own_draws = draws[:, start:stop] if draws is not None else own[None, :]
-        start = stop
-    scale = gains(model, coefficients).get(joint, 1.0)
-    entries = {}
-    for key, parameter in effect.parameters(model.recording, joint, theta).items():
-        if parameter.column is not None:
-            if parameter.column not in kept:
-                continue
-            at = kept.index(parameter.column)
-            value, spread = float(own[at]), own_draws[:, at]
-            if name == "torque_gain":
-                value, spread = 1.0 / (1.0 + value), 1.0 / np.maximum(1.0 + spread, 0.05)
-            else:
-                value, spread = value * parameter.scale * scale, spread * parameter.scale * scale
-        else:
-            assert parameter.value is not None
-            value, spread = parameter.value, np.array([parameter.value])
-            for (own_name, own_joint, theta_name), values in thetas.items():
-                if (own_name, own_joint) != (name, joint):
-                    continue
-                step = 1e-6 * max(1.0, abs(theta[theta_name]))
-                moved = {**theta, theta_name: theta[theta_name] + step}
-                shifted = effect.parameters(model.recording, joint, moved)[key].value
-                assert shifted is not None
-                slope = (shifted - value) / step
-                if slope:
-                    spread = value + slope * (values - theta[theta_name])
-        entries[key] = {
-            "value": value,
-            "ci90": interval(spread, value),
-            "unit": parameter.unit,
-        }
-    return entries
 
 
 def _errors(
@@ -246,35 +162,9 @@ def _errors(
         if relative:
             entries[name]["relative_before"] = error / max(effort, 1e-300)
             entries[name]["relative_after"] = last[joint][0] / max(effort, 1e-300)
-    return entries
-
-
-def _impedances(found: Trace, rng: np.random.Generator) -> dict[str, Any]:
-    recording = found.rows.recording
-    both = []
-    for model, score in ((found.declared, found.declared_score), (found.model, found.score)):
-        draws, _ = bootstrap(model, found.rows, score.coefficients, rng)
-        values = impedances(model, score.coefficients)
-        spread = [impedances(model, draw) for draw in draws]
-        both.append((values, spread))
-    entries: dict[str, Any] = {}
-    for joint in both[0][0]:
-        name = recording.device.joints[joint]
-        angle, unit = recording.device.angle_unit(name), recording.device.unit(name)
-        units = {
-            "stiffness": f"{unit}/{angle}",
-            "damping": "Nm s/rad" if unit == "Nm" else "N s/m",
-            "neutral_angle": angle,
-        }
-        entries[name] = {}
-        for key, own_unit in units.items():
-            entry: dict[str, Any] = {"unit": own_unit}
-            for word, (values, spread) in zip(("before", "after"), both, strict=True):
-                value = values[joint][key]
-                draws = np.array([draw[joint][key] for draw in spread])
-                entry[word] = value
-                entry[f"ci90_{word}"] = interval(draws[np.isfinite(draws)], value)
-            entries[name][key] = entry
+            rate = recording.sampling.recorded
+            for word, errors in (("before", before), ("after", after)):
+                entries[name][f"smooth_relative_{word}"] = smooth_relative(errors, joint, rate)
     return entries
 
 
@@ -301,6 +191,21 @@ def _advice(found: Trace, verdict: str) -> list[str]:
             "signals it depends. Record more there (EMG, temperature, the limb's own angle)."
         )
     return advice
+
+
+def _diagnostics(found: Trace) -> dict[str, Any]:
+    recording = found.rows.recording
+    models = (
+        ("before", found.declared, found.declared_score.coefficients),
+        ("after", found.model, found.score.coefficients),
+    )
+    return {
+        recording.device.joints[joint]: {
+            word: diagnose(model, coefficients, found.rows, joint)
+            for word, model, coefficients in models
+        }
+        for joint in recording.joints
+    }
 
 
 def _ladder(recording: Recording, found: Trace) -> list[list[dict[str, Any]]]:

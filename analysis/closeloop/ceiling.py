@@ -65,6 +65,7 @@ def signal_groups(rows: Rows, joint: int) -> dict[str, np.ndarray]:
             [hats(q, 8) * sign[:, None], hats(q, 12) * v[:, None]]
         ),
         "time": hats(recording.time, 5),
+        "time x motion": _with_motion(hats(recording.time, 4), q, v),
     }
     for other in range(recording.position.shape[1]):
         if other != joint and np.ptp(recording.position[:, other]) > 5e-3:
@@ -76,8 +77,15 @@ def signal_groups(rows: Rows, joint: int) -> dict[str, np.ndarray]:
                 ]
             )
     for number, extra in enumerate(recording.extra_names):
-        groups[extra] = hats(recording.extra[:, number], 5)
+        bases = hats(recording.extra[:, number], 5)
+        groups[extra] = bases
+        groups[f"{extra} x motion"] = _with_motion(bases, q, v)
     return groups
+
+
+def _with_motion(bases: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Return the bases of a stiffness and a damping that change with a signal, (n, 2 k)."""
+    return np.concatenate([bases * position[:, None], bases * velocity[:, None]], axis=1)
 
 
 def scattered_folds(rows: Rows) -> list[np.ndarray]:

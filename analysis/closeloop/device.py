@@ -112,8 +112,13 @@ class Device:
         data = mujoco.MjData(model)
         torque = np.empty_like(position)
         qpos, qvel, qacc, out = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
-        for i in range(len(position)):
-            qpos[:], qvel[:], qacc[:] = position[i], velocity[i], acceleration[i]
+        moving = bool(velocity.any() or acceleration.any())
+        qvel[:] = qacc[:] = 0.0
+        for i, place in enumerate(position):
+            qpos[:] = place
+            if moving:
+                qvel[:] = velocity[i]
+                qacc[:] = acceleration[i]
             mujoco.mj_inverse(model, data)
             torque[i] = out
         return torque

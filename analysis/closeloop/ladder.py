@@ -1,12 +1,11 @@
 """Try every effect of the catalogue beside a model: the ladder that a name is chosen from."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.closeloop.catalogue import RUBBING, candidates
-from analysis.closeloop.catalogue.effect import Candidate, Columns, Estimate, Theta
+from analysis.closeloop.catalogue.effect import Candidate, Estimate, Theta
 from analysis.closeloop.model import Channel, Model, Term, estimate_of, evaluate, kept_columns
 from analysis.closeloop.regression import Rows, Score, Variant, compare, keep_independent, score
 
@@ -16,6 +15,8 @@ MIN_UNIQUE = 0.02
 MAX_GIVEN = 0.25
 #: A gain or lag beyond these is another effect in disguise.
 GAINS = (0.33, 3.0)
+#: No more than this share of the declared inertia can turn out not to be there.
+MAX_REMOVED = 0.7
 ONE_WAY = (
     "the only trial moves in one direction: friction, damping, stiffness and neutral angle cannot "
     "be told apart"
@@ -36,6 +37,8 @@ class Option:
     z: float
     #: Why it may not be named here; empty if it may.
     refused: str = ""
+    #: Simpler effects of the model that it takes the place of.
+    replaced: frozenset[tuple[str, int]] = frozenset()
 
 
 def ladder(model: Model, rows: Rows, current: Score) -> list[Option]:
@@ -53,9 +56,11 @@ def ladder(model: Model, rows: Rows, current: Score) -> list[Option]:
         joint_name = model.recording.device.joints[candidate.joint]
         if candidate.key in active | covered or (candidate.effect.name, joint_name) in declared:
             continue
-        option = _try(_without_included(model, candidate), rows, candidate, estimate, current)
+        rest = _without_included(model, candidate)
+        option = _try(rest, rows, candidate, estimate, current)
         if option is not None:
-            options.append(option)
+            replaced = {c.key for c in model.effects} - {c.key for c in rest.effects}
+            options.append(replace(option, replaced=frozenset(replaced)))
     options.sort(key=lambda option: -option.gain)
     return _sharpened(options, rows, current)
 
@@ -100,6 +105,10 @@ def _try(
         gain = 1.0 + float(scored.coefficients[-1])
         if not 1.0 / GAINS[1] < gain < 1.0 / GAINS[0]:
             return None
+    if effect.name == "added_inertia":
+        own = model.recording.own_inertia[rows.samples[candidate.joint], candidate.joint]
+        if float(scored.coefficients[-1]) < -MAX_REMOVED * float(own.min()):
+            return None
     rubs = effect.name in RUBBING and not _corrects(model, candidate)
     if rubs and _drives(tried, scored, candidate):
         return None
@@ -138,22 +147,20 @@ def _best_term(
 ) -> tuple[Model, Score] | None:
     effect, joint = candidate.effect, candidate.joint
     base, base_lower = model.base(rows)
-    variants, columns_of = [], []
-    for theta, columns, stacked in _stacked(model, rows, candidate, thetas, estimate):
+    variants = []
+    for theta, stacked in _stacked(model, rows, candidate, thetas, estimate):
         stacked, kept = keep_independent(base, stacked)
         if kept:
             variants.append(Variant(theta=theta, columns=stacked, kept=kept))
-            columns_of.append(columns)
     if not variants:
         return None
     scored = score(rows, model.target(rows), base, base_lower, variants, effect.lower)
-    number = next(i for i, variant in enumerate(variants) if variant is scored.variant)
     if not np.any(scored.coefficients[base.shape[1] :]):
         return None
     term = Term(
         name=effect.name,
         joint=joint,
-        columns=columns_of[number],
+        columns=effect.columns(model.recording, joint, scored.variant.theta, estimate),
         lower=effect.lower,
         theta=scored.variant.theta,
         kept=scored.variant.kept,
@@ -164,21 +171,33 @@ def _best_term(
 
 def _stacked(
     model: Model, rows: Rows, candidate: Candidate, thetas: list[Theta], estimate: Estimate
-) -> Iterator[tuple[Theta, Columns, np.ndarray]]:
-    """Yield every variant with its columns as they are and stacked; one pass of the filter."""
+) -> list[tuple[Theta, np.ndarray]]:
+    """Return every variant's columns stacked over rows; one pass of the filter."""
     effect, joint = candidate.effect, candidate.joint
-    every = [effect.columns(model.recording, joint, theta, estimate) for theta in thetas]
-    if not every:
-        return
-    widths = [next(iter(columns.values())).shape[1] for columns in every]
-    together = {
-        number: np.concatenate([columns[number] for columns in every], axis=1)
-        for number in every[0]
-    }
-    stacked = rows.stack(model.transformed(together), sum(widths))
-    ends = np.cumsum(widths)
-    for theta, columns, end, width in zip(thetas, every, ends, widths, strict=True):
-        yield theta, columns, stacked[:, end - width : end]
+
+    def make() -> list[tuple[Theta, np.ndarray]]:
+        every = [effect.columns(model.recording, joint, theta, estimate) for theta in thetas]
+        if not every:
+            return []
+        widths = [next(iter(columns.values())).shape[1] for columns in every]
+        together = {
+            number: np.concatenate([columns[number] for columns in every], axis=1)
+            for number in every[0]
+        }
+        stacked = rows.stack(model.transformed(together), sum(widths))
+        ends = np.cumsum(widths)
+        return [
+            (theta, stacked[:, end - width : end])
+            for theta, end, width in zip(thetas, ends, widths, strict=True)
+        ]
+
+    if effect.uses_estimate:
+        return make()
+    grid = tuple(tuple(theta.items()) for theta in thetas)
+    found: list[tuple[Theta, np.ndarray]] = rows.once(
+        ("variants", candidate.key, grid, model.channel_key), make
+    )
+    return found
 
 
 def _best_channel(
@@ -239,9 +258,15 @@ def _refusal(model: Model, rows: Rows, candidate: Candidate, scored: Score) -> s
     width = scored.variant.columns.shape[1] if scored.variant.columns.size else 0
     if not width or not base.shape[1]:
         return ""
-    torque = scored.variant.columns @ scored.coefficients[-width:]
-    fitted = base @ np.linalg.lstsq(base, torque, rcond=None)[0]
-    unique = float(((torque - fitted) ** 2).sum() / max(float((torque**2).sum()), 1e-300))
+    columns, own = scored.variant.columns, scored.coefficients[-width:]
+    left = columns - base @ np.linalg.lstsq(base, columns, rcond=None)[0]
+    here = {term.name for term in model.terms if term.joint == candidate.joint}
+    if here.intersection(candidate.effect.includes):
+        # The part that is there already does not count: only what goes beyond it has to show.
+        beyond = (left**2).sum(axis=0) > MIN_UNIQUE * (columns**2).sum(axis=0)
+        if beyond.any():
+            columns, left, own = columns[:, beyond], left[:, beyond], own[beyond]
+    unique = float(((left @ own) ** 2).sum() / max(float(((columns @ own) ** 2).sum()), 1e-300))
     if unique < MIN_UNIQUE:
         return f"what is declared imitates {100 * (1 - unique):.1f} % of its torque in these trials"
     return ""

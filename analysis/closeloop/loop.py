@@ -12,6 +12,7 @@ import numpy as np
 
 from analysis.closeloop.accuracy import TrialError
 from analysis.closeloop.answer import Answer, answer
+from analysis.closeloop.confirmation import confirm, unconfirmed
 from analysis.closeloop.page import write_page
 from analysis.closeloop.repaired import repaired_model
 
@@ -35,6 +36,10 @@ def close_loop(
     for effect, element in zip(report["effects"], elements, strict=False):
         effect["mujoco_element"] = element
     report["warnings"] += warnings
+    if report["verdict"] == "effect_found":
+        progress("the repaired model in closed loop")
+        report["confirmation"] = confirm(found.recording, report, xml)
+        report["warnings"] += unconfirmed(report["confirmation"])
     progress("report")
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out.parent, prefix=".close-loop-") as scratch:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from analysis.closeloop.catalogue import BY_NAME, VISCOELASTIC
-from analysis.closeloop.catalogue.effect import Candidate, Columns, Estimate, Theta
+from analysis.closeloop.catalogue.effect import Candidate, Columns, Effect, Estimate, Theta
 from analysis.closeloop.recording import Recording
 from analysis.closeloop.regression import Rows, Score, Variant, keep_independent, score
 from analysis.closeloop.signals import lagged, shifted
@@ -63,16 +63,31 @@ class Model:
         inverse = self.recording.inverse
         return self.transformed({j: inverse[:, [j]] for j in self.recording.joints})
 
+    @property
+    def channel_key(self) -> tuple[tuple[str, int, tuple[tuple[str, float], ...]], ...]:
+        """What tells one set of channels from another."""
+        return tuple((*c.candidate.key, tuple(c.theta.items())) for c in self.channels)
+
     def target(self, rows: Rows) -> np.ndarray:
-        return np.asarray(rows.stack_effort() - rows.stack(self.known(), 1)[:, 0])
+        def make() -> np.ndarray:
+            return np.asarray(rows.stack_effort() - rows.stack(self.known(), 1)[:, 0])
+
+        return np.asarray(rows.once(("target", self.channel_key), make))
 
     def base(self, rows: Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return all terms' kept columns stacked over rows, and their bounds."""
         parts, bounds = [np.empty((len(rows.weight), 0))], []
         for term in self.terms:
-            parts.append(rows.stack(self.transformed(kept_columns(term)), len(term.kept)))
+            parts.append(self._stacked(term, rows))
             bounds += [term.lower[min(i, len(term.lower) - 1)] for i in term.kept]
         return np.concatenate(parts, axis=1), np.array(bounds)
+
+    def _stacked(self, term: Term, rows: Rows) -> np.ndarray:
+        def make() -> tuple[Term, np.ndarray]:
+            # The term is kept beside its columns, so that no other can have its identity.
+            return term, rows.stack(self.transformed(kept_columns(term)), len(term.kept))
+
+        return np.asarray(rows.once(("term", id(term), self.channel_key), make)[1])
 
     def with_term(self, term: Term) -> "Model":
         return replace(self, terms=(*self.terms, term))
@@ -83,8 +98,11 @@ def kept_columns(term: Term) -> Columns:
 
 
 def declared_model(recording: Recording, rows: Rows) -> Model:
-    """Return the model as declared: rigid chain and unknowns to be fitted."""
-    model = Model(recording)
+    """Return the model as declared: rigid chain and unknowns to be fitted.
+
+    Non-linear parameters of declared effects are chosen by the fit, each beside all the others.
+    """
+    choices: list[list[Term]] = []
     for declared in recording.session.declared:
         joint = recording.device.joints.index(declared.joint)
         if joint not in recording.joints:
@@ -92,23 +110,47 @@ def declared_model(recording: Recording, rows: Rows) -> Model:
         if declared.effect == VISCOELASTIC:
             q, v = recording.position[:, joint], recording.velocity[:, joint]
             columns = {joint: np.column_stack([q, v, np.ones_like(q)])}
-            term = Term(name=VISCOELASTIC, joint=joint, columns=columns, lower=(-np.inf,))
-        else:
-            effect = BY_NAME[declared.effect]
-            estimate = no_estimate(recording)
-            thetas = effect.thetas(recording, joint, estimate)
-            if effect.channel or not thetas:
-                continue
-            theta = thetas[len(thetas) // 2]
-            term = Term(
-                name=effect.name,
-                joint=joint,
-                columns=effect.columns(recording, joint, theta, estimate),
-                lower=(-np.inf,),
-                theta=theta,
+            choices.append(
+                [Term(name=VISCOELASTIC, joint=joint, columns=columns, lower=(-np.inf,))]
             )
+        elif options := _declared_terms(recording, BY_NAME[declared.effect], joint):
+            choices.append(options)
+    taken = [options[len(options) // 2] for options in choices]
+    for _ in range(2):
+        for number, options in enumerate(choices):
+            if len(options) > 1:
+                others = taken[:number], taken[number + 1 :]
+                taken[number] = min(
+                    options,
+                    key=lambda term: (
+                        evaluate(_joined(recording, [*others[0], term, *others[1]], rows), rows).sse
+                    ),
+                )
+    return _joined(recording, taken, rows)
+
+
+def _joined(recording: Recording, terms: list[Term], rows: Rows) -> Model:
+    model = Model(recording)
+    for term in terms:
         model = with_independent(model, term, rows)
     return model
+
+
+def _declared_terms(recording: Recording, effect: Effect, joint: int) -> list[Term]:
+    """Return a declared effect with every choice of its non-linear parameters."""
+    estimate = no_estimate(recording)
+    if effect.channel:
+        return []
+    return [
+        Term(
+            name=effect.name,
+            joint=joint,
+            columns=effect.columns(recording, joint, theta, estimate),
+            lower=(-np.inf,),
+            theta=theta,
+        )
+        for theta in effect.thetas(recording, joint, estimate)
+    ]
 
 
 def with_independent(model: Model, term: Term, rows: Rows) -> Model:

@@ -38,6 +38,7 @@ def write_page(path: Path, found: Answer) -> None:
         _effects(report),
         _errors(report),
         _impedance(report),
+        _confirmation(report),
         _unexplained(report),
         _list("What to record next", report["advice"]),
         _list("Warnings", report["warnings"]),
@@ -47,6 +48,7 @@ def write_page(path: Path, found: Answer) -> None:
         parts.append(f"<h2>Evidence: {escape(name)}</h2>")
         parts.append(_picture(_evidence(found, joint), f"residual of {name} against its signals"))
         parts.append(_picture(_trials(found, joint), f"residual of {name} per trial"))
+    parts.append(_diagnostics(report))
     parts.append(_ladder(report))
     title = f"Closing the loop: {escape(report['session']['folder'])}"
     path.write_text(
@@ -115,6 +117,28 @@ def _impedance(report: dict[str, Any]) -> str:
     ]
     head = ["joint", "", "before", "90 % interval", "after", "90 % interval", "unit"]
     return "<h2>Impedance (restoring)</h2>" + _table(head, rows) if rows else ""
+
+
+def _confirmation(report: dict[str, Any]) -> str:
+    keys = ("feedback_before", "feedback_after", "unit")
+    more = ("deviation_before", "deviation_after", "deviation_unit")
+    rows = [
+        [joint, *(entry[key] for key in (*keys, *more))]
+        for joint, entry in report.get("confirmation", {"joints": {}})["joints"].items()
+    ]
+    head = ["joint", "feedback before", "after", "unit", "deviation before", "after", "unit"]
+    return "<h2>Simulated in closed loop</h2>" + _table(head, rows) if rows else ""
+
+
+def _diagnostics(report: dict[str, Any]) -> str:
+    rows = [
+        [joint, signal, share, after["depends_on"][signal]]
+        for joint, entry in report["diagnostics"].items()
+        for before, after in [(entry["before"], entry["after"])]
+        for signal, share in before["depends_on"].items()
+    ]
+    head = ["joint", "signal", "share of the residual's variance before", "after"]
+    return "<h2>What the residual goes with</h2>" + _table(head, rows) if rows else ""
 
 
 def _unexplained(report: dict[str, Any]) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from analysis.closeloop.device import Device
 from analysis.closeloop.errors import SessionError
@@ -19,6 +20,9 @@ from analysis.closeloop.signals import (
     lowpass,
     stretches,
 )
+
+#: Of how many samples one is computed of what depends on position only.
+REST_STEP = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,15 +61,18 @@ class Recording:
     @cached_property
     def inverse(self) -> np.ndarray:
         """Torque that the declared chain needs, declared Coulomb friction included."""
-        torque = self._inverse(self.position, self.velocity, self.acceleration)
         sign = np.tanh(self.velocity / (0.5 * self.rest_speed))
-        return np.asarray(torque + self.device.friction * sign)
+        return np.asarray(self.rigid + self.device.friction * sign)
+
+    @cached_property
+    def rigid(self) -> np.ndarray:
+        """Torque that the declared chain needs without Coulomb friction."""
+        return self._inverse(self.position, self.velocity, self.acceleration)
 
     @cached_property
     def static(self) -> np.ndarray:
         """Torque that holding still in the same place would take: gravity and declared springs."""
-        still = np.zeros_like(self.position)
-        return self._inverse(self.position, still, still)
+        return self._at_rest(self.position)
 
     def secant(self, joint: int, step: float) -> np.ndarray:
         """Change of every static torque over `step` of one joint's position, (n, joints)."""
@@ -73,20 +80,16 @@ class Recording:
         if key not in self.cache:
             moved = self.position.copy()
             moved[:, joint] += step
-            still = np.zeros_like(moved)
-            self.cache[key] = (self._inverse(moved, still, still) - self.static) / step
+            self.cache[key] = (self._at_rest(moved) - self.static) / step
         return self.cache[key]
 
     @cached_property
     def own_inertia(self) -> np.ndarray:
-        """Diagonal of the mass matrix, kg m2 or kg."""
-        still = np.zeros_like(self.position)
-        columns = []
-        for joint in range(self.position.shape[1]):
-            unit = still.copy()
-            unit[:, joint] = 1.0
-            columns.append(self._inverse(self.position, still, unit)[:, joint])
-        return np.asarray(np.column_stack(columns) - self.static)
+        """Diagonal of the mass matrix, kg m2 or kg; NaN at joints that are not analysed."""
+        found = np.full_like(self.position, np.nan)
+        for joint in self.joints:
+            found[:, joint] = (self._at_rest(self.position, joint) - self.static)[:, joint]
+        return found
 
     def carried(self, body: str, position: np.ndarray) -> np.ndarray:
         """Return the torque that one more kilogram at `position` of `body` needs."""
@@ -94,7 +97,7 @@ class Recording:
         if key not in self.cache:
             mass = AddedMass(body=body, mass=1.0, position=(position[0], position[1], position[2]))
             motion = self.position, self.velocity, self.acceleration
-            self.cache[key] = self._inverse(*motion, extra=(mass,)) - self._inverse(*motion)
+            self.cache[key] = self._inverse(*motion, extra=(mass,)) - self.rigid
         return self.cache[key]
 
     @cached_property
@@ -114,20 +117,47 @@ class Recording:
             out[piece] = lowpass(columns[piece], self.sampling.fit_cutoff, self.rate)
         return out
 
+    def _at_rest(self, position: np.ndarray, accelerated: int | None = None) -> np.ndarray:
+        """Return the torque at rest, or with one joint accelerated by 1: of `position` only.
+
+        Position changes slowly, so every fourth sample and a cubic spline give all of them.
+        """
+        where = []
+        for piece in self.slices:
+            rows = np.arange(piece.start, piece.stop, REST_STEP)
+            if rows[-1] != piece.stop - 1:
+                rows = np.append(rows, piece.stop - 1)
+            where.append(rows)
+        every = np.concatenate(where)
+        still = np.zeros((len(every), position.shape[1]))
+        pushed = still.copy()
+        if accelerated is not None:
+            pushed[:, accelerated] = 1.0
+        thin_torque = self._inverse(position[every], still, pushed, rows=every)
+        torque, start = np.empty_like(position), 0
+        for piece, rows in zip(self.slices, where, strict=True):
+            thin = thin_torque[start : start + len(rows)]
+            start += len(rows)
+            torque[piece] = CubicSpline(rows, thin)(np.arange(piece.start, piece.stop))
+        return torque
+
     def _inverse(
         self,
         position: np.ndarray,
         velocity: np.ndarray,
         acceleration: np.ndarray,
         extra: tuple[AddedMass, ...] = (),
+        rows: np.ndarray | slice = slice(None),
     ) -> np.ndarray:
+        """Inverse dynamics of the samples `rows`, each trial with the masses it carried."""
         torque = np.empty_like(position)
+        trials = self.trial[rows]
         for number, trial in enumerate(self.session.trials):
-            rows = self.trial == number
-            if rows.any():
+            own = trials == number
+            if own.any():
                 masses = (*((trial.added_mass,) if trial.added_mass else ()), *extra)
-                torque[rows] = self.device.inverse_dynamics(
-                    position[rows], velocity[rows], acceleration[rows], masses=masses
+                torque[own] = self.device.inverse_dynamics(
+                    position[own], velocity[own], acceleration[own], masses=masses
                 )
         return torque
 

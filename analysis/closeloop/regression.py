@@ -5,11 +5,13 @@ costs one product of its columns. Non-linear parameters are chosen on the traini
 held-out score owes nothing to the trials it is scored on.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtrs
 
 from analysis.closeloop.recording import Recording
 
@@ -35,6 +37,14 @@ class Rows:
     block: np.ndarray
     trial: np.ndarray
     grouped: bool
+    #: Columns that were stacked before, by what they are; `once` fills it.
+    stacked: dict[Hashable, Any] = field(default_factory=dict, repr=False)
+
+    def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """Return what `make` gives, made at the first call with `key` only."""
+        if key not in self.stacked:
+            self.stacked[key] = make()
+        return self.stacked[key]
 
     @property
     def fold_of_block(self) -> np.ndarray:
@@ -43,7 +53,7 @@ class Rows:
         found[self.block] = self.fold
         return found
 
-    @property
+    @cached_property
     def folds(self) -> list[np.ndarray]:
         return [np.flatnonzero(self.fold == number) for number in range(int(self.fold.max()) + 1)]
 
@@ -180,17 +190,20 @@ def keep_independent(base: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray,
     norms = np.sqrt((both**2).sum(axis=0))
     scaled = both / np.maximum(norms, 1e-300)
     gram = scaled.T @ scaled
-    factor = np.zeros((0, 0))
+    factor = np.zeros_like(gram)
     known: list[int] = []
     kept: list[int] = []
     for number in range(both.shape[1]):
         if norms[number] <= 1e-9 * np.sqrt(len(both)):
             continue
-        row = solve_triangular(factor, gram[known, number], lower=True) if known else np.empty(0)
+        size = len(known)
+        row = np.empty(0)
+        if size:
+            row, _ = dtrtrs(factor[:size, :size], gram[known, number], lower=1)
         left = 1.0 - float(row @ row)
         if left < (1e-10 if number < base.shape[1] else 1.0 - ABSORBED):
             continue
-        factor = np.block([[factor, np.zeros((len(known), 1))], [row, np.sqrt(left)]])
+        factor[size, :size], factor[size, size] = row, np.sqrt(left)
         known.append(number)
         if number >= base.shape[1]:
             kept.append(number - base.shape[1])
@@ -204,13 +217,14 @@ def solve(gram: np.ndarray, lower: np.ndarray) -> np.ndarray:
     """
     size = len(gram) - 1
     free = list(range(size))
-    scale = np.sqrt(np.maximum(np.diag(gram)[:size], 1e-300))
+    scale = np.sqrt(np.maximum(gram.diagonal()[:size], 1e-300))
+    every = gram[:size, :size] / (scale[:, None] * scale)
+    every.flat[:: size + 1] += 1e-10
+    moments = gram[:size, size] / scale
     coefficients = np.zeros(size)
     while free:
-        part = gram[np.ix_(free, free)] / np.outer(scale[free], scale[free])
-        part[np.diag_indices(len(free))] += 1e-10
-        moment = gram[free, size] / scale[free]
-        found = np.linalg.solve(part, moment) / scale[free]
+        part = every if len(free) == size else every[np.ix_(free, free)]
+        found = np.linalg.solve(part, moments[free]) / scale[free]
         broken = [i for i, value in zip(free, found, strict=True) if value < lower[i]]
         if not broken:
             coefficients[free] = found

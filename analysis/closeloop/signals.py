@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.signal import butter, lfilter, sosfiltfilt, welch
+from scipy.signal import butter, lfilter, lfilter_zi, welch
 
 from analysis.closeloop.device import Device
 from analysis.closeloop.session import Trial
@@ -21,7 +21,7 @@ GAP_STEPS = 5.0
 #: Shortest stretch between gaps that is analysed, s.
 MIN_STRETCH = 0.5
 #: Bounds of the kinematic cutoff, Hz.
-CUTOFFS = (8.0, 30.0)
+CUTOFFS = (8.0, 60.0)
 #: Rate at which regressors are computed, over the cutoff; at least this many Hz if recorded so.
 OVERSAMPLING, MIN_RATE = 8.0, 200.0
 #: The fit's low-pass over the kinematic cutoff: below it, smoothing has hardly touched the motion.
@@ -161,19 +161,35 @@ def lowpass(signal: np.ndarray, cutoff: float, rate: float, order: int = 4) -> n
     """Return `signal` without what lies above `cutoff`, without delay; shape (n, ...)."""
     if cutoff >= 0.45 * rate or len(signal) < 4 * order:
         return np.array(signal)
-    sos = _butterworth(order // 2, cutoff / (0.5 * rate))
     padding = min(len(signal) - 1, int(3 * rate / cutoff))
-    return np.asarray(sosfiltfilt(sos, signal, axis=0, padlen=padding))
+    # As scipy's sosfiltfilt, which designs its initial state anew at every call.
+    extended = np.concatenate(
+        [
+            2 * signal[:1] - signal[padding:0:-1],
+            signal,
+            2 * signal[-1:] - signal[-2 : -padding - 2 : -1],
+        ]
+    )
+    sections = _butterworth(order // 2, cutoff / (0.5 * rate))
+    shape = (-1, *([1] * (signal.ndim - 1)))
+    for _ in ("forwards", "backwards"):
+        for numerator, denominator, state in sections:
+            start = state.reshape(shape) * extended[:1]
+            extended, _ = lfilter(numerator, denominator, extended, axis=0, zi=start)
+        extended = extended[::-1]
+    return np.ascontiguousarray(extended[padding : len(extended) - padding])
 
 
 @cache
-def _butterworth(order: int, cutoff: float) -> np.ndarray:
-    return np.asarray(butter(order, cutoff, output="sos"))
+def _butterworth(order: int, cutoff: float) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return numerator, denominator and settled state for a unit input of every section."""
+    sections = butter(order, cutoff, output="sos")
+    return [(s[:3], s[3:], lfilter_zi(s[:3], s[3:])) for s in sections]
 
 
 def derivatives(position: np.ndarray, sampling: Sampling) -> tuple[np.ndarray, ...]:
     """Return smoothed position, velocity and acceleration at the working rate, each (m, joints)."""
-    smooth = lowpass(position, sampling.cutoff, sampling.recorded)
+    smooth = lowpass(position, sampling.cutoff, sampling.recorded, order=8)
     step = 1.0 / sampling.recorded
     velocity = np.gradient(smooth, step, axis=0)
     acceleration = np.gradient(velocity, step, axis=0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import norm
 
-from analysis.closeloop.catalogue import RUBBING
+from analysis.closeloop.catalogue import BY_NAME, RUBBING
 from analysis.closeloop.ceiling import Ceiling, ceiling
 from analysis.closeloop.ladder import ONE_WAY, Option, ladder, one_way, refined
 from analysis.closeloop.model import (
@@ -33,20 +33,21 @@ MIN_Z = 4.0
 #: ... and this share of the held-out loss, below which no number in a report would change.
 MIN_GAIN = 0.03
 #: Candidates whose gain differs by less than this share of the best count as equal.
-EQUAL_SHARE = 0.015
+EQUAL_SHARE = 0.005
 #: A name must bring the loss this near to what splines reach, over what there was to explain.
 MIN_EXPLAINED = 0.6
 #: A later effect has to take this share of what the first left: what a form that is a little wrong
 #: leaves behind is not another effect.
 MIN_LATER_GAIN = 0.2
 #: ... and this share of what the declared model left.
-MIN_LATER_SHARE = 0.01
+MIN_LATER_SHARE = 0.005
 #: Least torque that an effect must explain, over the joint's effort (both root mean square): less
 #: than that is what smoothing, or a joint that is not quite held, does to the declared torque.
 MIN_TORQUE = 0.008
 #: A gain that a few moments carry (inertia, at the ends of a ramp) has a large error of its own:
-#: one of this share is real too if it exceeds fewer errors but comes back in nearly every fold.
-LARGE_GAIN, LARGE_Z, LARGE_FOLDS, LARGE_AGREE = 0.25, 2.5, 4, 0.8
+#: one of this share is real too if it exceeds fewer errors but comes back in several folds, and
+#: those that lose by it lose next to nothing.
+LARGE_GAIN, LARGE_Z, LARGE_FOLDS, LARGE_LOST = 0.25, 2.5, 3, 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,12 +206,46 @@ def _choose(rungs: list[Option], current: Score, rows: Rows, least: float) -> St
         lost, error = compare(option.score.losses, best.score.losses)
         if lost <= error or lost <= EQUAL_SHARE * best.gain:
             equals.append(option)
-    taken = min(equals, key=lambda o: (o.candidate.effect.complexity, -o.gain))
+    taken = min(equals, key=lambda o: (_new_parameters(o), -o.gain))
+    for twin in equals:
+        # A twin with one parameter more fits at least as well; by luck, or because it is the one?
+        if taken.candidate.effect.name in twin.candidate.effect.twins:
+            lost, error = compare(taken.score.losses, twin.score.losses)
+            if lost > error:
+                taken = twin
+    taken = next((o for o in equals if _carries_more(o, taken)), taken)
     return Step(
         taken=taken,
         equals=tuple(o for o in equals if o is not taken and not _nested(o, taken)),
         ladder=tuple(rungs),
         before=current.loss,
+    )
+
+
+def _carries_more(option: Option, taken: Option) -> bool:
+    """Whether a mass or inertia found already makes `option` likelier than a torque gain.
+
+    With a free inertia beside it, a payload at any distance is a gain; no coincidence speaks for
+    the gain then, and what hangs on a limb has both mass and inertia.
+    """
+    a, b = option.candidate, taken.candidate
+    carried = {"payload", "added_inertia"}
+    beside = {c.effect.name for c in option.model.effects if c.joint == a.joint and c != a}
+    return (
+        b.effect.name == "torque_gain"
+        and a.joint == b.joint
+        and a.effect.name in carried - beside
+        and bool(carried & beside)
+        and not option.refused
+    )
+
+
+def _new_parameters(option: Option) -> int:
+    """Return the number of parameters an option adds to the simpler form that it replaces."""
+    effect, joint = option.candidate.effect, option.candidate.joint
+    return effect.complexity - max(
+        (BY_NAME[name].complexity for name in effect.includes if (name, joint) in option.replaced),
+        default=0,
     )
 
 
@@ -222,11 +257,12 @@ def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
     if option.z > MIN_Z:
         return True
     folds = np.bincount(rows.fold_of_block, current.losses - option.score.losses)
+    won, lost = float(folds[folds > 0].sum()), float(-folds[folds < 0].sum())
     return (
         option.gain > LARGE_GAIN * current.loss
         and option.z > LARGE_Z
-        and len(folds) >= LARGE_FOLDS
-        and float((folds > 0).mean()) >= LARGE_AGREE
+        and int((folds > LARGE_LOST * won).sum()) >= LARGE_FOLDS
+        and lost < LARGE_LOST * won
     )
 
 
@@ -268,7 +304,8 @@ def _retested(
             continue
         changed, rescored = refined(again.taken, rows)
         new = replace(again, taken=replace(again.taken, model=changed, score=rescored))
-        if again.taken.candidate.key == key or rescored.loss < current.loss:
+        equal = again.taken.candidate.key == key or _carries_more(again.taken, step.taken)
+        if equal or rescored.loss < current.loss:
             active = {candidate.key for candidate in changed.effects}
             model, current = changed, rescored
             steps = [new if s is step else s for s in steps]

@@ -11,6 +11,10 @@ from analysis.closeloop.ceiling import Ceiling, spectral_lines
 from analysis.closeloop.recording import Recording
 from analysis.closeloop.tracing import Trace
 
+#: A trial or a moment whose residual is this many times the usual one stands out.
+ODD = 1.5
+ODD_SECONDS = 0.25
+
 
 def narrow_lines(
     recording: Recording, errors: list[TrialError]
@@ -37,7 +41,15 @@ def unexplained(
     lines: Mapping[int, list[tuple[float, float]]],
     verdict: str,
 ) -> dict[str, Any]:
-    """Describe, per joint, what no effect explains: size, signals it depends on, band."""
+    """Describe, per joint, what no effect explains: size, signals it depends on, band, where.
+
+    Args:
+        recording: all trials.
+        found: the trace.
+        errors: of the repaired model, over the trials that were fitted and the holdouts.
+        lines: narrow lines in the residual's spectrum.
+        verdict: of the whole session.
+    """
     left: Ceiling = found.ceiling_after
     entries = {}
     for joint in recording.joints:
@@ -47,19 +59,41 @@ def unexplained(
             depends.append("time")
         if not depends and verdict != "unexplained":
             continue
-        own = [error for error in errors if error.joint == joint]
+        own = [error for error in errors if error.joint == joint and len(error.time) > 1]
         if not own:
             continue
         share = max(0.0, 1.0 - left.ceiling_loss / max(left.model_loss, 1e-300))
         structured = share * smooth_part(recording, found, joint)
         structured += sum(amplitude**2 / 2 for _, amplitude in lines.get(joint, []))
+        # A trial that leaves far more than the fitted ones holds something they did not show.
+        usual = float(np.median([_mean_square(e) for e in own if e.trial in recording.fit_trials]))
+        odd = [error for error in own if _mean_square(error) > ODD**2 * usual]
+        structured = max([structured, *(_mean_square(error) - usual for error in odd)])
         entries[name] = {
             "rms": float(np.sqrt(structured)),
             "unit": recording.device.unit(name),
             "depends_on": list(dict.fromkeys(depends)),
-            "band_hz": _band(recording, own, lines.get(joint, [])),
+            "band_hz": _band(recording, own, [] if odd else lines.get(joint, [])),
+            "mostly_in": [_where(recording, error, usual) for error in odd],
         }
     return entries
+
+
+def _mean_square(error: TrialError) -> float:
+    return float(np.mean(error.residual**2))
+
+
+def _where(recording: Recording, error: TrialError, usual: float) -> dict[str, Any]:
+    """Say in which file, and from when to when, a trial's residual is larger than usual."""
+    count = max(1, int(ODD_SECONDS * recording.sampling.recorded))
+    power = np.convolve(error.residual**2, np.full(count, 1.0 / count), mode="same")
+    rows = np.flatnonzero(power > ODD**2 * usual)
+    first, last = (rows[0], rows[-1]) if len(rows) else (0, len(power) - 1)
+    return {
+        "file": recording.session.trials[error.trial].file,
+        "rms": float(np.sqrt(_mean_square(error))),
+        "time": [float(error.time[first]), float(error.time[last])],
+    }
 
 
 def _band(
@@ -70,8 +104,8 @@ def _band(
         frequencies = [frequency for frequency, _ in lines]
         return [0.9 * min(frequencies), 1.1 * max(frequencies)]
     rate = recording.sampling.recorded
-    longest = max(errors, key=lambda error: len(error.time))
-    frequency, power = welch(longest.residual, rate, nperseg=min(len(longest.time), int(4 * rate)))
+    worst = max(errors, key=_mean_square)
+    frequency, power = welch(worst.residual, rate, nperseg=min(len(worst.time), int(4 * rate)))
     above = np.maximum(power - np.median(power[len(power) // 2 :]), 0.0)
     total = np.cumsum(above) / max(float(above.sum()), 1e-300)
     low, high = np.searchsorted(total, [0.1, 0.9])

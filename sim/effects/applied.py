@@ -73,7 +73,8 @@ class _Effect:
         return (p["torque"] + p["breakaway_excess"] * slow) * tanh(v / SMOOTH)
 
     def _asymmetric_friction(self, q: float, v: float, data: mujoco.MjData) -> float:
-        level = self.p["torque_positive"] if v > 0 else self.p["torque_negative"]
+        # Where the levels are declared already, only the slopes differ.
+        level = self.p.get("torque_positive" if v > 0 else "torque_negative", 0.0)
         viscous = 0.5 * self.p.get("viscous_difference", 0.0) * abs(v)
         return level * tanh(v / SMOOTH) + viscous
 

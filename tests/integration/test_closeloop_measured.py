@@ -59,22 +59,28 @@ def emps(folder: Path, joint: str, declared: tuple[str, ...] = ()) -> dict[str, 
     return close_loop(folder, folder / "out")
 
 
-@pytest.mark.parametrize(
-    ("joint", "declared"),
-    [
-        # Published symmetric values (Janot, Gautier and Brunot 2019), or the same form fitted.
-        ('frictionloss="20.39" damping="203.5"', ()),
-        ("", ("coulomb_friction", "viscous_friction", "torque_offset")),
-    ],
-)
-def test_a_worn_screw_rubs_differently_each_way(
-    tmp_path: Path, joint: str, declared: tuple[str, ...]
-) -> None:
-    report = emps(tmp_path / "emps", joint, declared)
+def test_a_worn_screw_rubs_differently_each_way(tmp_path: Path) -> None:
+    # Published symmetric values (Janot, Gautier and Brunot 2019).
+    report = emps(tmp_path / "emps", 'frictionloss="20.39" damping="203.5"')
     assert report["verdict"] == "effect_found"
     assert report["effects"][0]["name"] == "asymmetric_friction"
     error = report["error"]["holdout"]["slide"]
-    assert error["after"] < error["before"]
+    assert error["after"] < error["before"] and error["smooth_relative_after"] <= 0.0535
+
+
+def test_the_same_form_fitted_has_the_published_errors_until_it_is_repaired(tmp_path: Path) -> None:
+    declared = ("coulomb_friction", "viscous_friction", "torque_offset")
+    report = emps(tmp_path / "emps", "", declared)
+    assert report["verdict"] == "effect_found"
+    assert report["effects"][0]["name"] == "asymmetric_friction"
+    # Published: 5.98 % for the symmetric model on the pulses that it was not fitted to.
+    error = report["error"]["holdout"]["slide"]
+    assert error["smooth_relative_before"] == pytest.approx(0.0595, abs=0.0005)
+    assert error["smooth_relative_after"] < 0.0536
+    # What the pulses excite beyond the carriage's rigid motion has no name.
+    left = report["unexplained"]["slide"]
+    assert [place["file"] for place in left["mostly_in"]] == ["test_pulses.csv"]
+    assert left["band_hz"][0] > 15.0 and left["rms"] > 5.0
 
 
 def test_without_declared_coulomb_friction_it_is_found_first(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ import pytest
 
 from analysis.closeloop.loop import FILES, close_loop
 from sim.effects.applied import AppliedEffects
-from tests.closeloop_sessions import Arm, write_session
+from tests.closeloop_effects import Arm
+from tests.closeloop_sessions import write_session
 
 SEED = 3
 
@@ -39,6 +40,14 @@ def test_coulomb_friction_is_found_added_and_the_error_falls(tmp_path: Path) -> 
     assert model.dof_frictionloss[1] == pytest.approx(torque["value"], rel=1e-4)
     assert model.jnt_stiffness[1] == pytest.approx(stiffness["after"], rel=1e-4)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(FILES)
+    # The model that was written follows the recording; the declared one needs to be pushed.
+    simulated = report["confirmation"]["joints"]["elbow"]
+    assert report["confirmation"]["ran"] and report["confirmation"]["trials"][0] == "holdout.csv"
+    assert simulated["feedback_after"] < 0.3 * simulated["feedback_before"]
+    assert simulated["deviation_after"] < 0.3 * simulated["deviation_before"]
+    looked = report["diagnostics"]["elbow"]
+    assert looked["before"]["depends_on"]["velocity sign"] > 0.6
+    assert looked["after"]["depends_on"]["velocity sign"] < 0.2
     page = (tmp_path / "out" / "report.html").read_text()
     assert "coulomb_friction" in page and "data:image/png;base64," in page and "http" not in page
     assert json.loads((tmp_path / "out" / "report.json").read_text()) == report
@@ -52,6 +61,17 @@ def test_nothing_missing_is_an_answer(tmp_path: Path) -> None:
     assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(
         arm.stiffness, rel=0.005
     )
+
+
+def test_a_gain_that_a_payload_imitates_says_what_the_stiffness_would_be(tmp_path: Path) -> None:
+    report, arm = closed(tmp_path, "torque_gain")
+    (effect,) = report["effects"]
+    names = {effect["name"], *effect["indistinguishable_from"]}
+    assert names == {"torque_gain", "payload"}
+    stiffness = report["impedance"]["elbow"]["stiffness"]
+    low, high = stiffness["ci90_after"]
+    assert low <= arm.stiffness <= high and "if it is payload" in " ".join(report["warnings"])
+    assert "known mass" in " ".join(report["advice"])
 
 
 def test_two_effects_are_both_found(tmp_path: Path) -> None:

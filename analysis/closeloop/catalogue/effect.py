@@ -38,6 +38,8 @@ class Parameter:
     unit: str
     column: int | None = None
     scale: float = 1.0
+    #: Another column that enters the value too, and its share.
+    also: tuple[int, float] | None = None
     #: Fixed value of a non-linear parameter; None if it comes from a coefficient.
     value: float | None = None
 
@@ -55,6 +57,8 @@ class Effect(ABC):
     separating_trial: str
     #: Effects whose torque is a special case of this one.
     includes: tuple[str, ...] = ()
+    #: Effects that this one imitates nearly whole: only a paired test tells the two apart.
+    twins: tuple[str, ...] = ()
     #: Lower bound of every coefficient (the last repeats); -inf if either sign is physical.
     lower: tuple[float, ...] = (-np.inf,)
     #: Whether the columns depend on the estimate so far.

@@ -112,7 +112,12 @@ class Stribeck(Effect):
 
 
 class Asymmetric(Effect):
-    """Another Coulomb and another viscous friction in each direction."""
+    """Another Coulomb and another viscous friction in each direction.
+
+    Mean and half difference of the two levels are the coefficients: the half difference goes with
+    |sign(v)|, a constant wherever the joint moves, which a neutral angle or an offset takes in
+    whole. Then only the mean is known, and the slopes must tell the directions apart.
+    """
 
     name = "asymmetric_friction"
     complexity = 3
@@ -120,7 +125,7 @@ class Asymmetric(Effect):
     element = "applied torque"
     separating_trial = "move to and fro at three speeds, with rests at both ends"
     includes = ("coulomb_friction",)
-    lower = (0.0, 0.0, -np.inf)
+    lower = (0.0, -np.inf, -np.inf)
 
     def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
         return [
@@ -131,7 +136,7 @@ class Asymmetric(Effect):
         self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
     ) -> Columns:
         sign = direction(recording, joint, theta["smooth"])
-        columns = [np.maximum(sign, 0.0), np.minimum(sign, 0.0)]
+        columns = [sign, np.abs(sign)]
         if theta["viscous"]:
             columns.append(np.abs(recording.velocity[:, joint]))
         return {joint: np.column_stack(columns)}
@@ -142,8 +147,8 @@ class Asymmetric(Effect):
     def parameters(self, recording: Recording, joint: int, theta: Theta) -> dict[str, Parameter]:
         unit = _unit(recording, joint)
         found = {
-            "torque_positive": Parameter(unit=unit, column=0),
-            "torque_negative": Parameter(unit=unit, column=1),
+            "torque_positive": Parameter(unit=unit, column=0, also=(1, 1.0)),
+            "torque_negative": Parameter(unit=unit, column=0, also=(1, -1.0)),
         }
         if theta["viscous"]:
             found["viscous_difference"] = Parameter(

@@ -11,7 +11,10 @@ from analysis.closeloop.recording import Recording
 
 
 class Payload(Effect):
-    """A point mass on the link that a joint moves, on the line to its centre of mass."""
+    """A point mass on the link that a joint moves, on the line to its centre of mass.
+
+    At the link's centre of percussion it scales gravity and inertia alike, as a torque gain does.
+    """
 
     name = "payload"
     complexity = 2
@@ -20,6 +23,7 @@ class Payload(Effect):
     )
     element = "body/@mass"
     separating_trial = "hold still in five postures, and repeat one movement with a known mass"
+    twins = ("torque_gain",)
 
     def applies(self, recording: Recording, joint: int) -> bool:
         return lever(recording, joint) is not None

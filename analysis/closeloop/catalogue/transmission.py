@@ -18,6 +18,7 @@ from analysis.closeloop.catalogue.effect import (
     travel,
 )
 from analysis.closeloop.recording import Recording
+from analysis.closeloop.signals import lagged, lowpass
 
 
 class SeriesElasticity(Effect):
@@ -39,16 +40,7 @@ class SeriesElasticity(Effect):
     def columns(
         self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
     ) -> Columns:
-        torque = estimate.prediction[:, joint]
-        rate = np.empty_like(torque)
-        jerk = np.empty_like(torque)
-        for piece in recording.slices:
-            rate[piece] = np.gradient(torque[piece], 1.0 / recording.rate)
-            jerk[piece] = np.gradient(rate[piece], 1.0 / recording.rate)
-        slope = estimate.stiffness[joint] + _static_slope(recording, joint)
-        column = recording.own_inertia[:, joint] * jerk
-        column = column + estimate.damping[joint] * rate + slope * torque
-        return {joint: -column[:, None]}
+        return {joint: -_felt(recording, joint, estimate.prediction[:, joint], estimate)[:, None]}
 
     def parameters(self, recording: Recording, joint: int, theta: Theta) -> dict[str, Parameter]:
         unit, angle = _units(recording, joint)
@@ -56,7 +48,11 @@ class SeriesElasticity(Effect):
 
 
 class Backlash(Effect):
-    """Play between motor and limb: the limb lies on the side to which the load pulls it."""
+    """Play between motor and limb: the limb lies on the side to which the load pulls it.
+
+    The recorded motor is gap / 2 times the load's side ahead, so the balance lacks
+    -(M s'' + D s' + (K + g') s) gap / 2.
+    """
 
     name = "backlash"
     complexity = 2
@@ -67,7 +63,11 @@ class Backlash(Effect):
     uses_estimate = True
 
     def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [{"width": share} for share in (0.02, 0.06, 0.15)]
+        return [
+            {"width": share, "late": late}
+            for share in (0.02, 0.06, 0.15, 0.3)
+            for late in (0.0, 0.03, 0.08, 0.16)
+        ]
 
     def columns(
         self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
@@ -75,8 +75,11 @@ class Backlash(Effect):
         load = estimate.prediction[:, joint]
         spread = max(float(np.quantile(np.abs(load), 0.95)), 1e-9)
         side = np.tanh(load / (theta["width"] * spread))
-        slope = estimate.stiffness[joint] + _static_slope(recording, joint)
-        return {joint: -(slope * side)[:, None]}
+        for piece in recording.slices:
+            if theta["late"]:
+                side[piece] = lagged(side[piece], theta["late"], recording.rate)
+            side[piece] = lowpass(side[piece], recording.sampling.cutoff, recording.rate)
+        return {joint: -_felt(recording, joint, side, estimate)[:, None]}
 
     def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
         return scaled(theta, "width", scale)
@@ -136,6 +139,17 @@ def dahl(recording: Recording, joint: int, distance: float) -> np.ndarray:
             z = part[stop - 1]
         state[piece] = part
     return state
+
+
+def _felt(recording: Recording, joint: int, ahead: np.ndarray, estimate: Estimate) -> np.ndarray:
+    """Return the torque that a move by `ahead` (rad or m, (n,)) changes: M, D and K of it."""
+    rate, twice = np.empty_like(ahead), np.empty_like(ahead)
+    for piece in recording.slices:
+        rate[piece] = np.gradient(ahead[piece], 1.0 / recording.rate)
+        twice[piece] = np.gradient(rate[piece], 1.0 / recording.rate)
+    slope = estimate.stiffness[joint] + _static_slope(recording, joint)
+    inertia = recording.own_inertia[:, joint]
+    return np.asarray(inertia * twice + estimate.damping[joint] * rate + slope * ahead)
 
 
 def _static_slope(recording: Recording, joint: int) -> np.ndarray:

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.catalogue import BY_NAME, EFFECTS
-from analysis.closeloop.device import Device
 from analysis.closeloop.model import no_estimate
 from analysis.closeloop.recording import Recording
 from analysis.closeloop.regression import keep_independent, solve
-from analysis.closeloop.session import Session, Trial
-from analysis.closeloop.signals import Sampling, lagged, shifted
-from tests.closeloop_sessions import Arm, mjcf
+from analysis.closeloop.signals import lagged, shifted
+from tests.closeloop_effects import Arm
 
 CONTRACT = """
 coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_dependent_friction
@@ -18,38 +16,6 @@ position_dependent_friction torque_offset torque_gain payload added_inertia posi
 joint_stiffness nonlinear_stiffness end_range_torque torque_ripple time_delay actuator_lag
 series_elasticity backlash hysteresis stretch_reflex thixotropy drift cross_joint_coupling
 """
-
-
-@pytest.fixture(scope="module")
-def recording() -> Recording:
-    """Both joints of the arm in rich motion, 5 s at 200 Hz."""
-    from pathlib import Path
-
-    import mujoco
-
-    t = np.arange(1000) / 200.0
-    w = 2 * np.pi * np.array([0.7, 0.4])
-    q = np.array([-0.5, 1.0]) + 0.4 * np.sin(t[:, None] * w)
-    v = 0.4 * w * np.cos(t[:, None] * w)
-    a = -0.4 * w**2 * np.sin(t[:, None] * w)
-    trial = Trial(file="a.csv", label="a", group="a", role="fit")
-    return Recording(
-        device=Device(mujoco.MjSpec.from_string(mjcf(Arm())), "device.xml", ()),
-        session=Session(folder=Path(), model="device.xml", trials=(trial,)),
-        sampling=Sampling(recorded=200.0, working=200.0, cutoff=20.0),
-        pieces=[],
-        slices=[slice(0, len(t))],
-        trial=np.zeros(len(t), dtype=int),
-        time=t,
-        position=q,
-        velocity=v,
-        acceleration=a,
-        effort=np.zeros_like(q),
-        extra=np.empty((len(t), 0)),
-        extra_names=(),
-        joints=(0, 1),
-        fit_trials=(0,),
-    )
 
 
 def test_the_catalogue_has_the_names_of_the_contract() -> None:

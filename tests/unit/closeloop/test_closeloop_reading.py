@@ -10,7 +10,8 @@ import pytest
 from analysis.closeloop.answer import load_session
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.plausibility import saturated_line
-from tests.closeloop_sessions import GRAVITY, Arm, mjcf
+from tests.closeloop_effects import GRAVITY, Arm
+from tests.closeloop_sessions import mjcf
 
 HEADER = "time,shoulder.position,elbow.position,elbow.velocity,elbow.effort"
 ARM = Arm()

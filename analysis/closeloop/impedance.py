@@ -1,0 +1,100 @@
+"""Impedance of the declared joints before and after the repair, in the contract's words."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from analysis.closeloop.catalogue.effect import Candidate
+from analysis.closeloop.ladder import Option
+from analysis.closeloop.model import Model, evaluate, impedances
+from analysis.closeloop.tracing import Trace
+from analysis.closeloop.uncertainty import bootstrap, interval
+
+#: Stiffnesses under two names that differ by less than this are one.
+APART = 0.02
+
+
+def impedance_entries(found: Trace, rng: np.random.Generator) -> dict[str, Any]:
+    """Return stiffness, damping and neutral angle of every declared joint, before and after.
+
+    Where names cannot be told apart, each has a value of its own; the interval holds them all.
+    """
+    recording = found.rows.recording
+    both = []
+    for model, score in ((found.declared, found.declared_score), (found.model, found.score)):
+        draws, _ = bootstrap(model, found.rows, score.coefficients, rng)
+        values = impedances(model, score.coefficients)
+        spread = [impedances(model, draw) for draw in draws]
+        both.append((values, spread))
+    others = alternatives(found)
+    entries: dict[str, Any] = {}
+    for joint in both[0][0]:
+        name = recording.device.joints[joint]
+        angle, unit = recording.device.angle_unit(name), recording.device.unit(name)
+        units = {
+            "stiffness": f"{unit}/{angle}",
+            "damping": "Nm s/rad" if unit == "Nm" else "N s/m",
+            "neutral_angle": angle,
+        }
+        entries[name] = {}
+        for key, own_unit in units.items():
+            entry: dict[str, Any] = {"unit": own_unit}
+            for word, (values, spread) in zip(("before", "after"), both, strict=True):
+                value = values[joint][key]
+                draws = np.array([draw[joint][key] for draw in spread])
+                entry[word] = value
+                entry[f"ci90_{word}"] = interval(draws[np.isfinite(draws)], value)
+            if others:
+                entry["after_if"] = {word: own[joint][key] for word, own in others.items()}
+                every = [*entry["ci90_after"], *entry["after_if"].values()]
+                entry["ci90_after"] = [min(every), max(every)]
+            entries[name][key] = entry
+    return entries
+
+
+def undecided(entries: Mapping[str, Any]) -> list[str]:
+    """Return a warning for every stiffness that depends on which of several names is right."""
+    lines = []
+    for joint, values in entries.items():
+        entry = values["stiffness"]
+        apart = {
+            name: value
+            for name, value in entry.get("after_if", {}).items()
+            if abs(value - entry["after"]) > APART * abs(entry["after"])
+        }
+        if apart:
+            said = ", ".join(f"{value:.3g} if it is {name}" for name, value in apart.items())
+            lines.append(
+                f"the stiffness of {joint} is {entry['after']:.3g} {entry['unit']} under the name "
+                f"given first, but {said}; its interval holds both"
+            )
+    return lines
+
+
+def alternatives(found: Trace) -> dict[str, dict[int, dict[str, float]]]:
+    """Return the impedances under every other name that explains the trials as well."""
+    values = {}
+    for step in found.steps:
+        if found.verdict != "effect_found":
+            continue
+        for option in step.equals:
+            model = _exchanged(found.model, step.taken.candidate, option)
+            coefficients = evaluate(model, found.rows).coefficients
+            values[option.candidate.effect.name] = impedances(model, coefficients)
+    return values
+
+
+def _exchanged(model: Model, taken: Candidate, option: Option) -> Model:
+    """Return the model with the effect that was taken replaced by an option's."""
+    terms = tuple(t for t in model.terms if t.candidate != taken)
+    channels = tuple(c for c in model.channels if c.candidate != taken)
+    return replace(
+        model,
+        terms=(*terms, *(t for t in option.model.terms if t.candidate == option.candidate)),
+        channels=(
+            *channels,
+            *(c for c in option.model.channels if c.candidate == option.candidate),
+        ),
+    )
