@@ -16,6 +16,7 @@ from analysis.closeloop.accuracy import (
 )
 from analysis.closeloop.catalogue import BY_NAME, VISCOELASTIC
 from analysis.closeloop.device import load_device
+from analysis.closeloop.interface import beyond_interface
 from analysis.closeloop.model import Model, gains, impedances
 from analysis.closeloop.plausibility import check_signs, check_trial
 from analysis.closeloop.recording import Recording, record
@@ -68,7 +69,7 @@ def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> An
     """
     progress("reading")
     session, recording = load_session(folder)
-    found = trace(recording, progress)
+    found = beyond_interface(trace(recording, progress))
     progress("errors and intervals")
     rows = found.rows
     holdouts = tuple(i for i, trial in enumerate(session.trials) if trial.role == "holdout")

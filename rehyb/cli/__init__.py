@@ -19,6 +19,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 studies.app.command()(surrogates.surrogate)
+studies.app.command("with-effect")(loop.with_effect)
 app.add_typer(studies.app, name="study")
 app.add_typer(campaigns.app, name="campaign")
 app.add_typer(services.database, name="db")

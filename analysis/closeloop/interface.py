@@ -1,0 +1,107 @@
+"""What the nominal arm lacks by construction: soft tissue and joints that are not aligned.
+
+The nominal model of equation 20 rides rigidly on the robot (q = theta). A real arm lies in soft
+tissue, beside the robot's axis, and its muscles' stiffness changes with the angle. That leaves a
+residual which candidates imitate: a curve over the angle looks like a hardening spring or a wrong
+encoder, tissue and cuffs that rub look like friction of the joint. So on a session with the nominal
+model an effect is named only if its torque is larger than what the arm and its attachment leave
+alone; the limits below are twice what the full simulation shows over plain arms
+(`python -m benchmarks.patient --plain`, docs/closeloop.md).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.closeloop.catalogue import RUBBING
+from analysis.closeloop.ceiling import ceiling
+from analysis.closeloop.model import Model, evaluate, kept_columns
+from analysis.closeloop.regression import Rows
+from analysis.closeloop.session import NOMINAL
+from analysis.closeloop.tracing import Step, Trace
+
+#: Effects that take energy or act with the direction of the motion.
+DISSIPATIVE = RUBBING | {"viscous_friction", "stretch_reflex"}
+#: Largest torque of such an effect (its 99 % quantile) that tissue and cuffs may leave, Nm.
+DISSIPATIVE_LIMIT = 1.4
+#: Largest torque of any other effect beyond what stiffness, damping and neutral angle absorb (root
+#: mean square) that tissue, misalignment and muscles may leave, Nm.
+OTHER_LIMIT = 1.8
+REMARK = (
+    "the nominal arm is rigid and aligned with the robot (q = theta): soft tissue, joints that are "
+    "not aligned and stiffness that changes with the angle leave a residual like the one that stays, "
+    "so it is not put down to friction or any other effect of the joint; record the limb's own angle "
+    "(an inertial sensor on the forearm) to see it"
+)
+
+
+def beyond_interface(found: Trace) -> Trace:
+    """Withhold names that the rigid, aligned nominal arm alone may explain; others stay.
+
+    Args:
+        found: what tracing found; returned as it is unless the session's model is the nominal arm.
+    """
+    if found.rows.recording.session.model != NOMINAL or found.verdict == "adequate":
+        return found
+    if found.verdict == "unexplained":
+        return replace(found, notes=(*found.notes, REMARK))
+    named = found.verdict == "effect_found"
+    model = found.model if named else found.steps[0].taken.model
+    coefficients = found.score.coefficients if named else found.steps[0].taken.score.coefficients
+    kept = tuple(
+        step for step in found.steps if _exceeds(step, found.declared, model, coefficients, found.rows)
+    )
+    if len(kept) == len(found.steps):
+        return found
+    if not kept:
+        return replace(
+            found,
+            verdict="unexplained",
+            model=found.declared,
+            score=found.declared_score,
+            steps=(),
+            ceiling_after=found.ceiling_before,
+            notes=(*found.notes, REMARK),
+        )
+    keys = {step.taken.candidate.key for step in kept}
+    reduced = replace(
+        model,
+        terms=tuple(t for t in model.terms if t.candidate is None or t.candidate.key in keys),
+        channels=tuple(c for c in model.channels if c.candidate.key in keys),
+    )
+    return replace(
+        found,
+        model=reduced,
+        score=evaluate(reduced, found.rows),
+        steps=kept,
+        ceiling_after=ceiling(reduced, found.rows),
+        notes=(*found.notes, REMARK),
+    )
+
+
+def _exceeds(
+    step: Step, declared: Model, model: Model, coefficients: np.ndarray, rows: Rows
+) -> bool:
+    """Whether an effect's torque is larger than what a plain arm in the device leaves."""
+    size = torque_size(step, declared, model, coefficients, rows)
+    name = step.taken.candidate.effect.name
+    return size is None or size > (DISSIPATIVE_LIMIT if name in DISSIPATIVE else OTHER_LIMIT)
+
+
+def torque_size(
+    step: Step, declared: Model, model: Model, coefficients: np.ndarray, rows: Rows
+) -> float | None:
+    """Return the size of an effect's torque as the limits take it, Nm; None for a channel."""
+    candidate, start = step.taken.candidate, 0
+    for term in model.terms:
+        own = coefficients[start : start + len(term.kept)]
+        start += len(term.kept)
+        if term.candidate is None or term.candidate.key != candidate.key:
+            continue
+        torque = rows.stack(model.transformed(kept_columns(term)), len(term.kept)) @ own
+        if candidate.effect.name in DISSIPATIVE:
+            return float(np.quantile(np.abs(torque / rows.weight), 0.99))
+        base, _ = declared.base(rows)
+        beyond = torque - base @ np.linalg.lstsq(base, torque, rcond=None)[0]
+        return float(np.sqrt(np.mean((beyond / rows.weight) ** 2)))
+    return None
