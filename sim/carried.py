@@ -1,8 +1,8 @@
-"""Undeclared effects in the full simulation: on the robot's joint or the limb's, native or stepped.
+"""Undeclared effects in the full simulation, on the robot's joint or the limb's.
 
-Native elements need nothing at run time. Friction whose level changes is MuJoCo's own `frictionloss`
-set anew before each step, because the solver holds a joint still in friction at any step, which a
-torque computed outside it would not. Torques of the limb are applied forces, so that the torque of
+Native elements need nothing at run time. Friction whose level changes is MuJoCo's `frictionloss`
+set anew before each step: the solver holds a joint still in friction at any step, which a torque
+computed outside it would not. Torques of the limb are applied forces, so that the torque of
 the muscles stays what it is: K_h never contains what an effect adds.
 """
 

@@ -171,9 +171,7 @@ def base_spec(
     add_arm(spec, wearer)
     add_muscles(spec, wearer)
     add_exoskeleton(spec, gains, friction=conditions.robot_friction, joint=JOINTS[target.joint])
-    add_undeclared(
-        spec, conditions, gains, JOINTS[target.joint], HUMAN_JOINTS[target.joint]
-    )
+    add_undeclared(spec, conditions, gains, JOINTS[target.joint], HUMAN_JOINTS[target.joint])
     if conditions.cuff_compliance > 0.0:
         add_slide(spec, conditions.cuff_compliance)
     for joint, angle in zip(JOINTS, target.start, strict=True):

@@ -2,8 +2,8 @@
 
 The robot moves the arm to and fro, at several speeds over two ranges, and keeps
 what a laboratory would: time, joint angles and the elbow motor's torque. Whatever the arm, the
-tissue, the fit of the device or an undeclared effect do to these signals is in them; a nominal model
-is all that the analysis gets (`docs/closeloop.md`).
+tissue, the fit of the device or an undeclared effect do to these signals is in them; a nominal
+model is all that the analysis gets (`docs/closeloop.md`).
 """
 
 import csv
@@ -35,24 +35,26 @@ TORQUE_NOISE, ENCODER = 0.05, 2 * np.pi / 2**20
 
 @dataclass(frozen=True, kw_only=True)
 class Exercise:
-    """One trial: the elbow extends and flexes again."""
+    """One trial: the elbow extends and flexes again, so and so often."""
 
     name: str
     #: Rate of both sigmoids, 1/s, and how far the elbow extends, rad.
     rate: float
     amplitude: float
+    #: How often, there and back.
+    cycles: int
     role: str = "fit"
 
 
 #: Three speeds over the whole range and over its flexed half, and a pair that no fit sees.
 EXERCISES = (
-    Exercise(name="slow", rate=1.0, amplitude=1.4),
-    Exercise(name="medium", rate=2.0, amplitude=1.4),
-    Exercise(name="fast", rate=4.0, amplitude=1.4),
-    Exercise(name="slow_half", rate=1.0, amplitude=0.8),
-    Exercise(name="medium_half", rate=2.0, amplitude=0.8),
-    Exercise(name="fast_half", rate=4.0, amplitude=0.8),
-    Exercise(name="holdout", rate=3.0, amplitude=1.1, role="holdout"),
+    Exercise(name="slow", cycles=2, rate=2.0, amplitude=1.4),
+    Exercise(name="medium", cycles=3, rate=3.0, amplitude=1.4),
+    Exercise(name="fast", cycles=4, rate=4.5, amplitude=1.4),
+    Exercise(name="slow_half", cycles=2, rate=2.0, amplitude=0.8),
+    Exercise(name="medium_half", cycles=3, rate=3.0, amplitude=0.8),
+    Exercise(name="fast_half", cycles=4, rate=4.5, amplitude=0.8),
+    Exercise(name="holdout", cycles=3, rate=3.5, amplitude=1.1, role="holdout"),
 )
 #: Where the robot begins: the upper arm as in an assessment, the elbow with room for an overshoot.
 START_DEG = (0.0, -90.0, 0.0, 95.0)
@@ -61,10 +63,12 @@ START_DEG = (0.0, -90.0, 0.0, 95.0)
 def to_and_fro(exercise: Exercise, start: float, step: float) -> Motion:
     """Return an exercise's reference from elbow angle `start` (rad), sampled every `step` s."""
     half = SETTLED / exercise.rate
-    out, back = half, 3 * half + PAUSE
-    time = np.arange(round((back + half + PAUSE) / step)) * step
+    stroke = 2 * half + PAUSE
+    time = np.arange(round((2 * exercise.cycles * stroke + PAUSE) / step)) * step
     angle, velocity = np.full_like(time, start), np.zeros_like(time)
-    for centre, sign in ((out, -1.0), (back, 1.0)):
+    for number in range(2 * exercise.cycles):
+        sign = 1.0 if number % 2 else -1.0
+        centre = half + number * stroke
         sigmoid = 1.0 / (1.0 + np.exp(-exercise.rate * (time - centre)))
         first = 1.0 / (1.0 + np.exp(exercise.rate * centre))
         angle += sign * exercise.amplitude * (sigmoid - first)

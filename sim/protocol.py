@@ -86,9 +86,7 @@ def _don_and_hold(system: System, data: mujoco.MjData, carried: CarriedEffects) 
             data.act[integral] = torque / system.gains.ki
 
 
-def _follow(
-    system: System, data: mujoco.MjData, carried: CarriedEffects, motion: Motion
-) -> Record:
+def _follow(system: System, data: mujoco.MjData, carried: CarriedEffects, motion: Motion) -> Record:
     """Let the controllers follow the reference and record every step."""
     model, moved = system.model, system.target.joint
     time, reference, velocity = motion

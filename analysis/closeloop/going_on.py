@@ -1,4 +1,4 @@
-"""From a found effect to the next question: a study in which its parameters are uncertain factors."""
+"""From a found effect to a study in which its parameters are uncertain factors."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -48,9 +48,7 @@ def study_with_effects(
         GoingOnError: the report names no effect, or one that the simulation cannot carry.
     """
     if model not in WITH_EFFECTS:
-        raise GoingOnError(
-            f"{model} carries no effects; take {' or '.join(WITH_EFFECTS)}"
-        )
+        raise GoingOnError(f"{model} carries no effects; take {' or '.join(WITH_EFFECTS)}")
     effects = _found(report)
     factors: list[dict[str, Any]] = [{"name": factor.name} for factor in TABLE_1]
     fixed: dict[str, float] = {}

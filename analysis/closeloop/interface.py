@@ -3,10 +3,11 @@
 The nominal model of equation 20 rides rigidly on the robot (q = theta). A real arm lies in soft
 tissue, beside the robot's axis, and its muscles' stiffness changes with the angle. That leaves a
 residual which candidates imitate: a curve over the angle looks like a hardening spring or a wrong
-encoder, tissue and cuffs that rub look like friction of the joint. So on a session with the nominal
-model an effect is named only if its torque is larger than what the arm and its attachment leave
-alone; the limits below are twice what the full simulation shows over plain arms
-(`python -m benchmarks.patient --plain`, docs/closeloop.md).
+encoder, tissue and cuffs that rub look like friction of the joint. So on a session
+with the nominal model an effect is named only if its torque is larger than what the arm and its
+attachment alone are credited with over the plain arms of the full simulation
+(`python -m benchmarks.patient --plain`, docs/closeloop.md), or if it is friction or a reflex and
+leaves nothing to explain.
 """
 
 from dataclasses import replace
@@ -20,18 +21,17 @@ from analysis.closeloop.regression import Rows
 from analysis.closeloop.session import NOMINAL
 from analysis.closeloop.tracing import Step, Trace
 
-#: Effects that take energy or act with the direction of the motion.
-DISSIPATIVE = RUBBING | {"viscous_friction", "stretch_reflex"}
-#: Largest torque of such an effect (its 99 % quantile) that tissue and cuffs may leave, Nm.
-DISSIPATIVE_LIMIT = 1.4
-#: Largest torque of any other effect beyond what stiffness, damping and neutral angle absorb (root
-#: mean square) that tissue, misalignment and muscles may leave, Nm.
-OTHER_LIMIT = 1.8
+#: Torque of an effect beyond what stiffness, damping and neutral angle absorb, Nm where it acts, up
+#: to which soft tissue, misalignment and muscles may be what it imitates.
+LIMIT = 2.0
+#: ... unless it acts with the direction of the motion and alone explains this share of what is
+#: explainable, which cuffs and tissue never do; a curve over the angle they imitate whole.
+WHOLE, DIRECTED = 0.98, RUBBING | {"viscous_friction", "stretch_reflex"}
 REMARK = (
     "the nominal arm is rigid and aligned with the robot (q = theta): soft tissue, joints that are "
-    "not aligned and stiffness that changes with the angle leave a residual like the one that stays, "
-    "so it is not put down to friction or any other effect of the joint; record the limb's own angle "
-    "(an inertial sensor on the forearm) to see it"
+    "not aligned and stiffness that changes with the angle leave a residual like the one that "
+    "stays, so it is not put down to friction or any other effect of the joint; record the limb's "
+    "own angle (an inertial sensor on the forearm) to see it"
 )
 
 
@@ -49,7 +49,10 @@ def beyond_interface(found: Trace) -> Trace:
     model = found.model if named else found.steps[0].taken.model
     coefficients = found.score.coefficients if named else found.steps[0].taken.score.coefficients
     kept = tuple(
-        step for step in found.steps if _exceeds(step, found.declared, model, coefficients, found.rows)
+        step
+        for number, step in enumerate(found.steps)
+        if _exceeds(step, found.declared, model, coefficients, found.rows)
+        or (number == 0 and _explains_all(found, step))
     )
     if len(kept) == len(found.steps):
         return found
@@ -83,15 +86,28 @@ def _exceeds(
     step: Step, declared: Model, model: Model, coefficients: np.ndarray, rows: Rows
 ) -> bool:
     """Whether an effect's torque is larger than what a plain arm in the device leaves."""
-    size = torque_size(step, declared, model, coefficients, rows)
-    name = step.taken.candidate.effect.name
-    return size is None or size > (DISSIPATIVE_LIMIT if name in DISSIPATIVE else OTHER_LIMIT)
+    size = unique_torque(step, declared, model, coefficients, rows)
+    return size is None or size > LIMIT
 
 
-def torque_size(
+def _explains_all(found: Trace, step: Step) -> bool:
+    """Whether one effect of the direction alone leaves nothing that splines could explain."""
+    if step.taken.candidate.effect.name not in DIRECTED:
+        return False
+    left = ceiling(step.taken.model, found.rows)
+    explained = found.ceiling_before.model_loss - left.model_loss
+    remains = left.model_loss - left.ceiling_loss
+    return explained > WHOLE * (explained + remains)
+
+
+def unique_torque(
     step: Step, declared: Model, model: Model, coefficients: np.ndarray, rows: Rows
 ) -> float | None:
-    """Return the size of an effect's torque as the limits take it, Nm; None for a channel."""
+    """Return an effect's torque beyond what is declared absorbs, Nm; None for a channel.
+
+    The root of its mean square weighted by its own power: the size where it acts, which a catch
+    that acts for a moment has as well as friction that always does.
+    """
     candidate, start = step.taken.candidate, 0
     for term in model.terms:
         own = coefficients[start : start + len(term.kept)]
@@ -99,9 +115,8 @@ def torque_size(
         if term.candidate is None or term.candidate.key != candidate.key:
             continue
         torque = rows.stack(model.transformed(kept_columns(term)), len(term.kept)) @ own
-        if candidate.effect.name in DISSIPATIVE:
-            return float(np.quantile(np.abs(torque / rows.weight), 0.99))
         base, _ = declared.base(rows)
         beyond = torque - base @ np.linalg.lstsq(base, torque, rcond=None)[0]
-        return float(np.sqrt(np.mean((beyond / rows.weight) ** 2)))
+        power = (beyond / rows.weight) ** 2
+        return float(np.sqrt((power**2).sum() / max(float(power.sum()), 1e-300)))
     return None

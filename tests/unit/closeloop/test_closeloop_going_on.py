@@ -53,9 +53,7 @@ def study(found: dict[str, Any], **options: Any) -> dict[str, Any]:
 def test_an_interval_becomes_the_range_of_a_factor_beside_table_1() -> None:
     drawn = study(FRICTION)
     assert [factor["name"] for factor in drawn["factors"][:6]] == [f.name for f in TABLE_1]
-    assert drawn["factors"][6:] == [
-        {"name": "effect.coulomb_friction.torque", "range": [2.7, 2.9]}
-    ]
+    assert drawn["factors"][6:] == [{"name": "effect.coulomb_friction.torque", "range": [2.7, 2.9]}]
     assert drawn["fixed"] == {}
 
 
