@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.closeloop.columns import ColumnMap, read_map
 from analysis.closeloop.errors import SessionError
 
 SESSION_FILE = "session.json"
@@ -27,7 +28,7 @@ KEYS = (
     "columns",
     "trials",
 )
-TRIAL_KEYS = ("file", "label", "group", "role", "added_mass", "effort_filter_hz")
+TRIAL_KEYS = ("file", "label", "group", "role", "added_mass", "effort_filter_hz", "columns")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +61,8 @@ class Trial:
     added_mass: AddedMass | None = None
     #: Known low-pass of the effort channel, Hz.
     effort_filter_hz: float | None = None
+    #: How to read a file that has not the contract's own columns.
+    source: ColumnMap | None = None
     time: np.ndarray = field(default_factory=lambda: np.empty(0))
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)
 
@@ -213,6 +216,7 @@ def _declared(
 def _trials(
     content: Mapping[str, Any], folder: Path, default_filter: float | None
 ) -> tuple[Trial, ...]:
+    session_map = read_map(content.get("columns"), folder, "columns", inside)
     entries = content.get("trials")
     if not isinstance(entries, list) or not entries:
         raise _wrong("trials", "must list at least one trial")
@@ -235,6 +239,7 @@ def _trials(
         label, group = entry.get("label", file), entry.get("group", file)
         if not isinstance(label, str) or not isinstance(group, str):
             raise _wrong(where, "label and group must be text")
+        own_map = read_map(entry.get("columns"), folder, f"{where}.columns", inside)
         filter_hz = _optional_number(
             entry, "effort_filter_hz", f"{where}.effort_filter_hz", low=0.0
         )
@@ -246,6 +251,7 @@ def _trials(
                 role=role,
                 added_mass=_added_mass(entry.get("added_mass"), f"{where}.added_mass"),
                 effort_filter_hz=default_filter if filter_hz is None else filter_hz,
+                source=own_map or session_map,
             )
         )
     if all(trial.role == "holdout" for trial in trials):

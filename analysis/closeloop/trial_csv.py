@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.closeloop.columns import translated
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session import Trial
 
@@ -47,19 +48,11 @@ def read_trial(
     if "\0" in text:
         line = text[: text.index("\0")].count("\n") + 1
         raise SessionError("holds a zero byte; is it a CSV file?", file=trial.file, line=line)
-    header, _, body = text.partition("\n")
-    try:
-        names = [name.strip() for name in next(csv.reader([header]), [])]
-    except csv.Error as error:
-        raise SessionError(
-            f"has no header of a CSV file: {error}", file=trial.file, line=1
-        ) from None
-    if len(names) == 1 and (";" in header or "\t" in header):
-        raise SessionError(
-            "separate columns by commas and decimals by points", file=trial.file, line=1
-        )
-    _check_header(names, trial.file, joints, declared)
-    table = _numbers(body, names, trial.file)
+    if trial.source is not None:
+        names, table = translated(text, trial.file, trial.source)
+        _check_header(names, trial.file, joints, declared)
+    else:
+        names, table = _own_table(text, trial.file, joints, declared)
     if len(table) < MIN_SAMPLES:
         raise SessionError(
             f"has {len(table)} samples; at least {MIN_SAMPLES} are needed",
@@ -88,6 +81,21 @@ def read_trial(
     _check_time(time, trial.file)
     columns = {name: table[:, i] for i, name in enumerate(names) if name != TIME}
     return replace(trial, time=time, columns=columns)
+
+
+def _own_table(
+    text: str, file: str, joints: tuple[str, ...], declared: tuple[str, ...]
+) -> tuple[list[str], np.ndarray]:
+    """Read a file with the contract's header."""
+    header, _, body = text.partition("\n")
+    try:
+        names = [name.strip() for name in next(csv.reader([header]), [])]
+    except csv.Error as error:
+        raise SessionError(f"has no header of a CSV file: {error}", file=file, line=1) from None
+    if len(names) == 1 and (";" in header or "\t" in header):
+        raise SessionError("separate columns by commas and decimals by points", file=file, line=1)
+    _check_header(names, file, joints, declared)
+    return names, _numbers(body, names, file)
 
 
 def _check_header(
