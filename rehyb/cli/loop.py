@@ -2,6 +2,7 @@
 
 import json
 import sys
+from contextlib import nullcontext
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,7 +16,8 @@ from rehyb.errors import Invalid, RehybError
 
 def close_loop(
     session: Annotated[
-        Path, typer.Argument(metavar="SESSION_FOLDER", help="Folder with session.json and trials.")
+        Path,
+        typer.Argument(metavar="SESSION", help="Folder with session.json and trials, or its zip."),
     ],
     out: Annotated[Path, typer.Option(help="Folder for report, repaired model and residuals.")],
     as_json: AsJson = False,
@@ -26,6 +28,7 @@ def close_loop(
     """
     if find_spec("matplotlib") is None:
         raise RehybError("the report needs pictures: pip install 'rehyb[figures]'")
+    from analysis.closeloop.archive import unpacked
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.loop import close_loop as close
 
@@ -34,7 +37,8 @@ def close_loop(
             print(f"rehyb: {stage}", file=sys.stderr)
 
     try:
-        report = close(session, out, show)
+        with nullcontext(session) if session.is_dir() else unpacked(session) as folder:
+            report = close(folder, out, show)
     except SessionError as error:
         raise Invalid(str(error)) from None
     if as_json:
