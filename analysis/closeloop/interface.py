@@ -16,6 +16,7 @@ import numpy as np
 
 from analysis.closeloop.catalogue import RUBBING
 from analysis.closeloop.ceiling import ceiling
+from analysis.closeloop.ladder import ONE_WAY
 from analysis.closeloop.model import Model, evaluate, kept_columns
 from analysis.closeloop.regression import Rows
 from analysis.closeloop.session import NOMINAL
@@ -45,6 +46,9 @@ def beyond_interface(found: Trace) -> Trace:
         return found
     if found.verdict == "unexplained":
         return replace(found, notes=(*found.notes, REMARK))
+    if ONE_WAY in found.notes:
+        # Too little was recorded to say anything, and the advice is what to record.
+        return found
     named = found.verdict == "effect_found"
     model = found.model if named else found.steps[0].taken.model
     coefficients = found.score.coefficients if named else found.steps[0].taken.score.coefficients

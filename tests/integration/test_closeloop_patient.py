@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.closeloop.answer import answer
 from analysis.closeloop.interface import REMARK
 from analysis.closeloop.loop import close_loop
 from rehyb.client import Client
 from rehyb.fleet import LocalFleet
-from sim.patient import EXERCISES, record_exercise, true_impedance, write_session
+from sim.assessment import assess
+from sim.patient import EXERCISES, Exercise, record_exercise, true_impedance, write_session
 
 RELAXED = {"activation": 0.05}
 FRICTION = {"effect.coulomb_friction.torque": 2.8}
@@ -58,6 +60,18 @@ def test_soft_tissue_and_a_misaligned_arm_are_not_blamed_on_friction(tmp_path: P
     assert report["effects"] == []
     assert REMARK in report["warnings"]
     assert report["unexplained"]["J4"]["rms"] > 0.1
+
+
+def test_the_papers_single_sigmoid_is_not_enough_and_the_next_trial_is_named(
+    tmp_path: Path,
+) -> None:
+    record = assess(RELAXED | FRICTION, fidelity="bushing").record
+    assert record is not None
+    sigmoid = Exercise(name="sigmoid", rate=2.0, amplitude=1.745, cycles=1)
+    write_session(tmp_path, (sigmoid,), [record], np.random.default_rng(1))
+    report = answer(tmp_path).report
+    assert report["verdict"] == "not_identifiable"
+    assert any("to and fro" in line for line in report["advice"])
 
 
 def test_the_found_effect_becomes_an_uncertain_factor_of_a_ranking(
