@@ -74,7 +74,7 @@ def assess(
     if target not in TARGETS:
         raise ValueError(f"unknown target {target!r}: expected one of {', '.join(TARGETS)}")
     wearer, conditions = split(values)
-    system, run = _prepare(wearer, CONTROLLERS[controller], conditions, fidelity, TARGETS[target])
+    system, run = prepare(wearer, CONTROLLERS[controller], conditions, fidelity, TARGETS[target])
     data = reset_to_start(system)
     record = None
     diagnostics: dict[str, float] = {}
@@ -93,13 +93,13 @@ def assess(
     return Assessment(outcome="ok", outputs=outputs, diagnostics=diagnostics, record=record)
 
 
-def _prepare(
+def prepare(
     wearer: Wearer,
     gains: Gains,
     conditions: Conditions,
     fidelity: str | Fidelity,
     target: Target,
-) -> tuple[System, Callable[[System, mujoco.MjData], Record]]:
+) -> tuple[System, Callable[..., Record]]:
     """Return the system at a fidelity and what runs it; ValueError if the fidelity is unknown."""
     if fidelity == BUSHING:
         return build_bushings(wearer, gains, conditions, target), run_bushings

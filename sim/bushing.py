@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+from sim.carried import CarriedEffects
 from sim.conditions import Conditions
 from sim.control import Gains
 from sim.exoskeleton import JOINTS, MOTOR_GROUP
@@ -24,7 +25,7 @@ from sim.model import (
     forearm_cuff_centre,
     seated_elbow_angle,
 )
-from sim.protocol import HOLD, movement
+from sim.protocol import HOLD, Motion, movement
 from sim.record import Record
 from sim.skeleton import ELBOW, HUMAN_JOINTS, upper_arm_point
 from sim.soft_tissue import BONE_CLEARANCE, HARDENING, Sleeve, sleeves
@@ -88,10 +89,11 @@ def build_bushings(
     )
 
 
-def run_bushings(system: System, data: mujoco.MjData) -> Record:
+def run_bushings(system: System, data: mujoco.MjData, motion: Motion | None = None) -> Record:
     """Hold, release and extend as the protocol with contact does; return what was recorded.
 
-    Both parts run inside the engine. `data` holds the last state afterwards.
+    Both parts run inside the engine. `data` holds the last state afterwards. Another `motion` than
+    the assessment's sigmoid may be given.
 
     Raises:
         FailedError: a detector fired.
@@ -101,7 +103,8 @@ def run_bushings(system: System, data: mujoco.MjData) -> Record:
     control[:, system.contraction_inputs] = system.activation
     data.act[model.actuator_actadr[system.contracted]] = system.activation
     _release(system, locked=True)
-    _roll_out(system, data, control, "hold")
+    carried = system.carried()
+    _roll_out(system, data, carried, control, "hold")
     failure = check_start(
         human_speed=data.qvel[system.human_dof],
         exo_error=data.qpos[system.exo_qpos] - system.target.start,
@@ -110,18 +113,18 @@ def run_bushings(system: System, data: mujoco.MjData) -> Record:
         raise FailedError(failure, "hold")
     data.eq_active[system.locks] = 1
     mujoco.mj_forward(model, data)
-    lock_torque = data.qfrc_constraint[system.exo_dof].copy()
+    lock_torque = data.qfrc_constraint[system.exo_dof] / system.motor_gain
     _release(system, locked=False)
     for motor, torque in zip(system.motors, lock_torque, strict=True):
         if model.actuator_actadr[motor] >= 0:
             data.act[model.actuator_actadr[motor]] = torque / system.gains.ki
-    time, reference, velocity = movement(system)
+    time, reference, velocity = movement(system) if motion is None else motion
     control = np.tile(control[-1], (len(time), 1))
     position_input = model.actuator_ctrladr[system.motors]
     control[:, position_input] = system.target.start
     control[:, position_input[moved]] = reference
     control[:, position_input[moved] + 1] = velocity
-    states, sensed = _roll_out(system, data, control, "movement")
+    states, sensed = _roll_out(system, data, carried, control, "movement")
     record = _record(system, time, reference, states, sensed)
     _check(system, record, sensed)
     return record
@@ -216,7 +219,11 @@ def _release(system: System, *, locked: bool) -> None:
 
 
 def _roll_out(
-    system: System, data: mujoco.MjData, control: np.ndarray, phase: str
+    system: System,
+    data: mujoco.MjData,
+    carried: CarriedEffects,
+    control: np.ndarray,
+    phase: str,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Run `control`, shape (n, nu), from the state of `data`; leave the last state there.
 
@@ -229,14 +236,37 @@ def _roll_out(
     kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
     first = np.empty(mujoco.mj_stateSize(system.model, kind))
     mujoco.mj_getState(system.model, data, first, kind)
-    states, sensed = rollout.rollout(system.model, data, first[None], control[None])
-    states = np.vstack([first, states[0]])
+    if carried:
+        states, sensed = _stepped(system, data, carried, control)
+    else:
+        states, sensed = (
+            rows[0] for rows in rollout.rollout(system.model, data, first[None], control[None])
+        )
+    states = np.vstack([first, states])
     mujoco.mj_setState(system.model, data, states[-1], kind)
     if not np.isfinite(states).all() or data.warning.number.any():
         raise FailedError(
             Failure(name="diverged", reason=f"the state is not finite at {data.time:.2f} s"), phase
         )
-    return states, sensed[0]
+    return states, sensed
+
+
+def _stepped(
+    system: System, data: mujoco.MjData, carried: CarriedEffects, control: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Run `control` as the engine's rollout does, with what effects add at each step."""
+    model, kind = system.model, mujoco.mjtState.mjSTATE_FULLPHYSICS
+    states = np.empty((len(control), mujoco.mj_stateSize(model, kind)))
+    sensed = np.empty((len(control), model.nsensordata))
+    # The engine's rollout takes which locks hold from the model.
+    data.eq_active[:] = model.eq_active0
+    for step, inputs in enumerate(control):
+        data.ctrl[:] = inputs
+        carried.before_step(data)
+        mujoco.mj_step(model, data)
+        mujoco.mj_getState(model, data, states[step], kind)
+        sensed[step] = data.sensordata
+    return states, sensed
 
 
 def _record(
@@ -258,7 +288,7 @@ def _record(
         theta=position[:-1, system.exo_qpos],
         theta_velocity=exo_velocity[:-1],
         theta_acceleration=np.diff(exo_velocity, axis=0) / system.fidelity.step,
-        motor_torque=sensed[:, :4],
+        motor_torque=sensed[:, :4] / system.motor_gain,
         q=position[:-1, system.human_qpos],
         q_velocity=velocity[:-1, system.human_dof],
         muscle_torque=sensed[:, 4],

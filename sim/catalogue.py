@@ -10,6 +10,7 @@ from math import pi
 from types import MappingProxyType
 
 from sim.factors import CONDITIONS, TABLE_1, Factor
+from sim.undeclared import EFFECT_FACTORS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,11 +67,22 @@ def _assessment(name: str, description: str, conditions: tuple[Factor, ...] = CO
 
 
 ELBOW = _assessment("elbow", "elbow, explicit contact (paper, section 2.3)")
+_BUSHING_CONDITIONS = tuple(factor for factor in CONDITIONS if factor.name not in CONTACT_ONLY)
 ELBOW_BUSHING = _assessment(
-    "elbow_bushing",
-    "elbow, bushings instead of contact: milliseconds",
-    tuple(factor for factor in CONDITIONS if factor.name not in CONTACT_ONLY),
+    "elbow_bushing", "elbow, bushings instead of contact: milliseconds", _BUSHING_CONDITIONS
 )
+ELBOW_EFFECTS = _assessment(
+    "elbow_effects",
+    "elbow, explicit contact, with effects the nominal model lacks",
+    CONDITIONS + EFFECT_FACTORS,
+)
+ELBOW_BUSHING_EFFECTS = _assessment(
+    "elbow_bushing_effects",
+    "elbow, bushings, with effects the nominal model lacks",
+    _BUSHING_CONDITIONS + EFFECT_FACTORS,
+)
+#: Models whose factors include the parameters of undeclared effects.
+WITH_EFFECTS = (ELBOW_EFFECTS.name, ELBOW_BUSHING_EFFECTS.name)
 #: Every model that is an assessment, with its target and fidelity (arguments of `assess`).
 ASSESSMENTS: Mapping[str, tuple[Model, str, str]] = MappingProxyType(
     {
@@ -78,6 +90,8 @@ ASSESSMENTS: Mapping[str, tuple[Model, str, str]] = MappingProxyType(
         for model, target, fidelity in (
             (ELBOW, "elbow", "campaign"),
             (ELBOW_BUSHING, "elbow", "bushing"),
+            (ELBOW_EFFECTS, "elbow", "campaign"),
+            (ELBOW_BUSHING_EFFECTS, "elbow", "bushing"),
             (
                 _assessment("elbow_screening", "elbow, explicit contact, coarser"),
                 "elbow",

@@ -1,9 +1,10 @@
 """What is not in Table 1 but moves K_h as much: how the device is worn, driven and resisted."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from sim.factors import CONDITIONS, NOMINAL
+from sim.undeclared import EFFECT_FACTORS, PREFIX, effects_of
 from sim.wearer import Wearer, wearer_of
 
 
@@ -20,6 +21,8 @@ class Conditions:
     robot_friction: float
     movement_amplitude: float
     movement_rate: float
+    #: Undeclared effects that are on, with their parameters (`sim.undeclared`).
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def conditions_of(values: Mapping[str, float]) -> Conditions:
@@ -28,7 +31,9 @@ def conditions_of(values: Mapping[str, float]) -> Conditions:
     Raises:
         ValueError: a value is outside what the simulation can mean.
     """
-    chosen = {factor.name: factor.nominal for factor in CONDITIONS} | dict(values)
+    effects = effects_of({n: value for n, value in values.items() if n.startswith(PREFIX)})
+    chosen = {factor.name: factor.nominal for factor in CONDITIONS}
+    chosen |= {n: value for n, value in values.items() if not n.startswith(PREFIX)}
     for name, low, high in (
         ("activation", 0.0, 1.0),
         ("cuff_friction", 0.0, 2.0),
@@ -42,7 +47,7 @@ def conditions_of(values: Mapping[str, float]) -> Conditions:
     ):
         if not low <= chosen[name] <= high:
             raise ValueError(f"{name} must lie between {low:g} and {high:g}, not {chosen[name]}")
-    return Conditions(**chosen)
+    return Conditions(**chosen, effects=effects)
 
 
 def split(values: Mapping[str, float]) -> tuple[Wearer, Conditions]:
@@ -51,11 +56,13 @@ def split(values: Mapping[str, float]) -> tuple[Wearer, Conditions]:
     Raises:
         ValueError: a name is no factor of the elbow, or a value means nothing.
     """
-    known = {factor.name for factor in CONDITIONS}
+    known = {factor.name for factor in (*CONDITIONS, *EFFECT_FACTORS)}
     for name in values:
         if name not in NOMINAL and name not in known:
             raise ValueError(
-                f"the elbow has no factor {name!r}: it has {', '.join((*NOMINAL, *sorted(known)))}"
+                f"the elbow has no factor {name!r}: it has "
+                f"{', '.join((*NOMINAL, *(factor.name for factor in CONDITIONS)))} "
+                "and effect.NAME.PARAMETER"
             )
     return (
         wearer_of({name: value for name, value in values.items() if name in NOMINAL}),

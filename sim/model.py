@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from scipy.optimize import brentq
 
+from sim.carried import CarriedEffects, add_undeclared
 from sim.conditions import DEFAULT_CONDITIONS, Conditions
 from sim.control import Gains
 from sim.exoskeleton import JOINTS, MOTOR_GROUP, add_exoskeleton
@@ -94,6 +95,18 @@ class System:
         """Where their controls stand in `ctrl`; other actuators may have several inputs."""
         return np.array(self.model.actuator_ctrladr[self.contracted])
 
+    @cached_property
+    def motor_gain(self) -> np.ndarray:
+        """Torque at each joint over the torque its motor reports, shape (4,): 1 as declared."""
+        gain = np.ones(len(JOINTS))
+        if "torque_gain" in self.conditions.effects:
+            gain[self.target.joint] = self.conditions.effects["torque_gain"]["gain"]
+        return gain
+
+    def carried(self) -> CarriedEffects:
+        """Return what the undeclared effects do at each step, without a history."""
+        return CarriedEffects(self.model, self.conditions, JOINTS[self.target.joint])
+
     @property
     def activation(self) -> float:
         """Activation that those muscles hold, 0 to 1."""
@@ -163,6 +176,7 @@ def base_spec(
     add_arm(spec, wearer)
     add_muscles(spec, wearer)
     add_exoskeleton(spec, gains, friction=conditions.robot_friction, joint=JOINTS[target.joint])
+    add_undeclared(spec, conditions, gains, JOINTS[target.joint], HUMAN_JOINTS[target.joint])
     if conditions.cuff_compliance > 0.0:
         add_slide(spec, conditions.cuff_compliance)
     for joint, angle in zip(JOINTS, target.start, strict=True):

@@ -8,11 +8,15 @@ sigmoid.
 import mujoco
 import numpy as np
 
+from sim.carried import CarriedEffects
 from sim.contact import InterfaceGauge
 from sim.control import DURATION, extension_reference
 from sim.model import System, close_straps, slacken_straps
 from sim.record import Record, Recorder
 from sim.validity import FailedError, Failure, Posture, check_posture, check_start
+
+#: Time (s) and the moved joint's desired angle (rad) and velocity (rad/s), shape (n,) each.
+Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 #: Straps are pulled and the muscles' activation ramps up for so long, s.
 DONNING = 0.3
@@ -22,22 +26,24 @@ HOLD = 1.5
 LOCK_AVERAGE = 5
 
 
-def run_protocol(system: System, data: mujoco.MjData) -> Record:
+def run_protocol(system: System, data: mujoco.MjData, motion: Motion | None = None) -> Record:
     """Run an assessment from donning to the end of the movement and return what was recorded.
 
     Args:
         system: fresh; its straps and switches are changed.
         data: from `reset_to_start`; afterwards the last state, also of a failure.
+        motion: what the robot is to follow; the assessment's sigmoid by default.
 
     Raises:
         FailedError: a detector fired.
     """
-    _don_and_hold(system, data)
-    return _extend(system, data)
+    carried = system.carried()
+    _don_and_hold(system, data, carried)
+    return _follow(system, data, carried, movement(system) if motion is None else motion)
 
 
-def movement(system: System) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return time (s) and the moved joint's desired angle (rad) and velocity (rad/s), (n,) each."""
+def movement(system: System) -> Motion:
+    """Return the sigmoid of an assessment."""
     target, conditions = system.target, system.conditions
     time = np.arange(round(DURATION / system.fidelity.step)) * system.fidelity.step
     reference, velocity = extension_reference(
@@ -50,7 +56,7 @@ def movement(system: System) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return time, reference, velocity
 
 
-def _don_and_hold(system: System, data: mujoco.MjData) -> None:
+def _don_and_hold(system: System, data: mujoco.MjData, carried: CarriedEffects) -> None:
     """Close the straps, wait until the arm rests, hand over from the locks to the controllers."""
     model = system.model
     stiffness = model.tendon_stiffness[system.straps].copy()
@@ -62,7 +68,7 @@ def _don_and_hold(system: System, data: mujoco.MjData) -> None:
         if step == donning:
             close_straps(system, data, stiffness)
         data.ctrl[system.contraction_inputs] = system.activation * min(1.0, step / donning)
-        _step(system, data, "hold")
+        _step(system, data, carried, "hold")
         if step >= hold - LOCK_AVERAGE:
             lock_torque.append(_lock_torque(system, data))
     failure = check_start(
@@ -73,16 +79,17 @@ def _don_and_hold(system: System, data: mujoco.MjData) -> None:
         raise FailedError(failure, "hold")
     data.eq_active[system.locks] = 0
     model.opt.disableactuator = 0
-    for motor, torque in zip(system.motors, np.mean(lock_torque, axis=0), strict=True):
+    wanted = np.mean(lock_torque, axis=0) / system.motor_gain
+    for motor, torque in zip(system.motors, wanted, strict=True):
         integral = model.actuator_actadr[motor]
         if integral >= 0:
             data.act[integral] = torque / system.gains.ki
 
 
-def _extend(system: System, data: mujoco.MjData) -> Record:
+def _follow(system: System, data: mujoco.MjData, carried: CarriedEffects, motion: Motion) -> Record:
     """Let the controllers follow the reference and record every step."""
     model, moved = system.model, system.target.joint
-    time, reference, velocity = movement(system)
+    time, reference, velocity = motion
     steps = len(time)
     position_input = model.actuator_ctrladr[system.motors]
     gauge, recorder = InterfaceGauge(system), Recorder(system, steps)
@@ -94,7 +101,7 @@ def _extend(system: System, data: mujoco.MjData) -> Record:
         recorder.before_step(data, reference[step])
         exo_angle = float(data.qpos[system.exo_qpos[moved]])
         human_angle = float(data.qpos[system.human_qpos[moved]])
-        _step(system, data, "movement")
+        _step(system, data, carried, "movement")
         resultant, normal_force = gauge.forces(data)
         penetration, overhang = gauge.seats(data)
         recorder.after_step(data, resultant, normal_force)
@@ -114,8 +121,10 @@ def _extend(system: System, data: mujoco.MjData) -> Record:
     return recorder.record()
 
 
-def _step(system: System, data: mujoco.MjData, phase: str) -> None:
+def _step(system: System, data: mujoco.MjData, carried: CarriedEffects, phase: str) -> None:
     """Advance one step; a warning of the engine or a value that is not finite is a failure."""
+    if carried:
+        carried.before_step(data)
     mujoco.mj_step(system.model, data)
     warnings = data.warning.number
     if warnings.any():

@@ -80,7 +80,7 @@ class Recorder:
     ) -> None:
         """Note the forces that acted in the state `before_step` saw."""
         arrays, system, i = self._arrays, self._system, self._count
-        arrays["motor_torque"][i] = data.actuator_force[system.motors]
+        arrays["motor_torque"][i] = data.actuator_force[system.motors] / system.motor_gain
         arrays["muscle_torque"][i] = data.qfrc_actuator[system.human_dof[system.target.joint]]
         arrays["contact_force"][i] = contact_force
         arrays["normal_force"][i] = normal_force

@@ -19,6 +19,7 @@ from analysis.closeloop.catalogue import BY_NAME, VISCOELASTIC
 from analysis.closeloop.device import load_device
 from analysis.closeloop.diagnostics import diagnose
 from analysis.closeloop.impedance import impedance_entries, undecided
+from analysis.closeloop.interface import beyond_interface
 from analysis.closeloop.named import effect_entries
 from analysis.closeloop.plausibility import check_signs, check_trial
 from analysis.closeloop.recording import Recording, record
@@ -70,7 +71,7 @@ def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> An
     """
     progress("reading")
     session, recording = load_session(folder)
-    found = trace(recording, progress)
+    found = beyond_interface(trace(recording, progress))
     progress("errors and intervals")
     rows = found.rows
     holdouts = tuple(i for i, trial in enumerate(session.trials) if trial.role == "holdout")

@@ -13,7 +13,12 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session import NOMINAL, SESSION_FILE, AddedMass, Session, inside
 from sim.nominal import nominal_spec
 
+# A declared model may draw a warning, which MuJoCo would append to a file in the working directory.
+mujoco.set_mju_user_warning(lambda message: None)
+
 MAX_MODEL_BYTES = 5_000_000
+#: Deepest nesting of elements, and how many bodies: beyond, no arm and no robot is meant.
+MAX_DEPTH, MAX_BODIES = 100, 200
 #: Elements and attributes of an MJCF file that reach outside it or break an open chain.
 REFUSED_ELEMENTS = {
     "include": "an included file",
@@ -23,6 +28,10 @@ REFUSED_ELEMENTS = {
     "attach": "an attached model",
     "model": "an attached model",
     "equality": "an equality constraint, which closes the chain",
+    "replicate": "a generator of bodies",
+    "composite": "a generator of bodies",
+    "flexcomp": "a generator of bodies",
+    "flex": "a deformable body",
 }
 
 
@@ -176,9 +185,11 @@ def _read_mjcf(path: Path, name: str) -> mujoco.MjSpec:
     if path.stat().st_size > MAX_MODEL_BYTES:
         raise SessionError(f"is larger than {MAX_MODEL_BYTES // 1_000_000} MB", file=name)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise SessionError("is not UTF-8 text", file=name) from None
+    except OSError as error:
+        raise SessionError(f"cannot be read: {error.strerror}", file=name) from None
     # Entities could unfold without end, and only a document type can define them.
     if re.search(r"<!(DOCTYPE|ENTITY)", text, re.IGNORECASE):
         raise SessionError("may not define a document type or entities", file=name)
@@ -188,6 +199,7 @@ def _read_mjcf(path: Path, name: str) -> mujoco.MjSpec:
         raise SessionError(f"is not XML: {error}", file=name, line=error.position[0]) from None
     if root.tag != "mujoco":
         raise SessionError(f"must be an MJCF file (<mujoco>), not <{root.tag}>", file=name)
+    _check_size(root, name)
     for element in root.iter():
         if element.tag in REFUSED_ELEMENTS:
             raise SessionError(
@@ -205,6 +217,19 @@ def _read_mjcf(path: Path, name: str) -> mujoco.MjSpec:
         raise SessionError(
             f"MuJoCo refuses it: {' '.join(str(error).split())}", file=name
         ) from None
+
+
+def _check_size(root: ElementTree.Element, name: str) -> None:
+    """Refuse what MuJoCo would take very long for, or nest itself to death."""
+    level, depth = [root], 0
+    while level:
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise SessionError(f"nests elements more than {MAX_DEPTH} deep", file=name)
+        level = [child for element in level for child in element]
+    count = sum(1 for _ in root.iter("body"))
+    if count > MAX_BODIES:
+        raise SessionError(f"has {count} bodies; at most {MAX_BODIES}", file=name)
 
 
 def _compiled(spec: mujoco.MjSpec, name: str) -> mujoco.MjModel:

@@ -5,6 +5,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Callable
+from errno import ENOTDIR
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,15 @@ def close_loop(
         SessionError: the session cannot be analysed.
         OSError: `out` cannot be written.
     """
+    if out.exists() and not out.is_dir():
+        raise NotADirectoryError(ENOTDIR, "is a file, not a folder for the report", str(out))
     found = answer(folder, progress)
     report = found.report
+    if found.recording.session.unknown:
+        report["warnings"].append(
+            f"session.json: {', '.join(found.recording.session.unknown)} mean nothing and were "
+            "not read"
+        )
     xml, elements, warnings = repaired_model(found.recording.device, report)
     for effect, element in zip(report["effects"], elements, strict=False):
         effect["mujoco_element"] = element

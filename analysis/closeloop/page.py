@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analysis.closeloop.answer import Answer
+from analysis.closeloop.preview import preview, remarks
 from sim.figures import new_figure
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ def write_page(path: Path, found: Answer) -> None:
         parts.append(_picture(_trials(found, joint), f"residual of {name} per trial"))
     parts.append(_diagnostics(report))
     parts.append(_ladder(report))
+    parts.append(_signals(found))
     title = f"Closing the loop: {escape(report['session']['folder'])}"
     path.write_text(
         f"<!doctype html><html lang=en><meta charset=utf-8><title>{title}</title>"
@@ -164,6 +166,20 @@ def _ladder(report: dict[str, Any]) -> str:
         ]
         head = ["candidate", "joint", "held-out gain, %", "gain / its error", "refused because"]
         parts.append(f"<h2>Candidates for effect {number}</h2>" + _table(head, rows))
+    return "".join(parts)
+
+
+def _signals(found: Answer) -> str:
+    """Draw what was recorded, and say what is noticed in it."""
+    recording = found.recording
+    parts = ["<h2>What was recorded</h2>"]
+    for number, trial in enumerate(recording.session.trials):
+        noticed = remarks(recording, number)
+        parts.append(f"<h3>{escape(trial.label)} ({escape(trial.role)})</h3>")
+        if noticed:
+            parts.append("<ul>" + "".join(f"<li>{escape(line)}" for line in noticed) + "</ul>")
+        if number < MAX_TRIALS:
+            parts.append(_picture(preview(recording, number), f"signals of {trial.label}"))
     return "".join(parts)
 
 

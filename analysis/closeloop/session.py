@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.closeloop.columns import ColumnMap, read_map
 from analysis.closeloop.errors import SessionError
 
 SESSION_FILE = "session.json"
@@ -16,6 +17,18 @@ SESSION_FILE = "session.json"
 NOMINAL = "nominal"
 MAX_TRIALS = 200
 MAX_JSON_BYTES = 1_000_000
+#: What `session.json` and each of its trials may say.
+KEYS = (
+    "schema",
+    "model",
+    "subject",
+    "declared_effects",
+    "ignored_joints",
+    "effort_filter_hz",
+    "columns",
+    "trials",
+)
+TRIAL_KEYS = ("file", "label", "group", "role", "added_mass", "effort_filter_hz", "columns")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +61,8 @@ class Trial:
     added_mass: AddedMass | None = None
     #: Known low-pass of the effort channel, Hz.
     effort_filter_hz: float | None = None
+    #: How to read a file that has not the contract's own columns.
+    source: ColumnMap | None = None
     time: np.ndarray = field(default_factory=lambda: np.empty(0))
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)
 
@@ -63,6 +78,8 @@ class Session:
     declared: tuple[DeclaredEffect, ...] = ()
     ignored_joints: tuple[str, ...] = ()
     trials: tuple[Trial, ...] = ()
+    #: Keys of `session.json` that mean nothing here.
+    unknown: tuple[str, ...] = ()
 
 
 def read_session(folder: Path, known_effects: tuple[str, ...]) -> Session:
@@ -98,6 +115,7 @@ def read_session(folder: Path, known_effects: tuple[str, ...]) -> Session:
         declared=_declared(content, known_effects),
         ignored_joints=_names(content, "ignored_joints"),
         trials=_trials(content, folder, default_filter),
+        unknown=_unknown(content),
     )
 
 
@@ -116,9 +134,14 @@ def inside(folder: Path, name: str, *, field_name: str) -> Path:
     ):
         raise _wrong(field_name, f"{name!r} must be a relative path inside the session's folder")
     path = folder / name
-    if not path.resolve().is_relative_to(folder.resolve()):
+    try:
+        within, there = path.resolve().is_relative_to(folder.resolve()), path.is_file()
+    except (OSError, RuntimeError, ValueError):
+        # Too long, a loop of links, or no text that a file system takes.
+        raise _wrong(field_name, f"{name[:60]!r} cannot be the name of a file") from None
+    if not within:
         raise _wrong(field_name, f"{name!r} leaves the session's folder; keep every file inside it")
-    if not path.is_file():
+    if not there:
         raise SessionError(
             f"there is no such file in {folder.name or folder}"
             + ("" if name == SESSION_FILE else f", but {SESSION_FILE} names it as {field_name}"),
@@ -131,18 +154,42 @@ def _json(path: Path) -> dict[str, Any]:
     if path.stat().st_size > MAX_JSON_BYTES:
         raise SessionError(f"is larger than {MAX_JSON_BYTES} bytes", file=SESSION_FILE)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_once_each)
+    except OSError as error:
+        raise SessionError(f"cannot be read: {error.strerror}", file=SESSION_FILE) from None
     except UnicodeDecodeError:
         raise SessionError("is not UTF-8 text", file=SESSION_FILE) from None
     except json.JSONDecodeError as error:
         raise SessionError(
             f"is not JSON: {error.msg}", file=SESSION_FILE, line=error.lineno
         ) from None
+    except SessionError:
+        raise
     except RecursionError:
         raise SessionError("is nested too deeply", file=SESSION_FILE) from None
+    except ValueError:
+        raise SessionError("holds a number with too many digits", file=SESSION_FILE) from None
     if not isinstance(content, dict):
         raise SessionError("must hold one JSON object", file=SESSION_FILE)
     return content
+
+
+def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Make an object of its pairs; of two equal keys one would be lost without a word."""
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise SessionError(f"{twice} stands twice in one object", file=SESSION_FILE)
+    return content
+
+
+def _unknown(content: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return where the file says something that no analysis reads: often a slip of the pen."""
+    found = [name for name in content if name not in KEYS]
+    for number, trial in enumerate(content["trials"]):
+        found += [f"trials[{number}].{name}" for name in trial if name not in TRIAL_KEYS]
+    return tuple(found)
 
 
 def _declared(
@@ -169,26 +216,30 @@ def _declared(
 def _trials(
     content: Mapping[str, Any], folder: Path, default_filter: float | None
 ) -> tuple[Trial, ...]:
+    session_map = read_map(content.get("columns"), folder, "columns", inside)
     entries = content.get("trials")
     if not isinstance(entries, list) or not entries:
         raise _wrong("trials", "must list at least one trial")
     if len(entries) > MAX_TRIALS:
         raise _wrong("trials", f"lists {len(entries)} trials; at most {MAX_TRIALS} are analysed")
     trials: list[Trial] = []
+    paths: set[Path] = set()
     for number, entry in enumerate(entries):
         where = f"trials[{number}]"
         if not isinstance(entry, dict):
             raise _wrong(where, 'must be an object with "file"')
         file = _text(entry, "file", where)
-        inside(folder, file, field_name=f"{where}.file")
-        if any(trial.file == file for trial in trials):
+        path = inside(folder, file, field_name=f"{where}.file").resolve()
+        if path in paths:
             raise _wrong(f"{where}.file", f"{file!r} is listed twice; list each trial once")
+        paths.add(path)
         role = entry.get("role", "fit")
         if role not in ("fit", "holdout"):
             raise _wrong(f"{where}.role", f"must be 'fit' or 'holdout', not {role!r}")
         label, group = entry.get("label", file), entry.get("group", file)
         if not isinstance(label, str) or not isinstance(group, str):
             raise _wrong(where, "label and group must be text")
+        own_map = read_map(entry.get("columns"), folder, f"{where}.columns", inside)
         filter_hz = _optional_number(
             entry, "effort_filter_hz", f"{where}.effort_filter_hz", low=0.0
         )
@@ -200,6 +251,7 @@ def _trials(
                 role=role,
                 added_mass=_added_mass(entry.get("added_mass"), f"{where}.added_mass"),
                 effort_filter_hz=default_filter if filter_hz is None else filter_hz,
+                source=own_map or session_map,
             )
         )
     if all(trial.role == "holdout" for trial in trials):
@@ -256,8 +308,15 @@ def _optional_number(
 
 
 def _number(value: Any, where: str, *, low: float, high: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        raise _wrong(where, f"must be a finite number, not {value!r}")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
+        raise _wrong(where, f"must be a finite number, not {str(value)[:40]}")
     if not low < value <= high and not (low < 0 and value == low):
         raise _wrong(where, f"must be more than {low:g} and at most {high:g}, not {value:g}")
     return float(value)
+
+
+def _finite(value: float) -> bool:
+    try:
+        return isfinite(value)
+    except OverflowError:
+        return False

@@ -2,11 +2,13 @@
 
 import csv
 import io
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from analysis.closeloop.columns import translated
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session import Trial
 
@@ -16,6 +18,8 @@ QUANTITIES = ("position", "velocity", "acceleration", "effort")
 MAX_BYTES = 400_000_000
 MAX_COLUMNS = 500
 MIN_SAMPLES = 50
+#: Larger than seconds since 1970 and any torque or force.
+MAX_VALUE = 1e12
 
 
 def read_trial(
@@ -39,10 +43,16 @@ def read_trial(
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise SessionError("is not UTF-8 text", file=trial.file) from None
-    header, _, body = text.partition("\n")
-    names = [name.strip() for name in next(csv.reader([header]), [])]
-    _check_header(names, trial.file, joints, declared)
-    table = _numbers(body, names, trial.file)
+    except OSError as error:
+        raise SessionError(f"cannot be read: {error.strerror}", file=trial.file) from None
+    if "\0" in text:
+        line = text[: text.index("\0")].count("\n") + 1
+        raise SessionError("holds a zero byte; is it a CSV file?", file=trial.file, line=line)
+    if trial.source is not None:
+        names, table = translated(text, trial.file, trial.source)
+        _check_header(names, trial.file, joints, declared)
+    else:
+        names, table = _own_table(text, trial.file, joints, declared)
     if len(table) < MIN_SAMPLES:
         raise SessionError(
             f"has {len(table)} samples; at least {MIN_SAMPLES} are needed",
@@ -58,10 +68,34 @@ def read_trial(
             column=names[column],
             line=int(row) + 2,
         )
+    large = np.argwhere(np.abs(table) > MAX_VALUE)
+    if len(large):
+        row, column = large[0]
+        raise SessionError(
+            f"holds {table[row, column]:g}, which nothing in SI units is at a joint",
+            file=trial.file,
+            column=names[column],
+            line=int(row) + 2,
+        )
     time = table[:, names.index(TIME)]
     _check_time(time, trial.file)
     columns = {name: table[:, i] for i, name in enumerate(names) if name != TIME}
     return replace(trial, time=time, columns=columns)
+
+
+def _own_table(
+    text: str, file: str, joints: tuple[str, ...], declared: tuple[str, ...]
+) -> tuple[list[str], np.ndarray]:
+    """Read a file with the contract's header."""
+    header, _, body = text.partition("\n")
+    try:
+        names = [name.strip() for name in next(csv.reader([header]), [])]
+    except csv.Error as error:
+        raise SessionError(f"has no header of a CSV file: {error}", file=file, line=1) from None
+    if len(names) == 1 and (";" in header or "\t" in header):
+        raise SessionError("separate columns by commas and decimals by points", file=file, line=1)
+    _check_header(names, file, joints, declared)
+    return names, _numbers(body, names, file)
 
 
 def _check_header(
@@ -104,6 +138,8 @@ def _check_header(
 
 def _numbers(body: str, names: list[str], file: str) -> np.ndarray:
     """Parse the lines below the header fast; only a file with a fault is read line by line."""
+    if not body.strip():
+        return np.empty((0, len(names)))
     try:
         table = np.loadtxt(io.StringIO(body), delimiter=",", ndmin=2, comments=None)
         # loadtxt skips blank lines, which would shift every line number after them.
@@ -112,7 +148,7 @@ def _numbers(body: str, names: list[str], file: str) -> np.ndarray:
     except (ValueError, UserWarning):
         pass
     rows: list[list[float]] = []
-    for number, cells in enumerate(csv.reader(io.StringIO(body)), start=2):
+    for number, cells in enumerate(_lines(body, file), start=2):
         if not cells and not body.splitlines()[number - 1 :]:
             break
         if len(cells) != len(names):
@@ -129,6 +165,14 @@ def _numbers(body: str, names: list[str], file: str) -> np.ndarray:
                 ) from None
         rows.append([float(cell) for cell in cells])
     return np.array(rows, dtype=float).reshape(len(rows), len(names))
+
+
+def _lines(body: str, file: str) -> Iterator[list[str]]:
+    reader = csv.reader(io.StringIO(body))
+    try:
+        yield from reader
+    except csv.Error as error:
+        raise SessionError(f"is no CSV: {error}", file=file, line=reader.line_num + 1) from None
 
 
 def _check_time(time: np.ndarray, file: str) -> None:

@@ -32,6 +32,7 @@ app = typer.Typer(
 studies.app.command()(surrogates.surrogate)
 studies.app.command()(files.export)
 studies.app.command()(precision.watch)
+studies.app.command("with-effect")(loop.with_effect)
 app.add_typer(studies.app, name="study")
 app.add_typer(campaigns.app, name="campaign")
 app.add_typer(services.database, name="db")

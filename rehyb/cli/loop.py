@@ -1,19 +1,23 @@
 """The command that closes the loop with measured data: `close-loop`."""
 
+import json
 import sys
+from contextlib import nullcontext
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from rehyb.cli.options import AsJson, print_json
+from rehyb.cli.options import AsJson, Token, Url, print_json
+from rehyb.client import Client
 from rehyb.errors import Invalid, RehybError
 
 
 def close_loop(
     session: Annotated[
-        Path, typer.Argument(metavar="SESSION_FOLDER", help="Folder with session.json and trials.")
+        Path,
+        typer.Argument(metavar="SESSION", help="Folder with session.json and trials, or its zip."),
     ],
     out: Annotated[Path, typer.Option(help="Folder for report, repaired model and residuals.")],
     as_json: AsJson = False,
@@ -24,6 +28,7 @@ def close_loop(
     """
     if find_spec("matplotlib") is None:
         raise RehybError("the report needs pictures: pip install 'rehyb[figures]'")
+    from analysis.closeloop.archive import unpacked
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.loop import close_loop as close
 
@@ -32,13 +37,67 @@ def close_loop(
             print(f"rehyb: {stage}", file=sys.stderr)
 
     try:
-        report = close(session, out, show)
+        with nullcontext(session) if session.is_dir() else unpacked(session) as folder:
+            report = close(folder, out, show)
     except SessionError as error:
         raise Invalid(str(error)) from None
     if as_json:
         print_json(report)
     else:
         _print(report, out)
+
+
+def with_effect(
+    report: Annotated[
+        Path, typer.Argument(metavar="REPORT", help="report.json of `rehyb close-loop`.")
+    ],
+    model: Annotated[
+        str, typer.Option(help="elbow_effects, or elbow_bushing_effects for a quick look.")
+    ] = "elbow_effects",
+    method: Annotated[str, typer.Option(help="morris or saltelli.")] = "morris",
+    rows: Annotated[int, typer.Option(min=1, help="Rows of the design.")] = 40,
+    seed: Annotated[int, typer.Option(help="Seed of the design.")] = 1,
+    from_none: Annotated[
+        bool,
+        typer.Option(
+            "--from-none", help="Sample each effect from none to what was found, not its interval."
+        ),
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json", help="Write the study instead of submitting.", show_default=False
+        ),
+    ] = None,
+    url: Url = None,
+    token: Token = None,
+    as_json: AsJson = False,
+) -> None:
+    """Submit a study in which a found effect's parameters are uncertain, beside Table 1's."""
+    from analysis.closeloop.going_on import GoingOnError, study_with_effects
+
+    try:
+        content = json.loads(report.read_text(encoding="utf-8"))
+        study = study_with_effects(
+            content, model=model, method=method, rows=rows, seed=seed, from_none=from_none
+        )
+    except (json.JSONDecodeError, UnicodeDecodeError):
+        raise Invalid(f"{report} is not JSON") from None
+    except GoingOnError as error:
+        raise Invalid(f"{report}: {error}") from None
+    if out is not None:
+        out.write_text(json.dumps(study, indent=2) + "\n")
+        if as_json:
+            print_json({"file": str(out)})
+        else:
+            typer.echo(f"{out}: submit it with rehyb study submit {out}")
+        return
+    with Client(url, token) as client:
+        answer = client.submit(study)
+    if as_json:
+        print_json(answer)
+    else:
+        typer.echo(f"{answer['id']}  {answer['name']}: {answer['instances']} instances")
 
 
 def _print(report: dict[str, Any], out: Path) -> None:

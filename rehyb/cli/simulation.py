@@ -56,14 +56,18 @@ def assess(
     """
     from sim.assessment import assess as simulate
     from sim.catalogue import ELBOW
+    from sim.undeclared import EFFECT_FACTORS
 
     values = {factor.name: factor.nominal for factor in ELBOW.factors}
+    effects = {factor.name for factor in EFFECT_FACTORS}
     if replay is not None:
         parameters, target, fidelity = _replayed(replay)
         values.update(parameters)
     for name, value in map(assignment, settings or ()):
-        if name not in values:
-            raise typer.BadParameter(f"there is no factor {name!r}: take {', '.join(values)}")
+        if name not in values and name not in effects:
+            raise typer.BadParameter(
+                f"there is no factor {name!r}: take {', '.join(values)} or effect.NAME.PARAMETER"
+            )
         values[name] = number(value, name)
     started = time.perf_counter()
     try:
