@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from sim.conditions import DEFAULT_CONDITIONS, Conditions
 from sim.control import Gains
-from sim.exoskeleton import JOINTS, MOTOR_GROUP, add_exoskeleton
+from sim.exoskeleton import ELBOW_JOINT, JOINTS, MOTOR_GROUP, NESM, Device, Start, add_exoskeleton
 from sim.fidelity import CAMPAIGN, Fidelity
 from sim.interface import (
     Cuff,
@@ -43,8 +43,6 @@ if mujoco.__version__ == "4.0.0":
 # MuJoCo would append each warning to a file in the working directory; ours are named outcomes.
 mujoco.set_mju_user_warning(lambda message: None)
 
-#: Exoskeleton's elbow axis in the plane of the upper arm (along it, across it), m.
-EXO_ELBOW = np.array([0.25, 0.0])
 #: Farthest a seated human elbow may be from the exoskeleton's, rad.
 SEAT_REACH = radians(50.0)
 
@@ -56,6 +54,7 @@ class System:
     wearer: Wearer
     conditions: Conditions
     target: Target
+    device: Device
     fidelity: Fidelity
     gains: Gains
     #: Tissue of upper arm and forearm, and the cuff and strap of each.
@@ -65,11 +64,11 @@ class System:
 
     @cached_property
     def exo_qpos(self) -> np.ndarray:
-        return self._joints(JOINTS, "qposadr")
+        return self._joints(self.device.joints, "qposadr")
 
     @cached_property
     def exo_dof(self) -> np.ndarray:
-        return self._joints(JOINTS, "dofadr")
+        return self._joints(self.device.joints, "dofadr")
 
     @cached_property
     def human_qpos(self) -> np.ndarray:
@@ -82,7 +81,17 @@ class System:
     @cached_property
     def motors(self) -> np.ndarray:
         """Actuator index of each exoskeleton joint's motor."""
-        return np.array([self.model.actuator(f"{joint}_motor").id for joint in JOINTS])
+        return np.array([self.model.actuator(f"{joint}_motor").id for joint in self.device.joints])
+
+    @cached_property
+    def moved(self) -> int:
+        """Which of the exoskeleton's joints is moved; of the human's it is `target.joint`."""
+        return self.device.joints.index(JOINTS[self.target.joint])
+
+    @cached_property
+    def start(self) -> np.ndarray:
+        """Exoskeleton angles at the start, rad, shape (number of its joints,)."""
+        return np.array(self.device.start(self.target.name).angles)
 
     @cached_property
     def contracted(self) -> np.ndarray:
@@ -97,7 +106,7 @@ class System:
     @cached_property
     def locks(self) -> np.ndarray:
         """Equality index of the lock on each exoskeleton joint."""
-        return np.array([self.model.equality(f"lock_{joint}").id for joint in JOINTS])
+        return np.array([self.model.equality(f"lock_{joint}").id for joint in self.device.joints])
 
     @cached_property
     def straps(self) -> np.ndarray:
@@ -149,7 +158,13 @@ def set_solver(spec: mujoco.MjSpec, step: float) -> None:
 
 
 def base_spec(
-    wearer: Wearer, gains: Gains, conditions: Conditions, target: Target, *, step: float
+    wearer: Wearer,
+    gains: Gains,
+    conditions: Conditions,
+    target: Target,
+    device: Device,
+    *,
+    step: float,
 ) -> mujoco.MjSpec:
     """Return arm, muscles and locked exoskeleton, with nothing yet to hold one in the other."""
     spec = empty_spec()
@@ -157,11 +172,18 @@ def base_spec(
     add_torso(spec)
     add_arm(spec, wearer)
     add_muscles(spec, wearer)
-    add_exoskeleton(spec, gains, friction=conditions.robot_friction, joint=JOINTS[target.joint])
+    add_exoskeleton(
+        spec,
+        gains,
+        friction=conditions.robot_friction,
+        joint=JOINTS[target.joint],
+        device=device,
+    )
     if conditions.cuff_compliance > 0.0:
-        add_slide(spec, conditions.cuff_compliance)
-    for joint, angle in zip(JOINTS, target.start, strict=True):
-        _add_lock(spec, joint, angle)
+        add_slide(spec, device.cuffs[1], conditions.cuff_compliance)
+    start = device.start(target.name)
+    for joint, zero, angle in zip(device.joints, device.zero, start.angles, strict=True):
+        _add_lock(spec, joint, angle - zero)
     _set_the_scene(spec)
     return spec
 
@@ -172,13 +194,21 @@ def build_system(
     conditions: Conditions = DEFAULT_CONDITIONS,
     fidelity: Fidelity = CAMPAIGN,
     target: Target = ELBOW_TARGET,
+    device: Device = NESM,
 ) -> System:
-    """Build and compile the whole system for one wearer; the start pose is not yet set."""
+    """Build and compile the whole system for one wearer; the start pose is not yet set.
+
+    Raises:
+        ValueError: the device cannot assess the target.
+    """
     parts = sleeves(wearer, tissue_scale=conditions.tissue_scale, fidelity=fidelity)
     holders = cuffs(
-        fidelity, position=conditions.cuff_position, slides=conditions.cuff_compliance > 0.0
+        device.cuffs,
+        fidelity,
+        position=conditions.cuff_position,
+        slides=conditions.cuff_compliance > 0.0,
     )
-    spec = base_spec(wearer, gains, conditions, target, step=fidelity.step)
+    spec = base_spec(wearer, gains, conditions, target, device, step=fidelity.step)
     for cuff, sleeve in zip(holders, parts, strict=True):
         add_soft_tissue(spec, sleeve)
         add_cuff(spec, cuff)
@@ -188,6 +218,7 @@ def build_system(
         wearer=wearer,
         conditions=conditions,
         target=target,
+        device=device,
         fidelity=fidelity,
         gains=gains,
         sleeves=parts,
@@ -204,15 +235,20 @@ def reset_to_start(system: System) -> mujoco.MjData:
     history.
     """
     data = mujoco.MjData(system.model)
-    target = system.target
-    data.qpos[system.exo_qpos] = target.start
-    data.qpos[system.human_qpos[:3]] = target.human_shoulder
+    start = system.device.start(system.target.name)
+    data.qpos[system.exo_qpos] = start.angles
+    data.qpos[system.human_qpos[:3]] = start.human_shoulder
     data.qpos[system.human_qpos[3]] = seated_elbow_angle(
-        system.wearer, system.sleeves[1], system.cuffs[1], target.start[3]
+        system.wearer, system.sleeves[1], system.cuffs[1], elbow_angle(system.device, start)
     )
     data.eq_active[system.locks] = 1
     system.model.opt.disableactuator |= 1 << MOTOR_GROUP
     return data
+
+
+def elbow_angle(device: Device, start: Start) -> float:
+    """Return the angle of the device's elbow at a start, rad."""
+    return start.angles[device.joints.index(ELBOW_JOINT)]
 
 
 def seated_elbow_angle(wearer: Wearer, sleeve: Sleeve, cuff: Cuff, exo_angle: float) -> float:
@@ -237,8 +273,12 @@ def seated_elbow_angle(wearer: Wearer, sleeve: Sleeve, cuff: Cuff, exo_angle: fl
 
 def forearm_cuff_centre(cuff: Cuff, exo_angle: float) -> np.ndarray:
     """Return the centre of the forearm's cuff in the flexion plane (along, across the arm), m."""
-    across, along, _ = cuff.centre
-    return EXO_ELBOW + along * direction(exo_angle) + across * direction(exo_angle + np.pi / 2)
+    along, _, across = cuff.limb_place
+    return (
+        np.array(cuff.limb_joint)
+        + along * direction(exo_angle)
+        + across * direction(exo_angle + np.pi / 2)
+    )
 
 
 def slacken_straps(system: System, data: mujoco.MjData) -> None:
@@ -297,8 +337,8 @@ def _set_the_scene(spec: mujoco.MjSpec) -> None:
     )
 
 
-def _add_lock(spec: mujoco.MjSpec, joint: str, angle: float) -> None:
-    reference = spec.joint(joint).ref
+def _add_lock(spec: mujoco.MjSpec, joint: str, displacement: float) -> None:
+    """Add a lock on a joint at `displacement` (rad) from its zero pose."""
     lock = spec.add_equality(
         name=f"lock_{joint}",
         type=mujoco.mjtEq.mjEQ_JOINT,
@@ -306,5 +346,5 @@ def _add_lock(spec: mujoco.MjSpec, joint: str, angle: float) -> None:
         active=False,
         solref=[0.02, 1.0],
     )
-    lock.data[0] = angle - reference
+    lock.data[0] = displacement
     lock.solimp[:3] = [0.95, 0.99, 0.001]

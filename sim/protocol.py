@@ -42,7 +42,7 @@ def movement(system: System) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     time = np.arange(round(DURATION / system.fidelity.step)) * system.fidelity.step
     reference, velocity = extension_reference(
         time,
-        start=target.start[target.joint],
+        start=float(system.start[system.moved]),
         amplitude=target.reach * conditions.movement_amplitude,
         rate=conditions.movement_rate,
         direction=target.direction,
@@ -67,7 +67,7 @@ def _don_and_hold(system: System, data: mujoco.MjData) -> None:
             lock_torque.append(_lock_torque(system, data))
     failure = check_start(
         human_speed=data.qvel[system.human_dof],
-        exo_error=data.qpos[system.exo_qpos] - system.target.start,
+        exo_error=data.qpos[system.exo_qpos] - system.start,
     )
     if failure:
         raise FailedError(failure, "hold")
@@ -81,19 +81,19 @@ def _don_and_hold(system: System, data: mujoco.MjData) -> None:
 
 def _extend(system: System, data: mujoco.MjData) -> Record:
     """Let the controllers follow the reference and record every step."""
-    model, moved = system.model, system.target.joint
+    model, moved = system.model, system.moved
     time, reference, velocity = movement(system)
     steps = len(time)
     position_input = model.actuator_ctrladr[system.motors]
     gauge, recorder = InterfaceGauge(system), Recorder(system, steps)
-    data.ctrl[position_input] = system.target.start
+    data.ctrl[position_input] = system.start
     data.ctrl[position_input + 1] = 0.0
     for step in range(steps):
         data.ctrl[position_input[moved]] = reference[step]
         data.ctrl[position_input[moved] + 1] = velocity[step]
         recorder.before_step(data, reference[step])
         exo_angle = float(data.qpos[system.exo_qpos[moved]])
-        human_angle = float(data.qpos[system.human_qpos[moved]])
+        human_angle = float(data.qpos[system.human_qpos[system.target.joint]])
         _step(system, data, "movement")
         resultant, normal_force = gauge.forces(data)
         penetration, overhang = gauge.seats(data)
@@ -131,7 +131,7 @@ def _step(system: System, data: mujoco.MjData, phase: str) -> None:
 
 
 def _lock_torque(system: System, data: mujoco.MjData) -> np.ndarray:
-    """Return the torque of each lock on its joint, Nm, shape (4,)."""
+    """Return the torque of each lock on its joint, Nm, shape (number of joints,)."""
     torque = np.zeros(len(system.locks))
     equality = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
     for i, lock in enumerate(system.locks):

@@ -48,6 +48,9 @@ def assess(
     target: Annotated[
         str, typer.Option(help="elbow, shoulder_flexion, shoulder_abduction or shoulder_rotation.")
     ] = "elbow",
+    device: Annotated[
+        str, typer.Option(help="nesm, elbow_orthosis or an MJCF file (docs/devices.md).")
+    ] = "nesm",
     as_json: AsJson = False,
 ) -> None:
     """Simulate one stiffness assessment of the elbow or the shoulder.
@@ -59,7 +62,7 @@ def assess(
 
     values = {factor.name: factor.nominal for factor in ELBOW.factors}
     if replay is not None:
-        parameters, target, fidelity = _replayed(replay)
+        parameters, target, fidelity, device = _replayed(replay)
         values.update(parameters)
     for name, value in map(assignment, settings or ()):
         if name not in values:
@@ -67,7 +70,9 @@ def assess(
         values[name] = number(value, name)
     started = time.perf_counter()
     try:
-        assessment = simulate(values, controller=controller, fidelity=fidelity, target=target)
+        assessment = simulate(
+            values, controller=controller, fidelity=fidelity, target=target, device=device
+        )
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
     wall_seconds = time.perf_counter() - started
@@ -122,8 +127,8 @@ def validate(
         _print_validation(report)
 
 
-def _replayed(source: str) -> tuple[dict[str, float], str, str]:
-    """Return parameters, target and fidelity of a replay bundle of an assessment."""
+def _replayed(source: str) -> tuple[dict[str, float], str, str, str]:
+    """Return parameters, target, fidelity and device of a replay bundle of an assessment."""
     from sim.catalogue import ASSESSMENTS
 
     try:
@@ -139,9 +144,9 @@ def _replayed(source: str) -> tuple[dict[str, float], str, str]:
             f"{source} is of model {bundle.get('model')!r}, which is no assessment: "
             f"take one of {', '.join(ASSESSMENTS)}"
         )
-    _, target, fidelity = ASSESSMENTS[bundle["model"]]
+    _, target, fidelity, device = ASSESSMENTS[bundle["model"]]
     parameters = {name: number(str(value), name) for name, value in bundle["parameters"].items()}
-    return parameters, target, fidelity
+    return parameters, target, fidelity, device
 
 
 def _print_assessment(outcome: str, reason: str, outputs: Mapping[str, float]) -> None:

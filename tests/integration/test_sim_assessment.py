@@ -11,10 +11,11 @@ from sim.assessment import Assessment, assess
 from sim.catalogue import ELBOW
 from sim.control import PID
 from sim.evaluation import evaluate
+from sim.exoskeleton import NESM
 from sim.factors import CONDITIONS
 from sim.fidelity import FIDELITIES
 from sim.figures import assessment_figure
-from sim.interface import CUFFS, segment_names
+from sim.interface import segment_names
 from sim.model import build_system, close_straps, reset_to_start, slacken_straps
 from sim.rendering import draw_system
 from sim.validation import validate
@@ -159,7 +160,7 @@ def test_closed_straps_keep_the_tension_they_were_pulled_with() -> None:
     close_straps(system, data, stiffness)
     rest = system.model.tendon_lengthspring[system.straps, 0]
     tension = stiffness * (data.ten_length[system.straps] - rest)
-    assert len(tension) == sum(len(segment_names(cuff)) for cuff in CUFFS)
+    assert len(tension) == sum(len(segment_names(cuff)) for cuff in NESM.cuffs)
     assert tension == pytest.approx(15.0, abs=0.1)
 
 

@@ -5,14 +5,15 @@ import numpy as np
 import pytest
 
 from sim.control import PID
-from sim.interface import CUFFS, cuff_box_name, particle_name
+from sim.exoskeleton import NESM
+from sim.interface import cuff_box_name, particle_name
 from sim.model import System, build_system, reset_to_start, seated_elbow_angle
 from sim.skeleton import ELBOW_RANGE
 from sim.soft_tissue import sleeves
-from sim.target import ELBOW_TARGET
 from sim.wearer import NOMINAL_WEARER, wearer_of
 
-START = ELBOW_TARGET.start
+START = NESM.start("elbow").angles
+CUFFS = NESM.cuffs
 
 
 @pytest.fixture(scope="module")
