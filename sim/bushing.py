@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+from sim.activation import ActivationPattern
 from sim.conditions import Conditions
 from sim.control import Gains
 from sim.exoskeleton import MOTOR_GROUP, NESM, Device
@@ -122,7 +123,7 @@ def run_bushings(system: System, data: mujoco.MjData) -> Record:
     control[:, position_input] = system.start
     control[:, position_input[moved]] = reference
     control[:, position_input[moved] + 1] = velocity
-    states, sensed = _roll_out(system, data, control, "movement")
+    states, sensed = _move(system, data, control, ActivationPattern(system, data, reference))
     record = _record(system, time, reference, states, sensed)
     _check(system, record, sensed)
     return record
@@ -240,6 +241,21 @@ def _roll_out(
             Failure(name="diverged", reason=f"the state is not finite at {data.time:.2f} s"), phase
         )
     return states, sensed[0]
+
+
+def _move(
+    system: System, data: mujoco.MjData, control: np.ndarray, pattern: ActivationPattern
+) -> tuple[np.ndarray, np.ndarray]:
+    """Roll out the movement, in pieces no longer than a reflex needs to act."""
+    dof = 1 + system.model.nq + system.human_dof[system.target.joint]
+    pieces, steps = [], len(control)
+    for first in range(0, steps, pattern.horizon):
+        piece = slice(first, min(first + pattern.horizon, steps))
+        control[piece, system.contracted] = pattern.activations(first, piece.stop - first)
+        pieces.append(_roll_out(system, data, control[piece], "movement"))
+        pattern.velocity[piece] = pieces[-1][0][:-1, dof]
+    states = [piece[0][1:] for piece in pieces]
+    return np.vstack([pieces[0][0][:1], *states]), np.vstack([piece[1] for piece in pieces])
 
 
 def _record(

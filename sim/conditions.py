@@ -20,6 +20,10 @@ class Conditions:
     robot_friction: float
     movement_amplitude: float
     movement_rate: float
+    activation_rise: float
+    reflex_gain: float
+    reflex_threshold: float
+    reflex_delay: float
 
 
 def conditions_of(values: Mapping[str, float]) -> Conditions:
@@ -39,6 +43,10 @@ def conditions_of(values: Mapping[str, float]) -> Conditions:
         ("robot_friction", 0.0, 30.0),
         ("movement_amplitude", 0.05, 2.0),
         ("movement_rate", 0.1, 10.0),
+        ("activation_rise", -1.0, 5.0),
+        ("reflex_gain", 0.0, 10.0),
+        ("reflex_threshold", 0.0, 20.0),
+        ("reflex_delay", 0.0, 1.0),
     ):
         if not low <= chosen[name] <= high:
             raise ValueError(f"{name} must lie between {low:g} and {high:g}, not {chosen[name]}")

@@ -8,6 +8,7 @@ sigmoid.
 import mujoco
 import numpy as np
 
+from sim.activation import ActivationPattern
 from sim.contact import InterfaceGauge
 from sim.control import DURATION, extension_reference
 from sim.model import System, close_straps, slacken_straps
@@ -86,6 +87,7 @@ def _extend(system: System, data: mujoco.MjData) -> Record:
     steps = len(time)
     position_input = model.actuator_ctrladr[system.motors]
     gauge, recorder = InterfaceGauge(system), Recorder(system, steps)
+    pattern = ActivationPattern(system, data, reference)
     data.ctrl[position_input] = system.start
     data.ctrl[position_input + 1] = 0.0
     for step in range(steps):
@@ -94,6 +96,9 @@ def _extend(system: System, data: mujoco.MjData) -> Record:
         recorder.before_step(data, reference[step])
         exo_angle = float(data.qpos[system.exo_qpos[moved]])
         human_angle = float(data.qpos[system.human_qpos[system.target.joint]])
+        if pattern.varies:
+            pattern.velocity[step] = data.qvel[system.human_dof[system.target.joint]]
+            data.ctrl[system.contracted] = pattern.activations(step, 1)[0]
         _step(system, data, "movement")
         resultant, normal_force = gauge.forces(data)
         penetration, overhang = gauge.seats(data)

@@ -226,3 +226,12 @@ def test_every_fidelity_finds_the_same_stiffness(nominal: Assessment) -> None:
         other = assess({}, fidelity=fidelity)
         for name in ("stiffness_estimate", "stiffness_true", "stiffness_error"):
             assert other.outputs[name] == pytest.approx(nominal.outputs[name], abs=0.15)
+
+
+def test_a_reflex_acts_in_contact_as_the_threshold_says(nominal: Assessment) -> None:
+    reflex = assess({"reflex_gain": 0.2})
+    assert reflex.record is not None and nominal.record is not None
+    fast = int(np.argmax(-nominal.record.q_velocity[:, 3] > 0.5))
+    before = slice(0, fast + 5)
+    assert np.array_equal(reflex.record.muscle_torque[before], nominal.record.muscle_torque[before])
+    assert reflex.outputs["damping_estimate"] < nominal.outputs["damping_estimate"] - 2.0
