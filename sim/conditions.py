@@ -24,6 +24,7 @@ class Conditions:
     reflex_gain: float
     reflex_threshold: float
     reflex_delay: float
+    triceps_wrapping: float
 
 
 def conditions_of(values: Mapping[str, float]) -> Conditions:
@@ -47,6 +48,7 @@ def conditions_of(values: Mapping[str, float]) -> Conditions:
         ("reflex_gain", 0.0, 10.0),
         ("reflex_threshold", 0.0, 20.0),
         ("reflex_delay", 0.0, 1.0),
+        ("triceps_wrapping", 0.0, 1.0),
     ):
         if not low <= chosen[name] <= high:
             raise ValueError(f"{name} must lie between {low:g} and {high:g}, not {chosen[name]}")

@@ -171,7 +171,7 @@ def base_spec(
     set_solver(spec, step)
     add_torso(spec)
     add_arm(spec, wearer)
-    add_muscles(spec, wearer)
+    add_muscles(spec, wearer, wrapped=conditions.triceps_wrapping >= 0.5)
     add_exoskeleton(
         spec,
         gains,

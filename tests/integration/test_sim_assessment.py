@@ -235,3 +235,27 @@ def test_a_reflex_acts_in_contact_as_the_threshold_says(nominal: Assessment) -> 
     before = slice(0, fast + 5)
     assert np.array_equal(reflex.record.muscle_torque[before], nominal.record.muscle_torque[before])
     assert reflex.outputs["damping_estimate"] < nominal.outputs["damping_estimate"] - 2.0
+
+
+def test_long_heavy_arms_do_not_overshoot_when_the_triceps_wraps() -> None:
+    """Straight heads lose their lever as the elbow flexes; these two corners hyperextend."""
+    corner = {
+        "upper_arm_length": 0.3778,
+        "forearm_length": 0.3455,
+        "forearm_mass": 1.82,
+        "upper_arm_elasticity": 974.43,
+        "forearm_elasticity": 974.43,
+        "triceps_wrapping": 1.0,
+    }
+    for mass in (0.3, 3.41):
+        assessment = assess({**corner, "upper_arm_mass": mass})
+        assert assessment.outcome == "ok", assessment.reason
+        assert assessment.record is not None
+        assert assessment.record.q[:, 3].min() > np.radians(10.0)
+
+
+def test_a_wrapped_triceps_makes_co_contraction_resist_movement(nominal: Assessment) -> None:
+    """Its torque grows with flexion, which straight lines turn round."""
+    wrapped = assess({"triceps_wrapping": 1.0})
+    assert wrapped.outputs["stiffness_true"] < nominal.outputs["stiffness_true"] - 5.0
+    assert abs(wrapped.outputs["stiffness_error"]) < 1.0
