@@ -4,7 +4,8 @@
 here. Whatever goes wrong is a named outcome with the state it happened in, never a number.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import degrees
 from typing import Any
@@ -25,6 +26,9 @@ from sim.record import Record
 from sim.target import ELBOW_TARGET, TARGETS, Target
 from sim.validity import FailedError, Failure, check_outcome
 from sim.wearer import Wearer
+
+#: Called at every step with the system and its data, which it must leave as they are.
+Watch = Callable[[System, mujoco.MjData], None]
 
 #: The fidelity without contact.
 BUSHING = "bushing"
@@ -55,6 +59,7 @@ def assess(
     fidelity: str | Fidelity = CAMPAIGN.name,
     target: str = ELBOW_TARGET.name,
     device: str = NESM.name,
+    watch: Watch | None = None,
 ) -> Assessment:
     """Assess one joint of one wearer.
 
@@ -66,6 +71,7 @@ def assess(
             discretisation of one's own.
         target: a key of `sim.target.TARGETS`: the elbow or a joint of the shoulder.
         device: one of `sim.exoskeleton.DEVICES`, or the path of an MJCF file (`docs/devices.md`).
+        watch: sees every step, for a film (`sim.film`).
 
     Raises:
         ValueError: a factor, controller, fidelity, target or device is unknown, a value means
@@ -85,7 +91,8 @@ def assess(
     record = None
     diagnostics: dict[str, float] = {}
     try:
-        record = run(system, data)
+        with _watched(system, watch):
+            record = run(system, data)
         outputs = _evaluate(record, diagnostics)
     except FailedError as failed:
         return Assessment(
@@ -97,6 +104,19 @@ def assess(
             record=record,
         )
     return Assessment(outcome="ok", outputs=outputs, diagnostics=diagnostics, record=record)
+
+
+@contextmanager
+def _watched(system: System, watch: Watch | None) -> Iterator[None]:
+    """Let `watch` see every step, through the engine's own callback."""
+    if watch is None:
+        yield
+        return
+    mujoco.set_mjcb_control(lambda model, data: watch(system, data))
+    try:
+        yield
+    finally:
+        mujoco.set_mjcb_control(None)
 
 
 def _prepare(

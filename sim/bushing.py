@@ -190,6 +190,8 @@ def _add_bushing(
             ],
             damping=[relaxation * stiffness, 0.0, 0.0],
             springlength=[ROD, ROD],
+            # So long that they would fill every picture.
+            rgba=[0.0, 0.0, 0.0, 0.0],
         )
         rod.wrap_site(f"{name}_limb")
         rod.wrap_site(f"{name}_cuff")

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from rehyb.cli.options import AsJson, assignment, number, print_json
+from rehyb.errors import RehybError
 
 
 def assess(
@@ -30,6 +31,12 @@ def assess(
     plot: Annotated[
         Path | None,
         typer.Option(metavar="FILE.png", help="Draw the assessment.", show_default=False),
+    ] = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.mp4", help="Film the assessment (.mp4 or .gif).", show_default=False
+        ),
     ] = None,
     replay: Annotated[
         str | None,
@@ -68,14 +75,28 @@ def assess(
         if name not in values:
             raise typer.BadParameter(f"there is no factor {name!r}: take {', '.join(values)}")
         values[name] = number(value, name)
-    started = time.perf_counter()
+    watch = None
     try:
+        if video is not None:
+            from sim.film import Film, check_format
+
+            check_format(video)
+            film = Film()
+            watch = film.watch
+        started = time.perf_counter()
         assessment = simulate(
-            values, controller=controller, fidelity=fidelity, target=target, device=device
+            values,
+            controller=controller,
+            fidelity=fidelity,
+            target=target,
+            device=device,
+            watch=watch,
         )
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
     wall_seconds = time.perf_counter() - started
+    if video is not None:
+        _film(film, video, assessment.outcome)
     if assessment.record is None:
         if record is not None or plot is not None:
             print("there is nothing to save or to draw: no motion was recorded", file=sys.stderr)
@@ -101,7 +122,7 @@ def assess(
         )
     else:
         _print_assessment(assessment.outcome, assessment.reason, assessment.outputs)
-        for path in (record, plot):
+        for path in (record, plot, video):
             if path is not None:
                 typer.echo(str(path))
     if assessment.outcome != "ok":
@@ -147,6 +168,16 @@ def _replayed(source: str) -> tuple[dict[str, float], str, str, str]:
     _, target, fidelity, device = ASSESSMENTS[bundle["model"]]
     parameters = {name: number(str(value), name) for name, value in bundle["parameters"].items()}
     return parameters, target, fidelity, device
+
+
+def _film(film: Any, path: Path, outcome: str) -> None:
+    """Write a film; if nothing renders here, that is one sentence and exit status 1."""
+    from sim.rendering import GraphicsError
+
+    try:
+        film.write(path, outcome)
+    except GraphicsError as error:
+        raise RehybError(str(error)) from None
 
 
 def _print_assessment(outcome: str, reason: str, outputs: Mapping[str, float]) -> None:
