@@ -11,7 +11,8 @@ import numpy as np
 from mujoco import rollout
 
 from sim.activation import ActivationPattern
-from sim.conditions import Conditions
+from sim.catalogue import CONTACT_ONLY
+from sim.conditions import DEFAULT_CONDITIONS, Conditions
 from sim.control import Gains
 from sim.exoskeleton import MOTOR_GROUP, NESM, Device
 from sim.fidelity import CAMPAIGN
@@ -60,20 +61,23 @@ def build_bushings(
         ValueError: a condition asks for something only contact has, or the device cannot assess the
             target.
     """
-    if conditions.cuff_friction != 0.3 or conditions.strap_tension != 30.0:
-        raise ValueError(
-            "the bushing has no contact, so cuff_friction and strap_tension mean nothing there: "
-            "leave them out or choose another fidelity"
-        )
+    for name in CONTACT_ONLY:
+        if getattr(conditions, name) != getattr(DEFAULT_CONDITIONS, name):
+            raise ValueError(
+                f"the bushing has no contact, so {name} means nothing there: "
+                "leave it out or choose another fidelity"
+            )
     parts = sleeves(wearer, tissue_scale=conditions.tissue_scale)
     holders = cuffs(
         device.cuffs,
         CAMPAIGN,
         position=conditions.cuff_position,
+        upper_position=conditions.upper_cuff_position,
         slides=conditions.cuff_compliance > 0.0,
     )
     spec = base_spec(wearer, gains, conditions, target, device, step=CAMPAIGN.step)
-    seats = _seats(wearer, parts, holders, elbow_angle(device, device.start(target.name)))
+    closed_at = elbow_angle(device, device.start(target.name)) + conditions.seat_angle
+    seats = _seats(wearer, parts, holders, closed_at)
     for cuff, sleeve, seat in zip(holders, parts, seats, strict=True):
         _add_bushing(spec, cuff, sleeve, *seat)
     _add_sensors(spec, holders, target, device)

@@ -54,7 +54,7 @@ _ASSESSMENT_UNITS: Mapping[str, str] = MappingProxyType(
     }
 )
 #: Conditions that only contact has.
-CONTACT_ONLY = ("cuff_friction", "strap_tension")
+CONTACT_ONLY = ("cuff_friction", "strap_tension", "tissue_coupling")
 
 
 def _assessment(name: str, description: str, conditions: tuple[Factor, ...] = CONDITIONS) -> Model:

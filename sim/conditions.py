@@ -25,6 +25,9 @@ class Conditions:
     reflex_threshold: float
     reflex_delay: float
     triceps_wrapping: float
+    tissue_coupling: float
+    upper_cuff_position: float
+    seat_angle: float
 
 
 def conditions_of(values: Mapping[str, float]) -> Conditions:
@@ -49,6 +52,9 @@ def conditions_of(values: Mapping[str, float]) -> Conditions:
         ("reflex_threshold", 0.0, 20.0),
         ("reflex_delay", 0.0, 1.0),
         ("triceps_wrapping", 0.0, 1.0),
+        ("tissue_coupling", 0.0, 10.0),
+        ("upper_cuff_position", -0.05, 0.05),
+        ("seat_angle", -0.7, 0.25),
     ):
         if not low <= chosen[name] <= high:
             raise ValueError(f"{name} must lie between {low:g} and {high:g}, not {chosen[name]}")

@@ -131,4 +131,18 @@ CONDITIONS: tuple[Factor, ...] = (
     _condition(
         "triceps_wrapping", "1", 0.0, 1.0, 0.0, "0: straight as in the paper; from 0.5: wraps"
     ),
+    _condition(
+        "tissue_coupling", "1", 0.0, 1.0, 1.0, "springs between tissue elements, over their own"
+    ),
+    _condition(
+        "upper_cuff_position", "m", -0.02, 0.02, 0.0, "upper arm cuff, moved towards the elbow"
+    ),
+    _condition(
+        "seat_angle",
+        "rad",
+        -0.35,
+        0.1,
+        0.0,
+        "robot's elbow when the straps were closed, from start",
+    ),
 )

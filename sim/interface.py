@@ -92,6 +92,7 @@ def cuffs(
     fidelity: Fidelity,
     *,
     position: float = 0.0,
+    upper_position: float = 0.0,
     slides: bool = False,
 ) -> tuple[Cuff, Cuff]:
     """Return both cuffs as divided at a fidelity.
@@ -100,6 +101,7 @@ def cuffs(
         pair: the device's cuffs of upper arm and forearm.
         fidelity: how finely the straps are divided.
         position: the forearm's cuff moved towards the hand, m.
+        upper_position: the upper arm's cuff moved towards the elbow, m.
         slides: whether the forearm's cuff is carried by a slide of its own.
     """
     upper_arm, forearm = (
@@ -111,13 +113,16 @@ def cuffs(
         )
         for cuff in pair
     )
-    moved = np.array(forearm.centre) + position * np.array(forearm.along)
-    along, out, up = forearm.limb_place
-    return upper_arm, replace(
-        forearm,
-        centre=(float(moved[0]), float(moved[1]), float(moved[2])),
-        limb_place=(along + position, out, up),
-        link=SLIDE if slides else forearm.link,
+    upper_arm, forearm = _moved(upper_arm, upper_position), _moved(forearm, position)
+    return upper_arm, replace(forearm, link=SLIDE if slides else forearm.link)
+
+
+def _moved(cuff: Cuff, distance: float) -> Cuff:
+    """Return the cuff moved along its limb, distally, by `distance` (m)."""
+    x, y, z = np.array(cuff.centre) + distance * np.array(cuff.along)
+    along, out, up = cuff.limb_place
+    return replace(
+        cuff, centre=(float(x), float(y), float(z)), limb_place=(along + distance, out, up)
     )
 
 

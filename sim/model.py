@@ -88,6 +88,11 @@ class System:
         """Which of the exoskeleton's joints is moved; of the human's it is `target.joint`."""
         return self.device.joints.index(JOINTS[self.target.joint])
 
+    @property
+    def elbow(self) -> int:
+        """Which of the exoskeleton's joints is the elbow."""
+        return self.device.joints.index(ELBOW_JOINT)
+
     @cached_property
     def start(self) -> np.ndarray:
         """Exoskeleton angles at the start, rad, shape (number of its joints,)."""
@@ -201,11 +206,17 @@ def build_system(
     Raises:
         ValueError: the device cannot assess the target.
     """
-    parts = sleeves(wearer, tissue_scale=conditions.tissue_scale, fidelity=fidelity)
+    parts = sleeves(
+        wearer,
+        tissue_scale=conditions.tissue_scale,
+        coupling=conditions.tissue_coupling,
+        fidelity=fidelity,
+    )
     holders = cuffs(
         device.cuffs,
         fidelity,
         position=conditions.cuff_position,
+        upper_position=conditions.upper_cuff_position,
         slides=conditions.cuff_compliance > 0.0,
     )
     spec = base_spec(wearer, gains, conditions, target, device, step=fidelity.step)
@@ -228,7 +239,9 @@ def build_system(
 
 
 def reset_to_start(system: System) -> mujoco.MjData:
-    """Return data with the exoskeleton at the start, locked, and the arm in it, motors off.
+    """Return data with the exoskeleton where the straps are closed, locked, the arm in it.
+
+    That is the start of the movement, but for the condition `seat_angle`; motors are off.
 
     The human shoulder takes the exoskeleton's angles, and the elbow the angle at which the
     forearm's axis passes through the centre of its cuff: one start for every wearer, without a
@@ -236,10 +249,12 @@ def reset_to_start(system: System) -> mujoco.MjData:
     """
     data = mujoco.MjData(system.model)
     start = system.device.start(system.target.name)
+    closed_at = elbow_angle(system.device, start) + system.conditions.seat_angle
     data.qpos[system.exo_qpos] = start.angles
+    data.qpos[system.exo_qpos[system.elbow]] = closed_at
     data.qpos[system.human_qpos[:3]] = start.human_shoulder
     data.qpos[system.human_qpos[3]] = seated_elbow_angle(
-        system.wearer, system.sleeves[1], system.cuffs[1], elbow_angle(system.device, start)
+        system.wearer, system.sleeves[1], system.cuffs[1], closed_at
     )
     data.eq_active[system.locks] = 1
     system.model.opt.disableactuator |= 1 << MOTOR_GROUP

@@ -17,6 +17,8 @@ from sim.validity import FailedError, Failure, Posture, check_posture, check_sta
 
 #: Straps are pulled and the muscles' activation ramps up for so long, s.
 DONNING = 0.3
+#: If the straps were closed elsewhere, the robot has moved to the start after so long, s.
+SEATED = 1.0
 #: The movement begins after so long, s; after 1.2 s one corner of Table 1 still moved.
 HOLD = 1.5
 #: Steps over which the locks' torque is averaged to start the controllers' integrals.
@@ -59,9 +61,15 @@ def _don_and_hold(system: System, data: mujoco.MjData) -> None:
     donning, hold = round(DONNING / step_seconds), round(HOLD / step_seconds)
     slacken_straps(system, data)
     lock_torque = []
+    elbow_lock, displacement = system.locks[system.elbow], system.conditions.seat_angle
+    locked_at = float(model.eq_data[elbow_lock, 0])
     for step in range(hold):
         if step == donning:
             close_straps(system, data, stiffness)
+        if displacement:
+            moved = (step * step_seconds - DONNING) / (SEATED - DONNING)
+            left = 1.0 - min(1.0, max(0.0, moved))
+            model.eq_data[elbow_lock, 0] = locked_at + left * displacement
         data.ctrl[system.contracted] = system.activation * min(1.0, step / donning)
         _step(system, data, "hold")
         if step >= hold - LOCK_AVERAGE:

@@ -19,6 +19,11 @@ from sim.interface import segment_names
 from sim.model import build_system, close_straps, reset_to_start, slacken_straps
 from sim.rendering import draw_system
 from sim.validation import validate
+from sim.validation.compression import (
+    OGNEVA_CONTRACTED,
+    OGNEVA_RELAXED,
+    run_compression_test,
+)
 from sim.validity import FAILURES
 from sim.wearer import NOMINAL_WEARER
 
@@ -259,3 +264,19 @@ def test_a_wrapped_triceps_makes_co_contraction_resist_movement(nominal: Assessm
     wrapped = assess({"triceps_wrapping": 1.0})
     assert wrapped.outputs["stiffness_true"] < nominal.outputs["stiffness_true"] - 5.0
     assert abs(wrapped.outputs["stiffness_error"]) < 1.0
+
+
+def test_straps_closed_elsewhere_move_to_the_start_and_leave_a_mark(nominal: Assessment) -> None:
+    seated = assess({"seat_angle": -0.35})
+    assert seated.outcome == "ok", seated.reason
+    assert seated.record is not None and nominal.record is not None
+    assert seated.record.theta[0, 3] == pytest.approx(nominal.record.theta[0, 3], abs=1e-3)
+    assert seated.outputs["stiffness_error"] < nominal.outputs["stiffness_error"] - 0.15
+
+
+def test_looser_coupling_of_the_tissue_encloses_the_moduli_of_figure_6() -> None:
+    softest, stiffest = (run_compression_test(k, coupling=0.09) for k in (100.5, 974.43))
+    for strain in (0.1, 0.15, 0.2):
+        assert softest.modulus_at(strain) <= OGNEVA_RELAXED
+    for strain in (0.1, 0.12, 0.15):
+        assert stiffest.modulus_at(strain) >= OGNEVA_CONTRACTED
