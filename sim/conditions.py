@@ -28,6 +28,7 @@ class Conditions:
     tissue_coupling: float
     upper_cuff_position: float
     seat_angle: float
+    extension_stop: float
 
 
 def conditions_of(values: Mapping[str, float]) -> Conditions:
@@ -55,6 +56,7 @@ def conditions_of(values: Mapping[str, float]) -> Conditions:
         ("tissue_coupling", 0.0, 10.0),
         ("upper_cuff_position", -0.05, 0.05),
         ("seat_angle", -0.7, 0.25),
+        ("extension_stop", 0.0, 1000.0),
     ):
         if not low <= chosen[name] <= high:
             raise ValueError(f"{name} must lie between {low:g} and {high:g}, not {chosen[name]}")

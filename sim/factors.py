@@ -145,4 +145,7 @@ CONDITIONS: tuple[Factor, ...] = (
         0.0,
         "robot's elbow when the straps were closed, from start",
     ),
+    _condition(
+        "extension_stop", "Nm/rad", 0.0, 60.0, 0.0, "passive stiffness of the elbow past 5 degrees"
+    ),
 )

@@ -26,6 +26,7 @@ from sim.skeleton import (
     ELBOW,
     HUMAN_JOINTS,
     add_arm,
+    add_extension_stop,
     add_torso,
     empty_spec,
     upper_arm_point,
@@ -176,6 +177,8 @@ def base_spec(
     set_solver(spec, step)
     add_torso(spec)
     add_arm(spec, wearer)
+    if conditions.extension_stop > 0.0:
+        add_extension_stop(spec, conditions.extension_stop)
     add_muscles(spec, wearer, wrapped=conditions.triceps_wrapping >= 0.5)
     add_exoskeleton(
         spec,

@@ -242,21 +242,28 @@ def test_a_reflex_acts_in_contact_as_the_threshold_says(nominal: Assessment) -> 
     assert reflex.outputs["damping_estimate"] < nominal.outputs["damping_estimate"] - 2.0
 
 
-def test_long_heavy_arms_do_not_overshoot_when_the_triceps_wraps() -> None:
-    """Straight heads lose their lever as the elbow flexes; these two corners hyperextend."""
-    corner = {
-        "upper_arm_length": 0.3778,
-        "forearm_length": 0.3455,
-        "forearm_mass": 1.82,
-        "upper_arm_elasticity": 974.43,
-        "forearm_elasticity": 974.43,
-        "triceps_wrapping": 1.0,
-    }
-    for mass in (0.3, 3.41):
-        assessment = assess({**corner, "upper_arm_mass": mass})
-        assert assessment.outcome == "ok", assessment.reason
-        assert assessment.record is not None
-        assert assessment.record.q[:, 3].min() > np.radians(10.0)
+LONG_HEAVY_STIFF = {
+    "upper_arm_length": 0.3778,
+    "forearm_length": 0.3455,
+    "forearm_mass": 1.82,
+    "upper_arm_elasticity": 974.43,
+    "forearm_elasticity": 974.43,
+}
+
+
+@pytest.mark.parametrize("remedy", ["triceps_wrapping", "extension_stop"])
+@pytest.mark.parametrize("upper_arm_mass", [0.3, 3.41])
+def test_long_heavy_arms_are_kept_from_hyperextension(remedy: str, upper_arm_mass: float) -> None:
+    """By extensors whose lever does not vanish, or by a passive stop."""
+    value = {"triceps_wrapping": 1.0, "extension_stop": 30.0}[remedy]
+    assessment = assess({**LONG_HEAVY_STIFF, "upper_arm_mass": upper_arm_mass, remedy: value})
+    assert assessment.outcome == "ok", assessment.reason
+    assert assessment.record is not None
+    assert assessment.record.q[:, 3].min() > 0.0
+
+
+def test_an_extension_stop_acts_on_nobody_who_does_not_reach_it(nominal: Assessment) -> None:
+    assert assess({"extension_stop": 60.0}).outputs == nominal.outputs
 
 
 def test_a_wrapped_triceps_makes_co_contraction_resist_movement(nominal: Assessment) -> None:
