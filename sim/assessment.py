@@ -4,8 +4,9 @@
 here. Whatever goes wrong is a named outcome with the state it happened in, never a number.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from math import degrees
 from typing import Any
 
@@ -16,6 +17,7 @@ from sim.bushing import build_bushings, run_bushings
 from sim.conditions import Conditions, split
 from sim.control import CONTROLLERS, Gains
 from sim.estimation import Fit, IllConditionedError, estimate_forms
+from sim.exoskeleton import NESM, Device, load_device
 from sim.fidelity import CAMPAIGN, FIDELITIES, Fidelity
 from sim.model import System, build_system, reset_to_start
 from sim.nominal import nominal_model
@@ -24,6 +26,9 @@ from sim.record import Record
 from sim.target import ELBOW_TARGET, TARGETS, Target
 from sim.validity import FailedError, Failure, check_outcome
 from sim.wearer import Wearer
+
+#: Called at every step with the system and its data, which it must leave as they are.
+Watch = Callable[[System, mujoco.MjData], None]
 
 #: The fidelity without contact.
 BUSHING = "bushing"
@@ -53,19 +58,24 @@ def assess(
     controller: str = "pid",
     fidelity: str | Fidelity = CAMPAIGN.name,
     target: str = ELBOW_TARGET.name,
+    device: str = NESM.name,
+    watch: Watch | None = None,
 ) -> Assessment:
     """Assess one joint of one wearer.
 
     Args:
         values: factors of Table 1 and of `sim.factors.CONDITIONS` (SI units); one left out is
             nominal.
-        controller: "pid" (the authors' code) or "pd" (equation 19).
+        controller: "pid" (the device's gains) or "pd" (without the integral: equation 19).
         fidelity: a key of `sim.fidelity.FIDELITIES`, "bushing" for no contact at all, or a
             discretisation of one's own.
         target: a key of `sim.target.TARGETS`: the elbow or a joint of the shoulder.
+        device: one of `sim.exoskeleton.DEVICES`, or the path of an MJCF file (`docs/devices.md`).
+        watch: sees every step, for a film (`sim.film`).
 
     Raises:
-        ValueError: a factor, controller, fidelity or target is unknown, or a value means nothing.
+        ValueError: a factor, controller, fidelity, target or device is unknown, a value means
+            nothing, or the device cannot assess the target.
     """
     if controller not in CONTROLLERS:
         raise ValueError(
@@ -74,12 +84,15 @@ def assess(
     if target not in TARGETS:
         raise ValueError(f"unknown target {target!r}: expected one of {', '.join(TARGETS)}")
     wearer, conditions = split(values)
-    system, run = prepare(wearer, CONTROLLERS[controller], conditions, fidelity, TARGETS[target])
+    robot = load_device(device)
+    gains = robot.gains if controller == "pid" else replace(robot.gains, ki=0.0)
+    system, run = prepare(wearer, gains, conditions, fidelity, TARGETS[target], robot)
     data = reset_to_start(system)
     record = None
     diagnostics: dict[str, float] = {}
     try:
-        record = run(system, data)
+        with _watched(system, watch):
+            record = run(system, data)
         outputs = _evaluate(record, diagnostics)
     except FailedError as failed:
         return Assessment(
@@ -93,22 +106,36 @@ def assess(
     return Assessment(outcome="ok", outputs=outputs, diagnostics=diagnostics, record=record)
 
 
+@contextmanager
+def _watched(system: System, watch: Watch | None) -> Iterator[None]:
+    """Let `watch` see every step, through the engine's own callback."""
+    if watch is None:
+        yield
+        return
+    mujoco.set_mjcb_control(lambda model, data: watch(system, data))
+    try:
+        yield
+    finally:
+        mujoco.set_mjcb_control(None)
+
+
 def prepare(
     wearer: Wearer,
     gains: Gains,
     conditions: Conditions,
     fidelity: str | Fidelity,
     target: Target,
+    device: Device,
 ) -> tuple[System, Callable[..., Record]]:
     """Return the system at a fidelity and what runs it; ValueError if the fidelity is unknown."""
     if fidelity == BUSHING:
-        return build_bushings(wearer, gains, conditions, target), run_bushings
+        return build_bushings(wearer, gains, conditions, target, device), run_bushings
     if isinstance(fidelity, str):
         if fidelity not in FIDELITIES:
             known = ", ".join((BUSHING, *FIDELITIES))
             raise ValueError(f"unknown fidelity {fidelity!r}: expected one of {known}")
         fidelity = FIDELITIES[fidelity]
-    return build_system(wearer, gains, conditions, fidelity, target), run_protocol
+    return build_system(wearer, gains, conditions, fidelity, target, device), run_protocol
 
 
 def inferred_torques(record: Record) -> tuple[np.ndarray, np.ndarray]:
@@ -117,12 +144,13 @@ def inferred_torques(record: Record) -> tuple[np.ndarray, np.ndarray]:
     The first is equation 20 with the full nominal inverse dynamics. The second is what the authors'
     code subtracts: bias torque alone, of an arm without tissue in an exoskeleton without straps.
     """
-    motor = record.motor_torque[:, record.joint]
-    declared = nominal_model().inverse_dynamics(
-        record.theta, record.theta_velocity, record.theta_acceleration, record.joint
+    device, joint = load_device(record.device), record.exo_joint
+    motor = record.motor_torque[:, joint]
+    declared = nominal_model(device).inverse_dynamics(
+        record.theta, record.theta_velocity, record.theta_acceleration, joint
     )
-    published = nominal_model(attachments=False).bias(
-        record.theta, record.theta_velocity, record.joint
+    published = nominal_model(device, attachments=False).bias(
+        record.theta, record.theta_velocity, joint
     )
     return declared - motor, published - motor
 
@@ -134,10 +162,10 @@ def fit_record(record: Record) -> dict[str, tuple[Fit, Fit]]:
         IllConditionedError: the recorded movement does not determine them.
     """
     inferred, published = inferred_torques(record)
-    joint = record.joint
+    joint, exo_joint = record.joint, record.exo_joint
     return estimate_forms(
-        theta=record.theta[:, joint],
-        theta_velocity=record.theta_velocity[:, joint],
+        theta=record.theta[:, exo_joint],
+        theta_velocity=record.theta_velocity[:, exo_joint],
         q=record.q[:, joint],
         q_velocity=record.q_velocity[:, joint],
         inferred_torque=inferred,
@@ -154,8 +182,8 @@ def _evaluate(record: Record, diagnostics: dict[str, float]) -> dict[str, float]
         raise FailedError(
             Failure(name="ill_conditioned", reason=str(error)), "regression"
         ) from error
-    joint = record.joint
-    tracking = record.theta[:, joint] - record.reference
+    theta, q = record.theta[:, record.exo_joint], record.q[:, record.joint]
+    tracking = theta - record.reference
     estimate, truth = forms["affine"]
     outputs: dict[str, float] = {}
     for name, (estimated, true) in forms.items():
@@ -171,9 +199,7 @@ def _evaluate(record: Record, diagnostics: dict[str, float]) -> dict[str, float]
         r_squared=estimate.r_squared,
         residual_rms_nm=estimate.residual_rms,
         damping_true=truth.damping,
-        largest_angle_difference_deg=degrees(
-            np.abs(record.q[:, joint] - record.theta[:, joint]).max()
-        ),
+        largest_angle_difference_deg=degrees(np.abs(q - theta).max()),
         largest_normal_force_n=float(record.normal_force.max()),
     )
     failure = check_outcome(tracking_rmse=outputs["tracking_rmse"], r_squared=estimate.r_squared)

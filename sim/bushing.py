@@ -12,16 +12,19 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+from sim.activation import ActivationPattern
 from sim.carried import CarriedEffects
-from sim.conditions import Conditions
+from sim.catalogue import CONTACT_ONLY
+from sim.conditions import DEFAULT_CONDITIONS, Conditions
 from sim.control import Gains
-from sim.exoskeleton import JOINTS, MOTOR_GROUP
+from sim.exoskeleton import MOTOR_GROUP, NESM, Device
 from sim.fidelity import CAMPAIGN
 from sim.interface import Cuff, cuffs
 from sim.model import (
     System,
     base_spec,
     direction,
+    elbow_angle,
     forearm_cuff_centre,
     seated_elbow_angle,
 )
@@ -55,32 +58,43 @@ RODS = ("radial_1", "radial_2", "radial_3", "radial_4", "axial", "torsion_1", "t
 
 
 def build_bushings(
-    wearer: Wearer, gains: Gains, conditions: Conditions, target: Target = ELBOW_TARGET
+    wearer: Wearer,
+    gains: Gains,
+    conditions: Conditions,
+    target: Target = ELBOW_TARGET,
+    device: Device = NESM,
 ) -> System:
     """Build and compile arm and exoskeleton joined by bushings, unloaded in the seat.
 
     Raises:
-        ValueError: a condition asks for something only contact has.
+        ValueError: a condition asks for something only contact has, or the device cannot assess the
+            target.
     """
-    if conditions.cuff_friction != 0.3 or conditions.strap_tension != 30.0:
-        raise ValueError(
-            "the bushing has no contact, so cuff_friction and strap_tension mean nothing there: "
-            "leave them out or choose another fidelity"
-        )
+    for name in CONTACT_ONLY:
+        if getattr(conditions, name) != getattr(DEFAULT_CONDITIONS, name):
+            raise ValueError(
+                f"the bushing has no contact, so {name} means nothing there: "
+                "leave it out or choose another fidelity"
+            )
     parts = sleeves(wearer, tissue_scale=conditions.tissue_scale)
     holders = cuffs(
-        FIDELITY, position=conditions.cuff_position, slides=conditions.cuff_compliance > 0.0
+        device.cuffs,
+        FIDELITY,
+        position=conditions.cuff_position,
+        upper_position=conditions.upper_cuff_position,
+        slides=conditions.cuff_compliance > 0.0,
     )
-    spec = base_spec(wearer, gains, conditions, target, step=FIDELITY.step)
-    for cuff, sleeve, seat in zip(
-        holders, parts, _seats(wearer, parts, holders, target.start[3]), strict=True
-    ):
+    spec = base_spec(wearer, gains, conditions, target, device, step=FIDELITY.step)
+    closed_at = elbow_angle(device, device.start(target.name)) + conditions.seat_angle
+    seats = _seats(wearer, parts, holders, closed_at)
+    for cuff, sleeve, seat in zip(holders, parts, seats, strict=True):
         _add_bushing(spec, cuff, sleeve, *seat)
-    _add_sensors(spec, holders, target)
+    _add_sensors(spec, holders, target, device)
     return System(
         wearer=wearer,
         conditions=conditions,
         target=target,
+        device=device,
         fidelity=FIDELITY,
         gains=gains,
         sleeves=parts,
@@ -98,7 +112,7 @@ def run_bushings(system: System, data: mujoco.MjData, motion: Motion | None = No
     Raises:
         FailedError: a detector fired.
     """
-    model, step, moved = system.model, system.fidelity.step, system.target.joint
+    model, step, moved = system.model, system.fidelity.step, system.moved
     control = np.zeros((round(HOLD / step), model.nu))
     control[:, system.contraction_inputs] = system.activation
     data.act[model.actuator_actadr[system.contracted]] = system.activation
@@ -107,7 +121,7 @@ def run_bushings(system: System, data: mujoco.MjData, motion: Motion | None = No
     _roll_out(system, data, carried, control, "hold")
     failure = check_start(
         human_speed=data.qvel[system.human_dof],
-        exo_error=data.qpos[system.exo_qpos] - system.target.start,
+        exo_error=data.qpos[system.exo_qpos] - system.start,
     )
     if failure:
         raise FailedError(failure, "hold")
@@ -121,10 +135,11 @@ def run_bushings(system: System, data: mujoco.MjData, motion: Motion | None = No
     time, reference, velocity = movement(system) if motion is None else motion
     control = np.tile(control[-1], (len(time), 1))
     position_input = model.actuator_ctrladr[system.motors]
-    control[:, position_input] = system.target.start
+    control[:, position_input] = system.start
     control[:, position_input[moved]] = reference
     control[:, position_input[moved] + 1] = velocity
-    states, sensed = _roll_out(system, data, carried, control, "movement")
+    pattern = ActivationPattern(system, data, reference)
+    states, sensed = _move(system, data, carried, control, pattern)
     record = _record(system, time, reference, states, sensed)
     _check(system, record, sensed)
     return record
@@ -141,12 +156,12 @@ def _seats(
     The axes are columns: along the limb, out of the opening, towards the upper wall.
     """
     upper, fore = holders
-    at_shoulder = np.array([0.25 + upper.centre[2], 0.0, 0.0])
+    at_shoulder = np.array(upper.limb_place)
     angle = seated_elbow_angle(wearer, parts[1], fore, exo_angle)
     elbow = upper_arm_point(wearer, ELBOW)
     offset = forearm_cuff_centre(fore, exo_angle) - elbow[[0, 2]]
     local = np.array([offset @ direction(angle), offset @ direction(angle + np.pi / 2)])
-    centre = np.array([local[0], fore.centre[2] - elbow[1], local[1]])
+    centre = np.array([local[0], fore.limb_place[1] - elbow[1], local[1]])
     turn = exo_angle - angle
     tilted = np.array(
         [[np.cos(turn), 0.0, -np.sin(turn)], [0.0, 1.0, 0.0], [np.sin(turn), 0.0, np.cos(turn)]]
@@ -191,17 +206,21 @@ def _add_bushing(
             ],
             damping=[relaxation * stiffness, 0.0, 0.0],
             springlength=[ROD, ROD],
+            # So long that they would fill every picture.
+            rgba=[0.0, 0.0, 0.0, 0.0],
         )
         rod.wrap_site(f"{name}_limb")
         rod.wrap_site(f"{name}_cuff")
 
 
-def _add_sensors(spec: mujoco.MjSpec, holders: tuple[Cuff, Cuff], target: Target) -> None:
-    """Measure, in the order `_record` reads: four motors, the muscles, every rod twice."""
+def _add_sensors(
+    spec: mujoco.MjSpec, holders: tuple[Cuff, Cuff], target: Target, device: Device
+) -> None:
+    """Measure, in the order `_record` reads: every motor, the muscles, every rod twice."""
     kinds = mujoco.mjtSensor
     wanted = [
         (kinds.mjSENS_ACTUATORFRC, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{joint}_motor")
-        for joint in JOINTS
+        for joint in device.joints
     ]
     wanted.append((kinds.mjSENS_JOINTACTFRC, mujoco.mjtObj.mjOBJ_JOINT, HUMAN_JOINTS[target.joint]))
     for kind in (kinds.mjSENS_TENDONPOS, kinds.mjSENS_TENDONVEL):
@@ -269,6 +288,25 @@ def _stepped(
     return states, sensed
 
 
+def _move(
+    system: System,
+    data: mujoco.MjData,
+    carried: CarriedEffects,
+    control: np.ndarray,
+    pattern: ActivationPattern,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Roll out the movement, in pieces no longer than a reflex needs to act."""
+    dof = 1 + system.model.nq + system.human_dof[system.target.joint]
+    pieces, steps = [], len(control)
+    for first in range(0, steps, pattern.horizon):
+        piece = slice(first, min(first + pattern.horizon, steps))
+        control[piece, system.contraction_inputs] = pattern.activations(first, piece.stop - first)
+        pieces.append(_roll_out(system, data, carried, control[piece], "movement"))
+        pattern.velocity[piece] = pieces[-1][0][:-1, dof]
+    states = [piece[0][1:] for piece in pieces]
+    return np.vstack([pieces[0][0][:1], *states]), np.vstack([piece[1] for piece in pieces])
+
+
 def _record(
     system: System,
     time: np.ndarray,
@@ -280,28 +318,35 @@ def _record(
     model = system.model
     position, velocity = states[:, 1 : 1 + model.nq], states[:, 1 + model.nq :][:, : model.nv]
     exo_velocity = velocity[:, system.exo_dof]
-    forces = _cuff_forces(system, sensed)
+    forces, motors = _cuff_forces(system, sensed), len(system.motors)
     return Record(
+        device=system.device.name,
         joint=system.target.joint,
+        exo_joint=system.moved,
         time=time,
         reference=reference,
         theta=position[:-1, system.exo_qpos],
         theta_velocity=exo_velocity[:-1],
         theta_acceleration=np.diff(exo_velocity, axis=0) / system.fidelity.step,
-        motor_torque=sensed[:, :4] / system.motor_gain,
+        motor_torque=sensed[:, :motors] / system.motor_gain,
         q=position[:-1, system.human_qpos],
         q_velocity=velocity[:-1, system.human_dof],
-        muscle_torque=sensed[:, 4],
+        muscle_torque=sensed[:, motors],
         contact_force=np.linalg.norm(forces, axis=2),
         normal_force=np.linalg.norm(forces[:, :, 1:], axis=2).sum(axis=1),
     )
 
 
+def _rods(system: System, sensed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return length and speed of every rod, m and m/s, shapes (n, 2 x number of rods)."""
+    lengths, speeds = np.split(sensed[:, len(system.motors) + 1 :], 2, axis=1)
+    return lengths, speeds
+
+
 def _cuff_forces(system: System, sensed: np.ndarray) -> np.ndarray:
     """Return the force in each bushing along limb, opening and wall, N, shape (n, 2, 3)."""
     model = system.model
-    count = len(system.cuffs) * len(RODS)
-    length, speed = sensed[:, 5 : 5 + count], sensed[:, 5 + count :]
+    length, speed = _rods(system, sensed)
     rods = [model.tendon(f"{cuff.name}_{rod}").id for cuff in system.cuffs for rod in RODS]
     stretch = length - ROD
     stiffness = model.tendon_stiffness[rods] + model.tendon_stiffnesspoly[rods, 1] * stretch**2
@@ -313,10 +358,10 @@ def _cuff_forces(system: System, sensed: np.ndarray) -> np.ndarray:
 
 def _check(system: System, record: Record, sensed: np.ndarray) -> None:
     """Judge every step of a movement with the detectors of the protocol with contact."""
-    displacement = (sensed[:, 5:][:, : 2 * len(RODS)] - ROD).reshape(-1, 2, len(RODS))
+    displacement = (_rods(system, sensed)[0] - ROD).reshape(-1, 2, len(RODS))
     across = np.hypot(displacement[:, :, :2].mean(axis=2), displacement[:, :, 2:4].mean(axis=2))
     room = np.array([cuff.radius - BONE_CLEARANCE for cuff in system.cuffs])
-    theta, q = (angles[:, system.target.joint] for angles in (record.theta, record.q))
+    theta, q = record.theta[:, record.exo_joint], record.q[:, record.joint]
     # The detectors look at extremes only, so the steps that hold them are all that need judging.
     difference = np.abs(q - theta)
     extremes = {int(np.argmax(values)) for values in (difference, record.normal_force)}

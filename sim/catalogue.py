@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
 from types import MappingProxyType
+from typing import NamedTuple
 
 from sim.factors import CONDITIONS, TABLE_1, Factor
 from sim.undeclared import EFFECT_FACTORS
@@ -54,7 +55,7 @@ _ASSESSMENT_UNITS: Mapping[str, str] = MappingProxyType(
     }
 )
 #: Conditions that only contact has.
-CONTACT_ONLY = ("cuff_friction", "strap_tension")
+CONTACT_ONLY = ("cuff_friction", "strap_tension", "tissue_coupling")
 
 
 def _assessment(name: str, description: str, conditions: tuple[Factor, ...] = CONDITIONS) -> Model:
@@ -83,27 +84,39 @@ ELBOW_BUSHING_EFFECTS = _assessment(
 )
 #: Models whose factors include the parameters of undeclared effects.
 WITH_EFFECTS = (ELBOW_EFFECTS.name, ELBOW_BUSHING_EFFECTS.name)
-#: Every model that is an assessment, with its target and fidelity (arguments of `assess`).
-ASSESSMENTS: Mapping[str, tuple[Model, str, str]] = MappingProxyType(
+
+
+class Setup(NamedTuple):
+    """A model that is an assessment, with the arguments of `assess`."""
+
+    model: Model
+    target: str = "elbow"
+    fidelity: str = "campaign"
+    device: str = "nesm"
+
+
+ASSESSMENTS: Mapping[str, Setup] = MappingProxyType(
     {
-        model.name: (model, target, fidelity)
-        for model, target, fidelity in (
-            (ELBOW, "elbow", "campaign"),
-            (ELBOW_BUSHING, "elbow", "bushing"),
-            (ELBOW_EFFECTS, "elbow", "campaign"),
-            (ELBOW_BUSHING_EFFECTS, "elbow", "bushing"),
-            (
+        setup.model.name: setup
+        for setup in (
+            Setup(ELBOW),
+            Setup(ELBOW_BUSHING, fidelity="bushing"),
+            Setup(ELBOW_EFFECTS),
+            Setup(ELBOW_BUSHING_EFFECTS, fidelity="bushing"),
+            Setup(
                 _assessment("elbow_screening", "elbow, explicit contact, coarser"),
-                "elbow",
-                "screening",
+                fidelity="screening",
             ),
-            (
+            Setup(
                 _assessment("elbow_reference", "elbow, explicit contact, finer"),
-                "elbow",
-                "reference",
+                fidelity="reference",
+            ),
+            Setup(
+                _assessment("elbow_orthosis", "elbow, another device: bench-mounted, one joint"),
+                device="elbow_orthosis",
             ),
             *(
-                (_assessment(name, f"{name.replace('_', ' ')}, explicit contact"), name, "campaign")
+                Setup(_assessment(name, f"{name.replace('_', ' ')}, explicit contact"), name)
                 for name in ("shoulder_flexion", "shoulder_abduction", "shoulder_rotation")
             ),
         )
@@ -145,6 +158,6 @@ SOBOL_G = Model(
 )
 
 MODELS: Mapping[str, Model] = MappingProxyType(
-    {name: model for name, (model, _, _) in ASSESSMENTS.items()}
+    {name: setup.model for name, setup in ASSESSMENTS.items()}
     | {model.name: model for model in (ISHIGAMI, SOBOL_G)}
 )

@@ -21,6 +21,15 @@ class Conditions:
     robot_friction: float
     movement_amplitude: float
     movement_rate: float
+    activation_rise: float
+    reflex_gain: float
+    reflex_threshold: float
+    reflex_delay: float
+    triceps_wrapping: float
+    tissue_coupling: float
+    upper_cuff_position: float
+    seat_angle: float
+    extension_stop: float
     #: Undeclared effects that are on, with their parameters (`sim.undeclared`).
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
@@ -44,6 +53,15 @@ def conditions_of(values: Mapping[str, float]) -> Conditions:
         ("robot_friction", 0.0, 30.0),
         ("movement_amplitude", 0.05, 2.0),
         ("movement_rate", 0.1, 10.0),
+        ("activation_rise", -1.0, 5.0),
+        ("reflex_gain", 0.0, 10.0),
+        ("reflex_threshold", 0.0, 20.0),
+        ("reflex_delay", 0.0, 1.0),
+        ("triceps_wrapping", 0.0, 1.0),
+        ("tissue_coupling", 0.0, 10.0),
+        ("upper_cuff_position", -0.05, 0.05),
+        ("seat_angle", -0.7, 0.25),
+        ("extension_stop", 0.0, 1000.0),
     ):
         if not low <= chosen[name] <= high:
             raise ValueError(f"{name} must lie between {low:g} and {high:g}, not {chosen[name]}")

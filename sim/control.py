@@ -14,11 +14,11 @@ class Gains:
     ki: float
 
 
-#: The authors' code. With equation 19 alone the loaded shoulder sags by more than 20 degrees.
+#: The NESM's gains in the authors' code. With equation 19 alone the loaded shoulder sags by more
+#: than 20 degrees.
 PID = Gains(kp=50.0, kv=15.0, ki=25.0)
-#: Paper, equation 19 and the gains below it.
-PD = Gains(kp=50.0, kv=15.0, ki=0.0)
-CONTROLLERS = {"pid": PID, "pd": PD}
+#: "pid": the device's own gains. "pd": without the integral, equation 19 to the letter.
+CONTROLLERS = ("pid", "pd")
 
 #: Centre of the sigmoid, s; its amplitude and rate are conditions of an assessment.
 CENTRE = 2.5

@@ -49,8 +49,8 @@ def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
     if model in ASSESSMENTS:
         from sim.assessment import assess
 
-        _, target, fidelity = ASSESSMENTS[model]
-        assessment = assess(values, fidelity=fidelity, target=target)
+        _, target, fidelity, device = ASSESSMENTS[model]
+        assessment = assess(values, fidelity=fidelity, target=target, device=device)
         return Evaluation(
             outcome=assessment.outcome,
             outputs=assessment.outputs,

@@ -1,97 +1,242 @@
-"""The four-degree-of-freedom exoskeleton (paper, section 2.2.2), as data.
+"""The exoskeleton as data: a chain of links in a file (paper, section 2.2.2).
 
-Masses, inertias, axes and ranges are facts of the authors' public model of the NESM (github
-stesfazgi/rehyb_mujoco, models/exo_with_patient), after Trigili et al. 2020. A device is a chain of
-`Link`; another chain replaces it if its last two links carry the upper arm's and the forearm's
-cuff.
+A device is an MJCF file, and nothing here knows the NESM from another: `docs/devices.md` says what
+a file needs. Those in the folder `devices` have names; any other is named by its path.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import radians
+from functools import cache
+from pathlib import Path
 
 import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sim.control import Gains
+from sim.interface import Cuff
+
+#: Joints by the number of the human joint they move: abduction, flexion, rotation, elbow.
+JOINTS = ("J1", "J2", "J3", "J4")
+ELBOW_JOINT = JOINTS[3]
+#: Actuators of this group are switched off while the start is locked.
+MOTOR_GROUP = 1
+#: Devices that have a name.
+FOLDER = Path(__file__).parent / "devices"
+DEVICES = tuple(sorted(path.stem for path in FOLDER.glob("*.xml")))
+#: Sites that say where the cuffs are.
+CUFF_SITES = ("upper_arm_cuff", "forearm_cuff")
+#: How far a device may be from what its file must be, m and rad.
+TOLERANCE = 1e-3
+#: Figures read from a compiled file are rounded to so many decimals: its own, without the
+#: compiler's noise.
+_DECIMALS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
-class Link:
-    """One link with the joint that moves it: SI units, angles in degrees."""
+class Start:
+    """Where an assessment begins."""
 
+    #: Angles of the device's joints, rad, in its own order.
+    angles: tuple[float, ...]
+    #: Human abduction, flexion and rotation that lay the upper arm into its cuff there, rad.
+    human_shoulder: tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Device:
+    """What a file says of an exoskeleton."""
+
+    #: A name in DEVICES, or the file's path.
     name: str
-    #: Pose in the parent link (the world for the first).
-    pos: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    quat: tuple[float, float, float, float]
-    mass: float
-    centre: tuple[float, float, float]
-    #: xx, yy, zz, xy, xz, yz about the centre, kg m2.
-    inertia: tuple[float, float, float, float, float, float]
-    joint: str
-    axis: tuple[int, int, int]
-    range_deg: tuple[float, float]
-    #: Joint angle of the chain's zero pose (the arm held forward).
-    ref_deg: float = 0.0
+    path: Path
+    #: Its joints, a subset of JOINTS, in the order of the chain.
+    joints: tuple[str, ...]
+    #: Angle of each in the file's own pose, rad.
+    zero: tuple[float, ...]
+    gains: Gains
+    #: Cuffs of upper arm and forearm.
+    cuffs: tuple[Cuff, Cuff]
+    #: By the name of the target.
+    starts: Mapping[str, Start]
+
+    def __hash__(self) -> int:
+        return hash(self.path)
+
+    def start(self, target: str) -> Start:
+        """Return where the assessment of `target` begins.
+
+        Raises:
+            ValueError: the device has no start for it, so it cannot assess it.
+        """
+        if target not in self.starts:
+            raise ValueError(
+                f"the device {self.name} cannot assess {target!r}: its file has keyframes for "
+                f"{', '.join(self.starts) or 'nothing'}"
+            )
+        return self.starts[target]
+
+    def spec(self) -> mujoco.MjSpec:
+        """Return its links, joints and motors alone, to be attached."""
+        spec = mujoco.MjSpec.from_file(str(self.path))
+        marks = [site for site in spec.sites if site.name in CUFF_SITES]
+        for part in (*spec.keys, *spec.numerics, *marks):
+            spec.delete(part)
+        return spec
 
 
-_HALF = 0.7071067811865476
-NESM = (
-    Link(
-        name="link_1",
-        quat=(0.0, _HALF, 0.0, _HALF),
-        mass=6.712,
-        centre=(0.0, 0.0191, -0.1279),
-        inertia=(0.3787893, 0.192833, 0.1956839, -0.0006556, -0.0006709, 0.0540633),
-        joint="J1",
-        axis=(0, 0, 1),
-        range_deg=(-90.0, 0.0),
-    ),
-    Link(
-        name="link_2",
-        quat=(_HALF, _HALF, 0.0, 0.0),
-        mass=3.487,
-        centre=(0.0001, 0.0881, -0.1201),
-        inertia=(0.1108677, 0.0689688, 0.0569634, -0.0000977, 0.0000399, 0.0384741),
-        joint="J2",
-        axis=(0, 0, 1),
-        range_deg=(-90.0, 0.0),
-        ref_deg=-90.0,
-    ),
-    Link(
-        name="link_3",
-        pos=(0.0, 0.25, 0.0),
-        quat=(_HALF, -_HALF, 0.0, 0.0),
-        mass=1.663,
-        centre=(-0.0006, 0.1679, -0.03),
-        inertia=(0.0266938, 0.007941, 0.0235228, 0.0001282, -0.0000556, 0.0038772),
-        joint="J3",
-        axis=(0, 0, 1),
-        range_deg=(-86.0, 30.0),
-    ),
-    Link(
-        name="link_4",
-        quat=(_HALF, _HALF, 0.0, 0.0),
-        mass=0.494,
-        centre=(0.0, 0.0707, -0.0803),
-        inertia=(0.0069974, 0.0035498, 0.0037622, -0.0000009, -0.0000004, 0.001812),
-        joint="J4",
-        axis=(0, 0, -1),
-        # The authors stop at 0; the controller overshoots, and a stop in the data is not stiffness.
-        range_deg=(-20.0, 125.0),
-    ),
-)
+@cache
+def load_device(name: str) -> Device:
+    """Return the device called `name`, or in the file of that path.
 
-JOINTS = tuple(link.joint for link in NESM)
-#: The joint that an elbow assessment moves.
-ELBOW_JOINT = "J4"
-#: Viscous damping of each joint, Nm s/rad (authors' class exoskeleton).
-JOINT_DAMPING = 1.0
-#: Reflected motor inertia of each joint, kg m2: without it the forearm's link is so light that the
-#: controller's damping dominates a time step.
-MOTOR_INERTIA = 0.15
-#: Largest motor torque, Nm (paper, section 2.2.2; Trigili et al. 2020).
-MOTOR_LIMIT = 60.0
-#: Actuators of this group are switched off while the start is locked.
-MOTOR_GROUP = 1
+    Raises:
+        ValueError: there is none, or the file says too little or what cannot be.
+    """
+    path = FOLDER / f"{name}.xml" if name in DEVICES else Path(name)
+    if not path.is_file():
+        raise ValueError(
+            f"unknown device {name!r}: expected one of {', '.join(DEVICES)} or an MJCF file"
+        )
+    try:
+        model = mujoco.MjSpec.from_file(str(path)).compile()
+    except ValueError as error:
+        raise ValueError(f"the device {name} is not an MJCF model: {error}") from None
+    try:
+        return _read(name, path.resolve(), model)
+    except _WrongFileError as error:
+        raise ValueError(f"the device {name}: {error}") from None
+
+
+class _WrongFileError(Exception):
+    """What a file lacks, as the end of a sentence."""
+
+
+def _read(name: str, path: Path, model: mujoco.MjModel) -> Device:
+    joints = tuple(model.joint(i).name for i in range(model.njnt))
+    if ELBOW_JOINT not in joints or not set(joints) <= set(JOINTS):
+        raise _WrongFileError(
+            f"its joints must be {ELBOW_JOINT} (the elbow) and any of {', '.join(JOINTS[:3])}, "
+            f"not {', '.join(joints) or 'none'}"
+        )
+    motors = {model.actuator(i).name for i in range(model.nu)}
+    if motors != {f"{joint}_motor" for joint in joints}:
+        raise _WrongFileError(
+            f"its actuators must be {', '.join(f'{joint}_motor' for joint in joints)}, "
+            f"not {', '.join(sorted(motors)) or 'none'}"
+        )
+    if (model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any() or not model.jnt_limited.all():
+        raise _WrongFileError("every joint must be a hinge with a range")
+    if model.neq or model.ntendon or model.nsensor:
+        raise _WrongFileError("it may have no equality constraints, tendons or sensors")
+    numerics = {model.numeric(i).name: model.numeric(i).data for i in range(model.nnumeric)}
+    if len(numerics.get("gains", ())) != 3 or not (numerics["gains"] >= 0.0).all():
+        raise _WrongFileError('it needs <numeric name="gains" data="kp kv ki"/>, none negative')
+    keys = {model.key(i).name: model.key(i).qpos for i in range(model.nkey)}
+    if "elbow" not in keys:
+        raise _WrongFileError('it needs a keyframe "elbow" with the joint angles at the start')
+    sites = {model.site(i).name for i in range(model.nsite)}
+    for site in CUFF_SITES:
+        if site not in sites:
+            raise _WrongFileError(f'it needs a site "{site}" on the link that carries that cuff')
+        if model.site(site).type[0] != mujoco.mjtGeom.mjGEOM_CYLINDER:
+            raise _WrongFileError(f'the site "{site}" must be a cylinder as large as the cuff')
+    kp, kv, ki = numerics["gains"]
+    return Device(
+        name=name,
+        path=path,
+        joints=joints,
+        zero=tuple(float(angle) for angle in model.qpos0),
+        gains=Gains(kp=float(kp), kv=float(kv), ki=float(ki)),
+        cuffs=_read_cuffs(model, joints, keys["elbow"]),
+        starts={target: _start(model, angles) for target, angles in keys.items()},
+    )
+
+
+def _read_cuffs(
+    model: mujoco.MjModel, joints: tuple[str, ...], start: np.ndarray
+) -> tuple[Cuff, Cuff]:
+    """Return both cuffs, placed along limbs that are straight while the elbow is."""
+    data = _posed(model, np.where(np.array(joints) == ELBOW_JOINT, 0.0, start))
+    limb = _limb_axes(data)
+    forearm = _site_axes(data, CUFF_SITES[1])
+    axis, anchor = data.joint(ELBOW_JOINT).xaxis, data.joint(ELBOW_JOINT).xanchor
+    if np.abs(forearm - limb).max() > TOLERANCE:
+        raise _WrongFileError(
+            f"with {ELBOW_JOINT} at 0 both cuffs must point the same way: z along the straight "
+            "arm, x out of the opening"
+        )
+    if np.abs(axis + limb[:, 1]).max() > TOLERANCE:
+        raise _WrongFileError(
+            f"{ELBOW_JOINT} must flex the elbow when it grows, and the cuffs must open medially: "
+            "its axis is the opposite of the way out of the cuffs"
+        )
+    elbow = limb.T @ anchor
+    shoulder_to_cuff = limb.T @ data.site(CUFF_SITES[0]).xpos
+    if np.abs(shoulder_to_cuff[1:]).max() > TOLERANCE:
+        raise _WrongFileError(
+            "the axis of the upper arm's cuff must pass through the human shoulder, the origin"
+        )
+    elbow_to_cuff = limb.T @ (data.site(CUFF_SITES[1]).xpos - anchor)
+    return (
+        _cuff(model, "upper_arm", (0.0, 0.0), shoulder_to_cuff),
+        _cuff(
+            model, "forearm", (float(elbow[0].round(_DECIMALS)), _exact(elbow)[2]), elbow_to_cuff
+        ),
+    )
+
+
+def _cuff(model: mujoco.MjModel, name: str, joint: tuple[float, float], place: np.ndarray) -> Cuff:
+    site = model.site(f"{name}_cuff")
+    frame = np.empty(9)
+    mujoco.mju_quat2Mat(frame, site.quat)
+    axes = frame.reshape(3, 3)
+    return Cuff(
+        name=name,
+        link=model.body(model.site_bodyid[site.id]).name,
+        centre=_exact(site.pos),
+        along=_exact(axes[:, 2]),
+        opening=_exact(axes[:, 0]),
+        length=2.0 * float(site.size[1]),
+        radius=float(site.size[0]),
+        limb_joint=joint,
+        limb_place=_exact(place),
+    )
+
+
+def _start(model: mujoco.MjModel, angles: np.ndarray) -> Start:
+    """Return a start; the human joints turn about left, up and the arm's own axis in turn."""
+    orientation = Rotation.from_matrix(_limb_axes(_posed(model, angles)))
+    flexion, abduction, rotation = _exact(orientation.as_euler("YZX"))
+    return Start(
+        angles=tuple(float(angle) for angle in angles),
+        human_shoulder=(abduction, flexion - np.pi / 2, rotation),
+    )
+
+
+def _posed(model: mujoco.MjModel, angles: np.ndarray) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    data.qpos[:] = angles
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def _site_axes(data: mujoco.MjData, site: str) -> np.ndarray:
+    """Return along the limb, out of the opening, towards the upper wall as columns, (3, 3)."""
+    axes: np.ndarray = data.site(site).xmat.reshape(3, 3)[:, [2, 0, 1]]
+    return axes
+
+
+def _limb_axes(data: mujoco.MjData) -> np.ndarray:
+    return _site_axes(data, CUFF_SITES[0])
+
+
+def _exact(values: np.ndarray) -> tuple[float, float, float]:
+    # Adding zero takes the sign off a zero.
+    x, y, z = np.round(values, _DECIMALS) + 0.0
+    return float(x), float(y), float(z)
+
+
+NESM = load_device("nesm")
 
 
 def add_exoskeleton(
@@ -100,7 +245,7 @@ def add_exoskeleton(
     *,
     friction: float = 0.0,
     joint: str = ELBOW_JOINT,
-    links: tuple[Link, ...] = NESM,
+    device: Device = NESM,
 ) -> None:
     """Add the chain with a controller in the engine on every joint.
 
@@ -111,52 +256,18 @@ def add_exoskeleton(
         gains: of every motor.
         friction: Coulomb friction of `joint`, Nm, which the nominal model never knows.
         joint: the joint that has it.
-        links: the device.
+        device: the exoskeleton.
     """
-    body = spec.worldbody
-    for link in links:
-        body = body.add_body(name=link.name, pos=list(link.pos), quat=list(link.quat))
-        body.explicitinertial = True
-        body.mass = link.mass
-        body.ipos = list(link.centre)
-        body.fullinertia = list(link.inertia)
-        body.add_joint(
-            name=link.joint,
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=list(link.axis),
-            ref=radians(link.ref_deg),
-            range=[radians(angle) for angle in link.range_deg],
-            limited=mujoco.mjtLimited.mjLIMITED_TRUE,
-            damping=[JOINT_DAMPING, 0.0, 0.0],
-            armature=MOTOR_INERTIA,
-            frictionloss=friction if link.joint == joint else 0.0,
-        )
-        motor = spec.add_actuator(
-            name=f"{link.joint}_motor",
-            trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            target=link.joint,
-            forcelimited=True,
-            forcerange=[-MOTOR_LIMIT, MOTOR_LIMIT],
-            group=MOTOR_GROUP,
-        )
+    prefix = "device/"
+    spec.attach(device.spec(), prefix=prefix, frame=spec.worldbody.add_frame())
+    # MuJoCo wants a prefix, but a file's names are those we ask for.
+    for part in (*spec.bodies, *spec.joints, *spec.geoms, *spec.actuators):
+        if part.name.startswith(prefix):
+            part.name = part.name.removeprefix(prefix)
+    for motor in spec.actuators:
+        motor.target = motor.target.removeprefix(prefix)
+    spec.joint(joint).frictionloss += friction
+    for name in device.joints:
+        motor = spec.actuator(f"{name}_motor")
+        motor.group = MOTOR_GROUP
         motor.set_to_pid(kp=gains.kp, kv=gains.kv, ki=gains.ki)
-    _draw(spec)
-
-
-def _draw(spec: mujoco.MjSpec) -> None:
-    """Draw the frame: bars beside the arm that touch nothing and weigh nothing."""
-    for name, body, start, end in (
-        ("shoulder_frame", "link_2", (0.0, 0.0, -0.12), (0.0, 0.25, -0.12)),
-        ("elbow_bracket", "link_3", (0.0, 0.12, 0.0), (0.0, 0.06, -0.1)),
-        ("forearm_bar", "link_4", (0.0, 0.0, -0.1), (0.0, 0.16, -0.1)),
-        ("forearm_bracket", "link_4", (0.0, 0.14, -0.1), (0.0108, 0.14, -0.07)),
-    ):
-        geom = spec.body(body).add_geom(
-            name=name,
-            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-            size=[0.012, 0, 0],
-            rgba=[0.25, 0.3, 0.36, 1.0],
-        )
-        geom.fromto = [*start, *end]
-        geom.contype = geom.conaffinity = 0
-        geom.mass = 0.0

@@ -115,4 +115,37 @@ CONDITIONS: tuple[Factor, ...] = (
     _condition("robot_friction", "Nm", 0.0, 3.0, 0.0, "Coulomb friction of the joint, undeclared"),
     _condition("movement_amplitude", "rad", 1.2, 1.75, 1.7453292519943295, "range of the movement"),
     _condition("movement_rate", "1/s", 1.5, 3.0, 2.0, "rate of the sigmoid"),
+    _condition(
+        "activation_rise",
+        "1",
+        -0.5,
+        0.5,
+        0.0,
+        "activation gained by the movement's end, as a share",
+    ),
+    _condition(
+        "reflex_gain", "s/rad", 0.0, 0.4, 0.0, "activation of a stretch reflex per excess velocity"
+    ),
+    _condition("reflex_threshold", "rad/s", 0.25, 0.75, 0.5, "velocity at which the reflex begins"),
+    _condition("reflex_delay", "s", 0.02, 0.1, 0.05, "from stretch to the muscles' input"),
+    _condition(
+        "triceps_wrapping", "1", 0.0, 1.0, 0.0, "0: straight as in the paper; from 0.5: wraps"
+    ),
+    _condition(
+        "tissue_coupling", "1", 0.0, 1.0, 1.0, "springs between tissue elements, over their own"
+    ),
+    _condition(
+        "upper_cuff_position", "m", -0.02, 0.02, 0.0, "upper arm cuff, moved towards the elbow"
+    ),
+    _condition(
+        "seat_angle",
+        "rad",
+        -0.35,
+        0.1,
+        0.0,
+        "robot's elbow when the straps were closed, from start",
+    ),
+    _condition(
+        "extension_stop", "Nm/rad", 0.0, 60.0, 0.0, "passive stiffness of the elbow past 5 degrees"
+    ),
 )

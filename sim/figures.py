@@ -35,8 +35,8 @@ def assessment_figure(assessment: Assessment, path: Path) -> Path:
         )
     inferred, _ = inferred_torques(record)
     estimate, truth = fit_record(record)["affine"]
-    joint = record.joint
-    theta, q = np.degrees(record.theta[:, joint]), np.degrees(record.q[:, joint])
+    exo_angle, human_angle = record.theta[:, record.exo_joint], record.q[:, record.joint]
+    theta, q = np.degrees(exo_angle), np.degrees(human_angle)
     figure = new_figure(width=10.0, height=7.0)
     angles, torques, scatter, forces = (figure.add_subplot(2, 2, i) for i in (1, 2, 3, 4))
 
@@ -48,17 +48,16 @@ def assessment_figure(assessment: Assessment, path: Path) -> Path:
 
     torques.plot(record.time, inferred, color="tab:blue", label="inferred (equation 20)")
     torques.plot(record.time, record.muscle_torque, color="tab:red", label="muscles")
-    torques.plot(
-        record.time, record.motor_torque[:, joint], color="0.5", linewidth=1, label="motor"
-    )
+    motor = record.motor_torque[:, record.exo_joint]
+    torques.plot(record.time, motor, color="0.5", linewidth=1, label="motor")
     torques.set_title("Torque about the joint")
     torques.set_ylabel("torque (Nm)")
 
     scatter.plot(theta, inferred, color="tab:blue", label="inferred against θ")
     scatter.plot(q, record.muscle_torque, color="tab:red", label="muscles against q")
     for fit, angle, torque, colour, name in (
-        (estimate, record.theta[:, joint], inferred, "tab:blue", "estimate"),
-        (truth, record.q[:, joint], record.muscle_torque, "tab:red", "true"),
+        (estimate, exo_angle, inferred, "tab:blue", "estimate"),
+        (truth, human_angle, record.muscle_torque, "tab:red", "true"),
     ):
         ends = np.array([angle.min(), angle.max()])
         line = torque.mean() + fit.stiffness * (ends - angle.mean())

@@ -46,10 +46,15 @@ class Cuff:
     link: str
     centre: tuple[float, float, float]
     #: Unit vectors: along the limb (distal), and out of the opening (medial).
-    along: tuple[int, int, int]
-    opening: tuple[int, int, int]
+    along: tuple[float, float, float]
+    opening: tuple[float, float, float]
     length: float
     radius: float
+    #: Where the device has the limb's joint: along and across the upper arm, from the shoulder.
+    limb_joint: tuple[float, float]
+    #: The centre from that joint while the arm is straight: along the limb, out of the opening,
+    #: towards the upper wall.
+    limb_place: tuple[float, float, float]
     #: Strap particles along the limb and across it.
     rows: int = CAMPAIGN.strap_rows
     across: int = CAMPAIGN.strap_across
@@ -83,36 +88,21 @@ class Cuff:
         return [(row + 0.5) * self.length / self.rows - self.length / 2 for row in range(self.rows)]
 
 
-#: The upper arm's cuff sits distally, where it can carry the elbow's reaction; the forearm's is
-#: short and near the wrist, so that it can slide along the limb without jamming.
-CUFFS = (
-    Cuff(
-        name="upper_arm",
-        link="link_3",
-        centre=(0.0, 0.0, -0.10),
-        along=(0, 0, 1),
-        opening=(0, -1, 0),
-        length=0.08,
-        radius=0.040,
-    ),
-    Cuff(
-        name="forearm",
-        link="link_4",
-        centre=(0.0108, 0.14, -0.015),
-        along=(0, 1, 0),
-        opening=(0, 0, 1),
-        length=0.05,
-        radius=0.035,
-    ),
-)
-
-
-def cuffs(fidelity: Fidelity, *, position: float = 0.0, slides: bool = False) -> tuple[Cuff, Cuff]:
+def cuffs(
+    pair: tuple[Cuff, Cuff],
+    fidelity: Fidelity,
+    *,
+    position: float = 0.0,
+    upper_position: float = 0.0,
+    slides: bool = False,
+) -> tuple[Cuff, Cuff]:
     """Return both cuffs as divided at a fidelity.
 
     Args:
+        pair: the device's cuffs of upper arm and forearm.
         fidelity: how finely the straps are divided.
         position: the forearm's cuff moved towards the hand, m.
+        upper_position: the upper arm's cuff moved towards the elbow, m.
         slides: whether the forearm's cuff is carried by a slide of its own.
     """
     upper_arm, forearm = (
@@ -122,19 +112,23 @@ def cuffs(fidelity: Fidelity, *, position: float = 0.0, slides: bool = False) ->
             across=fidelity.strap_across,
             particle_inertia=fidelity.particle_inertia,
         )
-        for cuff in CUFFS
+        for cuff in pair
     )
-    moved = np.array(forearm.centre) + position * np.array(forearm.along)
-    return upper_arm, replace(
-        forearm,
-        centre=(float(moved[0]), float(moved[1]), float(moved[2])),
-        link=SLIDE if slides else forearm.link,
+    upper_arm, forearm = _moved(upper_arm, upper_position), _moved(forearm, position)
+    return upper_arm, replace(forearm, link=SLIDE if slides else forearm.link)
+
+
+def _moved(cuff: Cuff, distance: float) -> Cuff:
+    """Return the cuff moved along its limb, distally, by `distance` (m)."""
+    x, y, z = np.array(cuff.centre) + distance * np.array(cuff.along)
+    along, out, up = cuff.limb_place
+    return replace(
+        cuff, centre=(float(x), float(y), float(z)), limb_place=(along + distance, out, up)
     )
 
 
-def add_slide(spec: mujoco.MjSpec, compliance: float) -> None:
+def add_slide(spec: mujoco.MjSpec, forearm: Cuff, compliance: float) -> None:
     """Add the slide that may carry the forearm's cuff along the forearm; `compliance` in m/N."""
-    forearm = CUFFS[1]
     slide = spec.body(forearm.link).add_body(name=SLIDE)
     slide.explicitinertial = True
     slide.ipos = [0.0, 0.0, 0.0]

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from sim.carried import CarriedEffects, add_undeclared
 from sim.conditions import DEFAULT_CONDITIONS, Conditions
 from sim.control import Gains
-from sim.exoskeleton import JOINTS, MOTOR_GROUP, add_exoskeleton
+from sim.exoskeleton import ELBOW_JOINT, JOINTS, MOTOR_GROUP, NESM, Device, Start, add_exoskeleton
 from sim.fidelity import CAMPAIGN, Fidelity
 from sim.interface import (
     Cuff,
@@ -27,11 +27,13 @@ from sim.skeleton import (
     ELBOW,
     HUMAN_JOINTS,
     add_arm,
+    add_extension_stop,
     add_torso,
     empty_spec,
     upper_arm_point,
 )
 from sim.soft_tissue import Sleeve, add_soft_tissue, element_name, set_contacts, sleeves
+from sim.solver import let_the_solver_reorder, set_solver
 from sim.target import ELBOW_TARGET, Target
 from sim.wearer import Wearer
 
@@ -44,8 +46,6 @@ if mujoco.__version__ == "4.0.0":
 # MuJoCo would append each warning to a file in the working directory; ours are named outcomes.
 mujoco.set_mju_user_warning(lambda message: None)
 
-#: Exoskeleton's elbow axis in the plane of the upper arm (along it, across it), m.
-EXO_ELBOW = np.array([0.25, 0.0])
 #: Farthest a seated human elbow may be from the exoskeleton's, rad.
 SEAT_REACH = radians(50.0)
 
@@ -57,6 +57,7 @@ class System:
     wearer: Wearer
     conditions: Conditions
     target: Target
+    device: Device
     fidelity: Fidelity
     gains: Gains
     #: Tissue of upper arm and forearm, and the cuff and strap of each.
@@ -66,11 +67,11 @@ class System:
 
     @cached_property
     def exo_qpos(self) -> np.ndarray:
-        return self._joints(JOINTS, "qposadr")
+        return self._joints(self.device.joints, "qposadr")
 
     @cached_property
     def exo_dof(self) -> np.ndarray:
-        return self._joints(JOINTS, "dofadr")
+        return self._joints(self.device.joints, "dofadr")
 
     @cached_property
     def human_qpos(self) -> np.ndarray:
@@ -83,7 +84,22 @@ class System:
     @cached_property
     def motors(self) -> np.ndarray:
         """Actuator index of each exoskeleton joint's motor."""
-        return np.array([self.model.actuator(f"{joint}_motor").id for joint in JOINTS])
+        return np.array([self.model.actuator(f"{joint}_motor").id for joint in self.device.joints])
+
+    @cached_property
+    def moved(self) -> int:
+        """Which of the exoskeleton's joints is moved; of the human's it is `target.joint`."""
+        return self.device.joints.index(JOINTS[self.target.joint])
+
+    @property
+    def elbow(self) -> int:
+        """Which of the exoskeleton's joints is the elbow."""
+        return self.device.joints.index(ELBOW_JOINT)
+
+    @cached_property
+    def start(self) -> np.ndarray:
+        """Exoskeleton angles at the start, rad, shape (number of its joints,)."""
+        return np.array(self.device.start(self.target.name).angles)
 
     @cached_property
     def contracted(self) -> np.ndarray:
@@ -97,10 +113,10 @@ class System:
 
     @cached_property
     def motor_gain(self) -> np.ndarray:
-        """Torque at each joint over the torque its motor reports, shape (4,): 1 as declared."""
-        gain = np.ones(len(JOINTS))
+        """Torque at each joint over what its motor reports, 1 as declared, shape (its joints,)."""
+        gain = np.ones(len(self.device.joints))
         if "torque_gain" in self.conditions.effects:
-            gain[self.target.joint] = self.conditions.effects["torque_gain"]["gain"]
+            gain[self.moved] = self.conditions.effects["torque_gain"]["gain"]
         return gain
 
     def carried(self) -> CarriedEffects:
@@ -115,7 +131,7 @@ class System:
     @cached_property
     def locks(self) -> np.ndarray:
         """Equality index of the lock on each exoskeleton joint."""
-        return np.array([self.model.equality(f"lock_{joint}").id for joint in JOINTS])
+        return np.array([self.model.equality(f"lock_{joint}").id for joint in self.device.joints])
 
     @cached_property
     def straps(self) -> np.ndarray:
@@ -151,36 +167,36 @@ class System:
         return np.array([getattr(self.model.joint(name), attribute)[0] for name in names])
 
 
-def set_solver(spec: mujoco.MjSpec, step: float) -> None:
-    """Choose step, integrator, cone and solver: these need three to four iterations a step."""
-    option = spec.option
-    option.timestep = step
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = 1.0
-    option.tolerance = 1e-8
-    option.iterations = 50
-    # On a NaN MuJoCo would reset state and time and go on; a failure must stay visible.
-    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-
-
 def base_spec(
-    wearer: Wearer, gains: Gains, conditions: Conditions, target: Target, *, step: float
+    wearer: Wearer,
+    gains: Gains,
+    conditions: Conditions,
+    target: Target,
+    device: Device,
+    *,
+    step: float,
 ) -> mujoco.MjSpec:
     """Return arm, muscles and locked exoskeleton, with nothing yet to hold one in the other."""
     spec = empty_spec()
     set_solver(spec, step)
     add_torso(spec)
     add_arm(spec, wearer)
-    add_muscles(spec, wearer)
-    add_exoskeleton(spec, gains, friction=conditions.robot_friction, joint=JOINTS[target.joint])
+    if conditions.extension_stop > 0.0:
+        add_extension_stop(spec, conditions.extension_stop)
+    add_muscles(spec, wearer, wrapped=conditions.triceps_wrapping >= 0.5)
+    add_exoskeleton(
+        spec,
+        gains,
+        friction=conditions.robot_friction,
+        joint=JOINTS[target.joint],
+        device=device,
+    )
     add_undeclared(spec, conditions, gains, JOINTS[target.joint], HUMAN_JOINTS[target.joint])
     if conditions.cuff_compliance > 0.0:
-        add_slide(spec, conditions.cuff_compliance)
-    for joint, angle in zip(JOINTS, target.start, strict=True):
-        _add_lock(spec, joint, angle)
+        add_slide(spec, device.cuffs[1], conditions.cuff_compliance)
+    start = device.start(target.name)
+    for joint, zero, angle in zip(device.joints, device.zero, start.angles, strict=True):
+        _add_lock(spec, joint, angle - zero)
     _set_the_scene(spec)
     return spec
 
@@ -191,15 +207,29 @@ def build_system(
     conditions: Conditions = DEFAULT_CONDITIONS,
     fidelity: Fidelity = CAMPAIGN,
     target: Target = ELBOW_TARGET,
+    device: Device = NESM,
 ) -> System:
-    """Build and compile the whole system for one wearer; the start pose is not yet set."""
-    parts = sleeves(wearer, tissue_scale=conditions.tissue_scale, fidelity=fidelity)
-    holders = cuffs(
-        fidelity, position=conditions.cuff_position, slides=conditions.cuff_compliance > 0.0
+    """Build and compile the whole system for one wearer; the start pose is not yet set.
+
+    Raises:
+        ValueError: the device cannot assess the target.
+    """
+    parts = sleeves(
+        wearer,
+        tissue_scale=conditions.tissue_scale,
+        coupling=conditions.tissue_coupling,
+        fidelity=fidelity,
     )
-    spec = base_spec(wearer, gains, conditions, target, step=fidelity.step)
+    holders = cuffs(
+        device.cuffs,
+        fidelity,
+        position=conditions.cuff_position,
+        upper_position=conditions.upper_cuff_position,
+        slides=conditions.cuff_compliance > 0.0,
+    )
+    spec = base_spec(wearer, gains, conditions, target, device, step=fidelity.step)
     spec.option.impratio = fidelity.impratio
-    _let_the_solver_reorder(spec)
+    let_the_solver_reorder(spec)
     set_contacts(spec, conditions.cuff_friction)
     for cuff, sleeve in zip(holders, parts, strict=True):
         add_soft_tissue(spec, sleeve)
@@ -210,6 +240,7 @@ def build_system(
         wearer=wearer,
         conditions=conditions,
         target=target,
+        device=device,
         fidelity=fidelity,
         gains=gains,
         sleeves=parts,
@@ -219,22 +250,31 @@ def build_system(
 
 
 def reset_to_start(system: System) -> mujoco.MjData:
-    """Return data with the exoskeleton at the start, locked, and the arm in it, motors off.
+    """Return data with the exoskeleton where the straps are closed, locked, the arm in it.
+
+    That is the start of the movement, but for the condition `seat_angle`; motors are off.
 
     The human shoulder takes the exoskeleton's angles, and the elbow the angle at which the
     forearm's axis passes through the centre of its cuff: one start for every wearer, without a
     history.
     """
     data = mujoco.MjData(system.model)
-    target = system.target
-    data.qpos[system.exo_qpos] = target.start
-    data.qpos[system.human_qpos[:3]] = target.human_shoulder
+    start = system.device.start(system.target.name)
+    closed_at = elbow_angle(system.device, start) + system.conditions.seat_angle
+    data.qpos[system.exo_qpos] = start.angles
+    data.qpos[system.exo_qpos[system.elbow]] = closed_at
+    data.qpos[system.human_qpos[:3]] = start.human_shoulder
     data.qpos[system.human_qpos[3]] = seated_elbow_angle(
-        system.wearer, system.sleeves[1], system.cuffs[1], target.start[3]
+        system.wearer, system.sleeves[1], system.cuffs[1], closed_at
     )
     data.eq_active[system.locks] = 1
     system.model.opt.disableactuator |= 1 << MOTOR_GROUP
     return data
+
+
+def elbow_angle(device: Device, start: Start) -> float:
+    """Return the angle of the device's elbow at a start, rad."""
+    return start.angles[device.joints.index(ELBOW_JOINT)]
 
 
 def seated_elbow_angle(wearer: Wearer, sleeve: Sleeve, cuff: Cuff, exo_angle: float) -> float:
@@ -259,8 +299,12 @@ def seated_elbow_angle(wearer: Wearer, sleeve: Sleeve, cuff: Cuff, exo_angle: fl
 
 def forearm_cuff_centre(cuff: Cuff, exo_angle: float) -> np.ndarray:
     """Return the centre of the forearm's cuff in the flexion plane (along, across the arm), m."""
-    across, along, _ = cuff.centre
-    return EXO_ELBOW + along * direction(exo_angle) + across * direction(exo_angle + np.pi / 2)
+    along, _, across = cuff.limb_place
+    return (
+        np.array(cuff.limb_joint)
+        + along * direction(exo_angle)
+        + across * direction(exo_angle + np.pi / 2)
+    )
 
 
 def slacken_straps(system: System, data: mujoco.MjData) -> None:
@@ -319,21 +363,8 @@ def _set_the_scene(spec: mujoco.MjSpec) -> None:
     )
 
 
-def _let_the_solver_reorder(spec: mujoco.MjSpec) -> None:
-    """Add an edge between two fixed points, which moves nothing and meets nothing.
-
-    Newton's sparse solver looks for an order with little fill-in only in models that have a flex.
-    Arm and exoskeleton are two trees that meet in a hundred contacts, where the order of bodies is
-    a bad one whichever tree comes first; with this the factor has half the entries.
-    """
-    edge = spec.add_flex(name="fixed_edge", dim=1, radius=1e-3)
-    edge.vertbody, edge.vert = ["world", "world"], [0.0, 0.0, 0.0, 0.01, 0.0, 0.0]
-    edge.elem = [0, 1]
-    edge.contype = edge.conaffinity = edge.selfcollide = 0
-
-
-def _add_lock(spec: mujoco.MjSpec, joint: str, angle: float) -> None:
-    reference = spec.joint(joint).ref
+def _add_lock(spec: mujoco.MjSpec, joint: str, displacement: float) -> None:
+    """Add a lock on a joint at `displacement` (rad) from its zero pose."""
     lock = spec.add_equality(
         name=f"lock_{joint}",
         type=mujoco.mjtEq.mjEQ_JOINT,
@@ -341,5 +372,5 @@ def _add_lock(spec: mujoco.MjSpec, joint: str, angle: float) -> None:
         active=False,
         solref=[0.02, 1.0],
     )
-    lock.data[0] = angle - reference
+    lock.data[0] = displacement
     lock.solimp[:3] = [0.95, 0.99, 0.001]

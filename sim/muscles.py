@@ -35,10 +35,14 @@ class Muscle:
     name: str
     #: Peak active force before the group's scaling, N.
     force: float
-    #: Straight-line path from origin to insertion.
+    #: Path from origin to insertion, straight between points.
     path: tuple[Point, ...]
     #: Shortest and longest tendon length, m; None: swept from the elbow's motion.
     length_range: tuple[float, float] | None = None
+    #: Optimal lengths at both; None: the group's.
+    operating_range: tuple[float, float] | None = None
+    #: Whether the last part of the path wraps round the trochlea.
+    wraps: bool = False
 
 
 def _two_point(
@@ -199,12 +203,25 @@ _TENDON_COLOURS = {
 }
 
 
-def add_muscles(spec: mujoco.MjSpec, wearer: Wearer) -> None:
-    """Add all 26 muscles to a spec that has torso and arm; their input is activation, 0 to 1."""
-    ranges = elbow_length_ranges(wearer)
+def add_muscles(spec: mujoco.MjSpec, wearer: Wearer, *, wrapped: bool = False) -> None:
+    """Add all 26 muscles to a spec that has torso and arm; their input is activation, 0 to 1.
+
+    Args:
+        spec: the model under construction.
+        wearer: whose arm it is.
+        wrapped: whether the triceps wraps round the elbow (`sim.triceps`) or is straight lines.
+    """
+    extensors: tuple[Muscle, ...] = ELBOW_EXTENSORS
+    extensor_scale = EXTENSOR_FORCE_SCALE
+    if wrapped:
+        from sim.triceps import FORCE_SCALE, WRAPPED_EXTENSORS, add_trochlea
+
+        extensors, extensor_scale = WRAPPED_EXTENSORS, FORCE_SCALE
+        add_trochlea(spec, wearer)
+    ranges = elbow_length_ranges(wearer, wrapped=wrapped)
     for group, muscles, scale, operating_range in (
         ("flexor", ELBOW_FLEXORS, FLEXOR_FORCE_SCALE, FLEXOR_RANGE),
-        ("extensor", ELBOW_EXTENSORS, EXTENSOR_FORCE_SCALE, EXTENSOR_RANGE),
+        ("extensor", extensors, extensor_scale, EXTENSOR_RANGE),
         ("other", SHOULDER_MUSCLES + FOREARM_ROTATORS, 1.0, DEFAULT_RANGE),
     ):
         for muscle in muscles:
@@ -218,22 +235,24 @@ def add_muscles(spec: mujoco.MjSpec, wearer: Wearer) -> None:
                 lengthrange=list(muscle.length_range or ranges[muscle.name]),
             )
             actuator.set_to_muscle(
-                tausmooth=0.0, force=scale * muscle.force, range=list(operating_range)
+                tausmooth=0.0,
+                force=scale * muscle.force,
+                range=list(muscle.operating_range or operating_range),
             )
 
 
-def elbow_length_ranges(wearer: Wearer) -> dict[str, tuple[float, float]]:
+def elbow_length_ranges(wearer: Wearer, *, wrapped: bool = False) -> dict[str, tuple[float, float]]:
     """Return each elbow muscle's shortest and longest length (m) over 0 to 120 degrees of flexion.
 
     The shoulder is flexed to 90 degrees, as in the isometric tests that the operating ranges were
     fitted to. Only the two lengths of the wearer matter.
     """
-    return dict(_swept_ranges(wearer.upper_arm_length, wearer.forearm_length))
+    return dict(_swept_ranges(wearer.upper_arm_length, wearer.forearm_length, wrapped))
 
 
 @cache
 def _swept_ranges(
-    upper_arm_length: float, forearm_length: float
+    upper_arm_length: float, forearm_length: float, wrapped: bool
 ) -> tuple[tuple[str, tuple[float, float]], ...]:
     wearer = Wearer(
         **{
@@ -245,7 +264,12 @@ def _swept_ranges(
     spec = empty_spec()
     add_torso(spec)
     add_arm(spec, wearer)
-    muscles = ELBOW_FLEXORS + ELBOW_EXTENSORS
+    muscles: tuple[Muscle, ...] = ELBOW_FLEXORS + ELBOW_EXTENSORS
+    if wrapped:
+        from sim.triceps import WRAPPED_EXTENSORS, add_trochlea
+
+        muscles = ELBOW_FLEXORS + WRAPPED_EXTENSORS
+        add_trochlea(spec, wearer)
     for muscle in muscles:
         _add_path(spec, muscle, wearer, _TENDON_COLOURS["other"])
     model = spec.compile()
@@ -274,11 +298,14 @@ def _add_path(
     tendon = spec.add_tendon(name=muscle.name, width=0.002, rgba=list(rgba))
     for i, (bone, point) in enumerate(muscle.path, start=1):
         site = f"{muscle.name}_{i}"
-        spec.body(bone).add_site(name=site, pos=_on_wearer(bone, point, wearer), size=[0.003] * 3)
+        spec.body(bone).add_site(name=site, pos=on_wearer(bone, point, wearer), size=[0.003] * 3)
+        if muscle.wraps and i == len(muscle.path):
+            tendon.wrap_geom("trochlea", "behind_trochlea")
         tendon.wrap_site(site)
 
 
-def _on_wearer(bone: str, point: tuple[float, float, float], wearer: Wearer) -> np.ndarray:
+def on_wearer(bone: str, point: tuple[float, float, float], wearer: Wearer) -> np.ndarray:
+    """Return a point (m, in the frame of its bone) of the wearer's arm."""
     if bone == "humerus":
         return upper_arm_point(wearer, point)
     if bone in ("ulna", "radius"):

@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 
 from sim.control import Gains
-from sim.exoskeleton import add_exoskeleton
-from sim.interface import CUFFS, STRAP_MASS
-from sim.skeleton import add_arm, empty_spec, fill_forearm, fill_upper_arm
+from sim.exoskeleton import ELBOW_JOINT, NESM, Device, add_exoskeleton
+from sim.interface import STRAP_MASS
+from sim.skeleton import HUMAN_JOINTS, add_arm, empty_spec, fill_forearm, fill_upper_arm
 from sim.soft_tissue import ELEMENT_RADIUS, Sleeve, sleeves
 from sim.wearer import NOMINAL_WEARER, Wearer
 
@@ -26,7 +26,7 @@ NO_GAINS = Gains(kp=0.0, kv=0.0, ki=0.0)
 
 @dataclass(frozen=True)
 class NominalModel:
-    """The declared model as MuJoCo sees it: four joints, no contact, no limits."""
+    """The declared model as MuJoCo sees it: the device's joints, no contact, no limits."""
 
     model: mujoco.MjModel
 
@@ -43,10 +43,10 @@ class NominalModel:
         the right of equation 20 but the motor torque.
 
         Args:
-            position: joint angles theta, rad, shape (n, 4).
-            velocity: rad/s, shape (n, 4).
-            acceleration: rad/s2, shape (n, 4).
-            joint: number of the joint, 0 to 3; the elbow by default.
+            position: joint angles theta, rad, shape (n, number of the device's joints).
+            velocity: rad/s, of that shape.
+            acceleration: rad/s2, of that shape.
+            joint: which of the device's joints; the elbow of the NESM by default.
 
         Returns:
             Torque at the joint in Nm, shape (n,).
@@ -69,17 +69,19 @@ class NominalModel:
 
 
 @cache
-def nominal_model(*, attachments: bool = True) -> NominalModel:
+def nominal_model(device: Device = NESM, *, attachments: bool = True) -> NominalModel:
     """Build the nominal model; it is the same for every wearer, so it is built once a process.
 
     Args:
+        device: the exoskeleton.
         attachments: whether tissue and straps are declared. The authors' published nominal model
             leaves both out, which their form of the regression needs.
     """
-    return NominalModel(model=nominal_spec(attachments=attachments).compile())
+    return NominalModel(model=nominal_spec(device, attachments=attachments).compile())
 
 
 def nominal_spec(
+    device: Device = NESM,
     *,
     attachments: bool = True,
     height_m: float = REFERENCE_HEIGHT,
@@ -91,6 +93,7 @@ def nominal_spec(
     tables do that the paper takes its reference person from (section 2.3). The joints stay aligned.
 
     Args:
+        device: the exoskeleton.
         attachments: whether tissue and straps are declared.
         height_m: the subject's height, m.
         mass_kg: the subject's mass, kg.
@@ -99,15 +102,16 @@ def nominal_spec(
     spec = empty_spec()
     # The declared joints have no stops: what a stop would add to the inverse is not a human torque.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    add_exoskeleton(spec, NO_GAINS)
-    arm = _aligned_arm_poses()
-    humerus = spec.body("link_3").add_body(name="humerus", **arm["humerus"])
+    add_exoskeleton(spec, NO_GAINS, device=device)
+    upper_cuff, forearm_cuff = device.cuffs
+    arm = _aligned_arm_poses(device)
+    humerus = spec.body(upper_cuff.link).add_body(name="humerus", **arm["humerus"])
     # fill_upper_arm hangs an ulna on the humerus, which the forearm's link carries instead.
     spec.delete(fill_upper_arm(humerus, wearer))
-    ulna = spec.body("link_4").add_body(name="ulna", **arm["ulna"])
+    ulna = spec.body(forearm_cuff.link).add_body(name="ulna", **arm["ulna"])
     fill_forearm(ulna, wearer)
     if attachments:
-        for cuff, sleeve, bone in zip(CUFFS, sleeves(wearer), (humerus, ulna), strict=True):
+        for cuff, sleeve, bone in zip(device.cuffs, sleeves(wearer), (humerus, ulna), strict=True):
             _add_sleeve(bone, sleeve)
             strap = spec.body(cuff.link).add_body(name=f"{cuff.name}_strap", pos=list(cuff.centre))
             _set_inertia(strap, STRAP_MASS, radius=cuff.radius, length=cuff.length, axis=cuff.along)
@@ -127,16 +131,24 @@ def _subject(length_scale: float, mass_scale: float) -> Wearer:
     )
 
 
-def _aligned_arm_poses() -> dict[str, dict[str, list[float]]]:
-    """Return the pose of humerus and ulna in their links, both chains in their zero pose."""
+def _aligned_arm_poses(device: Device) -> dict[str, dict[str, list[float]]]:
+    """Return the pose of humerus and ulna in their links, both elbows straight."""
     spec = empty_spec()
     add_arm(spec, NOMINAL_WEARER)
-    add_exoskeleton(spec, NO_GAINS)
+    add_exoskeleton(spec, NO_GAINS, device=device)
     model = spec.compile()
     data = mujoco.MjData(model)
+    start = device.start("elbow")
+    straight = (*start.human_shoulder, 0.0)
+    for joint, angle in (
+        *zip(HUMAN_JOINTS, straight, strict=True),
+        *zip(device.joints, start.angles, strict=True),
+        (ELBOW_JOINT, 0.0),
+    ):
+        data.joint(joint).qpos = angle
     mujoco.mj_kinematics(model, data)
     poses = {}
-    for bone, link in (("humerus", "link_3"), ("ulna", "link_4")):
+    for bone, link in zip(("humerus", "ulna"), (cuff.link for cuff in device.cuffs), strict=True):
         frame = data.body(link).xmat.reshape(3, 3)
         pos = frame.T @ (data.body(bone).xpos - data.body(link).xpos)
         quat = np.empty(4)
@@ -161,7 +173,12 @@ def _add_sleeve(bone: mujoco.MjsBody, sleeve: Sleeve) -> None:
 
 
 def _set_inertia(
-    body: mujoco.MjsBody, mass: float, *, radius: float, length: float, axis: tuple[int, int, int]
+    body: mujoco.MjsBody,
+    mass: float,
+    *,
+    radius: float,
+    length: float,
+    axis: tuple[float, float, float],
 ) -> None:
     """Give `body` the inertia of a thin-walled cylinder along `axis`."""
     across = mass * (radius**2 / 2 + length**2 / 12)
@@ -169,4 +186,9 @@ def _set_inertia(
     # Said, because an explicit inertia without a place is put at the body's own offset once more.
     body.ipos = [0.0, 0.0, 0.0]
     body.mass = mass
-    body.inertia = [mass * radius**2 if along else across for along in axis]
+    along = np.outer(axis, axis)
+    tensor = mass * radius**2 * along + across * (np.eye(3) - along)
+    if np.count_nonzero(tensor) == 3:
+        body.inertia = np.diag(tensor)
+    else:
+        body.fullinertia = tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]

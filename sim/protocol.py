@@ -8,6 +8,7 @@ sigmoid.
 import mujoco
 import numpy as np
 
+from sim.activation import ActivationPattern
 from sim.carried import CarriedEffects
 from sim.contact import InterfaceGauge
 from sim.control import DURATION, extension_reference
@@ -20,6 +21,8 @@ Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 #: Straps are pulled and the muscles' activation ramps up for so long, s.
 DONNING = 0.3
+#: If the straps were closed elsewhere, the robot has moved to the start after so long, s.
+SEATED = 1.0
 #: The movement begins after so long, s; after 1.2 s one corner of Table 1 still moved.
 HOLD = 1.5
 #: Steps over which the locks' torque is averaged to start the controllers' integrals.
@@ -48,7 +51,7 @@ def movement(system: System) -> Motion:
     time = np.arange(round(DURATION / system.fidelity.step)) * system.fidelity.step
     reference, velocity = extension_reference(
         time,
-        start=target.start[target.joint],
+        start=float(system.start[system.moved]),
         amplitude=target.reach * conditions.movement_amplitude,
         rate=conditions.movement_rate,
         direction=target.direction,
@@ -64,16 +67,22 @@ def _don_and_hold(system: System, data: mujoco.MjData, carried: CarriedEffects) 
     donning, hold = round(DONNING / step_seconds), round(HOLD / step_seconds)
     slacken_straps(system, data)
     lock_torque = []
+    elbow_lock, displacement = system.locks[system.elbow], system.conditions.seat_angle
+    locked_at = float(model.eq_data[elbow_lock, 0])
     for step in range(hold):
         if step == donning:
             close_straps(system, data, stiffness)
+        if displacement:
+            moved = (step * step_seconds - DONNING) / (SEATED - DONNING)
+            left = 1.0 - min(1.0, max(0.0, moved))
+            model.eq_data[elbow_lock, 0] = locked_at + left * displacement
         data.ctrl[system.contraction_inputs] = system.activation * min(1.0, step / donning)
         _step(system, data, carried, "hold")
         if step >= hold - LOCK_AVERAGE:
             lock_torque.append(_lock_torque(system, data))
     failure = check_start(
         human_speed=data.qvel[system.human_dof],
-        exo_error=data.qpos[system.exo_qpos] - system.target.start,
+        exo_error=data.qpos[system.exo_qpos] - system.start,
     )
     if failure:
         raise FailedError(failure, "hold")
@@ -88,19 +97,23 @@ def _don_and_hold(system: System, data: mujoco.MjData, carried: CarriedEffects) 
 
 def _follow(system: System, data: mujoco.MjData, carried: CarriedEffects, motion: Motion) -> Record:
     """Let the controllers follow the reference and record every step."""
-    model, moved = system.model, system.target.joint
+    model, moved = system.model, system.moved
     time, reference, velocity = motion
     steps = len(time)
     position_input = model.actuator_ctrladr[system.motors]
     gauge, recorder = InterfaceGauge(system), Recorder(system, steps)
-    data.ctrl[position_input] = system.target.start
+    pattern = ActivationPattern(system, data, reference)
+    data.ctrl[position_input] = system.start
     data.ctrl[position_input + 1] = 0.0
     for step in range(steps):
         data.ctrl[position_input[moved]] = reference[step]
         data.ctrl[position_input[moved] + 1] = velocity[step]
         recorder.before_step(data, reference[step])
         exo_angle = float(data.qpos[system.exo_qpos[moved]])
-        human_angle = float(data.qpos[system.human_qpos[moved]])
+        human_angle = float(data.qpos[system.human_qpos[system.target.joint]])
+        if pattern.varies:
+            pattern.velocity[step] = data.qvel[system.human_dof[system.target.joint]]
+            data.ctrl[system.contraction_inputs] = pattern.activations(step, 1)[0]
         _step(system, data, carried, "movement")
         resultant, normal_force = gauge.forces(data)
         penetration, overhang = gauge.seats(data)
@@ -140,7 +153,7 @@ def _step(system: System, data: mujoco.MjData, carried: CarriedEffects, phase: s
 
 
 def _lock_torque(system: System, data: mujoco.MjData) -> np.ndarray:
-    """Return the torque of each lock on its joint, Nm, shape (4,)."""
+    """Return the torque of each lock on its joint, Nm, shape (number of joints,)."""
     torque = np.zeros(len(system.locks))
     equality = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
     for i, lock in enumerate(system.locks):

@@ -15,15 +15,18 @@ class Record:
 
     #: Seconds since the movement began, shape (n,).
     time: np.ndarray
-    #: Number of the joint that was moved, 0 to 3.
+    #: Name of the device.
+    device: str
+    #: Number of the human joint that was moved, 0 to 3, and the column of the device's own.
     joint: int
+    exo_joint: int
     #: Its desired angle, shape (n,).
     reference: np.ndarray
-    #: Exoskeleton angles, velocities and accelerations of J1 to J4, shape (n, 4).
+    #: Angles, velocities and accelerations of the device's joints, shape (n, their number).
     theta: np.ndarray
     theta_velocity: np.ndarray
     theta_acceleration: np.ndarray
-    #: Motor torque of J1 to J4, shape (n, 4).
+    #: Motor torque of each, shape (n, their number).
     motor_torque: np.ndarray
     #: Human abduction, flexion, rotation and elbow angles and velocities, shape (n, 4).
     q: np.ndarray
@@ -47,15 +50,16 @@ class Recorder:
     def __init__(self, system: System, steps: int) -> None:
         self._system = system
         self._step = system.fidelity.step
+        joints = len(system.device.joints)
         self._count = 0
         self._arrays = {
             name: np.empty((steps, *shape))
             for name, shape in (
                 ("time", ()),
                 ("reference", ()),
-                ("theta", (4,)),
-                ("theta_velocity", (4,)),
-                ("motor_torque", (4,)),
+                ("theta", (joints,)),
+                ("theta_velocity", (joints,)),
+                ("motor_torque", (joints,)),
                 ("q", (4,)),
                 ("q_velocity", (4,)),
                 ("muscle_torque", ()),
@@ -63,7 +67,7 @@ class Recorder:
                 ("normal_force", ()),
             )
         }
-        self._final_velocity = np.zeros(4)
+        self._final_velocity = np.zeros(joints)
 
     def before_step(self, data: mujoco.MjData, reference: float) -> None:
         """Note the state and the desired elbow angle (rad) that the coming step starts from."""
@@ -91,7 +95,9 @@ class Recorder:
         """Return the finished record; accelerations are those the steps really made."""
         velocity = np.vstack([self._arrays["theta_velocity"], self._final_velocity])
         return Record(
+            device=self._system.device.name,
             joint=self._system.target.joint,
+            exo_joint=self._system.moved,
             theta_acceleration=np.diff(velocity, axis=0) / self._step,
             **self._arrays,
         )

@@ -1,8 +1,10 @@
-"""A picture of the arm in the exoskeleton: `python -m sim.rendering FILE.png`."""
+"""Pictures of the arm in the exoskeleton: `python -m sim.rendering FILE.png`."""
 
 import sys
 from math import radians
 from pathlib import Path
+from types import TracebackType
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,50 +20,106 @@ WIDTH, HEIGHT = 1200, 900
 ELBOW_ANGLE = radians(70.0)
 
 
+class GraphicsError(RuntimeError):
+    """Nothing here can render without a display."""
+
+
+class Stage:
+    """MuJoCo's renderer on a system, without a display; a context manager."""
+
+    def __init__(self, system: System, width: int = WIDTH, height: int = HEIGHT) -> None:
+        """Prepare a stage of `width` x `height` pixels, at most 1600 x 1200."""
+        self._system = system
+        self._area = mujoco.MjrRect(0, 0, width, height)
+        self._camera, self._option = mujoco.MjvCamera(), mujoco.MjvOption()
+        self._camera.lookat[:] = [0.13, 0.05, 0.07]
+        self._camera.distance, self._camera.azimuth, self._camera.elevation = 1.0, 62.0, -18.0
+        self._option.sitegroup[:] = 0
+        self._gl: Any = None
+
+    def __enter__(self) -> "Stage":
+        """Open a graphics context.
+
+        Raises:
+            GraphicsError: there is neither EGL nor OSMesa.
+        """
+        self._gl = _graphics(self._area.width, self._area.height)
+        self._gl.make_current()
+        model = self._system.model
+        self._scene = mujoco.MjvScene(model, maxgeom=2000)
+        self._target = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_150)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._target.free()
+        self._gl.free()
+
+    def shoot(self, data: mujoco.MjData, caption: str = "") -> np.ndarray:
+        """Return an image of the positions in `data`, shape (height, width, 3), dtype uint8."""
+        mujoco.mjv_updateScene(
+            self._system.model,
+            data,
+            self._option,
+            None,
+            self._camera,
+            mujoco.mjtCatBit.mjCAT_ALL,
+            self._scene,
+        )
+        mujoco.mjr_render(self._area, self._scene, self._target)
+        if caption:
+            mujoco.mjr_overlay(
+                mujoco.mjtFont.mjFONT_NORMAL,
+                mujoco.mjtGridPos.mjGRID_BOTTOMLEFT,
+                self._area,
+                caption,
+                "",
+                self._target,
+            )
+        pixels = np.empty((self._area.height, self._area.width, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(pixels, None, self._area, self._target)
+        return pixels[::-1]
+
+
 def draw_system(path: Path) -> str:
     """Draw the nominal wearer on the way; return "rendered" or "drawn".
 
-    Where EGL and the extra `rendering` are installed MuJoCo renders the scene, without a display;
-    elsewhere a side view is drawn from the same geometry.
+    Where EGL or OSMesa and the extra `rendering` are installed MuJoCo renders the scene, without a
+    display; elsewhere a side view is drawn from the same geometry.
     """
     system = build_system(NOMINAL_WEARER, PID)
     data = reset_to_start(system)
     data.qpos[[system.exo_qpos[3], system.human_qpos[3]]] = ELBOW_ANGLE
     mujoco.mj_forward(system.model, data)
     try:
-        from mujoco.egl import GLContext
-
-        context = GLContext(WIDTH, HEIGHT)
-    except (ImportError, AttributeError, RuntimeError):
+        with Stage(system) as stage:
+            image = stage.shoot(data)
+    except GraphicsError:
         _draw_side_view(system, data, path)
         return "drawn"
     import matplotlib.image
 
-    context.make_current()
-    try:
-        matplotlib.image.imsave(path, _render(system, data))
-    finally:
-        context.free()
+    matplotlib.image.imsave(path, image)
     return "rendered"
 
 
-def _render(system: System, data: mujoco.MjData) -> np.ndarray:
-    """Return an image, shape (HEIGHT, WIDTH, 3) and dtype uint8, from the current GL context."""
-    camera, option = mujoco.MjvCamera(), mujoco.MjvOption()
-    camera.lookat[:] = [0.13, 0.05, 0.07]
-    camera.distance, camera.azimuth, camera.elevation = 1.0, 62.0, -18.0
-    option.sitegroup[:] = 0
-    scene = mujoco.MjvScene(system.model, maxgeom=2000)
-    mujoco.mjv_updateScene(
-        system.model, data, option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, scene
+def _graphics(width: int, height: int) -> Any:
+    """Return an OpenGL context without a display."""
+    for name in ("egl", "osmesa"):
+        try:
+            module = __import__(f"mujoco.{name}", fromlist=["GLContext"])
+            return module.GLContext(width, height)
+        except (ImportError, AttributeError, RuntimeError, OSError):
+            continue
+    raise GraphicsError(
+        "nothing here renders without a display: install the extra rehyb[rendering] and EGL or "
+        "OSMesa (Debian: libegl1 or libosmesa6)"
     )
-    target = mujoco.MjrContext(system.model, mujoco.mjtFontScale.mjFONTSCALE_100)
-    mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, target)
-    area = mujoco.MjrRect(0, 0, WIDTH, HEIGHT)
-    mujoco.mjr_render(area, scene, target)
-    pixels = np.empty((HEIGHT, WIDTH, 3), dtype=np.uint8)
-    mujoco.mjr_readPixels(pixels, None, area, target)
-    return pixels[::-1]
 
 
 def _draw_side_view(system: System, data: mujoco.MjData, path: Path) -> None:

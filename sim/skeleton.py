@@ -37,6 +37,8 @@ HUMAN_JOINTS = ("shoulder_abduction", "shoulder_flexion", "shoulder_rotation", "
 PRONATION = "forearm_pronation"
 #: Anatomical range of the elbow, rad; the authors' 0 to 120 degrees is met by long upper arms.
 ELBOW_RANGE = (radians(-10.0), radians(145.0))
+#: Where an extension stop begins, and the stretch that doubles its stiffness, rad.
+STOP_ANGLE, STOP_HARDENING = radians(5.0), radians(5.0)
 
 #: Hand: palm 0.5 kg, twelve finger capsules of 0.01 kg, thumb 3 x 0.005 kg; rigid here.
 HAND_BOXES = (
@@ -108,6 +110,20 @@ def add_arm(spec: mujoco.MjSpec, wearer: Wearer) -> None:
         name="grip", type=mujoco.mjtEq.mjEQ_JOINT, name1=PRONATION, solref=[0.02, 1.0]
     )
     grip.solimp[:3] = [0.95, 0.99, 0.001]
+
+
+def add_extension_stop(spec: mujoco.MjSpec, stiffness: float) -> None:
+    """Add what resists extension beyond STOP_ANGLE passively: ligaments and bone, Nm/rad.
+
+    It hardens as it is stretched, doubling its stiffness after STOP_HARDENING, and acts nowhere
+    else; the muscles' own torque does not contain it.
+    """
+    stop = spec.add_tendon(
+        name="extension_stop",
+        stiffness=[stiffness, 0.0, stiffness / STOP_HARDENING**2],
+        springlength=[STOP_ANGLE, 2.0 * ELBOW_RANGE[1]],
+    )
+    stop.wrap_joint(HUMAN_JOINTS[3], 1.0)
 
 
 def fill_upper_arm(humerus: mujoco.MjsBody, wearer: Wearer) -> mujoco.MjsBody:

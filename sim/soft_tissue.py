@@ -52,6 +52,8 @@ class Sleeve:
     #: Elements along and around the limb.
     rings: int
     per_ring: int
+    #: Stiffness of the springs between neighbours, as a share of an element's own.
+    coupling: float = 1.0
 
     @property
     def share(self) -> float:
@@ -72,17 +74,25 @@ class Sleeve:
 
 
 def sleeves(
-    wearer: Wearer, *, tissue_scale: float = 1.0, fidelity: Fidelity = CAMPAIGN
+    wearer: Wearer,
+    *,
+    tissue_scale: float = 1.0,
+    coupling: float = 1.0,
+    fidelity: Fidelity = CAMPAIGN,
 ) -> tuple[Sleeve, Sleeve]:
     """Return the tissue of upper arm and forearm.
 
-    `tissue_scale` multiplies stiffness and viscosity of both.
+    `tissue_scale` multiplies stiffness and viscosity of both; `coupling` the stiffness between
+    neighbours alone.
 
     Masses are what the paper's totals (2.25 and 1.31 kg) leave beside 1.761 and 0.962 kg.
     """
     su, sl = wearer.upper_arm_scale, wearer.forearm_scale
     common = _Common(
-        viscosity=tissue_scale * VISCOSITY, rings=fidelity.rings, per_ring=fidelity.per_ring
+        viscosity=tissue_scale * VISCOSITY,
+        rings=fidelity.rings,
+        per_ring=fidelity.per_ring,
+        coupling=coupling,
     )
     return (
         Sleeve(
@@ -116,6 +126,7 @@ class _Common(TypedDict):
     viscosity: float
     rings: int
     per_ring: int
+    coupling: float
 
 
 def element_name(sleeve: Sleeve, ring: int, index: int) -> str:
@@ -146,7 +157,7 @@ def add_soft_tissue(spec: mujoco.MjSpec, sleeve: Sleeve) -> None:
     core.inertia = [mass * ELEMENT_RADIUS**2 * 0.4] * 3
     for ring, index in sleeve.places:
         _add_element(bone, sleeve, ring, index, mass)
-    for ring, index in sleeve.places:
+    for ring, index in sleeve.places if sleeve.coupling > 0.0 else ():
         _add_neighbour(spec, sleeve, (ring, index), (ring, (index + 1) % sleeve.per_ring))
         if ring + 1 < sleeve.rings:
             _add_neighbour(spec, sleeve, (ring, index), (ring + 1, index))
@@ -192,6 +203,8 @@ def _add_neighbour(
     spec: mujoco.MjSpec, sleeve: Sleeve, first: tuple[int, int], second: tuple[int, int]
 ) -> None:
     a, b = element_name(sleeve, *first), element_name(sleeve, *second)
-    tendon = spec.add_tendon(name=f"{a}-{b}", stiffness=[sleeve.elasticity, 0.0, 0.0])
+    tendon = spec.add_tendon(
+        name=f"{a}-{b}", stiffness=[sleeve.coupling * sleeve.elasticity, 0.0, 0.0]
+    )
     tendon.wrap_joint(a, 1.0)
     tendon.wrap_joint(b, -1.0)

@@ -51,7 +51,7 @@ def code() -> str:
     """Return a digest of the sources of `sim`: it tells a changed model that no version tells."""
     folder = Path(str(sim.__file__)).parent
     digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
+    for path in sorted((*folder.rglob("*.py"), *folder.rglob("*.xml"))):
         digest.update(path.relative_to(folder).as_posix().encode() + b"\0")
         digest.update(path.read_bytes() + b"\0")
     return digest.hexdigest()[:16]

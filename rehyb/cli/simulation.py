@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from rehyb.cli.options import AsJson, assignment, number, print_json
+from rehyb.errors import RehybError
 
 
 def assess(
@@ -31,6 +32,12 @@ def assess(
         Path | None,
         typer.Option(metavar="FILE.png", help="Draw the assessment.", show_default=False),
     ] = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.mp4", help="Film the assessment (.mp4 or .gif).", show_default=False
+        ),
+    ] = None,
     replay: Annotated[
         str | None,
         typer.Option(
@@ -48,6 +55,9 @@ def assess(
     target: Annotated[
         str, typer.Option(help="elbow, shoulder_flexion, shoulder_abduction or shoulder_rotation.")
     ] = "elbow",
+    device: Annotated[
+        str, typer.Option(help="nesm, elbow_orthosis or an MJCF file (docs/devices.md).")
+    ] = "nesm",
     as_json: AsJson = False,
 ) -> None:
     """Simulate one stiffness assessment of the elbow or the shoulder.
@@ -61,7 +71,7 @@ def assess(
     values = {factor.name: factor.nominal for factor in ELBOW.factors}
     effects = {factor.name for factor in EFFECT_FACTORS}
     if replay is not None:
-        parameters, target, fidelity = _replayed(replay)
+        parameters, target, fidelity, device = _replayed(replay)
         values.update(parameters)
     for name, value in map(assignment, settings or ()):
         if name not in values and name not in effects:
@@ -69,12 +79,28 @@ def assess(
                 f"there is no factor {name!r}: take {', '.join(values)} or effect.NAME.PARAMETER"
             )
         values[name] = number(value, name)
-    started = time.perf_counter()
+    watch = None
     try:
-        assessment = simulate(values, controller=controller, fidelity=fidelity, target=target)
+        if video is not None:
+            from sim.film import Film, check_format
+
+            check_format(video)
+            film = Film()
+            watch = film.watch
+        started = time.perf_counter()
+        assessment = simulate(
+            values,
+            controller=controller,
+            fidelity=fidelity,
+            target=target,
+            device=device,
+            watch=watch,
+        )
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
     wall_seconds = time.perf_counter() - started
+    if video is not None:
+        _film(film, video, assessment.outcome)
     if assessment.record is None:
         if record is not None or plot is not None:
             print("there is nothing to save or to draw: no motion was recorded", file=sys.stderr)
@@ -100,7 +126,7 @@ def assess(
         )
     else:
         _print_assessment(assessment.outcome, assessment.reason, assessment.outputs)
-        for path in (record, plot):
+        for path in (record, plot, video):
             if path is not None:
                 typer.echo(str(path))
     if assessment.outcome != "ok":
@@ -126,8 +152,8 @@ def validate(
         _print_validation(report)
 
 
-def _replayed(source: str) -> tuple[dict[str, float], str, str]:
-    """Return parameters, target and fidelity of a replay bundle of an assessment."""
+def _replayed(source: str) -> tuple[dict[str, float], str, str, str]:
+    """Return parameters, target, fidelity and device of a replay bundle of an assessment."""
     from sim.catalogue import ASSESSMENTS
 
     try:
@@ -143,9 +169,19 @@ def _replayed(source: str) -> tuple[dict[str, float], str, str]:
             f"{source} is of model {bundle.get('model')!r}, which is no assessment: "
             f"take one of {', '.join(ASSESSMENTS)}"
         )
-    _, target, fidelity = ASSESSMENTS[bundle["model"]]
+    _, target, fidelity, device = ASSESSMENTS[bundle["model"]]
     parameters = {name: number(str(value), name) for name, value in bundle["parameters"].items()}
-    return parameters, target, fidelity
+    return parameters, target, fidelity, device
+
+
+def _film(film: Any, path: Path, outcome: str) -> None:
+    """Write a film; if nothing renders here, that is one sentence and exit status 1."""
+    from sim.rendering import GraphicsError
+
+    try:
+        film.write(path, outcome)
+    except GraphicsError as error:
+        raise RehybError(str(error)) from None
 
 
 def _print_assessment(outcome: str, reason: str, outputs: Mapping[str, float]) -> None:

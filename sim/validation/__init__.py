@@ -45,14 +45,15 @@ def validate(directory: Path) -> ValidationReport:
         OSError: the directory cannot be written.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    isometric = run_isometric_test()
+    isometric, wrapped = run_isometric_test(), run_isometric_test(wrapped=True)
     tests = [run_compression_test(elasticity) for elasticity in ELASTICITIES]
     rows = []
     for name, (torque, angle), expected in (
         ("flexion", isometric.flexion_peak, 80.0),
         ("extension", isometric.extension_peak, -50.0),
+        ("extension, wrapped triceps,", wrapped.extension_peak, -50.0),
     ):
-        first, last = sorted(data.peak_angle_deg(name) for data in MEASURED)
+        first, last = sorted(data.peak_angle_deg(name.split(",")[0]) for data in MEASURED)
         rows.append(
             Row(
                 quantity=f"isometric {name} torque, peak",
@@ -94,7 +95,7 @@ def validate(directory: Path) -> ValidationReport:
         )
     )
     pictures = (
-        isometric_figure(isometric, directory / "isometric_torque.png"),
+        isometric_figure(isometric, wrapped, directory / "isometric_torque.png"),
         compression_figure(tests, directory / "compression.png"),
     )
     return ValidationReport(rows=tuple(rows), pictures=pictures)

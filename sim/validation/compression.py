@@ -10,7 +10,6 @@ import numpy as np
 
 from sim.conditions import DEFAULT_CONDITIONS
 from sim.fidelity import CAMPAIGN
-from sim.model import set_solver
 from sim.skeleton import empty_spec
 from sim.soft_tissue import (
     ELEMENT_RADIUS,
@@ -20,6 +19,7 @@ from sim.soft_tissue import (
     set_contacts,
     sleeves,
 )
+from sim.solver import set_solver
 from sim.wearer import NOMINAL_WEARER
 
 #: Force on each plate, N, in increasing steps.
@@ -65,9 +65,12 @@ class CompressionTest:
         return float(np.interp(strain, self.strain, self.stress)) / strain
 
 
-def run_compression_test(elasticity: float) -> CompressionTest:
-    """Press the upper arm's nominal sleeve with elements of `elasticity` (N/m)."""
-    sleeve = replace(sleeves(NOMINAL_WEARER)[0], elasticity=elasticity)
+def run_compression_test(elasticity: float, *, coupling: float = 1.0) -> CompressionTest:
+    """Press the upper arm's nominal sleeve with elements of `elasticity` (N/m).
+
+    `coupling` is the stiffness of the springs between neighbours as a share of that.
+    """
+    sleeve = replace(sleeves(NOMINAL_WEARER)[0], elasticity=elasticity, coupling=coupling)
     model = _build(sleeve)
     data = mujoco.MjData(model)
     height = sleeve_height(sleeve)

@@ -10,8 +10,11 @@ from sim.validation.compression import OGNEVA_CONTRACTED, OGNEVA_RELAXED, Compre
 from sim.validation.isometric import ANGLES_DEG, MEASURED, IsometricTest
 
 
-def isometric_figure(test: IsometricTest, path: Path) -> Path:
-    """Draw both torque curves over the elbow angle beside the measured data; return `path`."""
+def isometric_figure(test: IsometricTest, wrapped: IsometricTest, path: Path) -> Path:
+    """Draw both torque curves over the elbow angle beside the measured data; return `path`.
+
+    `wrapped` is the test of an arm whose triceps wraps round the elbow.
+    """
     figure = new_figure(width=9.0, height=3.8)
     for column, (title, curve, attribute, peak) in enumerate(
         (
@@ -31,6 +34,8 @@ def isometric_figure(test: IsometricTest, path: Path) -> Path:
                 label=data.source,
             )
         axes.plot(ANGLES_DEG, curve, color="tab:blue", linewidth=2, label="this model")
+        if title == "Extension":
+            axes.plot(ANGLES_DEG, wrapped.extension_nm, color="tab:orange", label="wrapped triceps")
         torque, angle = peak
         axes.plot([angle], [torque], "o", color="tab:blue")
         axes.annotate(

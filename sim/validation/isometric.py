@@ -65,12 +65,15 @@ class IsometricTest:
         return float(self.extension_nm[i]), float(ANGLES_DEG[i])
 
 
-def run_isometric_test(wearer: Wearer = NOMINAL_WEARER) -> IsometricTest:
-    """Contract flexors, then extensors, fully at every angle, the shoulder locked at 90 degrees."""
+def run_isometric_test(wearer: Wearer = NOMINAL_WEARER, *, wrapped: bool = False) -> IsometricTest:
+    """Contract flexors, then extensors, fully at every angle, the shoulder locked at 90 degrees.
+
+    `wrapped`: whether the triceps wraps round the elbow or is straight lines.
+    """
     spec = empty_spec()
     add_torso(spec)
     add_arm(spec, wearer)
-    add_muscles(spec, wearer)
+    add_muscles(spec, wearer, wrapped=wrapped)
     model = spec.compile()
     return IsometricTest(
         flexion_nm=_torques(model, ELBOW_FLEXORS),

@@ -11,13 +11,19 @@ from sim.assessment import Assessment, assess
 from sim.catalogue import ELBOW
 from sim.control import DURATION, PID
 from sim.evaluation import evaluate
+from sim.exoskeleton import NESM
 from sim.factors import CONDITIONS
 from sim.fidelity import CAMPAIGN, FIDELITIES
 from sim.figures import assessment_figure
-from sim.interface import CUFFS, segment_names
+from sim.interface import segment_names
 from sim.model import build_system, close_straps, reset_to_start, slacken_straps
 from sim.rendering import draw_system
 from sim.validation import validate
+from sim.validation.compression import (
+    OGNEVA_CONTRACTED,
+    OGNEVA_RELAXED,
+    run_compression_test,
+)
 from sim.validity import FAILURES
 from sim.wearer import NOMINAL_WEARER
 
@@ -159,7 +165,7 @@ def test_closed_straps_keep_the_tension_they_were_pulled_with() -> None:
     close_straps(system, data, stiffness)
     rest = system.model.tendon_lengthspring[system.straps, 0]
     tension = stiffness * (data.ten_length[system.straps] - rest)
-    assert len(tension) == sum(len(segment_names(cuff)) for cuff in CUFFS)
+    assert len(tension) == sum(len(segment_names(cuff)) for cuff in NESM.cuffs)
     assert tension == pytest.approx(15.0, abs=0.1)
 
 
@@ -225,3 +231,59 @@ def test_every_fidelity_finds_the_same_stiffness(nominal: Assessment) -> None:
         other = assess({}, fidelity=fidelity)
         for name in ("stiffness_estimate", "stiffness_true", "stiffness_error"):
             assert other.outputs[name] == pytest.approx(nominal.outputs[name], abs=0.15)
+
+
+def test_a_reflex_acts_in_contact_as_the_threshold_says(nominal: Assessment) -> None:
+    reflex = assess({"reflex_gain": 0.2})
+    assert reflex.record is not None and nominal.record is not None
+    fast = int(np.argmax(-nominal.record.q_velocity[:, 3] > 0.5))
+    before = slice(0, fast + 5)
+    assert np.array_equal(reflex.record.muscle_torque[before], nominal.record.muscle_torque[before])
+    assert reflex.outputs["damping_estimate"] < nominal.outputs["damping_estimate"] - 2.0
+
+
+LONG_HEAVY_STIFF = {
+    "upper_arm_length": 0.3778,
+    "forearm_length": 0.3455,
+    "forearm_mass": 1.82,
+    "upper_arm_elasticity": 974.43,
+    "forearm_elasticity": 974.43,
+}
+
+
+@pytest.mark.parametrize("remedy", ["triceps_wrapping", "extension_stop"])
+@pytest.mark.parametrize("upper_arm_mass", [0.3, 3.41])
+def test_long_heavy_arms_are_kept_from_hyperextension(remedy: str, upper_arm_mass: float) -> None:
+    """By extensors whose lever does not vanish, or by a passive stop."""
+    value = {"triceps_wrapping": 1.0, "extension_stop": 30.0}[remedy]
+    assessment = assess({**LONG_HEAVY_STIFF, "upper_arm_mass": upper_arm_mass, remedy: value})
+    assert assessment.outcome == "ok", assessment.reason
+    assert assessment.record is not None
+    assert assessment.record.q[:, 3].min() > 0.0
+
+
+def test_an_extension_stop_acts_on_nobody_who_does_not_reach_it(nominal: Assessment) -> None:
+    assert assess({"extension_stop": 60.0}).outputs == nominal.outputs
+
+
+def test_a_wrapped_triceps_makes_co_contraction_resist_movement(nominal: Assessment) -> None:
+    """Its torque grows with flexion, which straight lines turn round."""
+    wrapped = assess({"triceps_wrapping": 1.0})
+    assert wrapped.outputs["stiffness_true"] < nominal.outputs["stiffness_true"] - 5.0
+    assert abs(wrapped.outputs["stiffness_error"]) < 1.0
+
+
+def test_straps_closed_elsewhere_move_to_the_start_and_leave_a_mark(nominal: Assessment) -> None:
+    seated = assess({"seat_angle": -0.35})
+    assert seated.outcome == "ok", seated.reason
+    assert seated.record is not None and nominal.record is not None
+    assert seated.record.theta[0, 3] == pytest.approx(nominal.record.theta[0, 3], abs=1e-3)
+    assert seated.outputs["stiffness_error"] < nominal.outputs["stiffness_error"] - 0.15
+
+
+def test_looser_coupling_of_the_tissue_encloses_the_moduli_of_figure_6() -> None:
+    softest, stiffest = (run_compression_test(k, coupling=0.09) for k in (100.5, 974.43))
+    for strain in (0.1, 0.15, 0.2):
+        assert softest.modulus_at(strain) <= OGNEVA_RELAXED
+    for strain in (0.1, 0.12, 0.15):
+        assert stiffest.modulus_at(strain) >= OGNEVA_CONTRACTED

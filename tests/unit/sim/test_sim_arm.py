@@ -8,7 +8,7 @@ import pytest
 
 from sim.fidelity import FIDELITIES
 from sim.muscles import elbow_length_ranges
-from sim.skeleton import HAND_MASS, HUMAN_JOINTS, PRONATION, add_arm, empty_spec
+from sim.skeleton import HAND_MASS, HUMAN_JOINTS, PRONATION, add_arm, add_extension_stop, empty_spec
 from sim.soft_tissue import add_soft_tissue, element_name, sleeves
 from sim.validation.isometric import run_isometric_test
 from sim.wearer import NOMINAL_WEARER, Wearer
@@ -114,3 +114,21 @@ def test_elements_point_away_from_the_limbs_axis() -> None:
             skin, normal = sleeve.element(3, index)
             radial = skin - np.array([skin[0], sleeve.axis_y, sleeve.axis_z])
             assert radial == pytest.approx(sleeve.radius * normal)
+
+
+def test_an_extension_stop_hardens_beyond_its_angle_and_does_nothing_before() -> None:
+    spec = empty_spec()
+    add_arm(spec, NOMINAL_WEARER)
+    add_extension_stop(spec, 30.0)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    elbow = model.joint(HUMAN_JOINTS[3])
+    for angle, torque in (
+        (90.0, 0.0),
+        (5.0, 0.0),
+        (0.0, 2.0 * 30.0 * np.radians(5.0)),
+        (-5.0, 5.0 * 30.0 * np.radians(10.0)),
+    ):
+        data.qpos[elbow.qposadr[0]] = np.radians(angle)
+        mujoco.mj_forward(model, data)
+        assert data.qfrc_passive[elbow.dofadr[0]] == pytest.approx(torque, abs=1e-9)

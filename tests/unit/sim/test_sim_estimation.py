@@ -7,12 +7,12 @@ from scipy.stats import linregress
 from sim.conditions import DEFAULT_CONDITIONS
 from sim.control import DURATION, extension_reference
 from sim.estimation import IllConditionedError, estimate_forms, fit
-from sim.target import ELBOW_TARGET
+from sim.exoskeleton import NESM
 
 TIME = np.arange(0.0, DURATION, 0.01)
 ANGLE, VELOCITY = extension_reference(
     TIME,
-    start=ELBOW_TARGET.start[3],
+    start=NESM.start("elbow").angles[3],
     amplitude=DEFAULT_CONDITIONS.movement_amplitude,
     rate=DEFAULT_CONDITIONS.movement_rate,
 )
@@ -68,7 +68,7 @@ def test_each_form_compares_estimate_and_truth_of_the_same_shape() -> None:
 
 
 def test_the_reference_starts_at_the_start_and_extends_smoothly() -> None:
-    assert ANGLE[0] == pytest.approx(ELBOW_TARGET.start[3])
+    assert ANGLE[0] == pytest.approx(NESM.start("elbow").angles[3])
     assert np.degrees(ANGLE[-1]) == pytest.approx(10.7, abs=0.1)
     assert np.all(np.diff(ANGLE) < 0.0)
     assert np.gradient(ANGLE, TIME)[1:-1] == pytest.approx(VELOCITY[1:-1], abs=1e-3)

@@ -4,15 +4,18 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.conditions import conditions_of
 from sim.control import PID
-from sim.interface import CUFFS, cuff_box_name, particle_name
+from sim.exoskeleton import NESM
+from sim.fidelity import CAMPAIGN
+from sim.interface import cuff_box_name, cuffs, particle_name
 from sim.model import System, build_system, reset_to_start, seated_elbow_angle
 from sim.skeleton import ELBOW_RANGE
 from sim.soft_tissue import sleeves
-from sim.target import ELBOW_TARGET
 from sim.wearer import NOMINAL_WEARER, wearer_of
 
-START = ELBOW_TARGET.start
+START = NESM.start("elbow").angles
+CUFFS = NESM.cuffs
 
 
 @pytest.fixture(scope="module")
@@ -84,3 +87,24 @@ def test_the_seat_is_within_the_elbows_range_all_over_table_1(upper: float, fore
     angle = seated_elbow_angle(wearer, sleeves(wearer)[1], CUFFS[1], START[3])
     assert ELBOW_RANGE[0] < angle < ELBOW_RANGE[1]
     assert abs(angle - START[3]) < np.radians(25.0)
+
+
+@pytest.mark.parametrize("seat", [-0.35, 0.1])
+def test_the_straps_may_be_closed_at_another_elbow_angle(seat: float) -> None:
+    """There, too, the forearm's axis passes through the centre of its cuff."""
+    system = build_system(NOMINAL_WEARER, PID, conditions_of({"seat_angle": seat}))
+    data = reset_to_start(system)
+    mujoco.mj_forward(system.model, data)
+    assert data.qpos[system.exo_qpos[3]] == pytest.approx(START[3] + seat)
+    link, ulna = data.body(CUFFS[1].link), data.body("ulna")
+    centre = link.xpos + link.xmat.reshape(3, 3) @ CUFFS[1].centre
+    local = ulna.xmat.reshape(3, 3).T @ (centre - ulna.xpos)
+    assert local[2] == pytest.approx(0.015, abs=1e-9)
+
+
+def test_cuffs_move_along_their_limbs() -> None:
+    moved = cuffs(CUFFS, CAMPAIGN, position=-0.01, upper_position=0.02)
+    for cuff, before, distance in zip(moved, CUFFS, (0.02, -0.01), strict=True):
+        way = np.array(cuff.centre) - before.centre
+        assert way == pytest.approx(distance * np.array(before.along))
+        assert cuff.limb_place[0] == pytest.approx(before.limb_place[0] + distance)

@@ -51,6 +51,15 @@ def test_the_code_of_the_simulation_has_one_digest() -> None:
     assert len(code()) == 16
 
 
+def test_a_changed_device_is_changed_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot is a file of the simulation's, and decides the bits as its modules do."""
+    monkeypatch.setattr("worker.machine.sim.__file__", str(tmp_path / "__init__.py"))
+    (tmp_path / "robot.xml").write_text("<mujoco/>")
+    before = code()
+    (tmp_path / "robot.xml").write_text('<mujoco model="other"/>')
+    assert code() != before
+
+
 def test_a_canary_that_dies_is_one_sentence() -> None:
     assert canary(FAST) == ("c0ffee", 0.4)
     with pytest.raises(CanaryError, match=r"cannot be evaluated on this machine: .*no AVX"):
