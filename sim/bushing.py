@@ -29,7 +29,7 @@ from sim.model import (
     seated_elbow_angle,
 )
 from sim.protocol import HOLD, Motion, movement
-from sim.record import Record
+from sim.record import Record, acting_torque
 from sim.skeleton import ELBOW, HUMAN_JOINTS, upper_arm_point
 from sim.soft_tissue import BONE_CLEARANCE, HARDENING, Sleeve, sleeves
 from sim.target import ELBOW_TARGET, Target
@@ -318,6 +318,7 @@ def _record(
     model = system.model
     position, velocity = states[:, 1 : 1 + model.nq], states[:, 1 + model.nq :][:, : model.nv]
     exo_velocity = velocity[:, system.exo_dof]
+    acceleration = np.diff(exo_velocity, axis=0) / system.fidelity.step
     forces, motors = _cuff_forces(system, sensed), len(system.motors)
     return Record(
         device=system.device.name,
@@ -327,8 +328,8 @@ def _record(
         reference=reference,
         theta=position[:-1, system.exo_qpos],
         theta_velocity=exo_velocity[:-1],
-        theta_acceleration=np.diff(exo_velocity, axis=0) / system.fidelity.step,
-        motor_torque=sensed[:, :motors] / system.motor_gain,
+        theta_acceleration=acceleration,
+        motor_torque=acting_torque(system, sensed[:, :motors] / system.motor_gain, acceleration),
         q=position[:-1, system.human_qpos],
         q_velocity=velocity[:-1, system.human_dof],
         muscle_torque=sensed[:, motors],

@@ -10,12 +10,12 @@ from collections.abc import Callable, Mapping
 from math import exp
 
 import mujoco
+import numpy as np
 
 from sim.conditions import Conditions
 from sim.control import Gains
 from sim.effects.applied import AppliedEffects
 from sim.effects.elements import add_effect
-from sim.exoskeleton import MOTOR_LIMIT
 from sim.undeclared import NO_ANGLE, UNDECLARED
 
 Parameters = Mapping[str, float]
@@ -67,7 +67,7 @@ def add_undeclared(
             gain = parameters["gain"]
             motor = spec.actuator(f"{robot}_motor")
             motor.set_to_pid(kp=gain * gains.kp, kv=gain * gains.kv, ki=gain * gains.ki)
-            motor.forcerange = [-gain * MOTOR_LIMIT, gain * MOTOR_LIMIT]
+            motor.forcerange = gain * np.array(motor.forcerange)
             continue
         owner = robot if UNDECLARED[name].owner == "robot" else human
         add_effect(spec, name, owner, _for_element(parameters))

@@ -16,9 +16,8 @@ import numpy as np
 
 from sim.assessment import prepare
 from sim.conditions import split
-from sim.control import PID
 from sim.estimation import fit
-from sim.exoskeleton import JOINTS
+from sim.exoskeleton import JOINTS, NESM
 from sim.fidelity import CAMPAIGN, Fidelity
 from sim.model import reset_to_start
 from sim.protocol import Motion
@@ -57,7 +56,7 @@ EXERCISES = (
     Exercise(name="holdout", cycles=3, rate=3.5, amplitude=1.1, role="holdout"),
 )
 #: Where the robot begins: the upper arm as in an assessment, the elbow with room for an overshoot.
-START_DEG = (0.0, -90.0, 0.0, 95.0)
+START = tuple(np.radians([0.0, -90.0, 0.0, 95.0]).tolist())
 
 
 def to_and_fro(exercise: Exercise, start: float, step: float) -> Motion:
@@ -87,24 +86,12 @@ def record_exercise(
         FailedError: the simulated arm slipped, jammed or the like.
         ValueError: a factor or the fidelity is unknown.
     """
-    target = replace(ELBOW_TARGET, start_deg=START_DEG)
+    start = replace(NESM.start(ELBOW_TARGET.name), angles=START)
+    robot = replace(NESM, starts={ELBOW_TARGET.name: start})
     wearer, conditions = split(values)
-    system, run = prepare(wearer, PID, conditions, fidelity, target)
-    motion = to_and_fro(exercise, float(target.start[target.joint]), system.fidelity.step)
+    system, run = prepare(wearer, robot.gains, conditions, fidelity, ELBOW_TARGET, robot)
+    motion = to_and_fro(exercise, START[system.moved], system.fidelity.step)
     return run(system, reset_to_start(system), motion)
-
-
-def acting_torque(record: Record) -> np.ndarray:
-    """Return the motor torque of the moved joint over each step, Nm, shape (n,).
-
-    The engine applies the controller's damping at the step's end, which the force it reports at the
-    step's beginning does not contain; a torque sensor would.
-    """
-    step = float(record.time[1] - record.time[0])
-    joint = record.joint
-    return np.asarray(
-        record.motor_torque[:, joint] - PID.kv * step * record.theta_acceleration[:, joint]
-    )
 
 
 def true_impedance(records: list[Record]) -> tuple[float, float]:
@@ -143,7 +130,8 @@ def write_session(
     for exercise, record in zip(exercises, records, strict=True):
         moved = JOINTS[record.joint]
         position = np.round(record.theta / ENCODER) * ENCODER
-        effort = acting_torque(record) + TORQUE_NOISE * rng.standard_normal(len(record.time))
+        noise = TORQUE_NOISE * rng.standard_normal(len(record.time))
+        effort = record.motor_torque[:, record.exo_joint] + noise
         table = np.column_stack([begin + record.time, position, effort])
         begin = float(table[-1, 0]) + 10.0
         with (folder / f"{exercise.name}.csv").open("w", newline="") as file:

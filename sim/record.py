@@ -94,10 +94,28 @@ class Recorder:
     def record(self) -> Record:
         """Return the finished record; accelerations are those the steps really made."""
         velocity = np.vstack([self._arrays["theta_velocity"], self._final_velocity])
+        acceleration = np.diff(velocity, axis=0) / self._step
+        self._arrays["motor_torque"] = acting_torque(
+            self._system, self._arrays["motor_torque"], acceleration
+        )
         return Record(
             device=self._system.device.name,
             joint=self._system.target.joint,
             exo_joint=self._system.moved,
-            theta_acceleration=np.diff(velocity, axis=0) / self._step,
+            theta_acceleration=acceleration,
             **self._arrays,
         )
+
+
+def acting_torque(system: System, torque: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    """Return what the motors really did over each step, as a torque sensor would show it, Nm.
+
+    The engine applies the controller's damping at the step's end; the force it reports is that of
+    the step's beginning.
+
+    Args:
+        system: whose motors.
+        torque: as reported, Nm, shape (n, number of joints).
+        acceleration: over each step, rad/s2, of that shape.
+    """
+    return torque - system.gains.kv * system.fidelity.step * acceleration
