@@ -11,6 +11,8 @@ from pydantic import SecretStr
 from server.app import create_app
 from server.settings import Settings
 from sim.catalogue import ELBOW
+from sim.exoskeleton import DEVICES
+from sim.factors import CONDITIONS
 from sim.validity import FAILURES
 
 ROOT = Path(__file__).parents[2]
@@ -82,3 +84,10 @@ def test_every_output_and_failure_is_explained() -> None:
         assert output.removesuffix("_paper").removesuffix("_authors") in README
     for failure in FAILURES:
         assert f"`{failure}`" in SIMULATION
+
+
+def test_every_condition_and_every_device_is_explained() -> None:
+    for factor in CONDITIONS:
+        assert f"| `{factor.name}` |" in SIMULATION
+    for device in DEVICES:
+        assert f"`{device}`" in (ROOT / "docs" / "devices.md").read_text()
