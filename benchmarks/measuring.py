@@ -21,7 +21,7 @@ class Throughput:
 
     per_second: float
     #: Milliseconds of processor time per instance of all processes concerned, workers included:
-    #: what decides how far a machine gets, and does not depend on who else uses it.
+    #: what decides how far a machine gets, and depends less than the rate on who else uses it.
     cpu_ms: float
     #: The coordinator's part of it; NaN for others.
     server_ms: float = nan

@@ -1,8 +1,8 @@
 """The coordinator beside what a user would take instead, and beside its targets, in one run.
 
 `python -m benchmarks.side_by_side`, with the extra `rivals`. All do the same: four worker processes
-take tasks, do nothing, and hand in a result, which is stored. All data outlive every process; the
-servers are set so that a power cut may take the last second with it.
+take tasks, do nothing, and hand in a result, which is stored and outlives the worker. No system
+waits for the disk: a power cut may take the last second with it.
 """
 
 import tempfile

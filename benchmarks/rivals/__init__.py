@@ -2,8 +2,7 @@
 
 Each module sets one system up as its documentation recommends for many short tasks, fills its
 queue, starts workers and watches how fast finished tasks come to be stored. What was stored
-outlives every process; a power cut may take the last moments with it, as with a coordinator on
-SQLite.
+outlives its worker; a power cut may take the last moments with it, as with a coordinator on SQLite.
 """
 
 from collections.abc import Callable, Iterator
