@@ -21,23 +21,29 @@ from sim.undeclared import NO_ANGLE, UNDECLARED
 Parameters = Mapping[str, float]
 
 
-def _stribeck(p: Parameters, q: float, v: float) -> float:
+def _stribeck(p: Parameters, q: float, v: float, load: float) -> float:
     return p["torque"] + p["breakaway_excess"] * exp(-((v / p["stribeck_velocity"]) ** 2))
 
 
-def _asymmetric(p: Parameters, q: float, v: float) -> float:
+def _asymmetric(p: Parameters, q: float, v: float, load: float) -> float:
     return (p["torque_positive"] if v > 0 else p["torque_negative"]) + 0.5 * p[
         "viscous_difference"
     ] * v
 
 
-def _position_dependent(p: Parameters, q: float, v: float) -> float:
+def _load_dependent(p: Parameters, q: float, v: float, load: float) -> float:
+    return p["torque"] + p["load_share"] * load
+
+
+def _position_dependent(p: Parameters, q: float, v: float, load: float) -> float:
     x = q - p["middle"]
     return p["torque_middle"] + p["torque_slope"] * x + p["torque_curvature"] * x * x
 
 
-#: Level of friction, Nm, from parameters, angle and velocity of the robot's joint.
-LEVELS: Mapping[str, Callable[[Parameters, float, float], float]] = {
+#: Level of friction, Nm, from parameters, angle and velocity of the robot's joint, and the size of
+#: its motor's torque.
+LEVELS: Mapping[str, Callable[[Parameters, float, float, float], float]] = {
+    "load_dependent_friction": _load_dependent,
     "stribeck_friction": _stribeck,
     "asymmetric_friction": _asymmetric,
     "position_dependent_friction": _position_dependent,
@@ -112,5 +118,6 @@ class CarriedEffects:
             data.qfrc_applied[dof] += torque(data)
         if self._levels:
             q, v = float(data.qpos[self._qpos]), float(data.qvel[self._dof])
-            level = sum(max(0.0, law(parameters, q, v)) for law, parameters in self._levels)
+            load = abs(float(data.qfrc_actuator[self._dof]))
+            level = sum(max(0.0, law(parameters, q, v, load)) for law, parameters in self._levels)
             self._model.dof_frictionloss[self._dof] = self._friction + level

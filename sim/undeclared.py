@@ -97,6 +97,13 @@ UNDECLARED: Mapping[str, Undeclared] = MappingProxyType(
                 ),
             },
         ),
+        "load_dependent_friction": Undeclared(
+            owner="robot",
+            parameters={
+                "torque": _size("Nm", 3.0, "friction of the robot's joint without load"),
+                "load_share": _size("1", 0.3, "further friction over the motor's torque"),
+            },
+        ),
         "position_dependent_friction": Undeclared(
             owner="robot",
             parameters={

@@ -11,6 +11,7 @@ SETTINGS = {
     "viscous_friction": {"damping": 1.0},
     "stribeck_friction": {"torque": 1.5, "breakaway_excess": 0.5},
     "asymmetric_friction": {"torque_positive": 1.0, "torque_negative": 2.0},
+    "load_dependent_friction": {"torque": 1.0, "load_share": 0.1},
     "position_dependent_friction": {"torque_middle": 1.5, "torque_slope": 0.5},
     "torque_offset": {"torque": 1.0},
     "torque_gain": {"gain": 1.1},
@@ -45,10 +46,11 @@ def test_friction_by_any_name_is_the_same_friction(fidelity: str) -> None:
         factors("coulomb_friction", {"torque": 2.0}),
         factors("stribeck_friction", {"torque": 2.0}),
         factors("asymmetric_friction", {"torque_positive": 2.0, "torque_negative": 2.0}),
+        factors("load_dependent_friction", {"torque": 2.0}),
         factors("position_dependent_friction", {"torque_middle": 2.0}),
     ]
     found = [assess(way, fidelity=fidelity).outputs["stiffness_estimate"] for way in ways]
-    assert found[1:] == pytest.approx([found[0]] * 4, abs=1e-9)
+    assert found[1:] == pytest.approx([found[0]] * 5, abs=1e-9)
 
 
 def test_stepping_in_python_gives_what_the_engine_rolls_out() -> None:

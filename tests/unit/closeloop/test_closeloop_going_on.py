@@ -11,6 +11,7 @@ from analysis.closeloop.going_on import GoingOnError, study_with_effects
 from rehyb.cli import app
 from server.logic.study import FactorChoice, draw_up
 from sim.factors import TABLE_1
+from sim.undeclared import UNDECLARED
 
 
 def effect(name: str, **parameters: tuple[float, float, float]) -> dict[str, Any]:
@@ -117,6 +118,13 @@ def test_the_coordinator_takes_the_study(found: dict[str, Any], method: str) -> 
 def test_what_cannot_be_studied_is_said_in_a_sentence(found: Any, words: str) -> None:
     with pytest.raises(GoingOnError, match=words):
         study(found)
+
+
+def test_every_effect_that_can_be_carried_is_in_the_documentation() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "closeloop.md").read_text()
+    section = page.split("## From a found effect")[1].split("\n## ")[0]
+    for name in UNDECLARED:
+        assert f"`{name}`" in section
 
 
 def test_a_model_without_effects_is_refused() -> None:
