@@ -42,7 +42,7 @@ class BadMachine:
         """Return an engine that suffers from it."""
         engine = SOUND(url)
         if engine.dialect.name == "sqlite":
-            sa.event.listen(engine, "checkout", self._limit)
+            sa.event.listen(engine, "checkout", self._free)
         sa.event.listen(engine, "before_cursor_execute", self._refuse)
         sa.event.listen(engine, "commit", self._die)
         return engine
@@ -53,12 +53,14 @@ class BadMachine:
     def _doom(self) -> None:
         self._doomed = True
 
-    def _limit(self, connection: Any, _record: Any, _proxy: Any) -> None:
-        pages = 1 if self._full else 2**30
-        connection.execute(f"PRAGMA max_page_count = {pages}")
+    def _free(self, connection: Any, _record: Any, _proxy: Any) -> None:
+        connection.execute(f"PRAGMA max_page_count = {2**30}")
 
     def _refuse(self, connection: Connection, cursor: Any, statement: str, *_: Any) -> None:
         if self._full and statement.startswith("INSERT"):
+            if connection.dialect.name == "sqlite":
+                # No fewer than there are, but no more either.
+                connection.exec_driver_sql("PRAGMA max_page_count = 1")
             connection.exec_driver_sql(TOO_MUCH[connection.dialect.name])
 
     def _die(self, connection: Connection) -> None:

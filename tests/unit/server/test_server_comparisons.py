@@ -262,4 +262,6 @@ def test_over_rest_a_worker_is_shown_with_its_hosts_trust(url: str) -> None:
         (opinion,) = told["comparisons"]
         assert (opinion["state"], opinion["second_host"]) == ("disagreed", "broken")
         assert (opinion["outputs"], opinion["difference"]) == ({"y": 2.0}, 0.5)
-        assert 'rehyb_comparisons{state="disagreed"} 4.0' in client.get("/metrics").text
+        metrics = client.get("/metrics").text
+        assert 'rehyb_comparisons{state="disagreed"} 4.0' in metrics
+        assert "rehyb_lease_seconds_count 2.0" in metrics

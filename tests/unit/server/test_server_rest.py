@@ -190,6 +190,8 @@ def test_progress_adds_up(client: TestClient, study: Json, lease: Json, clock: A
         "rows_complete": 1,
         "results_per_second": 0.25,
         "eta_seconds": 20.0,
+        "eta_low_seconds": None,
+        "eta_high_seconds": None,
         "workers": 1,
         "elapsed_seconds": 20.0,
     }

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -12,7 +12,7 @@ import pytest
 
 from rehyb.client import Client
 from rehyb.errors import Unauthorized
-from worker.agent import Agent, lease_size
+from worker.agent import TRIES, Agent
 from worker.pool import Finished
 from worker.spool import Spool
 
@@ -136,10 +136,17 @@ class InstantPool:
 class Work:
     """A worker with its coordinator, its pool and its spool folder."""
 
-    def __init__(self, folder: Path, batches: list[list[str]], processes: int = 1) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        batches: list[list[str]],
+        processes: int = 1,
+        max_idle: float | None = 0.05,
+    ) -> None:
         self.coordinator = Coordinator(batches)
         self.pool = InstantPool(processes)
         self.folder = folder
+        self.max_idle = max_idle
         self.agent = self.new_agent()
 
     def new_agent(self, name: str = "w1", max_instances: int | None = None) -> Agent:
@@ -150,10 +157,23 @@ class Work:
             worker={"id": name, "host": "h", "versions": {}},
             models=("ishigami",),
             batch=10,
-            max_idle=0.05,
+            max_idle=self.max_idle,
             rng=Random(1),
             max_instances=max_instances,
         )
+
+    def run_until(self, agent: Agent, done: Callable[[], bool]) -> None:
+        """Run a worker that leaves when `done`, however long it has to wait meanwhile."""
+        finish = self.pool.wait
+
+        def look(seconds: float) -> list[Finished]:
+            if done():
+                agent.stop()
+            return finish(seconds)
+
+        self.pool.wait = look  # type: ignore[method-assign]
+        agent.run()
+        self.pool.wait = finish  # type: ignore[method-assign]
 
     def spooled(self) -> int:
         return len(list(self.folder.glob("*.spool")))
@@ -273,16 +293,14 @@ def test_a_result_the_coordinator_cannot_read_does_not_hold_back_the_others(tmp_
 def test_a_result_at_which_the_coordinator_fails_is_set_aside_for_the_next_worker(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    work = Work(tmp_path, [["a", "b", "c"], ["d"]], processes=3)
+    work = Work(tmp_path, [["a", "b", "c"], ["d"]], processes=3, max_idle=None)
     work.coordinator.poison = {"b"}
-    work.agent.run()
-    assert set(work.coordinator.results) == {"a", "c", "d"}
+    work.run_until(work.agent, lambda: set(work.coordinator.results) == {"a", "c", "d"})
     assert sum("fails at the result of b" in record.message for record in caplog.records) == 1
-    assert work.spooled() == 1
-    # TRIES together, once alone; and once more in parting nobody asks.
-    assert work.coordinator.calls.count("/v1/results") < 15
+    # TRIES together, each of three once alone, and "d".
+    assert work.coordinator.calls.count("/v1/results") == TRIES + 3 + 1
     work.coordinator.poison = set()
-    work.new_agent("w2").run()
+    work.run_until(work.new_agent("w2"), lambda: "b" in work.coordinator.results)
     assert set(work.coordinator.results) == {"a", "b", "c", "d"}
     assert work.spooled() == 0
 
@@ -292,10 +310,10 @@ def test_what_was_set_aside_is_posted_again_after_a_while(
 ) -> None:
     monkeypatch.setattr("worker.agent.ASIDE_SECONDS", 0.0)
     monkeypatch.setattr("worker.agent.POST_SECONDS", 0.0)
-    work = Work(tmp_path, [["a"], ["b"]])
+    work = Work(tmp_path, [["a"], ["b"]], max_idle=None)
     # As a full disk would have it: everything fails, for longer than anybody tries.
-    work.coordinator.sick = 7
-    work.agent.run()
+    work.coordinator.sick = TRIES + 2
+    work.run_until(work.agent, lambda: set(work.coordinator.results) == {"a", "b"})
     assert set(work.coordinator.results) == {"a", "b"}
     assert work.spooled() == 0
 
@@ -362,25 +380,3 @@ def test_a_worker_leaves_after_as_many_instances_as_it_was_to_do(tmp_path: Path)
     assert set(work.coordinator.results) == {"a", "b", "c"}
     assert work.coordinator.sizes == [2, 1]
     assert work.coordinator.released == []
-
-
-@pytest.mark.parametrize(
-    ("seconds_each", "processes", "size"),
-    [
-        # Before anything is known: one for each process.
-        (None, 4, 4),
-        (None, 16, 10),
-        # Two seconds of work for every process, but never more than asked for.
-        (0.0, 1, 10),
-        (0.5, 1, 4),
-        (0.5, 2, 8),
-        (0.5, 4, 10),
-        # Always something.
-        (30.0, 1, 1),
-        (1e300, 1, 1),
-    ],
-)
-def test_a_worker_asks_for_two_seconds_of_work(
-    seconds_each: float | None, processes: int, size: int
-) -> None:
-    assert lease_size(seconds_each, processes, batch=10) == size
