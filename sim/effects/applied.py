@@ -29,6 +29,8 @@ class AppliedEffects:
     """The applied torques of one model; holds their memory, so use one object a simulation."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        #: Actuator and torque of every effect.
         self.torques: list[tuple[int, Torque]] = []
         for number in range(model.ntext):
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, number)
@@ -44,7 +46,7 @@ class AppliedEffects:
     def apply(self, data: mujoco.MjData) -> None:
         """Set the controls of the effects' actuators for the step that comes."""
         for actuator, torque in self.torques:
-            data.ctrl[actuator] = torque(data)
+            data.ctrl[self._model.actuator_ctrladr[actuator]] = torque(data)
 
 
 class _Effect:

@@ -30,6 +30,17 @@ def test_each_step_moves_one_factor_by_half_its_levels_and_each_factor_once() ->
     assert np.all(moves.sum(axis=1) == 1) and np.all(moves.sum(axis=2) == 1)
 
 
+def test_a_trajectory_depends_on_seed_and_number_alone() -> None:
+    """Nothing of a running study may move under a new version of this code or NumPy."""
+    expected = [
+        [0.875, 0.125, 0.375],
+        [0.875, 0.125, 0.875],
+        [0.875, 0.625, 0.875],
+        [0.375, 0.625, 0.875],
+    ]
+    assert unit_row("morris", "trajectories", 1, 13, 3).tolist() == expected
+
+
 def test_legs_are_the_moves_of_the_row() -> None:
     for points in trajectories(10):
         (before, after), steps = legs(points)

@@ -67,6 +67,11 @@ def test_parameters_are_the_design_s_with_fixed_factors_added(plan: Drawing) -> 
         ({"model": "knee"}, "/model", "expected one of elbow"),
         ({"method": "fast"}, "/method", "expected one of morris, saltelli"),
         ({"sampling": "halton"}, "/sampling", "expected one of sobol"),
+        (
+            {"method": "saltelli", "sampling": "trajectories"},
+            "/sampling",
+            "expected one of sobol_blocks, sobol, sobol_paired, latin_hypercube",
+        ),
         ({"rows": 0}, "/rows", "between 1 and"),
         ({"rows": MAX_ROWS + 1}, "/rows", "between 1 and"),
         ({"fixed": {"x9": 1.0}}, "/fixed/x9", "unknown factor"),
