@@ -150,11 +150,6 @@ def _best_term(
     variants = []
     for theta, stacked in _stacked(model, rows, candidate, thetas, estimate):
         stacked, kept = keep_independent(base, stacked)
-        if kept and _extends(model, candidate):
-            # What is declared keeps its share: only what goes beyond it is the effect's.
-            beyond = _beyond(base, stacked)
-            stacked = stacked[:, beyond]
-            kept = tuple(number for number, more in zip(kept, beyond, strict=True) if more)
         if kept:
             variants.append(Variant(theta=theta, columns=stacked, kept=kept))
     if not variants:
@@ -255,18 +250,6 @@ def _estimate_beside(model: Model, current: Score, own: Term | None) -> Estimate
     return estimate_of(model, coefficients)
 
 
-def _extends(model: Model, candidate: Candidate) -> bool:
-    """Whether a simpler form of the effect is declared at its joint."""
-    here = {term.name for term in model.terms if term.joint == candidate.joint}
-    return bool(here.intersection(candidate.effect.includes))
-
-
-def _beyond(base: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return which columns go beyond what the base imitates, (k,)."""
-    left = columns - base @ np.linalg.lstsq(base, columns, rcond=None)[0]
-    return np.asarray((left**2).sum(axis=0) > MIN_UNIQUE * (columns**2).sum(axis=0))
-
-
 def _refusal(model: Model, rows: Rows, candidate: Candidate, scored: Score) -> str:
     """Say why these trials cannot name the effect, or return nothing."""
     if not rows.grouped and one_way(rows, candidate.joint):
@@ -277,6 +260,12 @@ def _refusal(model: Model, rows: Rows, candidate: Candidate, scored: Score) -> s
         return ""
     columns, own = scored.variant.columns, scored.coefficients[-width:]
     left = columns - base @ np.linalg.lstsq(base, columns, rcond=None)[0]
+    here = {term.name for term in model.terms if term.joint == candidate.joint}
+    if here.intersection(candidate.effect.includes):
+        # The part that is there already does not count: only what goes beyond it has to show.
+        beyond = (left**2).sum(axis=0) > MIN_UNIQUE * (columns**2).sum(axis=0)
+        if beyond.any():
+            columns, left, own = columns[:, beyond], left[:, beyond], own[beyond]
     unique = float(((left @ own) ** 2).sum() / max(float(((columns @ own) ** 2).sum()), 1e-300))
     if unique < MIN_UNIQUE:
         return f"what is declared imitates {100 * (1 - unique):.1f} % of its torque in these trials"
