@@ -39,7 +39,7 @@ bench-analysis: $(READY)  ## Errors, coverage and speed of the indices beside SA
 	$(BIN)/python -m benchmarks.analysis
 
 bench-closeloop: $(READY)  ## Print how often closing the loop names the right effect
-	$(BIN)/python -m benchmarks.closeloop
+	$(BIN)/python -m benchmarks.closeloop $(ARGS)
 
 picture: $(READY)  ## Draw the arm in the exoskeleton (docs/system.png)
 	$(BIN)/python -m sim.rendering docs/system.png

@@ -1,6 +1,6 @@
 """How often closing the loop is right, over synthetic sessions whose truth is known.
 
-`python -m benchmarks.closeloop [--seeds FIRST COUNT] [--clean COUNT] [--effects NAME ...]`
+`python -m benchmarks.closeloop [--seeds FIRST COUNT] [--clean COUNT] [--effects NAME ...] [--long]`
 
 Protocol: four speeds in two postures and one holdout trial; effect over noise at least 3. Seeds 0
 to 99 were used while developing, those from 1000 to 1199 were looked at once; the default starts
@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.answer import answer
+from analysis.closeloop.loop import close_loop
 from benchmarks.machine import describe_machine
 from tests.closeloop_effects import ABSORBED, BETWEEN, EFFECTS, OUTSIDE
 from tests.closeloop_sessions import write_session
@@ -218,6 +219,19 @@ def print_table(outcomes: list[Outcome]) -> None:
     print(f"seconds per session      {np.median([o.seconds for o in outcomes]):5.1f} (median)")
 
 
+def time_long() -> None:
+    """Print how long a session of 8 trials of 30 s at 1 kHz takes, report and all."""
+    with tempfile.TemporaryDirectory() as directory:
+        folder = Path(directory) / "session"
+        effects = ("coulomb_friction", "payload")
+        write_session(folder, 0, effects, holdout=False, rate=1000.0, seconds=30.0)
+        wall, cpu = time.perf_counter(), time.process_time()
+        report = close_loop(folder, Path(directory) / "out")
+        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    names = " and ".join(effect["name"] for effect in report["effects"])
+    print(f"8 trials x 30 s x 1 kHz: {wall:.1f} s, of them {cpu:.1f} s of a core; found {names}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", nargs=2, type=int, default=(2000, 5), metavar=("FIRST", "COUNT"))
@@ -225,8 +239,12 @@ def main() -> None:
     parser.add_argument("--effects", nargs="*", help="only these effects, or clean, or pairs a+b")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--resume", type=Path, metavar="FILE", help="keep outcomes, and go on")
+    parser.add_argument("--long", action="store_true", help="time one long session instead")
     options = parser.parse_args()
     print(describe_machine())
+    if options.long:
+        time_long()
+        return
     first, count = options.seeds
     work = list(cases(first, count, options.clean, options.effects))
     print(f"seeds {first} to {first + count - 1}, {options.clean} clean sessions")

@@ -53,6 +53,8 @@ def sweeps(
     *,
     rest: float = 0.25,
     shoulder: float = 0.0,
+    rate: float = RATE,
+    seconds: float = 0.0,
 ) -> Motion:
     """Return minimum-jerk sweeps to and fro with rests, about `speed` rad/s at their peak.
 
@@ -63,19 +65,21 @@ def sweeps(
         start: when the trial begins, s.
         rest: mean length of a rest, s.
         shoulder: how far the upper arm swings at its own slow rhythm, rad.
+        rate: of the sensors, Hz.
+        seconds: least length; more sweeps follow until it is reached.
     """
-    step = 1.0 / (RATE * SUBSTEPS)
+    step = 1.0 / (rate * SUBSTEPS)
     low, high = 0.35 + 0.1 * rng.random(), 1.75 + 0.1 * rng.random()
     count = 2 if speed < 0.5 else 4 if speed < 2 else 6
     position: list[np.ndarray] = []
-    at = low
-    for number in range(count):
+    at, number = low, 0
+    while number < count or sum(map(len, position)) * step < seconds:
         goal = (high if number % 2 == 0 else low) + 0.1 * rng.standard_normal()
         duration = 1.875 * abs(goal - at) / speed
         s = np.arange(0.0, 1.0, step / duration)
         position.append(at + (goal - at) * (10 * s**3 - 15 * s**4 + 6 * s**5))
         position.append(np.full(int((rest * (0.5 + rng.random())) / step), goal))
-        at = goal
+        at, number = goal, number + 1
     q = np.concatenate(position)
     # The controller is not a mathematician: its corners are a little round.
     width = int(0.03 / step)
@@ -102,6 +106,8 @@ def write_session(
     holdout: bool = True,
     speeds: tuple[float, ...] = SPEEDS,
     postures: tuple[float, ...] = POSTURES,
+    rate: float = RATE,
+    seconds: float = 0.0,
 ) -> Arm:
     """Write a session of every speed in every posture; return its truth.
 
@@ -120,6 +126,8 @@ def write_session(
     how = {
         "rest": 0.8 if "thixotropy" in effects else 0.25,
         "shoulder": 0.35 if "cross_joint_coupling" in effects else 0.0,
+        "rate": rate,
+        "seconds": seconds,
     }
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "device.xml").write_text(mjcf(arm))
@@ -175,8 +183,8 @@ def _write_trial(
         else:
             effort += (EFFECTS | ABSORBED | OUTSIDE)[name](m, arm, need, 0.6 * size)
     every = slice(None, None, SUBSTEPS)
-    time = m.time[every]
-    jitter = np.clip(rng.normal(0.0, 0.05 / RATE, len(time)), -0.3 / RATE, 0.3 / RATE)
+    time, interval = m.time[every], SUBSTEPS * m.step
+    jitter = np.clip(rng.normal(0.0, 0.05 * interval, len(time)), -0.3 * interval, 0.3 * interval)
     time = time + jitter
     position = np.interp(time, m.time, m.position)
     torque = np.interp(time, m.time, effort)

@@ -116,17 +116,32 @@ def declared_model(recording: Recording, rows: Rows) -> Model:
         elif options := _declared_terms(recording, BY_NAME[declared.effect], joint):
             choices.append(options)
     taken = [options[len(options) // 2] for options in choices]
-    for _ in range(2):
+
+    for scale in (0.0, 1.0, 0.5, 0.25):
         for number, options in enumerate(choices):
+            if scale:
+                options = [taken[number], *_nearby(recording, taken[number], scale)]
             if len(options) > 1:
-                others = taken[:number], taken[number + 1 :]
-                taken[number] = min(
-                    options,
-                    key=lambda term: (
-                        evaluate(_joined(recording, [*others[0], term, *others[1]], rows), rows).sse
-                    ),
-                )
+                before, after = taken[:number], taken[number + 1 :]
+                models = [_joined(recording, [*before, o, *after], rows) for o in options]
+                misfits = [evaluate(model, rows).sse for model in models]
+                taken[number] = options[int(np.argmin(misfits))]
     return _joined(recording, taken, rows)
+
+
+def _nearby(recording: Recording, term: Term, scale: float) -> list[Term]:
+    """Return a declared effect with its non-linear parameters a little smaller and larger."""
+    if term.name == VISCOELASTIC:
+        return []
+    effect, estimate = BY_NAME[term.name], no_estimate(recording)
+    return [
+        replace(
+            term,
+            theta=theta,
+            columns=effect.columns(recording, term.joint, theta, estimate),
+        )
+        for theta in effect.neighbours(term.theta, scale)
+    ]
 
 
 def _joined(recording: Recording, terms: list[Term], rows: Rows) -> Model:

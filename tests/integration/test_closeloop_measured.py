@@ -76,7 +76,7 @@ def test_the_same_form_fitted_has_the_published_errors_until_it_is_repaired(tmp_
     # Published: 5.98 % for the symmetric model on the pulses that it was not fitted to.
     error = report["error"]["holdout"]["slide"]
     assert error["smooth_relative_before"] == pytest.approx(0.0595, abs=0.0005)
-    assert error["smooth_relative_after"] < 0.0536
+    assert error["smooth_relative_after"] <= 0.0535
     # What the pulses excite beyond the carriage's rigid motion has no name.
     left = report["unexplained"]["slide"]
     assert [place["file"] for place in left["mostly_in"]] == ["test_pulses.csv"]
