@@ -146,6 +146,11 @@ CONDITIONS: tuple[Factor, ...] = (
         "robot's elbow when the straps were closed, from start",
     ),
     _condition(
-        "extension_stop", "Nm/rad", 0.0, 60.0, 0.0, "passive stiffness of the elbow past 5 degrees"
+        "extension_stop",
+        "Nm/rad",
+        0.0,
+        60.0,
+        30.0,
+        "passive stiffness of the elbow below 5 degrees",
     ),
 )

@@ -99,7 +99,17 @@ def test_wearers_at_the_ends_of_each_range_can_be_assessed(corner: str) -> None:
         ({"upper_arm_length": 0.48}, {}, "penetrated"),
         ({"forearm_length": 0.18}, {}, "slipped"),
         ({"upper_arm_length": 0.20}, {}, "start_not_reached"),
-        ({"forearm_length": 0.48}, {}, "human_joint_limit"),
+        ({"forearm_length": 0.48, "extension_stop": 0.0}, {}, "human_joint_limit"),
+        (
+            {
+                "cuff_friction": 2.0,
+                "upper_arm_length": 0.41,
+                "upper_arm_elasticity": 4000.0,
+                "forearm_elasticity": 4000.0,
+            },
+            {},
+            "jammed",
+        ),
         ({"forearm_mass": 40.0}, {}, "tracking_lost"),
         ({"upper_arm_elasticity": 1e7}, {}, "diverged"),
         ({}, {"controller": "pd"}, "exo_joint_limit"),
@@ -251,19 +261,24 @@ LONG_HEAVY_STIFF = {
 }
 
 
-@pytest.mark.parametrize("remedy", ["triceps_wrapping", "extension_stop"])
 @pytest.mark.parametrize("upper_arm_mass", [0.3, 3.41])
-def test_long_heavy_arms_are_kept_from_hyperextension(remedy: str, upper_arm_mass: float) -> None:
-    """By extensors whose lever does not vanish, or by a passive stop."""
-    value = {"triceps_wrapping": 1.0, "extension_stop": 30.0}[remedy]
-    assessment = assess({**LONG_HEAVY_STIFF, "upper_arm_mass": upper_arm_mass, remedy: value})
+@pytest.mark.parametrize("condition", [{}, {"triceps_wrapping": 1.0, "extension_stop": 0.0}])
+def test_long_heavy_arms_are_kept_from_hyperextension(
+    condition: dict[str, float], upper_arm_mass: float
+) -> None:
+    """By a passive stop, or by extensors whose lever does not vanish."""
+    assessment = assess({**LONG_HEAVY_STIFF, "upper_arm_mass": upper_arm_mass, **condition})
     assert assessment.outcome == "ok", assessment.reason
     assert assessment.record is not None
     assert assessment.record.q[:, 3].min() > 0.0
 
 
+def test_without_a_stop_a_long_heavy_arm_ends_at_its_joint_limit() -> None:
+    assert assess({**LONG_HEAVY_STIFF, "extension_stop": 0.0}).outcome == "human_joint_limit"
+
+
 def test_an_extension_stop_acts_on_nobody_who_does_not_reach_it(nominal: Assessment) -> None:
-    assert assess({"extension_stop": 60.0}).outputs == nominal.outputs
+    assert assess({"extension_stop": 0.0}).outputs == nominal.outputs
 
 
 def test_a_wrapped_triceps_makes_co_contraction_resist_movement(nominal: Assessment) -> None:
