@@ -117,10 +117,10 @@ def simulate(recording: Recording, xml: str, piece: slice) -> Run:
         path[i] = error
         total = np.where(driven, effort[i], data.qfrc_bias) + feedback[i]
         data.qfrc_applied[:] = total
-        for dof, motor in motors.items():
+        for dof, control in motors.items():
             if driven[dof]:
                 # The late or weak motor gets the effort; the feedback acts on the joint itself.
-                data.ctrl[motor] = effort[i, dof]
+                data.ctrl[control] = effort[i, dof]
                 data.qfrc_applied[dof] = feedback[i, dof]
         effects.apply(data)
         mujoco.mj_step(model, data)
@@ -170,15 +170,16 @@ def _efforts(recording: Recording, piece: slice, time: np.ndarray) -> tuple[np.n
 
 
 def _motors(model: mujoco.MjModel) -> dict[int, int]:
-    """Return the motor of each degree of freedom that hands its control on as a torque."""
+    """Return where in `ctrl` the plain torque motor of each degree of freedom is told."""
     found: dict[int, int] = {}
-    for number in range(model.nu):
+    # Controls are counted by `nu`; an actuator may have several.
+    for number in range(len(model.actuator_trnid)):
         joint = int(model.actuator_trnid[number, 0])
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, number) or ""
         at_joint = model.actuator_trntype[number] == mujoco.mjtTrn.mjTRN_JOINT
         plain = model.actuator_gear[number, 0] == 1.0 and not name.startswith(PREFIX)
         if at_joint and plain and model.actuator_biastype[number] == mujoco.mjtBias.mjBIAS_NONE:
-            found.setdefault(int(model.jnt_dofadr[joint]), number)
+            found.setdefault(int(model.jnt_dofadr[joint]), int(model.actuator_ctrladr[number]))
     return found
 
 
