@@ -136,7 +136,7 @@ def test_intervals_of_one_sobol_sequence_are_too_wide() -> None:
             found = study("saltelli", sobol_g, rows=1024, seed=seed, sampling=sampling).indices()
             widths.append(found["total_order"].high[0] - found["total_order"].low[0])
     medians = {sampling: np.median(widths, axis=0) for sampling, widths in width.items()}
-    assert np.all(medians["sobol_blocks"][:4] < 0.7 * medians["sobol"][:4])
+    assert np.all(medians["sobol_blocks"][:3] < 0.7 * medians["sobol"][:3])
 
 
 @pytest.mark.parametrize("rows", [10, 50])
