@@ -13,6 +13,7 @@ from typing import TypedDict
 import mujoco
 import numpy as np
 
+from sim.factors import TISSUE_COUPLING
 from sim.fidelity import CAMPAIGN, Fidelity
 from sim.wearer import Wearer
 
@@ -53,7 +54,7 @@ class Sleeve:
     rings: int
     per_ring: int
     #: Stiffness of the springs between neighbours, as a share of an element's own.
-    coupling: float = 1.0
+    coupling: float = TISSUE_COUPLING
 
     @property
     def share(self) -> float:
@@ -77,7 +78,7 @@ def sleeves(
     wearer: Wearer,
     *,
     tissue_scale: float = 1.0,
-    coupling: float = 1.0,
+    coupling: float = TISSUE_COUPLING,
     fidelity: Fidelity = CAMPAIGN,
 ) -> tuple[Sleeve, Sleeve]:
     """Return the tissue of upper arm and forearm.

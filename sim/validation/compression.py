@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from sim.conditions import DEFAULT_CONDITIONS
+from sim.factors import TISSUE_COUPLING
 from sim.fidelity import CAMPAIGN
 from sim.skeleton import empty_spec
 from sim.soft_tissue import (
@@ -65,7 +66,9 @@ class CompressionTest:
         return float(np.interp(strain, self.strain, self.stress)) / strain
 
 
-def run_compression_test(elasticity: float, *, coupling: float = 1.0) -> CompressionTest:
+def run_compression_test(
+    elasticity: float, *, coupling: float = TISSUE_COUPLING
+) -> CompressionTest:
     """Press the upper arm's nominal sleeve with elements of `elasticity` (N/m).
 
     `coupling` is the stiffness of the springs between neighbours as a share of that.

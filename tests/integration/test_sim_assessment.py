@@ -99,7 +99,7 @@ def test_wearers_at_the_ends_of_each_range_can_be_assessed(corner: str) -> None:
         ({"upper_arm_length": 0.48}, {}, "penetrated"),
         ({"forearm_length": 0.18}, {}, "slipped"),
         ({"upper_arm_length": 0.20}, {}, "start_not_reached"),
-        ({"forearm_length": 0.48, "extension_stop": 0.0}, {}, "human_joint_limit"),
+        ({"forearm_length": 0.48}, {}, "human_joint_limit"),
         (
             {
                 "cuff_friction": 2.0,
@@ -262,23 +262,16 @@ LONG_HEAVY_STIFF = {
 
 
 @pytest.mark.parametrize("upper_arm_mass", [0.3, 3.41])
-@pytest.mark.parametrize("condition", [{}, {"triceps_wrapping": 1.0, "extension_stop": 0.0}])
+@pytest.mark.parametrize("condition", [{}, {"triceps_wrapping": 1.0}, {"extension_stop": 30.0}])
 def test_long_heavy_arms_are_kept_from_hyperextension(
     condition: dict[str, float], upper_arm_mass: float
 ) -> None:
-    """By a passive stop, or by extensors whose lever does not vanish."""
     assessment = assess({**LONG_HEAVY_STIFF, "upper_arm_mass": upper_arm_mass, **condition})
     assert assessment.outcome == "ok", assessment.reason
-    assert assessment.record is not None
-    assert assessment.record.q[:, 3].min() > 0.0
-
-
-def test_without_a_stop_a_long_heavy_arm_ends_at_its_joint_limit() -> None:
-    assert assess({**LONG_HEAVY_STIFF, "extension_stop": 0.0}).outcome == "human_joint_limit"
 
 
 def test_an_extension_stop_acts_on_nobody_who_does_not_reach_it(nominal: Assessment) -> None:
-    assert assess({"extension_stop": 0.0}).outputs == nominal.outputs
+    assert assess({"extension_stop": 60.0}).outputs == nominal.outputs
 
 
 def test_a_wrapped_triceps_makes_co_contraction_resist_movement(nominal: Assessment) -> None:
@@ -296,8 +289,8 @@ def test_straps_closed_elsewhere_move_to_the_start_and_leave_a_mark(nominal: Ass
     assert seated.outputs["stiffness_error"] < nominal.outputs["stiffness_error"] - 0.15
 
 
-def test_looser_coupling_of_the_tissue_encloses_the_moduli_of_figure_6() -> None:
-    softest, stiffest = (run_compression_test(k, coupling=0.09) for k in (100.5, 974.43))
+def test_the_tissue_encloses_the_moduli_of_figure_6() -> None:
+    softest, stiffest = (run_compression_test(k) for k in (100.5, 974.43))
     for strain in (0.1, 0.15, 0.2):
         assert softest.modulus_at(strain) <= OGNEVA_RELAXED
     for strain in (0.1, 0.12, 0.15):

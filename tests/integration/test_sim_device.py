@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from sim.assessment import Assessment, assess
+from sim.control import DURATION
 from sim.evaluation import evaluate
 from sim.exoskeleton import FOLDER
+from sim.fidelity import CAMPAIGN
 from sim.figures import assessment_figure
 
 
@@ -31,8 +33,8 @@ def test_a_record_has_a_column_for_each_of_the_devices_joints(
 ) -> None:
     record = nominal.record
     assert record is not None
-    assert record.theta.shape == record.motor_torque.shape == (600, 1)
-    assert record.q.shape == (600, 4)
+    assert record.theta.shape == record.motor_torque.shape == (round(DURATION / CAMPAIGN.step), 1)
+    assert record.q.shape == (round(DURATION / CAMPAIGN.step), 4)
     assert np.degrees(record.theta[0, 0]) == pytest.approx(110.0, abs=1.0)
     record.save(tmp_path / "trial.npz")
     with np.load(tmp_path / "trial.npz", allow_pickle=False) as saved:

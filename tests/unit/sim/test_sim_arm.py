@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.factors import TISSUE_COUPLING
 from sim.fidelity import FIDELITIES
 from sim.muscles import elbow_length_ranges
 from sim.skeleton import HAND_MASS, HUMAN_JOINTS, PRONATION, add_arm, add_extension_stop, empty_spec
@@ -78,7 +79,7 @@ def test_isometric_peaks_are_those_of_the_papers_figure_3() -> None:
 
 
 def test_one_element_has_the_stiffness_of_table_1_in_newton_per_metre() -> None:
-    """Central spring k, neighbour springs k each, its share k / count of the volume's."""
+    """Central spring k, neighbours' springs a share of k each, and k / count of the volume's."""
     sleeve = sleeves(replace(NOMINAL_WEARER, upper_arm_elasticity=400.0))[0]
     spec = empty_spec()
     spec.worldbody.add_body(name=sleeve.bone)
@@ -90,7 +91,9 @@ def test_one_element_has_the_stiffness_of_table_1_in_newton_per_metre() -> None:
     data.qpos[joint.qposadr[0]] = -press
     mujoco.mj_forward(model, data)
     stiffness = data.qfrc_spring[joint.dofadr[0]] / press
-    assert stiffness == pytest.approx(400.0 * (1 + 4 + 1 / len(sleeve.places)), rel=1e-4)
+    assert stiffness == pytest.approx(
+        400.0 * (1 + 4 * TISSUE_COUPLING + 1 / len(sleeve.places)), rel=1e-4
+    )
 
 
 def test_finer_elements_share_the_stiffness_of_the_reference_ones() -> None:
