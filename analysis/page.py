@@ -142,8 +142,8 @@ def page(title: str, findings: Sequence[str], sections: Sequence[Section]) -> st
             "</header>",
             _card(_list(findings)) if findings else "",
             *(_section(section) for section in sections),
-            f"<footer>rehyb {escape(version('rehyb'))}. Intervals are bootstrap intervals at the "
-            "level named with each table. Methods: Tesfazgi, Sangouard, Endo and Hirche 2023, "
+            f"<footer>rehyb {escape(version('rehyb'))}. Intervals are at the level named with each "
+            "table. Methods: Tesfazgi, Sangouard, Endo and Hirche 2023, "
             "doi 10.3389/fnbot.2023.1167604, sections 2.4 and 3.</footer>",
             f"</main><script>{script}</script></body></html>\n",
         ]
@@ -159,6 +159,9 @@ def _section(section: Section) -> str:
             _card(f"<p>{escape(section.warning)}</p>", "warning") if section.warning else "",
             _card(_list(section.remarks)) if section.remarks else "",
             _card(_indices(snapshot, output, section.units)),
+            _folded("Per unit of each factor", _per_unit(section))
+            if snapshot["method"] == "morris"
+            else "",
             *(_card(_picture(picture)) for picture in section.pictures),
             _folded(
                 "Every other output",
@@ -214,6 +217,8 @@ def _indices(snapshot: Mapping[str, Any], output: str, units: Mapping[str, str])
         suffix = f" {unit}" if unit else ""
         spread = f": mean {entry['mean']:.3g}{suffix}, standard deviation {entry['sd']:.3g}{suffix}"
     level = f"{100 * snapshot['level']:.0f} % intervals"
+    if snapshot["method"] == "morris":
+        level += f"; {unit or 'effects'} per whole range of the factor"
     return f"<h3>{escape(_words(output) + spread)}</h3>" + _table(snapshot, entry, level)
 
 
@@ -233,6 +238,32 @@ def _table(snapshot: Mapping[str, Any], entry: Mapping[str, Any], level: str) ->
         foot = ["sum", *map(_interval, sums), ""]
     head = ["factor", *columns.values(), "n"]
     return _grid(head, rows, foot) + f'<p class="lead"><small>{level}</small></p>'
+
+
+def _per_unit(section: Section) -> str:
+    """Return mu, mu* and sigma of the figures' output in the other of their two scalings."""
+    columns = _COLUMNS["morris"]
+    factors = section.snapshot["outputs"][section.output]["factors"]
+    unit = section.units.get(section.output, "")
+    rows = [
+        [
+            escape(_words(name)),
+            *(
+                _interval(factors[name]["per_unit"][index]) if factors[name]["per_unit"] else "–"
+                for index in columns
+            ),
+            escape(f"{unit or 'output'} per {own or 'unit'}"),
+        ]
+        for name, _, own in section.sampled
+    ]
+    return (
+        f"<h3>{escape(_words(section.output))}</h3>"
+        + _grid(["factor", *columns.values(), "unit"], rows)
+        + '<p class="lead"><small>Equation 22 with the step in the factor\'s own unit: what one '
+        "unit of it does. Factors are compared by the table above, whose effects are those of "
+        "their whole ranges; – where a factor is not uniform, so that no one number turns one "
+        "into the other.</small></p>"
+    )
 
 
 def _interval(index: Mapping[str, float | None]) -> str:

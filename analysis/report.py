@@ -15,6 +15,7 @@ import numpy as np
 
 from analysis import hover
 from analysis.comparison import Compared, compare, rows_of
+from analysis.distributions import Distribution, widths
 from analysis.figures import (
     convergence_figure,
     distribution_figure,
@@ -40,7 +41,8 @@ _METHODS = {
     "saltelli": "Variance-based indices",
 }
 _PLANE = (
-    "Left: mean magnitude and spread of the elementary effects with their intervals; below the "
+    "Left: mean magnitude and spread of the elementary effects with their intervals, each the "
+    "effect of a factor's whole range; below the "
     "dotted line an effect is mostly monotonic and without interactions. Right: where bootstrap "
     "replicates put them. Near the origin a factor does little (paper, figure 8)."
 )
@@ -108,6 +110,12 @@ def plan_of(study: Mapping[str, Any]) -> StudyPlan:
         rows=study["rows"],
         factors=tuple(factor["name"] for factor in study["factors"]),
         outputs=tuple(study["outputs"]),
+        widths=widths(
+            {
+                factor["name"]: Distribution.from_json(factor["distribution"])
+                for factor in study["factors"]
+            }
+        ),
     )
 
 

@@ -8,18 +8,21 @@
                  **OUTPUT}}
 
     OUTPUT: {"mean", "sd", "n",
-             "factors": {factor: {"n", index: {"value", "low", "high"}, ...}},
+             "factors": {factor: {"n", index: {"value", "low", "high"}, ...,
+                                  "per_unit": {index: {"value", "low", "high"}, ...}}},
              sum: {"value", "low", "high"}, ...,
              "ranking": {"by", "order": [factor], "same_order", "same_first"},
              "convergence": {"rows": [number],
                              "factors": {factor: {index: {"value": [], "low": [], "high": []}}}}}
 
-Indices are "mu", "mu_star" and "sigma" (method morris, in the output's unit per range of the
-factor) or "first_order" and "total_order" (method saltelli, shares of the variance), for which
-there are the sums "sum_first_order" and "sum_total_order" and the measure of chance
-"dummy_first_order" (`SaltelliEstimator`). "failure" is the indicator that is 1 where a
-run failed and 0 elsewhere (`analysis.failures`), "ranking" says how many bootstrap replicates rank
-the factors alike (`analysis.ranking`), "convergence" what the first 8, 16, 32, ... rows said
+Indices are "mu", "mu_star" and "sigma" (method morris, in the output's unit per whole range of the
+factor, so that factors can be compared; under "per_unit" the same per unit of the factor, which is
+equation 22 with the step in that unit, or null for a factor that is not uniform) or "first_order"
+and "total_order" (method saltelli, shares of the variance), for which there are the sums
+"sum_first_order" and "sum_total_order" and the measure of chance "dummy_first_order"
+(`SaltelliEstimator`). "failure" is the indicator that is 1 where a run failed and 0 elsewhere
+(`analysis.failures`), "ranking" says how many bootstrap replicates rank the factors alike
+(`analysis.ranking`), "convergence" what the first 8, 16, 32, ... rows said
 (`analysis.convergence`). What is not defined yet is null.
 """
 
@@ -121,6 +124,7 @@ def _output(
         "factors": {
             factor: {
                 **{name: _interval(index, (o, f)) for name, index in of_factors.items()},
+                **_per_unit(plan, factor, of_factors, (o, f)),
                 "n": int(effects[o, f]),
             }
             for f, factor in enumerate(plan.factors)
@@ -135,6 +139,19 @@ def _output(
             },
         },
     }
+
+
+def _per_unit(
+    plan: StudyPlan, factor: str, of_factors: Mapping[str, Estimate], at: tuple[int, int]
+) -> dict[str, Any]:
+    """Return {"per_unit": ...} of the module docstring; nothing for shares, which have no unit."""
+    if plan.method != "morris":
+        return {}
+    if factor not in plan.widths:
+        # A step in probability is then no one step in the unit, so there is no one scale.
+        return {"per_unit": None}
+    width = plan.widths[factor]
+    return {"per_unit": {name: _interval(index, at, width) for name, index in of_factors.items()}}
 
 
 def _ranking(plan: StudyPlan, statistics: Mapping[str, Statistic], o: int) -> dict[str, Any]:
@@ -168,11 +185,11 @@ def _curve(series: Sequence[Point], name: str, at: tuple[int, ...]) -> dict[str,
     return {end: [point[end] for point in points] for end in ("value", "low", "high")}
 
 
-def _interval(index: Estimate, at: tuple[int, ...]) -> dict[str, float | None]:
+def _interval(index: Estimate, at: tuple[int, ...], width: float = 1.0) -> dict[str, float | None]:
     return {
-        "value": _number(index.value[at]),
-        "low": _number(index.low[at]),
-        "high": _number(index.high[at]),
+        "value": _number(index.value[at] / width),
+        "low": _number(index.low[at] / width),
+        "high": _number(index.high[at] / width),
     }
 
 

@@ -72,7 +72,7 @@ def statistic(entry: Mapping[str, float | None] | None) -> str:
 
 
 def _bound(value: float) -> str:
-    """Return a limit of an interval in two digits, all that a bootstrap of 200 replicates gives."""
+    """Return a limit of an interval in two digits, all that eight blocks of rows give."""
     return f"{value:.2g}" if abs(value) < 10.0 else f"{value:.0f}"
 
 
@@ -82,7 +82,14 @@ def indices_table(snapshot: Mapping[str, Any], output: str, title: str = "") -> 
         snapshot["outputs"].get(output, {}).get("factors", {})
     )
     names = [name for name in SYMBOLS if any(name in entry for entry in factors.values())]
-    table = Table(title=title or None, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table = Table(
+        title=title or None,
+        title_justify="left",
+        caption="μ*, σ: per whole range" if "mu_star" in names else None,
+        caption_justify="left",
+        box=SIMPLE_HEAD,
+        pad_edge=False,
+    )
     table.add_column("factor", no_wrap=True)
     for name in names:
         table.add_column(SYMBOLS[name], justify="right", no_wrap=True)

@@ -53,7 +53,7 @@ def caption(
     rows = " and ".join(f"{s['rows_used']:,} of {s['rows']:,}" for s in snapshots)
     level = 100 * snapshots[0]["level"]
     figure.supxlabel(
-        f"{rows} rows used; {what} {level:.0f} % intervals (bootstrap){after}",
+        f"{rows} rows used; {what} {level:.0f} % intervals{after}",
         fontsize=8,
         color=FAINT,
     )

@@ -107,6 +107,7 @@ def test_factors_are_listed_most_influential_first() -> None:
     text = drawn(indices_table(snapshot(x1=0.5, x2=2.0, x3=1.0), "y"))
     assert text.index("x2") < text.index("x3") < text.index("x1")
     assert "2 [1, 4]" in text
+    assert "μ*, σ: per whole range" in text
 
 
 def test_a_study_without_results_has_an_empty_table() -> None:
