@@ -119,6 +119,38 @@ def test_a_study_that_makes_no_sense_is_a_problem_with_a_pointer(client: TestCli
     assert "low of a uniform distribution must be below high" in problem["detail"]
 
 
+@pytest.mark.parametrize(
+    ("changes", "pointer"),
+    [
+        ({"correlation": [[1.0, 0.5], [0.5, 1.0]]}, "/correlation"),
+        ({"Covariance": None}, "/Covariance"),
+        ({"copula": {"kind": "gaussian"}}, "/copula"),
+        (
+            {"factors": [{"name": "x1"}, {"name": "x2", "depends_on": "x1"}]},
+            "/factors/1/depends_on",
+        ),
+        (
+            {"factors": [{"name": "x1", "distribution": {"kind": "normal", "correlation": 0.5}}]},
+            "/factors/0/distribution/correlation",
+        ),
+    ],
+)
+def test_dependent_factors_are_refused_with_what_would_be_right(
+    client: TestClient, changes: Json, pointer: str
+) -> None:
+    problem = is_problem(client.post("/v1/studies", json={**STUDY, **changes}), 422)
+    assert problem["pointer"] == pointer
+    assert "factors are sampled independently of each other" in problem["detail"]
+    assert "leave it out, or sample factors that are independent" in problem["detail"]
+    assert client.get("/v1/studies").json() == {"studies": []}
+
+
+@pytest.mark.parametrize("body", ["[]", "3", '"text"', '{"factors": {"correlation": 1}}', "null"])
+def test_a_body_of_any_other_shape_is_a_problem_too(client: TestClient, body: str) -> None:
+    headers = {"Content-Type": "application/json"}
+    is_problem(client.post("/v1/studies", content=body, headers=headers), 422)
+
+
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
 def test_numbers_that_are_not_finite_are_refused(client: TestClient, number: str) -> None:
     text = json.dumps({**STUDY, "fixed": {"x1": 0}}).replace('"x1": 0', f'"x1": {number}')
