@@ -20,6 +20,7 @@ from importlib.resources import files
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from analysis.designs import family
 from analysis.digits import with_interval
 
 if TYPE_CHECKING:
@@ -162,6 +163,9 @@ def _section(section: Section) -> str:
             _folded("Per unit of each factor", _per_unit(section))
             if snapshot["method"] == "morris"
             else "",
+            _folded("Pairs of factors", _pairs(section))
+            if "second_order" in snapshot["outputs"][output]
+            else "",
             *(_card(_picture(picture)) for picture in section.pictures),
             _folded(
                 "Every other output",
@@ -223,21 +227,36 @@ def _indices(snapshot: Mapping[str, Any], output: str, units: Mapping[str, str])
 
 
 def _table(snapshot: Mapping[str, Any], entry: Mapping[str, Any], level: str) -> str:
-    columns = _COLUMNS[snapshot["method"]]
+    columns = _COLUMNS[family(snapshot["method"])]
     ranked = sorted(
         entry["factors"].items(),
-        key=lambda item: -(item[1][_RANKED_BY[snapshot["method"]]]["value"] or 0.0),
+        key=lambda item: -(item[1][_RANKED_BY[family(snapshot["method"])]]["value"] or 0.0),
     )
     rows = [
         [escape(_words(name)), *(_interval(found[index]) for index in columns), f"{found['n']:,}"]
         for name, found in ranked
     ]
     foot: list[str] = []
-    if snapshot["method"] == "saltelli":
+    if family(snapshot["method"]) == "saltelli":
         sums = (entry["sum_first_order"], entry["sum_total_order"])
         foot = ["sum", *map(_interval, sums), ""]
     head = ["factor", *columns.values(), "n"]
     return _grid(head, rows, foot) + f'<p class="lead"><small>{level}</small></p>'
+
+
+def _pairs(section: Section) -> str:
+    """Return the second-order indices of the figures' output, the largest first."""
+    pairs = section.snapshot["outputs"][section.output]["second_order"]
+    rows = [
+        [escape(" × ".join(map(_words, pair["factors"]))), _interval(pair), f"{pair['n']:,}"]
+        for pair in sorted(pairs, key=lambda pair: -(pair["value"] or 0.0))
+    ]
+    return (
+        f"<h3>{escape(_words(section.output))}</h3>"
+        + _grid(["pair", "S of the pair", "n"], rows)
+        + '<p class="lead"><small>Share of the variance that two factors have together beyond '
+        "what each has alone (Saltelli 2002).</small></p>"
+    )
 
 
 def _per_unit(section: Section) -> str:
@@ -294,7 +313,8 @@ def _surrogate(section: Section) -> str:
         return f"<p>{escape(found or '')}</p>"
     fits = found.fits()
     sampled = section.snapshot["outputs"][section.output]["factors"]
-    columns = _COLUMNS["saltelli"] if section.snapshot["method"] == "saltelli" else {}
+    sampled_too = family(section.snapshot["method"]) == "saltelli"
+    columns = _COLUMNS["saltelli"] if sampled_too else {}
     rows = [
         [
             escape(_words(name)),

@@ -15,6 +15,7 @@ import numpy as np
 
 from analysis import hover
 from analysis.comparison import Compared, compare, rows_of
+from analysis.designs import family
 from analysis.distributions import Distribution, widths
 from analysis.figures import (
     convergence_figure,
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 _METHODS = {
     "morris": "Screening by elementary effects",
     "saltelli": "Variance-based indices",
+    "saltelli_second_order": "Variance-based indices, also of pairs",
 }
 _PLANE = (
     "Left: mean magnitude and spread of the elementary effects with their intervals, each the "
@@ -300,7 +302,7 @@ def _surrogate(chapter: Chapter, output: str) -> Answer | str:
 
 
 def _compared(chapter: Chapter, output: str) -> Mapping[str, Compared]:
-    if chapter.table.plan.method != "saltelli":
+    if family(chapter.table.plan.method) != "saltelli":
         return {}
     return compare(rows_of(chapter.table, output), chapter.snapshot["level"])
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
 
-from analysis.designs import METHODS, instance_parameters, row_width, samplings
+from analysis.designs import METHODS, fewest_factors, instance_parameters, row_width, samplings
 from analysis.distributions import Distribution, widths
 from analysis.records import StudyPlan
 from server.errors import InvalidStudyError
@@ -160,6 +160,10 @@ def draw_up(
             if factor.name not in fixed
         ]
     sampled = _sampled(described, factors, fixed)
+    if len(sampled) < fewest_factors(method):
+        raise InvalidStudyError(
+            "/factors", f"{method} looks at pairs: it needs two factors or more"
+        )
     return Plan(
         name=name,
         model=model,

@@ -14,10 +14,17 @@ from analysis.service import analyse
 from analysis.snapshot import empty_snapshot
 
 INTERVAL = {"value", "low", "high"}
-INDICES = {"morris": {"mu", "mu_star", "sigma"}, "saltelli": {"first_order", "total_order"}}
+SHARES = {"first_order", "total_order"}
+INDICES = {
+    "morris": {"mu", "mu_star", "sigma"},
+    "saltelli": SHARES,
+    "saltelli_second_order": SHARES,
+}
+SUMS_OF_SHARES = {"sum_first_order", "sum_total_order", "dummy_first_order"}
 SUMS = {
     "morris": set(),
-    "saltelli": {"sum_first_order", "sum_total_order", "dummy_first_order"},
+    "saltelli": SUMS_OF_SHARES,
+    "saltelli_second_order": SUMS_OF_SHARES | {"second_order"},
 }
 OUTPUT = {"mean", "sd", "n", "factors", "ranking", "convergence"}
 
