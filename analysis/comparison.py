@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from analysis.designs import row_width
 from analysis.estimators import Estimate
 from analysis.table import Table
 
@@ -30,11 +31,14 @@ class Compared:
 
 
 def rows_of(table: Table, output: str) -> Array:
-    """Return an output's values by row and position, shape (rows, width); nan where none came."""
-    o = table.plan.outputs.index(output)
-    rows = np.full((table.plan.rows, len(table.plan.factors) + 2), np.nan)
+    """Return an output's values at A, B and A_B^(i), shape (rows, factors + 2).
+
+    nan where no value came.
+    """
+    o, factors = table.plan.outputs.index(output), len(table.plan.factors)
+    rows = np.full((table.plan.rows, row_width(table.plan.method, factors)), np.nan)
     rows[table.rows, table.positions] = table.values[:, o]
-    return rows
+    return rows[:, : factors + 2]
 
 
 def compare(rows: Array, level: float = 0.9) -> Mapping[str, Compared]:

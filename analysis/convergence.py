@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimators import Estimate, Estimator
+from analysis.estimators import OF_PAIRS, Estimate, Estimator
 
 #: Rows of the first point: intervals of fewer say nothing.
 FIRST = 8
@@ -121,7 +121,11 @@ class GrowingEstimator:
         self._next += 1
         if rows >= FIRST:
             indices = self._closed.indices(self._level)
-            of_factors = {name: index for name, index in indices.items() if index.value.ndim == 2}
+            of_factors = {
+                name: index
+                for name, index in indices.items()
+                if index.value.ndim == 2 and name not in OF_PAIRS
+            }
             self.series.append(Point(rows=rows, indices=of_factors))
 
 

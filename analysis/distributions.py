@@ -44,6 +44,11 @@ class Distribution(ABC):
     @abstractmethod
     def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
+    @property
+    def width(self) -> float | None:
+        """The whole range if a step in probability is the same step everywhere in it, else None."""
+        return None
+
     def ppf(self, u: ArrayLike) -> NDArray[np.float64]:
         """Return the quantiles of probabilities `u`, elementwise; ValueError unless 0 < u < 1."""
         probabilities = np.asarray(u, dtype=np.float64)
@@ -87,6 +92,11 @@ class Uniform(Distribution):
 
     def _check(self) -> None:
         _ordered(self.kind, self.low, self.high)
+
+    @property
+    def width(self) -> float:
+        """`high` - `low`."""
+        return self.high - self.low
 
     def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.clip(self.low + u * (self.high - self.low), self.low, self.high)
@@ -223,6 +233,15 @@ class Discrete(Distribution):
             "values": list(self.values),
             "probabilities": list(self.probabilities),
         }
+
+
+def widths(distributions: Mapping[str, Distribution]) -> dict[str, float]:
+    """Return `Distribution.width` of every factor that has one."""
+    return {
+        name: distribution.width
+        for name, distribution in distributions.items()
+        if distribution.width is not None
+    }
 
 
 _KINDS: tuple[type[Distribution], ...] = (

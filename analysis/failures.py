@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.designs import family
 from analysis.designs.radial import MEAN_INVERSE_STEP
 from analysis.designs.trajectories import STEP
 from analysis.estimators import Estimator
@@ -65,7 +66,7 @@ def judge(
             factors=(),
             sentence=f"{start}: too few to tell whether failures depend on the factors.",
         )
-    zero, floor = _MARKS[estimator.method]
+    zero, floor = _MARKS[family(estimator.method)]
     statistics = estimator.statistics()
     alone = _errors_off(statistics[zero].weighted[:, column])
     with_others = statistics[floor].weighted[:, column]
@@ -109,7 +110,7 @@ def _dummy(estimator: Estimator, column: int) -> NDArray[np.float64]:
     is twice the indicator's variance.
     """
     p = estimator.weighted_mean(column)
-    if estimator.method == "saltelli":
+    if family(estimator.method) == "saltelli":
         return np.ones_like(p)
     inverse_step = 1.0 / STEP if estimator.sampling == "trajectories" else MEAN_INVERSE_STEP
     dummy: NDArray[np.float64] = 2.0 * p * (1.0 - p) * inverse_step

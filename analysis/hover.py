@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from analysis.designs import family
 from analysis.digits import with_interval
 from analysis.figures.pairs import leading_pairs
 from analysis.figures.scatter import DRAWN
@@ -82,7 +83,7 @@ def convergence(figure: Figure, snapshot: Mapping[str, Any], output: str) -> lis
     series, complete = entry["convergence"], snapshot["rows_complete"]
     panels = []
     for axes, (index, symbol) in zip(
-        figure.axes, _SYMBOLS[snapshot["method"]].items(), strict=True
+        figure.axes, _SYMBOLS[family(snapshot["method"])].items(), strict=True
     ):
         marks = []
         for name, curves in series["factors"].items():
@@ -125,7 +126,7 @@ def _panel(figure: Figure, axes: Axes) -> Panel:
 def _told(snapshot: Mapping[str, Any], name: str, entry: Mapping[str, Any]) -> str:
     indices = ", ".join(
         f"{symbol} {_interval(**entry[index])}"
-        for index, symbol in _SYMBOLS[snapshot["method"]].items()
+        for index, symbol in _SYMBOLS[family(snapshot["method"])].items()
         if entry[index]["value"] is not None
     )
     return f"{_words(name)}: {indices}, n {entry['n']:,}"

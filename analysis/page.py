@@ -20,6 +20,7 @@ from importlib.resources import files
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from analysis.designs import family
 from analysis.digits import with_interval
 
 if TYPE_CHECKING:
@@ -142,8 +143,8 @@ def page(title: str, findings: Sequence[str], sections: Sequence[Section]) -> st
             "</header>",
             _card(_list(findings)) if findings else "",
             *(_section(section) for section in sections),
-            f"<footer>rehyb {escape(version('rehyb'))}. Intervals are bootstrap intervals at the "
-            "level named with each table. Methods: Tesfazgi, Sangouard, Endo and Hirche 2023, "
+            f"<footer>rehyb {escape(version('rehyb'))}. Intervals are at the level named with each "
+            "table. Methods: Tesfazgi, Sangouard, Endo and Hirche 2023, "
             "doi 10.3389/fnbot.2023.1167604, sections 2.4 and 3.</footer>",
             f"</main><script>{script}</script></body></html>\n",
         ]
@@ -159,6 +160,12 @@ def _section(section: Section) -> str:
             _card(f"<p>{escape(section.warning)}</p>", "warning") if section.warning else "",
             _card(_list(section.remarks)) if section.remarks else "",
             _card(_indices(snapshot, output, section.units)),
+            _folded("Per unit of each factor", _per_unit(section))
+            if snapshot["method"] == "morris"
+            else "",
+            _folded("Pairs of factors", _pairs(section))
+            if "second_order" in snapshot["outputs"][output]
+            else "",
             *(_card(_picture(picture)) for picture in section.pictures),
             _folded(
                 "Every other output",
@@ -214,25 +221,68 @@ def _indices(snapshot: Mapping[str, Any], output: str, units: Mapping[str, str])
         suffix = f" {unit}" if unit else ""
         spread = f": mean {entry['mean']:.3g}{suffix}, standard deviation {entry['sd']:.3g}{suffix}"
     level = f"{100 * snapshot['level']:.0f} % intervals"
+    if snapshot["method"] == "morris":
+        level += f"; {unit or 'effects'} per whole range of the factor"
     return f"<h3>{escape(_words(output) + spread)}</h3>" + _table(snapshot, entry, level)
 
 
 def _table(snapshot: Mapping[str, Any], entry: Mapping[str, Any], level: str) -> str:
-    columns = _COLUMNS[snapshot["method"]]
+    columns = _COLUMNS[family(snapshot["method"])]
     ranked = sorted(
         entry["factors"].items(),
-        key=lambda item: -(item[1][_RANKED_BY[snapshot["method"]]]["value"] or 0.0),
+        key=lambda item: -(item[1][_RANKED_BY[family(snapshot["method"])]]["value"] or 0.0),
     )
     rows = [
         [escape(_words(name)), *(_interval(found[index]) for index in columns), f"{found['n']:,}"]
         for name, found in ranked
     ]
     foot: list[str] = []
-    if snapshot["method"] == "saltelli":
+    if family(snapshot["method"]) == "saltelli":
         sums = (entry["sum_first_order"], entry["sum_total_order"])
         foot = ["sum", *map(_interval, sums), ""]
     head = ["factor", *columns.values(), "n"]
     return _grid(head, rows, foot) + f'<p class="lead"><small>{level}</small></p>'
+
+
+def _pairs(section: Section) -> str:
+    """Return the second-order indices of the figures' output, the largest first."""
+    pairs = section.snapshot["outputs"][section.output]["second_order"]
+    rows = [
+        [escape(" × ".join(map(_words, pair["factors"]))), _interval(pair), f"{pair['n']:,}"]
+        for pair in sorted(pairs, key=lambda pair: -(pair["value"] or 0.0))
+    ]
+    return (
+        f"<h3>{escape(_words(section.output))}</h3>"
+        + _grid(["pair", "S of the pair", "n"], rows)
+        + '<p class="lead"><small>Share of the variance that two factors have together beyond '
+        "what each has alone (Saltelli 2002).</small></p>"
+    )
+
+
+def _per_unit(section: Section) -> str:
+    """Return mu, mu* and sigma of the figures' output in the other of their two scalings."""
+    columns = _COLUMNS["morris"]
+    factors = section.snapshot["outputs"][section.output]["factors"]
+    unit = section.units.get(section.output, "")
+    rows = [
+        [
+            escape(_words(name)),
+            *(
+                _interval(factors[name]["per_unit"][index]) if factors[name]["per_unit"] else "–"
+                for index in columns
+            ),
+            escape(f"{unit or 'output'} per {own or 'unit'}"),
+        ]
+        for name, _, own in section.sampled
+    ]
+    return (
+        f"<h3>{escape(_words(section.output))}</h3>"
+        + _grid(["factor", *columns.values(), "unit"], rows)
+        + '<p class="lead"><small>Equation 22 with the step in the factor\'s own unit: what one '
+        "unit of it does. Factors are compared by the table above, whose effects are those of "
+        "their whole ranges; – where a factor is not uniform, so that no one number turns one "
+        "into the other.</small></p>"
+    )
 
 
 def _interval(index: Mapping[str, float | None]) -> str:
@@ -263,7 +313,8 @@ def _surrogate(section: Section) -> str:
         return f"<p>{escape(found or '')}</p>"
     fits = found.fits()
     sampled = section.snapshot["outputs"][section.output]["factors"]
-    columns = _COLUMNS["saltelli"] if section.snapshot["method"] == "saltelli" else {}
+    sampled_too = family(section.snapshot["method"]) == "saltelli"
+    columns = _COLUMNS["saltelli"] if sampled_too else {}
     rows = [
         [
             escape(_words(name)),

@@ -1,7 +1,7 @@
 """What the analysis is told about a study and its results."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 class NoSuchStudyError(LookupError):
@@ -23,6 +23,9 @@ class StudyPlan:
     #: The sampled factors, in the order of the design's columns.
     factors: tuple[str, ...]
     outputs: tuple[str, ...]
+    #: Whole range of every factor that is uniform, in its unit: what turns an effect per range into
+    #: one per unit. No index depends on it.
+    widths: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

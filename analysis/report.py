@@ -15,6 +15,8 @@ import numpy as np
 
 from analysis import hover
 from analysis.comparison import Compared, compare, rows_of
+from analysis.designs import family
+from analysis.distributions import Distribution, widths
 from analysis.figures import (
     convergence_figure,
     distribution_figure,
@@ -38,9 +40,11 @@ if TYPE_CHECKING:
 _METHODS = {
     "morris": "Screening by elementary effects",
     "saltelli": "Variance-based indices",
+    "saltelli_second_order": "Variance-based indices, also of pairs",
 }
 _PLANE = (
-    "Left: mean magnitude and spread of the elementary effects with their intervals; below the "
+    "Left: mean magnitude and spread of the elementary effects with their intervals, each the "
+    "effect of a factor's whole range; below the "
     "dotted line an effect is mostly monotonic and without interactions. Right: where bootstrap "
     "replicates put them. Near the origin a factor does little (paper, figure 8)."
 )
@@ -108,6 +112,12 @@ def plan_of(study: Mapping[str, Any]) -> StudyPlan:
         rows=study["rows"],
         factors=tuple(factor["name"] for factor in study["factors"]),
         outputs=tuple(study["outputs"]),
+        widths=widths(
+            {
+                factor["name"]: Distribution.from_json(factor["distribution"])
+                for factor in study["factors"]
+            }
+        ),
     )
 
 
@@ -292,7 +302,7 @@ def _surrogate(chapter: Chapter, output: str) -> Answer | str:
 
 
 def _compared(chapter: Chapter, output: str) -> Mapping[str, Compared]:
-    if chapter.table.plan.method != "saltelli":
+    if family(chapter.table.plan.method) != "saltelli":
         return {}
     return compare(rows_of(chapter.table, output), chapter.snapshot["level"])
 

@@ -8,27 +8,34 @@
                  **OUTPUT}}
 
     OUTPUT: {"mean", "sd", "n",
-             "factors": {factor: {"n", index: {"value", "low", "high"}, ...}},
+             "factors": {factor: {"n", index: {"value", "low", "high"}, ...,
+                                  "per_unit": {index: {"value", "low", "high"}, ...}}},
              sum: {"value", "low", "high"}, ...,
+             "second_order": [{"factors": [factor, factor], "value", "low", "high", "n"}],
              "ranking": {"by", "order": [factor], "same_order", "same_first"},
              "convergence": {"rows": [number],
                              "factors": {factor: {index: {"value": [], "low": [], "high": []}}}}}
 
-Indices are "mu", "mu_star" and "sigma" (method morris, in the output's unit per range of the
-factor) or "first_order" and "total_order" (method saltelli, shares of the variance), for which
-there are the sums "sum_first_order" and "sum_total_order" and the measure of chance
-"dummy_first_order" (`SaltelliEstimator`). "failure" is the indicator that is 1 where a
-run failed and 0 elsewhere (`analysis.failures`), "ranking" says how many bootstrap replicates rank
-the factors alike (`analysis.ranking`), "convergence" what the first 8, 16, 32, ... rows said
+Indices are "mu", "mu_star" and "sigma" (method morris, in the output's unit per whole range of the
+factor, so that factors can be compared; under "per_unit" the same per unit of the factor, which is
+equation 22 with the step in that unit, or null for a factor that is not uniform) or "first_order"
+and "total_order" (method saltelli, shares of the variance), for which there are the sums
+"sum_first_order" and "sum_total_order" and the measure of chance "dummy_first_order"
+(`SaltelliEstimator`). "second_order", of method saltelli_second_order only, is what a pair does
+beyond what each of the two does alone. "failure" is the indicator that is 1 where a run failed and
+0 elsewhere (`analysis.failures`), "ranking" says how many bootstrap replicates rank the factors
+alike (`analysis.ranking`), "convergence" what the first 8, 16, 32, ... rows said
 (`analysis.convergence`). What is not defined yet is null.
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from math import isfinite
 from typing import Any
 
 from analysis.convergence import GrowingEstimator, Point
-from analysis.estimators import Estimate, Estimator, Statistic, estimator_class
+from analysis.designs import family
+from analysis.estimators import OF_PAIRS, Estimate, Estimator, Statistic, estimator_class
 from analysis.failures import judge
 from analysis.ranking import RANKED_BY, rank
 from analysis.records import StudyPlan
@@ -112,7 +119,11 @@ def _output(
 ) -> dict[str, Any]:
     """Return OUTPUT of the module docstring."""
     moments, effects = estimator.moments(), estimator.effects
-    of_factors = {name: index for name, index in indices.items() if index.value.ndim == 2}
+    of_factors = {
+        name: index
+        for name, index in indices.items()
+        if index.value.ndim == 2 and name not in OF_PAIRS
+    }
     sums = {name: index for name, index in indices.items() if index.value.ndim == 1}
     return {
         "mean": _number(moments.mean[o]),
@@ -121,11 +132,13 @@ def _output(
         "factors": {
             factor: {
                 **{name: _interval(index, (o, f)) for name, index in of_factors.items()},
+                **_per_unit(plan, factor, of_factors, (o, f)),
                 "n": int(effects[o, f]),
             }
             for f, factor in enumerate(plan.factors)
         },
         **{name: _interval(index, (o,)) for name, index in sums.items()},
+        **_pairs(plan, statistics, indices, o),
         "ranking": _ranking(plan, statistics, o),
         "convergence": {
             "rows": [point.rows for point in series],
@@ -137,8 +150,39 @@ def _output(
     }
 
 
+def _per_unit(
+    plan: StudyPlan, factor: str, of_factors: Mapping[str, Estimate], at: tuple[int, int]
+) -> dict[str, Any]:
+    """Return {"per_unit": ...} of the module docstring; nothing for shares, which have no unit."""
+    if plan.method != "morris":
+        return {}
+    if factor not in plan.widths:
+        # A step in probability is then no one step in the unit, so there is no one scale.
+        return {"per_unit": None}
+    width = plan.widths[factor]
+    return {"per_unit": {name: _interval(index, at, width) for name, index in of_factors.items()}}
+
+
+def _pairs(
+    plan: StudyPlan, statistics: Mapping[str, Statistic], indices: Mapping[str, Estimate], o: int
+) -> dict[str, Any]:
+    """Return {"second_order": ...} of the module docstring; nothing if the design has none."""
+    return {
+        name: [
+            {
+                "factors": list(pair),
+                **_interval(indices[name], (o, p)),
+                "n": int(statistics[name].n[o, p]),
+            }
+            for p, pair in enumerate(combinations(plan.factors, 2))
+        ]
+        for name in OF_PAIRS
+        if name in indices
+    }
+
+
 def _ranking(plan: StudyPlan, statistics: Mapping[str, Statistic], o: int) -> dict[str, Any]:
-    by = RANKED_BY[plan.method]
+    by = RANKED_BY[family(plan.method)]
     ranking = rank(statistics[by].weighted[:, o], plan.factors)
     return {
         "by": by,
@@ -168,11 +212,11 @@ def _curve(series: Sequence[Point], name: str, at: tuple[int, ...]) -> dict[str,
     return {end: [point[end] for point in points] for end in ("value", "low", "high")}
 
 
-def _interval(index: Estimate, at: tuple[int, ...]) -> dict[str, float | None]:
+def _interval(index: Estimate, at: tuple[int, ...], width: float = 1.0) -> dict[str, float | None]:
     return {
-        "value": _number(index.value[at]),
-        "low": _number(index.low[at]),
-        "high": _number(index.high[at]),
+        "value": _number(index.value[at] / width),
+        "low": _number(index.low[at] / width),
+        "high": _number(index.high[at] / width),
     }
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import ceil, floor, inf, log10
 from typing import Any
 
-from analysis.designs import row_width
+from analysis.designs import family, row_width
 from analysis.designs.points import LATIN_HYPERCUBE_ROWS
 
 #: Half width wanted of variance shares, and of mu* as a share of the largest mu*.
@@ -61,7 +61,7 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
         known = ", ".join(snapshot["outputs"])
         raise ValueError(f"the study has no output {output!r}: it has {known}")
     factors = snapshot["outputs"][output]["factors"]
-    wanted = _WANTED[snapshot["method"]]
+    wanted = _WANTED[family(snapshot["method"])]
     entries = [(factor, name, factors[factor][name]) for factor in factors for name in wanted]
     if any(None in entry.values() for _, _, entry in entries):
         return None

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import sobol_indices, uniform
 
-from analysis.designs import unit_row
+from analysis.designs import family, unit_row
 from analysis.table import Table
 
 #: Runs a fit uses at most: its cost grows with their cube, 400 take some seconds.
@@ -151,7 +151,7 @@ def answer(table: Table, output: str) -> Answer:
 
 def _lines(table: Table, usable: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return the lines to fit to: base points (A and B) by row, then the others by row."""
-    base = table.positions < (2 if table.plan.method == "saltelli" else 1)
+    base = table.positions < (2 if family(table.plan.method) == "saltelli" else 1)
     order = np.lexsort((table.positions, table.rows, ~base))
     chosen: NDArray[np.intp] = order[usable[order]][:MOST_RUNS]
     return chosen

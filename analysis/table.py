@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.designs import family
 from analysis.records import LoggedResult, StudyPlan
 
 
@@ -86,6 +87,6 @@ class Table:
         """
         values = self.values[:, self.plan.outputs.index(output)]
         keep = np.isfinite(values)
-        if self.plan.method == "saltelli":
+        if family(self.plan.method) == "saltelli":
             keep &= self.positions < 2
         return np.flatnonzero(keep)

@@ -1,7 +1,7 @@
 """Show a campaign while it runs and when it is over: tables for a terminal, lines for a log."""
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self, TextIO
@@ -72,7 +72,7 @@ def statistic(entry: Mapping[str, float | None] | None) -> str:
 
 
 def _bound(value: float) -> str:
-    """Return a limit of an interval in two digits, all that a bootstrap of 200 replicates gives."""
+    """Return a limit of an interval in two digits, all that eight blocks of rows give."""
     return f"{value:.2g}" if abs(value) < 10.0 else f"{value:.0f}"
 
 
@@ -82,7 +82,14 @@ def indices_table(snapshot: Mapping[str, Any], output: str, title: str = "") -> 
         snapshot["outputs"].get(output, {}).get("factors", {})
     )
     names = [name for name in SYMBOLS if any(name in entry for entry in factors.values())]
-    table = Table(title=title or None, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table = Table(
+        title=title or None,
+        title_justify="left",
+        caption="μ*, σ: per whole range" if "mu_star" in names else None,
+        caption_justify="left",
+        box=SIMPLE_HEAD,
+        pad_edge=False,
+    )
     table.add_column("factor", no_wrap=True)
     for name in names:
         table.add_column(SYMBOLS[name], justify="right", no_wrap=True)
@@ -91,6 +98,17 @@ def indices_table(snapshot: Mapping[str, Any], output: str, title: str = "") -> 
         table.add_row(
             factor, *(statistic(entry.get(name)) for name in names), str(entry.get("n", 0))
         )
+    return table
+
+
+def pairs_table(pairs: Sequence[Mapping[str, Any]]) -> Table:
+    """Return the second-order indices of an output as its snapshot has them, largest first."""
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("pair")
+    table.add_column("S of the pair", justify="right", no_wrap=True)
+    table.add_column("n", justify="right")
+    for pair in sorted(pairs, key=lambda pair: -(pair["value"] or 0.0)):
+        table.add_row(" × ".join(pair["factors"]), statistic(pair), str(pair["n"]))
     return table
 
 

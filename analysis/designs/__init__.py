@@ -2,9 +2,9 @@
 
 A study is made of rows: small groups of points whose outputs belong together. Row r is a pure
 function of (method, sampling, seed, r), so a study can be extended, sharded, or rebuilt without
-storing a point. Rows are those of Campolongo et al. 2011 (`radial`) and of Saltelli et al. 2010
-(`saltelli`), mapped to the factors' distributions by their quantiles (Devroye 1986, Non-uniform
-random variate generation, section II.2).
+storing a point. Rows are those of Campolongo et al. 2011 (`radial`), of Saltelli et al. 2010, or of
+Saltelli 2002 for pairs of factors (`saltelli`), mapped to the factors' distributions by their
+quantiles (Devroye 1986, Non-uniform random variate generation, section II.2).
 """
 
 from collections.abc import Mapping
@@ -19,8 +19,8 @@ from analysis.designs.saltelli import saltelli_row
 from analysis.designs.trajectories import trajectory_row
 from analysis.distributions import Distribution
 
-#: Elementary effects for screening, and variance-based indices.
-METHODS = ("morris", "saltelli")
+#: Elementary effects for screening; variance-based indices; these with those of pairs of factors.
+METHODS = ("morris", "saltelli", "saltelli_second_order")
 #: Where base points come from: eight Sobol sequences scrambled independently; one Sobol sequence;
 #: the same with the two coordinates that a factor has in a row taken from neighbouring dimensions;
 #: Latin hypercubes, as in the paper.
@@ -43,6 +43,8 @@ __all__ = [
     "METHODS",
     "SAMPLINGS",
     "blocks_of",
+    "family",
+    "fewest_factors",
     "instance_parameters",
     "row_width",
     "samplings",
@@ -55,12 +57,30 @@ def samplings(method: str) -> tuple[str, ...]:
     return (*SAMPLINGS, "trajectories") if method == "morris" else SAMPLINGS
 
 
+def family(method: str) -> str:
+    """Return "morris" or "saltelli": whose indices of single factors a method has.
+
+    Rows of all methods of the family "saltelli" begin with A, B and A_B^(i).
+    """
+    return "morris" if method == "morris" else "saltelli"
+
+
+def fewest_factors(method: str) -> int:
+    """Return how many factors a method must vary: 2 if it looks at pairs."""
+    return 2 if method == "saltelli_second_order" else 1
+
+
 def row_width(method: str, factors: int) -> int:
-    """Return how many points a row has; ValueError if the method is unknown or nothing varies."""
+    """Return how many points a row has.
+
+    Raises:
+        ValueError: the method is unknown, or fewer factors vary than it needs.
+    """
     _check(method, DEFAULT_SAMPLING)
-    if factors < 1:
-        raise ValueError("a study must vary at least one factor")
-    return factors + (1 if method == "morris" else 2)
+    if factors < fewest_factors(method):
+        least = "two factors" if fewest_factors(method) == 2 else "one factor"
+        raise ValueError(f"a study of method {method} must vary at least {least}")
+    return {"morris": 1, "saltelli": 2, "saltelli_second_order": 2 + factors}[method] + factors
 
 
 def unit_row(method: str, sampling: str, seed: int, row: int, factors: int) -> NDArray[np.float64]:
@@ -84,7 +104,9 @@ def unit_row(method: str, sampling: str, seed: int, row: int, factors: int) -> N
     point = _POINTS[sampling](seed, row, 2 * factors)
     if sampling in _PAIRED:
         point = paired(point)
-    return radial_row(point) if method == "morris" else saltelli_row(point)
+    if method == "morris":
+        return radial_row(point)
+    return saltelli_row(point, second_order=method == "saltelli_second_order")
 
 
 def instance_parameters(

@@ -1,16 +1,19 @@
 """Estimators that take rows in any order, merge, and carry their own confidence intervals."""
 
-from analysis.estimators.estimator import Estimator, Moments, Statistic
+from analysis.estimators.estimator import OF_PAIRS, Estimator, Moments, Statistic
 from analysis.estimators.intervals import Estimate
 from analysis.estimators.morris import MorrisEstimator
 from analysis.estimators.saltelli import SaltelliEstimator
+from analysis.estimators.second_order import SecondOrderEstimator
 
 __all__ = [
+    "OF_PAIRS",
     "Estimate",
     "Estimator",
     "Moments",
     "MorrisEstimator",
     "SaltelliEstimator",
+    "SecondOrderEstimator",
     "Statistic",
     "estimator_class",
 ]
@@ -18,7 +21,7 @@ __all__ = [
 
 def estimator_class(method: str) -> type[Estimator]:
     """Return the estimator of a method of `analysis.designs.METHODS`; ValueError if unknown."""
-    for known in (MorrisEstimator, SaltelliEstimator):
+    for known in (MorrisEstimator, SaltelliEstimator, SecondOrderEstimator):
         if known.method == method:
             return known
     raise ValueError(f"unknown method {method!r}")

@@ -21,8 +21,12 @@ from analysis.estimators.weightings import FIRST, SQUARED, WEIGHTINGS, Weighted,
 #: An output of larger magnitude counts as failed: its square has no exact sum.
 LARGEST_OUTPUT = 1e100
 
-#: What rows add to the sums, by name: (points, rows, outputs, factors) or (points, rows, outputs);
-#: nan marks what a sum leaves out.
+#: Indices of pairs of factors, in the order of `numpy.triu_indices(factors, 1)`; all others are of
+#: single factors or of whole outputs.
+OF_PAIRS = ("second_order",)
+
+#: What rows add to the sums, by name: (points, rows, outputs, factors), (points, rows, outputs,
+#: pairs) or (points, rows, outputs); nan marks what a sum leaves out.
 Terms = Mapping[str, NDArray[np.float64]]
 
 #: An index in every weighting, from how many rows it is, and `Statistic.power`.
@@ -74,8 +78,9 @@ class Estimator(ABC):
     method: ClassVar[str]
     #: The sum of which a row must have a term to count as used.
     use: ClassVar[str]
-    #: Sums kept per output and factor, and per output.
+    #: Sums kept per output and factor, per output and pair of factors, and per output.
     factor_sums: ClassVar[tuple[str, ...]]
+    pair_sums: ClassVar[tuple[str, ...]] = ()
     output_sums: ClassVar[tuple[str, ...]] = ("value", "value" + SQUARED)
 
     def __init__(
@@ -92,8 +97,12 @@ class Estimator(ABC):
         #: Where each sum is, and the shape of one weighting of it.
         self._places: dict[str, tuple[slice, tuple[int, ...]]] = {}
         stop = 0
-        for name in self.factor_sums + self.output_sums:
-            shape = (outputs, factors) if name in self.factor_sums else (outputs,)
+        shapes: dict[str, tuple[int, ...]] = {
+            **dict.fromkeys(self.factor_sums, (outputs, factors)),
+            **dict.fromkeys(self.pair_sums, (outputs, factors * (factors - 1) // 2)),
+            **dict.fromkeys(self.output_sums, (outputs,)),
+        }
+        for name, shape in shapes.items():
             start, stop = stop, stop + prod(shape)
             self._places[name] = slice(start, stop), shape
         self._sums = ExactSums(WEIGHTINGS, stop)

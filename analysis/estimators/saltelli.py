@@ -42,9 +42,9 @@ class SaltelliEstimator(Estimator):
         """
         variance = sums.variance("value", ddof=0)
         centred = sums.mean("product") - sums.mean("value")[..., None] * sums.mean("difference")
-        first = _share(centred, variance[..., None])
-        total = _share(0.5 * sums.mean("difference_squared"), variance[..., None])
-        chance = 1.0 - _share(0.5 * sums.mean("between_squared"), variance)
+        first = share(centred, variance[..., None])
+        total = share(0.5 * sums.mean("difference_squared"), variance[..., None])
+        chance = 1.0 - share(0.5 * sums.mean("between_squared"), variance)
         firsts, totals = sums.count("product"), sums.count("difference_squared")
         return {
             "first_order": (first, firsts, None),
@@ -69,8 +69,8 @@ class SaltelliEstimator(Estimator):
         }
 
 
-def _share(part: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return part / variance; nan where nothing varies."""
+def share(part: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return part / variance, nan where nothing varies (paper, equation 25)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         share: NDArray[np.float64] = np.where(variance > 0.0, part / variance, np.nan)
     return share

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from analysis.designs import family
 from analysis.figures.style import (
     COLOURS,
     MARKERS,
@@ -49,11 +50,11 @@ def convergence_figure(
     Raises:
         ValueError: the snapshot has no such output.
     """
-    factors = factors_of(snapshot, output, snapshot["method"])
+    factors = factors_of(snapshot, output, family(snapshot["method"]))
     series = snapshot["outputs"][output]["convergence"]
     figure = new_figure(11.0, 4.2)
-    panels = _PANELS[snapshot["method"]]
-    shares = snapshot["method"] == "saltelli"
+    panels = _PANELS[family(snapshot["method"])]
+    shares = family(snapshot["method"]) == "saltelli"
     drawn = figure.subplots(1, len(panels), sharey=shares)
     for axes, (index, label) in zip(drawn, panels.items(), strict=True):
         _draw(axes, series, factors, index, snapshot["rows_complete"], palette)

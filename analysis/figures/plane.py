@@ -92,7 +92,7 @@ def _draw_clouds(
 
 
 def _label(axes: Axes, unit: str) -> None:
-    suffix = f" ({unit})" if unit else ""
+    suffix = f" ({unit} per whole range)" if unit else " (per whole range)"
     axes.set_xlabel(f"mean magnitude μ*{suffix}")
     axes.set_ylabel(f"standard deviation σ{suffix}")
     axes.spines[["top", "right"]].set_visible(False)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from analysis.designs import family
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -36,8 +38,8 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def factors_of(snapshot: Snapshot, output: str, method: str) -> Mapping[str, Any]:
-    """Return an output's factors; ValueError if the method is another or the output unknown."""
-    if snapshot["method"] != method:
+    """Return an output's factors; ValueError if the family is another or the output unknown."""
+    if family(snapshot["method"]) != method:
         raise ValueError(f"this figure shows studies of method {method}, not {snapshot['method']}")
     if output not in snapshot["outputs"]:
         known = ", ".join(snapshot["outputs"])
@@ -53,7 +55,7 @@ def caption(
     rows = " and ".join(f"{s['rows_used']:,} of {s['rows']:,}" for s in snapshots)
     level = 100 * snapshots[0]["level"]
     figure.supxlabel(
-        f"{rows} rows used; {what} {level:.0f} % intervals (bootstrap){after}",
+        f"{rows} rows used; {what} {level:.0f} % intervals{after}",
         fontsize=8,
         color=FAINT,
     )

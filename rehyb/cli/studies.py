@@ -26,7 +26,9 @@ def submit(
         typer.Argument(help="The study as JSON; - reads standard input.", show_default=False),
     ] = None,
     model: Annotated[str | None, typer.Option(help="elbow, ishigami or sobol_g.")] = None,
-    method: Annotated[str | None, typer.Option(help="morris or saltelli.")] = None,
+    method: Annotated[
+        str | None, typer.Option(help="morris, saltelli or saltelli_second_order.")
+    ] = None,
     rows: Annotated[int | None, typer.Option(min=1, help="Rows of the design.")] = None,
     name: Annotated[str | None, typer.Option(help="What to call it.")] = None,
     factor: Annotated[
@@ -181,7 +183,7 @@ def indices(
     from rich.console import Console
 
     from analysis.remarks import remarks, warning
-    from rehyb.display import indices_table
+    from rehyb.display import indices_table, pairs_table
 
     if target is not None and not 0.0 < target < inf:
         raise typer.BadParameter(f"--target is a positive half width, not {target:g}")
@@ -205,6 +207,8 @@ def indices(
         console.print(alarm, style="bold red", markup=False)
     for output in outputs:
         console.print(indices_table(snapshot, output, output))
+        if "second_order" in snapshot["outputs"][output]:
+            console.print(pairs_table(snapshot["outputs"][output]["second_order"]))
         for sentence in remarks(snapshot, output, target):
             if sentence != alarm:
                 console.print(sentence, markup=False)

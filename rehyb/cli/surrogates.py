@@ -57,12 +57,13 @@ def _print(found: Any, snapshot: Json) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from analysis.designs import family
     from rehyb.display import statistic
 
     fits = {f"{name}: S, ST": fit for name, fit in found.fits().items()}
     sampled = snapshot["outputs"][found.output]["factors"]
     names = {"first_order": "S sampled", "total_order": "ST sampled"}
-    shown = names if snapshot["method"] == "saltelli" else {}
+    shown = names if family(snapshot["method"]) == "saltelli" else {}
     table = Table("factor", *fits, *shown.values(), box=SIMPLE_HEAD, pad_edge=False)
     total = found.fit.total_order
     for factor in sorted(total, key=lambda name: -total[name]):

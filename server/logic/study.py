@@ -5,14 +5,17 @@ from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
 
-from analysis.designs import METHODS, instance_parameters, row_width, samplings
-from analysis.distributions import Distribution
+from analysis.designs import METHODS, fewest_factors, instance_parameters, row_width, samplings
+from analysis.distributions import Distribution, widths
 from analysis.records import StudyPlan
 from server.errors import InvalidStudyError
 from sim.catalogue import MODELS, Model
 
 #: Sobol points are numbered in 30 bits; a study beyond this would take a fleet a human lifetime.
 MAX_ROWS = 10_000_000
+
+#: How keys begin that say how factors depend on each other.
+_DEPENDENCE = ("correlat", "covarian", "copula", "depend", "joint")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +119,7 @@ def for_analysis(study: Study) -> StudyPlan:
         rows=study.plan.rows,
         factors=tuple(study.plan.distributions),
         outputs=study.plan.outputs,
+        widths=widths(study.plan.distributions),
     )
 
 
@@ -156,6 +160,10 @@ def draw_up(
             if factor.name not in fixed
         ]
     sampled = _sampled(described, factors, fixed)
+    if len(sampled) < fewest_factors(method):
+        raise InvalidStudyError(
+            "/factors", f"{method} looks at pairs: it needs two factors or more"
+        )
     return Plan(
         name=name,
         model=model,
@@ -171,6 +179,34 @@ def draw_up(
         },
         outputs=_outputs(described, outputs),
     )
+
+
+def refuse_dependence(body: Any) -> None:
+    """Refuse a request, as JSON, that says how factors depend on each other.
+
+    Shares of a variance add up only if factors are independent (Sobol 1993, Sensitivity estimates
+    for nonlinear mathematical models), and a step along one factor then leaves the others alone.
+
+    Raises:
+        InvalidStudyError: with a pointer to the first such key of the study, of one of its factors
+            or of a factor's distribution.
+    """
+    places = [("", body)]
+    factors = body.get("factors") if isinstance(body, Mapping) else None
+    for i, factor in enumerate(factors if isinstance(factors, list) else []):
+        places.append((f"/factors/{i}", factor))
+        if isinstance(factor, Mapping):
+            places.append((f"/factors/{i}/distribution", factor.get("distribution")))
+    for pointer, place in places:
+        for key in map(str, place if isinstance(place, Mapping) else ()):
+            if key.lower().startswith(_DEPENDENCE):
+                name = key.replace("~", "~0").replace("/", "~1")
+                raise InvalidStudyError(
+                    f"{pointer}/{name}",
+                    f"{key}: factors are sampled independently of each other, and only then do "
+                    "the indices mean what they say; leave it out, or sample factors that are "
+                    "independent, such as what two have in common and how they differ",
+                )
 
 
 def objection_to_extension(study: Study, rows: int) -> str | None:

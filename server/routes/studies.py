@@ -4,10 +4,10 @@ import hashlib
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Response
-from pydantic import Field, StringConstraints
+from pydantic import Field, StringConstraints, model_validator
 
 from analysis.designs import DEFAULT_SAMPLING
-from server.logic.study import FactorChoice, Study, draw_up
+from server.logic.study import FactorChoice, Study, draw_up, refuse_dependence
 from server.routes.common import MAX_INTEGER, PRINTABLE, Body, Id, Name, Now, Store, example
 from server.store import control, reruns, studies
 
@@ -52,6 +52,13 @@ class StudyBody(Body):
     sampling: Name = DEFAULT_SAMPLING
     priority: Priority = 0
     tags: list[Name] = Field(default_factory=list, max_length=20)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _independent(cls, body: Any) -> Any:
+        # Else they would only be told that the key is unknown.
+        refuse_dependence(body)
+        return body
 
 
 class ExtensionBody(Body):

@@ -128,6 +128,23 @@ def test_intervals_of_variance_shares_cover_the_truth(function: Function, failin
     assert np.mean(share) == pytest.approx(0.9, abs=0.025)
 
 
+@pytest.mark.parametrize("failing", [0.0, 0.05])
+@pytest.mark.parametrize("function", [ishigami, sobol_g])
+def test_intervals_of_pairs_cover_the_truth(function: Function, failing: float) -> None:
+    """Nine times in ten, for the pairs of factors that matter; three of the g-function's do."""
+    partial = 1.0 / (3.0 * (1.0 + G[:3]) ** 2)
+    together = np.array([partial[0] * partial[1], partial[0] * partial[2], partial[1] * partial[2]])
+    of_g = together / (np.prod(1.0 + 1.0 / (3.0 * (1.0 + G) ** 2)) - 1.0)
+    truth, pairs = (of_g, [0, 1, 5]) if function is sobol_g else ([0.0, 0.2437, 0.0], [0, 1, 2])
+    covered = []
+    for seed in range(150):
+        of = study("saltelli_second_order", function, rows=128, seed=seed, failing=failing)
+        found = of.indices()["second_order"]
+        covered.append((found.low[0, pairs] <= truth) & (truth <= found.high[0, pairs]))
+    share = np.mean(covered, axis=0)
+    assert np.all((share >= 0.82) & (share <= 0.97)), share
+
+
 def test_intervals_of_one_sobol_sequence_are_too_wide() -> None:
     """What the default is for: at the same size its intervals are narrower, and no less true."""
     width: dict[str, list[NDArray[np.float64]]] = {"sobol": [], "sobol_blocks": []}

@@ -15,6 +15,7 @@ from analysis.designs import (
     METHODS,
     SAMPLINGS,
     blocks_of,
+    fewest_factors,
     instance_parameters,
     row_width,
     unit_row,
@@ -32,6 +33,7 @@ EVERY_DESIGN = list(product(METHODS, SAMPLINGS))
 def test_every_point_lies_strictly_inside_the_cube(
     design: tuple[str, str], seed: int, row: int, factors: int
 ) -> None:
+    factors = max(factors, fewest_factors(design[0]))
     points = unit_row(*design, seed, row, factors)
     assert points.shape == (row_width(design[0], factors), factors)
     assert np.all((points > 0.0) & (points < 1.0))

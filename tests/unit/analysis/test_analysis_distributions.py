@@ -125,3 +125,9 @@ def test_nonsense_is_refused_in_one_sentence(data: dict[str, Any], sentence: str
 def test_a_probability_of_zero_or_one_has_no_quantile(u: float) -> None:
     with pytest.raises(ValueError, match="strictly between"):
         Distribution.from_json({"kind": "normal", "mean": 0.0, "sd": 1.0}).ppf(u)
+
+
+def test_only_a_uniform_distribution_has_one_width_of_its_steps() -> None:
+    found = {data["kind"]: Distribution.from_json(data).width for data, _ in CASES}
+    assert found.pop("uniform") == 7.0
+    assert set(found.values()) == {None}

@@ -10,13 +10,19 @@ from numpy.typing import NDArray
 from SALib.analyze import sobol as salib_sobol
 from scipy.stats import sobol_indices
 
-from analysis.designs import BLOCKS, blocks_of, unit_row
-from analysis.estimators import Estimator, MorrisEstimator, SaltelliEstimator, estimator_class
+from analysis.designs import BLOCKS, METHODS, blocks_of, unit_row
+from analysis.estimators import (
+    Estimator,
+    MorrisEstimator,
+    SaltelliEstimator,
+    SecondOrderEstimator,
+    estimator_class,
+)
 from analysis.estimators.bootstrap import replicate_weights
 from analysis.estimators.intervals import satterthwaite, student
 
 SEED, FACTORS, OUTPUTS = 12, 3, 2
-CLASSES = (MorrisEstimator, SaltelliEstimator)
+CLASSES = (MorrisEstimator, SaltelliEstimator, SecondOrderEstimator)
 
 
 def empty(cls: type[Estimator], seed: int = SEED, factors: int = FACTORS) -> Estimator:
@@ -113,6 +119,8 @@ EVERY_INDEX = [
     (SaltelliEstimator, "sum_first_order", None),
     (SaltelliEstimator, "sum_total_order", 1),
     (SaltelliEstimator, "dummy_first_order", None),
+    (SecondOrderEstimator, "first_order", None),
+    (SecondOrderEstimator, "second_order", None),
 ]
 
 
@@ -290,6 +298,6 @@ def test_values_of_another_shape_are_refused(cls: type[Estimator]) -> None:
 
 
 def test_every_method_has_its_estimator() -> None:
-    assert [estimator_class(method) for method in ("morris", "saltelli")] == list(CLASSES)
+    assert [estimator_class(method) for method in METHODS] == list(CLASSES)
     with pytest.raises(ValueError, match="unknown method 'fast'"):
         estimator_class("fast")

@@ -51,7 +51,13 @@ def test_the_unit_and_the_failures_are_written_in_the_picture(tmp_path: Path) ->
     phase1, phase2 = snapshots(12, [(0, 0), (3, 1)])
     campaign_figure(phase1, phase2, "y", "Nm/rad").savefig(tmp_path / "campaign.svg")
     picture = (tmp_path / "campaign.svg").read_text()
-    for text in ("(Nm/rad)", "diverged", "phase 1: 2 of 48", "phase 2: 2 of 60", "90 % intervals"):
+    for text in (
+        "(Nm/rad per whole range)",
+        "diverged",
+        "phase 1: 2 of 48",
+        "phase 2: 2 of 60",
+        "90 % intervals",
+    ):
         assert f"<!-- {text}" in picture or text in picture
 
 

@@ -1,20 +1,30 @@
 """What a snapshot promises: JSON of a fixed shape, null where nothing is known, honest counts."""
 
 import json
+from dataclasses import replace
 from math import cos, sin
 
+import numpy as np
 import pytest
-from analysis_studies import results_of, study_plan
+from analysis_studies import FACTORS, results_of, study_plan, two_outputs
 
-from analysis.designs import METHODS
+from analysis.designs import METHODS, instance_parameters
+from analysis.distributions import Normal, widths
 from analysis.service import analyse
 from analysis.snapshot import empty_snapshot
 
 INTERVAL = {"value", "low", "high"}
-INDICES = {"morris": {"mu", "mu_star", "sigma"}, "saltelli": {"first_order", "total_order"}}
+SHARES = {"first_order", "total_order"}
+INDICES = {
+    "morris": {"mu", "mu_star", "sigma"},
+    "saltelli": SHARES,
+    "saltelli_second_order": SHARES,
+}
+SUMS_OF_SHARES = {"sum_first_order", "sum_total_order", "dummy_first_order"}
 SUMS = {
     "morris": set(),
-    "saltelli": {"sum_first_order", "sum_total_order", "dummy_first_order"},
+    "saltelli": SUMS_OF_SHARES,
+    "saltelli_second_order": SUMS_OF_SHARES | {"second_order"},
 }
 OUTPUT = {"mean", "sd", "n", "factors", "ranking", "convergence"}
 
@@ -37,7 +47,8 @@ def test_a_snapshot_has_the_same_shape_with_and_without_results(method: str) -> 
             assert set(output) == OUTPUT | SUMS[method]
             assert list(output["factors"]) == ["a", "b", "c"]
             for factor in output["factors"].values():
-                assert set(factor) == INDICES[method] | {"n"}
+                per_unit = {"per_unit"} if method == "morris" else set()
+                assert set(factor) == INDICES[method] | {"n"} | per_unit
                 assert all(set(factor[index]) == INTERVAL for index in INDICES[method])
 
 
@@ -97,3 +108,31 @@ def test_indices_of_known_functions_come_out_right() -> None:
         assert factor["first_order"]["value"] == pytest.approx(first / variance, abs=0.02)
         assert factor["total_order"]["value"] == pytest.approx(total / variance, abs=0.02)
     assert output["sum_first_order"]["value"] == pytest.approx(1 - v_ab / variance, abs=0.02)
+
+
+def test_effects_per_unit_are_those_of_equation_22_with_steps_in_the_factors_units() -> None:
+    plan = study_plan("morris", rows=40)
+    factors = analyse(plan, results_of(plan))["outputs"]["y"]["factors"]
+    for place, name in enumerate(FACTORS):
+        effects = []
+        for row in range(plan.rows):
+            points = instance_parameters("morris", plan.sampling, plan.seed, row, FACTORS)
+            base, moved = points[0], points[1 + place]
+            change = two_outputs(moved)["y"] - two_outputs(base)["y"]
+            effects.append(change / (moved[name] - base[name]))
+        per_unit = factors[name]["per_unit"]
+        assert per_unit["mu"]["value"] == pytest.approx(np.mean(effects), rel=1e-9)
+        assert per_unit["mu_star"]["value"] == pytest.approx(np.mean(np.abs(effects)), rel=1e-9)
+        assert per_unit["sigma"]["value"] == pytest.approx(np.std(effects, ddof=1), rel=1e-9)
+        for index in ("mu", "mu_star", "sigma"):
+            for end in ("low", "value", "high"):
+                per_range = per_unit[index][end] * FACTORS[name].width
+                assert per_range == pytest.approx(factors[name][index][end], rel=1e-12)
+
+
+def test_a_factor_that_is_not_uniform_has_no_effect_per_unit() -> None:
+    own = {**FACTORS, "b": Normal(mean=1.0, sd=0.3)}
+    plan = replace(study_plan("morris", rows=8), widths=widths(own))
+    factors = analyse(plan, results_of(plan, distributions=own))["outputs"]["y"]["factors"]
+    assert factors["b"]["per_unit"] is None and factors["b"]["mu_star"]["value"] > 0.0
+    assert factors["a"]["per_unit"]["mu_star"]["value"] == factors["a"]["mu_star"]["value"] / 2.0

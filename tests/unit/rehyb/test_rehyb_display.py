@@ -13,6 +13,7 @@ from rehyb.display import (
     duration,
     failures_in_words,
     indices_table,
+    pairs_table,
     progress_in_words,
     statistic,
 )
@@ -107,6 +108,18 @@ def test_factors_are_listed_most_influential_first() -> None:
     text = drawn(indices_table(snapshot(x1=0.5, x2=2.0, x3=1.0), "y"))
     assert text.index("x2") < text.index("x3") < text.index("x1")
     assert "2 [1, 4]" in text
+    assert "μ*, σ: per whole range" in text
+
+
+def test_pairs_are_listed_with_their_interval_the_largest_first() -> None:
+    pairs = [
+        {"factors": ["x1", "x2"], **interval(0.0, -0.1, 0.1), "n": 8},
+        {"factors": ["x1", "x3"], **interval(0.25, 0.2, 0.3), "n": 7},
+        {"factors": ["x2", "x3"], **interval(None, None, None), "n": 0},
+    ]
+    text = drawn(pairs_table(pairs))
+    assert text.index("x1 × x3") < text.index("x1 × x2")
+    assert "0.25 [0.2, 0.3]" in text and "S of the pair" in text
 
 
 def test_a_study_without_results_has_an_empty_table() -> None:

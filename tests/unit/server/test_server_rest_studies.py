@@ -65,6 +65,17 @@ def test_a_discrete_distribution_is_taken(client: TestClient) -> None:
     assert study["factors"] == [{"name": "x1", "distribution": discrete}]
 
 
+def test_effects_have_a_scale_per_unit_where_the_study_says_the_factor_is_uniform(
+    client: TestClient,
+) -> None:
+    normal = {"name": "x2", "distribution": {"kind": "normal", "mean": 0.0, "sd": 1.0}}
+    body = {**STUDY, "method": "morris", "factors": [{"name": "x1", "range": [0, 2.5]}, normal]}
+    study = client.post("/v1/studies", json=body).json()
+    shown = client.get(f"/v1/studies/{study['id']}/indices").json()["outputs"]["y"]["factors"]
+    assert set(shown["x1"]["per_unit"]) == {"mu", "mu_star", "sigma"}
+    assert shown["x2"]["per_unit"] is None
+
+
 def test_a_repeated_submission_makes_no_second_study(client: TestClient) -> None:
     headers = {"Idempotency-Key": "night run"}
     first = client.post("/v1/studies", json=STUDY, headers=headers)
@@ -106,6 +117,38 @@ def test_a_study_that_makes_no_sense_is_a_problem_with_a_pointer(client: TestCli
     problem = is_problem(client.post("/v1/studies", json=body), 422)
     assert problem["pointer"] == "/factors/0/range"
     assert "low of a uniform distribution must be below high" in problem["detail"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "pointer"),
+    [
+        ({"correlation": [[1.0, 0.5], [0.5, 1.0]]}, "/correlation"),
+        ({"Covariance": None}, "/Covariance"),
+        ({"copula": {"kind": "gaussian"}}, "/copula"),
+        (
+            {"factors": [{"name": "x1"}, {"name": "x2", "depends_on": "x1"}]},
+            "/factors/1/depends_on",
+        ),
+        (
+            {"factors": [{"name": "x1", "distribution": {"kind": "normal", "correlation": 0.5}}]},
+            "/factors/0/distribution/correlation",
+        ),
+    ],
+)
+def test_dependent_factors_are_refused_with_what_would_be_right(
+    client: TestClient, changes: Json, pointer: str
+) -> None:
+    problem = is_problem(client.post("/v1/studies", json={**STUDY, **changes}), 422)
+    assert problem["pointer"] == pointer
+    assert "factors are sampled independently of each other" in problem["detail"]
+    assert "leave it out, or sample factors that are independent" in problem["detail"]
+    assert client.get("/v1/studies").json() == {"studies": []}
+
+
+@pytest.mark.parametrize("body", ["[]", "3", '"text"', '{"factors": {"correlation": 1}}', "null"])
+def test_a_body_of_any_other_shape_is_a_problem_too(client: TestClient, body: str) -> None:
+    headers = {"Content-Type": "application/json"}
+    is_problem(client.post("/v1/studies", content=body, headers=headers), 422)
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])

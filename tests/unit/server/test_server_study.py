@@ -49,7 +49,9 @@ def test_factors_and_outputs_follow_the_model_whatever_order_they_are_asked_in(
     assert drawn.outputs == ("stiffness_error", "tracking_rmse")
 
 
-@pytest.mark.parametrize(("method", "width"), [("morris", 4), ("saltelli", 5)])
+@pytest.mark.parametrize(
+    ("method", "width"), [("morris", 4), ("saltelli", 5), ("saltelli_second_order", 8)]
+)
 def test_a_study_has_rows_times_width_instances(plan: Drawing, method: str, width: int) -> None:
     drawn = plan(method=method, rows=7)
     assert (drawn.width, drawn.instances) == (width, 7 * width)
@@ -77,6 +79,11 @@ def test_parameters_are_the_design_s_with_fixed_factors_added(plan: Drawing) -> 
         ({"fixed": {"x9": 1.0}}, "/fixed/x9", "unknown factor"),
         ({"fixed": {"x1": float("nan")}}, "/fixed/x1", "must be finite"),
         ({"factors": []}, "/factors", "at least one factor"),
+        (
+            {"method": "saltelli_second_order", "factors": [FactorChoice(name="x1")]},
+            "/factors",
+            "looks at pairs: it needs two factors or more",
+        ),
         ({"fixed": {"x1": 0.0, "x2": 0.0, "x3": 0.0}}, "/factors", "at least one factor"),
         ({"factors": [FactorChoice(name="x9")]}, "/factors/0/name", "unknown factor"),
         (
