@@ -10,13 +10,13 @@ from analysis.closeloop.catalogue.effect import Candidate
 from analysis.closeloop.ladder import Option
 from analysis.closeloop.model import Model, evaluate, impedances
 from analysis.closeloop.tracing import Trace
-from analysis.closeloop.uncertainty import bootstrap, interval
+from analysis.closeloop.uncertainty import leave_out
 
 #: Stiffnesses under two names that differ by less than this are one.
 APART = 0.02
 
 
-def impedance_entries(found: Trace, rng: np.random.Generator) -> dict[str, Any]:
+def impedance_entries(found: Trace) -> dict[str, Any]:
     """Return stiffness, damping and neutral angle of every declared joint, before and after.
 
     Where names cannot be told apart, each has a value of its own; the interval holds them all.
@@ -24,10 +24,10 @@ def impedance_entries(found: Trace, rng: np.random.Generator) -> dict[str, Any]:
     recording = found.rows.recording
     both = []
     for model, score in ((found.declared, found.declared_score), (found.model, found.score)):
-        draws, _ = bootstrap(model, found.rows, score.coefficients, rng)
+        fits = leave_out(model, found.rows, score.coefficients)
         values = impedances(model, score.coefficients)
-        spread = [impedances(model, draw) for draw in draws]
-        both.append((values, spread))
+        spread = [impedances(model, own) for own in fits.coefficients]
+        both.append((values, spread, fits))
     others = alternatives(found)
     entries: dict[str, Any] = {}
     for joint in both[0][0]:
@@ -41,11 +41,11 @@ def impedance_entries(found: Trace, rng: np.random.Generator) -> dict[str, Any]:
         entries[name] = {}
         for key, own_unit in units.items():
             entry: dict[str, Any] = {"unit": own_unit}
-            for word, (values, spread) in zip(("before", "after"), both, strict=True):
+            for word, (values, spread, fits) in zip(("before", "after"), both, strict=True):
                 value = values[joint][key]
-                draws = np.array([draw[joint][key] for draw in spread])
                 entry[word] = value
-                entry[f"ci90_{word}"] = interval(draws[np.isfinite(draws)], value)
+                refitted = np.array([own[joint][key] for own in spread])
+                entry[f"ci90_{word}"] = list(fits.interval(refitted, value))
             if others:
                 entry["after_if"] = {word: own[joint][key] for word, own in others.items()}
                 every = [*entry["ci90_after"], *entry["after_if"].values()]
