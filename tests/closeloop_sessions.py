@@ -5,8 +5,8 @@ The motion is prescribed (minimum-jerk sweeps to and fro), internal states are i
 the sampling rate, and the sensors quantise, filter, jitter and add coloured noise. What is
 undeclared comes from `tests/closeloop_effects.py`.
 
-Seeds 0 to 99 are for developing; 1000 and above are for measuring. Of those, 1000 to 1199 were
-looked at once; 2000 and above never.
+The generator of random numbers is seeded by the seed and the effects together, so no two sessions
+share motion or noise. Seeds 0 to 99 are for developing; 3000 and above are for measuring.
 """
 
 import json
@@ -115,7 +115,8 @@ def write_session(
     impedance the arm has none either. Sessions with thixotropy have longer rests, and those with
     coupling move the shoulder: no other could show them.
     """
-    rng = np.random.default_rng(seed)
+    truth = ",".join(effects) if declared else ",".join(("bare", *effects))
+    rng = np.random.default_rng(np.random.SeedSequence([seed, *truth.encode()]))
     arm = Arm(
         stiffness=3.0 + 3.0 * rng.random(),
         damping=0.3 + 0.3 * rng.random(),

@@ -28,7 +28,6 @@ from analysis.closeloop.tracing import Trace, trace
 from analysis.closeloop.trial_csv import read_trial
 from analysis.closeloop.unexplained import narrow_lines, smooth_part, unexplained
 
-SEED = 20231167
 CONVENTION = "restoring"
 
 
@@ -96,8 +95,7 @@ def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> An
     verdict = found.verdict
     if verdict == "adequate" and lines:
         verdict = "unexplained"
-    rng = np.random.default_rng(SEED)
-    effects, impedance = effect_entries(found, rng), impedance_entries(found, rng)
+    effects, impedance = effect_entries(found), impedance_entries(found)
     report = {
         "schema": 1,
         "verdict": verdict,

@@ -9,28 +9,39 @@ import numpy as np
 from analysis.closeloop.catalogue.effect import Candidate
 from analysis.closeloop.ladder import Option
 from analysis.closeloop.model import Model, evaluate, impedances
+from analysis.closeloop.regression import Rows
 from analysis.closeloop.tracing import Trace
-from analysis.closeloop.uncertainty import bootstrap, interval
+from analysis.closeloop.uncertainty import leave_out
 
 #: Stiffnesses under two names that differ by less than this are one.
 APART = 0.02
 
 
-def impedance_entries(found: Trace, rng: np.random.Generator) -> dict[str, Any]:
+class Refits:
+    """A fitted model's impedances, and what they are without each trial and each place."""
+
+    def __init__(self, model: Model, rows: Rows, coefficients: np.ndarray) -> None:
+        self.values = impedances(model, coefficients)
+        self.fits = leave_out(model, rows, coefficients)
+        self.refitted = [impedances(model, own) for own in self.fits.coefficients]
+
+    def interval(self, joint: int, key: str) -> tuple[float, float]:
+        """Return the 90 % interval of a joint's stiffness, damping or neutral angle."""
+        every = np.array([values[joint][key] for values in self.refitted])
+        return self.fits.interval(every, self.values[joint][key])
+
+
+def impedance_entries(found: Trace) -> dict[str, Any]:
     """Return stiffness, damping and neutral angle of every declared joint, before and after.
 
     Where names cannot be told apart, each has a value of its own; the interval holds them all.
     """
     recording = found.rows.recording
-    both = []
-    for model, score in ((found.declared, found.declared_score), (found.model, found.score)):
-        draws, _ = bootstrap(model, found.rows, score.coefficients, rng)
-        values = impedances(model, score.coefficients)
-        spread = [impedances(model, draw) for draw in draws]
-        both.append((values, spread))
+    before = Refits(found.declared, found.rows, found.declared_score.coefficients)
+    after = Refits(found.model, found.rows, found.score.coefficients)
     others = alternatives(found)
     entries: dict[str, Any] = {}
-    for joint in both[0][0]:
+    for joint in before.values:
         name = recording.device.joints[joint]
         angle, unit = recording.device.angle_unit(name), recording.device.unit(name)
         units = {
@@ -41,15 +52,14 @@ def impedance_entries(found: Trace, rng: np.random.Generator) -> dict[str, Any]:
         entries[name] = {}
         for key, own_unit in units.items():
             entry: dict[str, Any] = {"unit": own_unit}
-            for word, (values, spread) in zip(("before", "after"), both, strict=True):
-                value = values[joint][key]
-                draws = np.array([draw[joint][key] for draw in spread])
-                entry[word] = value
-                entry[f"ci90_{word}"] = interval(draws[np.isfinite(draws)], value)
+            for word, own in (("before", before), ("after", after)):
+                entry[word] = own.values[joint][key]
+                entry[f"ci90_{word}"] = list(own.interval(joint, key))
             if others:
-                entry["after_if"] = {word: own[joint][key] for word, own in others.items()}
-                every = [*entry["ci90_after"], *entry["after_if"].values()]
-                entry["ci90_after"] = [min(every), max(every)]
+                entry["after_if"] = {word: own.values[joint][key] for word, own in others.items()}
+                every = [after, *others.values()]
+                lows, highs = zip(*(own.interval(joint, key) for own in every), strict=True)
+                entry["ci90_after"] = [min(lows), max(highs)]
             entries[name][key] = entry
     return entries
 
@@ -73,17 +83,17 @@ def undecided(entries: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def alternatives(found: Trace) -> dict[str, dict[int, dict[str, float]]]:
-    """Return the impedances under every other name that explains the trials as well."""
-    values = {}
+def alternatives(found: Trace) -> dict[str, Refits]:
+    """Return the fits under every other name that explains the trials as well."""
+    others = {}
     for step in found.steps:
         if found.verdict != "effect_found":
             continue
         for option in step.equals:
             model = _exchanged(found.model, step.taken.candidate, option)
             coefficients = evaluate(model, found.rows).coefficients
-            values[option.candidate.effect.name] = impedances(model, coefficients)
-    return values
+            others[option.candidate.effect.name] = Refits(model, found.rows, coefficients)
+    return others
 
 
 def _exchanged(model: Model, taken: Candidate, option: Option) -> Model:

@@ -1,6 +1,5 @@
 """The effects that were named: parameters, intervals and evidence, in the words of the contract."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -8,10 +7,10 @@ import numpy as np
 from analysis.closeloop.catalogue import BY_NAME
 from analysis.closeloop.model import Model, gains
 from analysis.closeloop.tracing import Step, Trace, p_value
-from analysis.closeloop.uncertainty import bootstrap, interval
+from analysis.closeloop.uncertainty import Fits, leave_out
 
 
-def effect_entries(found: Trace, rng: np.random.Generator) -> list[dict[str, Any]]:
+def effect_entries(found: Trace) -> list[dict[str, Any]]:
     """Return one entry for every effect of the answer, by held-out gain."""
     recording = found.rows.recording
     steps = sorted(found.steps, key=lambda step: -_share(step))
@@ -20,9 +19,10 @@ def effect_entries(found: Trace, rng: np.random.Generator) -> list[dict[str, Any
     if not named and steps:
         model = found.steps[0].taken.model
         coefficients = found.steps[0].taken.score.coefficients
-    draws, thetas = bootstrap(model, found.rows, coefficients, rng) if steps else (None, {})
+    fits = leave_out(model, found.rows, coefficients) if steps else None
     entries = []
     for step in steps:
+        assert fits is not None
         effect, joint = step.taken.candidate.effect, step.taken.candidate.joint
         others = list(dict.fromkeys(o.candidate.effect.name for o in step.equals))
         others = [name for name in others if name != effect.name]
@@ -30,7 +30,7 @@ def effect_entries(found: Trace, rng: np.random.Generator) -> list[dict[str, Any
             {
                 "name": effect.name,
                 "joint": recording.device.joints[joint],
-                "parameters": _parameters(model, coefficients, draws, thetas, effect.name, joint),
+                "parameters": _parameters(model, coefficients, fits, effect.name, joint),
                 "indistinguishable_from": others,
                 "separating_trial": effect.separating_trial if others or not named else None,
                 "evidence": {
@@ -51,8 +51,7 @@ def _share(step: Step) -> float:
 def _parameters(
     model: Model,
     coefficients: np.ndarray,
-    draws: np.ndarray | None,
-    thetas: Mapping[tuple[str, int, str], np.ndarray],
+    fits: Fits,
     name: str,
     joint: int,
 ) -> dict[str, Any]:
@@ -60,7 +59,7 @@ def _parameters(
     effect, start = BY_NAME[name], 0
     theta: dict[str, float] = {}
     kept: tuple[int, ...] = ()
-    own, own_draws = np.empty(0), np.empty((0, 0))
+    own, refitted = np.empty(0), np.empty((0, 0))
     for channel in model.channels:
         if channel.candidate.key == (name, joint):
             theta = dict(channel.theta)
@@ -68,28 +67,33 @@ def _parameters(
         stop = start + len(term.kept)
         if term.candidate is not None and term.candidate.key == (name, joint):
             theta, kept, own = dict(term.theta), term.kept, coefficients[start:stop]
-            own_draws = draws[:, start:stop] if draws is not None else own[None, :]
+            refitted = fits.coefficients[:, start:stop]
         start = stop
     scale = gains(model, coefficients).get(joint, 1.0)
     entries = {}
     for key, parameter in effect.parameters(model.recording, joint, theta).items():
+        lowest = -np.inf
         if parameter.column is not None:
             if parameter.column not in kept:
                 continue
             at = kept.index(parameter.column)
-            value, spread = float(own[at]), own_draws[:, at]
+            value, spread = float(own[at]), refitted[:, at]
             if parameter.also is not None and parameter.also[0] in kept:
                 other = kept.index(parameter.also[0])
                 value += parameter.also[1] * float(own[other])
-                spread = spread + parameter.also[1] * own_draws[:, other]
+                spread = spread + parameter.also[1] * refitted[:, other]
             if name == "torque_gain":
                 value, spread = 1.0 / (1.0 + value), 1.0 / np.maximum(1.0 + spread, 0.05)
             else:
                 value, spread = value * parameter.scale * scale, spread * parameter.scale * scale
+                if parameter.also is None and parameter.scale > 0:
+                    bound = effect.lower[min(parameter.column, len(effect.lower) - 1)]
+                    lowest = bound * parameter.scale * scale
         else:
             assert parameter.value is not None
-            value, spread = parameter.value, np.array([parameter.value])
-            for (own_name, own_joint, theta_name), values in thetas.items():
+            value = parameter.value
+            spread = np.full(len(fits.coefficients), value)
+            for (own_name, own_joint, theta_name), values in fits.thetas.items():
                 if (own_name, own_joint) != (name, joint):
                     continue
                 step = 1e-6 * max(1.0, abs(theta[theta_name]))
@@ -101,7 +105,7 @@ def _parameters(
                     spread = value + slope * (values - theta[theta_name])
         entries[key] = {
             "value": value,
-            "ci90": interval(spread, value),
+            "ci90": list(fits.interval(spread, value, lowest)),
             "unit": parameter.unit,
         }
     return entries

@@ -6,7 +6,15 @@ Proske, Morgan and Gregory 1993; coupling by two-joint muscles after Hogan 1985.
 
 import numpy as np
 
-from analysis.closeloop.catalogue.effect import Columns, Effect, Estimate, Parameter, Theta, travel
+from analysis.closeloop.catalogue.effect import (
+    Columns,
+    Effect,
+    Estimate,
+    Parameter,
+    Theta,
+    scaled,
+    travel,
+)
 from analysis.closeloop.recording import Recording
 from analysis.closeloop.signals import shifted
 
@@ -93,6 +101,9 @@ class Thixotropy(Effect):
         way = distance_since_rest(recording, joint)
         sign = np.tanh(recording.velocity[:, joint] / recording.rest_speed[joint])
         return {joint: (sign * np.exp(-way / (theta["distance"] * half)))[:, None]}
+
+    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
+        return scaled(theta, "distance", scale)
 
     def parameters(self, recording: Recording, joint: int, theta: Theta) -> dict[str, Parameter]:
         name = recording.device.joints[joint]
