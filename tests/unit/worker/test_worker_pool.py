@@ -115,7 +115,7 @@ def test_a_failure_keeps_its_name_and_a_state_that_is_plain_json(pool: Pool) -> 
 
 def test_a_child_uses_one_thread_and_yields_to_others(pool: Pool) -> None:
     outputs = compute(pool, "environment").result["outputs"]
-    assert outputs == {"threads": 1.0, "nice": float(os.nice(0)) + 5.0}
+    assert outputs == {"threads": 1.0, "nice": min(float(os.nice(0)) + 5.0, 19.0)}
 
 
 def test_a_child_that_died_while_idle_costs_no_instance(pool: Pool) -> None:
