@@ -151,17 +151,8 @@ def _grant_of(
     study = ledger.hand_out(
         connection, study, begun=begun, again=again, unbound=unbound, host_class=mine
     )
-    lease = Lease(
-        id=lease_id,
-        fence=0,
-        worker=worker,
-        study=study.id,
-        state="open",
-        expires_at=expiry(now, ttl),
-        instances=tuple((slot.row, slot.position) for slot in [*again, *fresh]),
-        host_class=mine,
-    )
-    return Grant(lease=lease, study=study)
+    places = [(slot.row, slot.position) for slot in [*again, *fresh]]
+    return _granted(study, lease_id, worker, places, mine, expiry(now, ttl))
 
 
 def _comparisons_of(
@@ -180,16 +171,31 @@ def _comparisons_of(
     places = comparisons.hand_out(connection, study, host=host, lease=lease_id, limit=max_instances)
     if not places:
         return None
+    mine, until = host_class(versions), expiry(now, ttl)
+    return _granted(study, lease_id, worker, places, mine, until, compares=True)
+
+
+def _granted(
+    study: Study,
+    lease_id: str,
+    worker: str,
+    places: Sequence[ledger.Place],
+    host_class: str,
+    until: float,
+    *,
+    compares: bool = False,
+) -> Grant:
+    """Return an open lease of instances at `places`; it gets its fence when it is stored."""
     lease = Lease(
         id=lease_id,
         fence=0,
         worker=worker,
         study=study.id,
         state="open",
-        expires_at=expiry(now, ttl),
+        expires_at=until,
         instances=tuple(places),
-        host_class=host_class(versions),
-        compares=True,
+        host_class=host_class,
+        compares=compares,
     )
     return Grant(lease=lease, study=study)
 
