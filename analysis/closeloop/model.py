@@ -54,7 +54,7 @@ class Model:
         for joint, column in columns.items():
             for channel in self.channels:
                 if channel.candidate.joint == joint:
-                    column = _through(self.recording, column, channel.theta)
+                    column = through(self.recording, column, channel.theta)
             out[joint] = _known_filter(self.recording, column)
         return out
 
@@ -250,8 +250,8 @@ def gains(model: Model, coefficients: np.ndarray) -> dict[int, float]:
     return found
 
 
-def _through(recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
-    """Return what the effort must be for `column` to arrive at the joint."""
+def through(recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
+    """Return what the effort must be for `column` to arrive at the joint through a channel."""
     out = np.empty_like(column)
     for piece in recording.slices:
         part = column[piece]
