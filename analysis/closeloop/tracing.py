@@ -145,7 +145,9 @@ def _judged(found: Trace) -> Trace:
     """Withhold names that leave too much of what is explainable."""
     left = found.ceiling_after
     remains = left.model_loss - left.ceiling_loss
-    real = left.z > MIN_Z and remains > MIN_GAIN * left.model_loss
+    rows = found.rows
+    matters = MIN_TORQUE**2 * min(rows.effort_power(joint) for joint in rows.samples)
+    real = left.z > MIN_Z and remains > max(MIN_GAIN * left.model_loss, matters)
     if not found.steps and _once(found.rows):
         return replace(found, verdict="not_identifiable", notes=(ONE_WAY,))
     if not found.steps:
