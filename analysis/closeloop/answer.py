@@ -26,7 +26,7 @@ from analysis.closeloop.recording import Recording, record
 from analysis.closeloop.session import Session, read_session
 from analysis.closeloop.tracing import Trace, trace
 from analysis.closeloop.trial_csv import read_trial
-from analysis.closeloop.unexplained import narrow_lines, smooth_part, unexplained
+from analysis.closeloop.unexplained import oscillations, smooth_part, unexplained
 
 CONVENTION = "restoring"
 
@@ -91,9 +91,9 @@ def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> An
             "no trial has the role holdout: the errors under holdout are those of each group "
             "predicted from the others"
         )
-    lines = narrow_lines(recording, fitted[1])
+    beyond = oscillations(recording, fitted[1])
     verdict = found.verdict
-    if verdict == "adequate" and lines:
+    if verdict == "adequate" and beyond:
         verdict = "unexplained"
     effects, impedance = effect_entries(found), impedance_entries(found)
     report = {
@@ -107,7 +107,7 @@ def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> An
         },
         "impedance": impedance,
         "unexplained": unexplained(
-            recording, found, fitted[1] + (held[1] if holdouts else []), lines, verdict
+            recording, found, fitted[1] + (held[1] if holdouts else []), beyond, verdict
         ),
         "diagnostics": _diagnostics(found),
         "advice": _advice(found, verdict),

@@ -9,15 +9,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import welch
 
 from analysis.closeloop.model import Model, evaluate
+from analysis.closeloop.passage import with_declared_passages
+from analysis.closeloop.recording import Recording
 from analysis.closeloop.regression import Rows, Score, Variant, compare, keep_independent, score
 
 FOLDS = 5
 KNOTS = 8
-#: A narrow line in the residual's spectrum is this many times its surroundings.
-LINE_RATIO = 12.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +64,7 @@ def signal_groups(rows: Rows, joint: int) -> dict[str, np.ndarray]:
             [hats(q, 8) * sign[:, None], hats(q, 12) * v[:, None]]
         ),
         "time": hats(recording.time, 5),
+        "time in trial": hats(_time_in_trial(recording), 5),
         "time x motion": _with_motion(hats(recording.time, 4), q, v),
     }
     for other in range(recording.position.shape[1]):
@@ -81,6 +81,13 @@ def signal_groups(rows: Rows, joint: int) -> dict[str, np.ndarray]:
         groups[extra] = bases
         groups[f"{extra} x motion"] = _with_motion(bases, q, v)
     return groups
+
+
+def _time_in_trial(recording: Recording) -> np.ndarray:
+    """Return the time since each sample's trial began, s."""
+    begin = np.full(int(recording.trial.max()) + 1, np.inf)
+    np.minimum.at(begin, recording.trial, recording.time)
+    return np.asarray(recording.time - begin[recording.trial])
 
 
 def _with_motion(bases: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
@@ -100,6 +107,7 @@ def ceiling(model: Model, rows: Rows) -> Ceiling:
         model: the declared or repaired model.
         rows: the samples to fit, weighted by each joint's noise (or not at all at first).
     """
+    model = with_declared_passages(model)
     folds = scattered_folds(rows)
     plain = evaluate(model, rows, fold_rows=folds)
     base, lower = model.base(rows)
@@ -150,29 +158,3 @@ def _with(
     kept, numbers = keep_independent(base, columns)
     variant = Variant(theta={}, columns=kept, kept=numbers)
     return score(rows, target, base, lower, [variant], (-np.inf,), fold_rows=folds)
-
-
-def spectral_lines(residuals: list[np.ndarray], rate: float) -> list[tuple[float, float]]:
-    """Return frequency (Hz) and amplitude of narrow lines in the residual's spectrum.
-
-    Args:
-        residuals: one array per stretch, even clock.
-        rate: Hz.
-    """
-    long = [residual for residual in residuals if len(residual) >= 256]
-    if not long:
-        return []
-    window = min(int(4.0 * rate), min(len(residual) for residual in long))
-    spectra = [welch(residual, rate, nperseg=window, detrend="constant") for residual in long]
-    frequency = spectra[0][0]
-    lengths = [len(residual) for residual in long]
-    power = np.average([spectrum[1] for spectrum in spectra], axis=0, weights=lengths)
-    lines = []
-    for i in range(4, len(power) - 4):
-        near = np.concatenate([power[max(0, i - 24) : i - 3], power[i + 4 : i + 25]])
-        # Beside the line's height it must rise above everything near, or it is a slope's end.
-        highest = power[i] == power[i - 3 : i + 4].max() and power[i] > 3.0 * near.max()
-        if highest and power[i] > LINE_RATIO * np.median(near):
-            height = float(np.sqrt(2 * power[i - 2 : i + 3].sum() * frequency[1]))
-            lines.append((float(frequency[i]), height))
-    return lines

@@ -9,7 +9,7 @@ from analysis.closeloop.catalogue import BY_NAME, VISCOELASTIC
 from analysis.closeloop.catalogue.effect import Candidate, Columns, Effect, Estimate, Theta
 from analysis.closeloop.recording import Recording
 from analysis.closeloop.regression import Rows, Score, Variant, keep_independent, score
-from analysis.closeloop.signals import lagged, shifted
+from analysis.closeloop.signals import lagged, lowpass, shifted
 
 EMPTY = Variant(theta={}, columns=np.empty((0, 0)), kept=())
 
@@ -54,7 +54,7 @@ class Model:
         for joint, column in columns.items():
             for channel in self.channels:
                 if channel.candidate.joint == joint:
-                    column = _through(self.recording, column, channel.theta)
+                    column = through(self.recording, column, channel.theta)
             out[joint] = _known_filter(self.recording, column)
         return out
 
@@ -250,8 +250,8 @@ def gains(model: Model, coefficients: np.ndarray) -> dict[int, float]:
     return found
 
 
-def _through(recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
-    """Return what the effort must be for `column` to arrive at the joint."""
+def through(recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
+    """Return what the effort must be for `column` to arrive at the joint through a channel."""
     out = np.empty_like(column)
     for piece in recording.slices:
         part = column[piece]
@@ -259,7 +259,9 @@ def _through(recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarr
             # The joint feels effort(t - d), so the effort is what the joint needs d later.
             out[piece] = shifted(part, theta["delay"], recording.rate)
         elif theta["time_constant"] > 0:
-            slope = np.gradient(part, 1.0 / recording.rate, axis=0)
+            # Above the fit's band a slope of the torque, a third derivative, is noise alone.
+            smooth = lowpass(part, recording.sampling.fit_cutoff, recording.rate)
+            slope = np.gradient(smooth, 1.0 / recording.rate, axis=0)
             out[piece] = part + theta["time_constant"] * slope
         else:
             out[piece] = lagged(part, -theta["time_constant"], recording.rate)

@@ -164,7 +164,11 @@ def check_signs(recording: Recording) -> None:
         both_ways = abs(float(velocity.sum())) < 0.5 * float(np.abs(velocity).sum())
         if explained < 0.8 or power > -0.02 * scale or not both_ways:
             continue
-        turned = -1.5 < found[0] < -0.5 and _independent(known, unknown, effort)
+        declared = _independent(known, unknown, effort)
+        if declared and found[0] > 0.5:
+            # Weight and inertia are there with the sign they should have.
+            continue
+        turned = declared and -1.5 < found[0] < -0.5
         name = recording.device.joints[joint]
         first = recording.session.trials[recording.fit_trials[0]].file
         if turned or found[2] < 0:

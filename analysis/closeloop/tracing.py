@@ -19,6 +19,7 @@ from analysis.closeloop.model import (
     declared_model,
     evaluate,
 )
+from analysis.closeloop.passage import only_passage
 from analysis.closeloop.recording import Recording
 from analysis.closeloop.regression import (
     Rows,
@@ -90,7 +91,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         progress(f"candidates for effect {len(steps) + 1}")
         rungs = ladder(model, rows, current)
         least = _least_later(current, before) if steps else MIN_GAIN * current.loss
-        step = _choose(rungs, current, rows, least)
+        step = _choose(rungs, model, current, rows, least)
         if step is None:
             break
         if step.taken.refused:
@@ -144,7 +145,9 @@ def _judged(found: Trace) -> Trace:
     """Withhold names that leave too much of what is explainable."""
     left = found.ceiling_after
     remains = left.model_loss - left.ceiling_loss
-    real = left.z > MIN_Z and remains > MIN_GAIN * left.model_loss
+    rows = found.rows
+    matters = MIN_TORQUE**2 * min(rows.effort_power(joint) for joint in rows.samples)
+    real = left.z > MIN_Z and remains > max(MIN_GAIN * left.model_loss, matters)
     if not found.steps and _once(found.rows):
         return replace(found, verdict="not_identifiable", notes=(ONE_WAY,))
     if not found.steps:
@@ -195,9 +198,12 @@ def _others(step: Step) -> tuple[Option, ...]:
     return tuple(o for o in step.ladder if o is not step.taken and o.gain > 0.5 * step.taken.gain)
 
 
-def _choose(rungs: list[Option], current: Score, rows: Rows, least: float) -> Step | None:
+def _choose(
+    rungs: list[Option], model: Model, current: Score, rows: Rows, least: float
+) -> Step | None:
     """Return the simplest option that is as good as the best, or None if none is worth adding."""
     worth = [o for o in rungs if _worth(o, current, rows, least)]
+    worth = [o for o in worth if not only_passage(o, model, rows)]
     if not worth:
         return None
     best = worth[0]
@@ -299,7 +305,7 @@ def _retested(
             steps = [s for s in steps if s is not step]
             continue
         least = _least_later(without, before)
-        again = _choose(ladder(rest, rows, without), without, rows, least)
+        again = _choose(ladder(rest, rows, without), rest, without, rows, least)
         if again is None or again.taken.refused:
             continue
         changed, rescored = refined(again.taken, rows)

@@ -7,8 +7,9 @@ import numpy as np
 from scipy.signal import welch
 
 from analysis.closeloop.accuracy import TrialError
-from analysis.closeloop.ceiling import Ceiling, spectral_lines
+from analysis.closeloop.ceiling import Ceiling
 from analysis.closeloop.recording import Recording
+from analysis.closeloop.spectrum import Peak, peaks
 from analysis.closeloop.tracing import Trace
 
 #: A trial or a moment whose residual is this many times the usual one stands out.
@@ -16,21 +17,20 @@ ODD = 1.5
 ODD_SECONDS = 0.25
 
 
-def narrow_lines(
-    recording: Recording, errors: list[TrialError]
-) -> dict[int, list[tuple[float, float]]]:
-    """Return the narrow lines of each joint's raw residual, if any."""
+def oscillations(recording: Recording, errors: list[TrialError]) -> dict[int, list[Peak]]:
+    """Return the narrow lines, or the band, of each joint's raw residual, if any."""
     rate = recording.sampling.recorded
     found = {}
     for joint in recording.joints:
+        own = [error for error in errors if error.joint == joint and len(error.time) > 1]
         residuals = []
-        for error in errors:
-            if error.joint == joint and len(error.time) > 1:
-                even = np.arange(error.time[0], error.time[-1], 1.0 / rate)
-                residuals.append(np.interp(even, error.time, error.residual))
-        lines = spectral_lines(residuals, rate)
-        if lines:
-            found[joint] = lines
+        for error in own:
+            even = np.arange(error.time[0], error.time[-1], 1.0 / rate)
+            residuals.append(np.interp(even, error.time, error.residual))
+        effort = np.concatenate([error.effort for error in own]) if own else np.zeros(1)
+        scale, highest = float(np.sqrt(np.mean(effort**2))), recording.sampling.fit_cutoff / 2.0
+        if alone := peaks(residuals, rate, scale, highest):
+            found[joint] = alone
     return found
 
 
@@ -38,7 +38,7 @@ def unexplained(
     recording: Recording,
     found: Trace,
     errors: list[TrialError],
-    lines: Mapping[int, list[tuple[float, float]]],
+    beyond: Mapping[int, list[Peak]],
     verdict: str,
 ) -> dict[str, Any]:
     """Describe, per joint, what no effect explains: size, signals it depends on, band, where.
@@ -47,7 +47,7 @@ def unexplained(
         recording: all trials.
         found: the trace.
         errors: of the repaired model, over the trials that were fitted and the holdouts.
-        lines: narrow lines in the residual's spectrum.
+        beyond: lines and bands in the residual's spectrum.
         verdict: of the whole session.
     """
     left: Ceiling = found.ceiling_after
@@ -55,7 +55,7 @@ def unexplained(
     for joint in recording.joints:
         name = recording.device.joints[joint]
         depends = [signal for signal, _ in left.depends_on]
-        if joint in lines:
+        if joint in beyond:
             depends.append("time")
         if not depends and verdict != "unexplained":
             continue
@@ -64,7 +64,7 @@ def unexplained(
             continue
         share = max(0.0, 1.0 - left.ceiling_loss / max(left.model_loss, 1e-300))
         structured = share * smooth_part(recording, found, joint)
-        structured += sum(amplitude**2 / 2 for _, amplitude in lines.get(joint, []))
+        structured += sum(peak.rms**2 for peak in beyond.get(joint, []))
         # A trial that leaves far more than the fitted ones holds something they did not show.
         usual = float(np.median([_mean_square(e) for e in own if e.trial in recording.fit_trials]))
         odd = [error for error in own if _mean_square(error) > ODD**2 * usual]
@@ -73,7 +73,7 @@ def unexplained(
             "rms": float(np.sqrt(structured)),
             "unit": recording.device.unit(name),
             "depends_on": list(dict.fromkeys(depends)),
-            "band_hz": _band(recording, own, [] if odd else lines.get(joint, [])),
+            "band_hz": _band(recording, own, [] if odd else beyond.get(joint, [])),
             "mostly_in": [_where(recording, error, usual) for error in odd],
         }
     return entries
@@ -96,13 +96,10 @@ def _where(recording: Recording, error: TrialError, usual: float) -> dict[str, A
     }
 
 
-def _band(
-    recording: Recording, errors: list[TrialError], lines: list[tuple[float, float]]
-) -> list[float]:
+def _band(recording: Recording, errors: list[TrialError], beyond: list[Peak]) -> list[float]:
     """Return where 80 % of the residual's power above the white floor lies, Hz."""
-    if lines:
-        frequencies = [frequency for frequency, _ in lines]
-        return [0.9 * min(frequencies), 1.1 * max(frequencies)]
+    if beyond:
+        return [min(peak.low_hz for peak in beyond), max(peak.high_hz for peak in beyond)]
     rate = recording.sampling.recorded
     worst = max(errors, key=_mean_square)
     frequency, power = welch(worst.residual, rate, nperseg=min(len(worst.time), int(4 * rate)))

@@ -1,0 +1,85 @@
+"""Oscillations in a residual that no signal explains: narrow lines, and bands an octave wide.
+
+A pump or the mains makes a line, a tremor or somebody else's motion a band. Coloured noise makes
+neither: its spectrum falls from low frequencies on, and has no foot on that side.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import welch
+
+#: A line or a band is this many times its surroundings.
+RATIO = 12.0
+WINDOW_SECONDS = 4.0
+#: A band spans so many times its lowest frequency, and its feet lie so many times beyond.
+WIDTH, FOOT = 2.0, 4.0
+#: A band's least root mean square over that of the joint's effort.
+MIN_SHARE = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class Peak:
+    """A line or band of a spectrum: where it is, and its root mean square."""
+
+    low_hz: float
+    high_hz: float
+    rms: float
+
+
+def peaks(
+    residuals: list[np.ndarray], rate: float, effort_rms: float, highest_hz: float
+) -> list[Peak]:
+    """Return the narrow lines of a joint's residual, or else its strongest band.
+
+    Args:
+        residuals: one array per stretch, even clock.
+        rate: Hz.
+        effort_rms: of the joint's effort, in the residual's unit.
+        highest_hz: up to where to look for bands; near the cutoff of the kinematics the noise of
+            the acceleration makes one.
+    """
+    long = [residual for residual in residuals if len(residual) >= 256]
+    if not long:
+        return []
+    window = min(int(WINDOW_SECONDS * rate), min(len(residual) for residual in long))
+    spectra = [welch(residual, rate, nperseg=window, detrend="constant") for residual in long]
+    frequency = spectra[0][0]
+    lengths = [len(residual) for residual in long]
+    power = np.average([spectrum[1] for spectrum in spectra], axis=0, weights=lengths)
+    return _lines(frequency, power) or _bands(
+        frequency[frequency <= FOOT * highest_hz], power, MIN_SHARE * effort_rms
+    )
+
+
+def _lines(frequency: np.ndarray, power: np.ndarray) -> list[Peak]:
+    lines = []
+    for i in range(4, len(power) - 4):
+        near = np.concatenate([power[max(0, i - 24) : i - 3], power[i + 4 : i + 25]])
+        # Beside the line's height it must rise above everything near, or it is a slope's end.
+        highest = power[i] == power[i - 3 : i + 4].max() and power[i] > 3.0 * near.max()
+        if highest and power[i] > RATIO * np.median(near):
+            rms = float(np.sqrt(power[i - 2 : i + 3].sum() * frequency[1]))
+            at = float(frequency[i])
+            lines.append(Peak(low_hz=0.9 * at, high_hz=1.1 * at, rms=rms))
+    return lines
+
+
+def _bands(frequency: np.ndarray, power: np.ndarray, least: float) -> list[Peak]:
+    """Return the band with the most power, if it stands above what is below and above it."""
+    found = []
+    power = power[: len(frequency)]
+    for low in frequency[2:]:
+        high = WIDTH * low
+        if FOOT * high > frequency[-1]:
+            break
+        inside = (frequency >= low) & (frequency <= high)
+        feet = (
+            (frequency > 0) & (frequency <= low / 2.0),
+            (frequency >= 2.0 * high) & (frequency <= FOOT * high),
+        )
+        around = max(float(power[foot].mean()) for foot in feet)
+        rms = float(np.sqrt(power[inside].sum() * frequency[1]))
+        if rms > least and float(power[inside].mean()) > RATIO * around:
+            found.append(Peak(low_hz=float(low), high_hz=float(high), rms=rms))
+    return [max(found, key=lambda peak: peak.rms)] if found else []
