@@ -23,6 +23,7 @@ from server.routes import (
     metrics,
     progress,
     results,
+    sessions,
     studies,
     workers,
 )
@@ -77,12 +78,13 @@ def create_app(settings: Settings) -> FastAPI:
         indices,
         instances,
         workers,
+        sessions,
         metrics,
         health,
     ):
         app.include_router(noun.router)
     app.add_middleware(Gunzip, limit=MAX_BODY_BYTES)
-    app.add_middleware(BodyLimit)
+    app.add_middleware(BodyLimit, large=settings.session_bytes)
     app.add_middleware(
         BearerToken,
         token=settings.token.get_secret_value(),

@@ -11,6 +11,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from server.errors import (
+    BadSessionError,
     ConflictError,
     CoordinatorError,
     InvalidStudyError,
@@ -23,6 +24,7 @@ _STATUS: Mapping[type[CoordinatorError], HTTPStatus] = {
     NotFoundError: HTTPStatus.NOT_FOUND,
     ConflictError: HTTPStatus.CONFLICT,
     InvalidStudyError: HTTPStatus.UNPROCESSABLE_ENTITY,
+    BadSessionError: HTTPStatus.UNPROCESSABLE_ENTITY,
 }
 
 
@@ -59,7 +61,11 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(CoordinatorError)
     def refused(_request: Request, error: CoordinatorError) -> JSONResponse:
-        members = {"pointer": error.pointer} if isinstance(error, InvalidStudyError) else {}
+        members: Mapping[str, Any] = {}
+        if isinstance(error, InvalidStudyError):
+            members = {"pointer": error.pointer}
+        elif isinstance(error, BadSessionError):
+            members = error.to_json()
         return problem(_status(error), str(error), members=members)
 
     @app.exception_handler(RequestValidationError)

@@ -1,5 +1,6 @@
 """Is the database whole? What the coordinator promises, counted anew from the tables."""
 
+import hashlib
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,9 +8,9 @@ from pathlib import Path
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
 
-from server.errors import ConflictError
+from server.errors import ConflictError, NotFoundError
 from server.logic.study import Study
-from server.store import studies
+from server.store import sessions, studies
 from server.store.engine import reading
 from server.store.schema import comparisons, instances, leases, results
 
@@ -22,7 +23,7 @@ def faults(engine: Engine) -> list[str]:
         for study_id in ids:
             study = studies.find(connection, str(study_id))
             found += [f"study {study.id}: {fault}" for fault in _study_faults(connection, study)]
-    return found
+    return found + list(_session_faults(engine))
 
 
 def back_up(engine: Engine, path: Path) -> None:
@@ -59,6 +60,21 @@ def _file_faults(connection: Connection) -> Iterator[str]:
             yield f"the file is damaged: {said}"
     for row in connection.exec_driver_sql("PRAGMA foreign_key_check"):
         yield f"table {row[0]} refers to something in {row[2]} that is not there"
+
+
+def _session_faults(engine: Engine) -> Iterator[str]:
+    """Yield whose file is not what it was; read in parts, each in a transaction of its own."""
+    for session in sessions.every(engine):
+        digest = hashlib.sha256()
+        try:
+            for part in sessions.archive(engine, session):
+                digest.update(part)
+        except NotFoundError:
+            # A part is missing, unless the session was deleted since it was listed.
+            if sessions.by_digest(engine, session.sha256) is None:
+                continue
+        if digest.hexdigest() != session.sha256:
+            yield f"session {session.id}: its file is not the one that was uploaded"
 
 
 def _study_faults(connection: Connection, study: Study) -> Iterator[str]:
