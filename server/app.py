@@ -16,10 +16,12 @@ from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
 from server.metrics import Metrics
 from server.routes import (
+    close_loops,
     health,
     indices,
     instances,
     leases,
+    loop_leases,
     metrics,
     progress,
     results,
@@ -29,6 +31,7 @@ from server.routes import (
 )
 from server.routes.common import clock
 from server.settings import Settings
+from server.store import close_loops as close_loop_store
 from server.store import comparisons, create_engine, queue, require_current, reruns, tokens
 
 log = logging.getLogger(__name__)
@@ -45,6 +48,7 @@ def create_app(settings: Settings) -> FastAPI:
         engine = app.state.engine
         require_current(engine)
         queue.excuse_silence(engine, now=clock(), ttl=settings.lease_seconds)
+        close_loop_store.excuse_silence(engine, now=clock(), ttl=settings.lease_seconds)
         reaper = asyncio.create_task(
             _reap_for_ever(
                 engine, app.state.metrics, settings.lease_seconds, settings.stranded_seconds
@@ -78,7 +82,9 @@ def create_app(settings: Settings) -> FastAPI:
         indices,
         instances,
         workers,
+        loop_leases,
         sessions,
+        close_loops,
         metrics,
         health,
     ):
@@ -101,6 +107,7 @@ async def _reap_for_ever(engine: Engine, measures: Metrics, ttl: float, patience
         freed = 0
         try:
             lost = await asyncio.to_thread(queue.reap, engine, now=clock())
+            await asyncio.to_thread(close_loop_store.reap, engine, now=clock())
             await asyncio.to_thread(comparisons.give_up, engine, now=clock(), patience=patience)
             # Whoever has not listened for so long cannot say that nobody spoke.
             if monotonic() - started >= patience:

@@ -43,17 +43,22 @@ def problem(
         headers: further response headers.
         members: further members of the body, such as `pointer`.
     """
-    body = {
+    body = body_of(status, detail, members or {})
+    return JSONResponse(
+        body, status, headers=dict(headers or {}), media_type="application/problem+json"
+    )
+
+
+def body_of(status: int, detail: str, members: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a problem as JSON; arguments as in `problem`."""
+    return {
         # RFC 9457, 4.2.1: nothing is to be known beyond what the status says.
         "type": "about:blank",
         "title": HTTPStatus(status).phrase,
         "status": int(status),
         "detail": detail,
-        **(members or {}),
+        **members,
     }
-    return JSONResponse(
-        body, status, headers=dict(headers or {}), media_type="application/problem+json"
-    )
 
 
 def install(app: FastAPI) -> None:
