@@ -1,0 +1,153 @@
+"""Closing the loop through the service, with a real coordinator and real workers."""
+
+import hashlib
+import io
+import os
+import signal
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from analysis.closeloop.loop import FILES, close_loop
+from server.store import check, close_loops, create_engine, sessions
+from tests.closeloop_sessions import write_session
+from tests.integration.test_worker_process import Lab, until
+
+SEED = 3
+#: Few trials: a second or two of work.
+SMALL: dict[str, Any] = {"speeds": (0.8, 1.6), "postures": (-1.2, 0.1), "rate": 250.0}
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
+    monkeypatch.setenv("REHYB_LEASE_SECONDS", "4")
+    lab = Lab(tmp_path)
+    yield lab
+    lab.close()
+
+
+@pytest.fixture
+def archive(tmp_path: Path) -> Path:
+    """A zipped session whose motor rubs."""
+    write_session(tmp_path / "monday", SEED, ("coulomb_friction",), **SMALL)
+    path = tmp_path / "monday.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for file in sorted((tmp_path / "monday").iterdir()):
+            packed.write(file, f"monday/{file.name}")
+    return path
+
+
+def child_of(worker: subprocess.Popen[bytes]) -> int:
+    """Return the process id of the child that closes the loop."""
+    found: list[int] = []
+
+    def look() -> bool:
+        for child in psutil.Process(worker.pid).children():
+            if "spawn_main" in " ".join(child.cmdline()):
+                found.append(child.pid)
+        return bool(found)
+
+    until(look)
+    return found[0]
+
+
+def test_the_report_over_rest_is_the_command_line_s(
+    lab: Lab, archive: Path, tmp_path: Path
+) -> None:
+    session = lab.client.upload_session(archive)
+    job = lab.client.close_loop(session["id"])
+    assert "no worker" in job["note"]
+    worker = lab.start_worker()
+    seen: list[str] = []
+    told = lab.client.wait_for_report(
+        job["id"], poll_seconds=0.1, on_progress=lambda now: seen.append(now["progress"])
+    )
+    expected = close_loop(tmp_path / "monday", tmp_path / "local")
+    assert told == {**expected, "id": job["id"], "session_id": session["id"], "state": "done"}
+    assert len({*seen} - {""}) >= 2
+    for name in FILES:
+        lab.client.close_loop_file(job["id"], name, tmp_path / name)
+        if name != "report.html":
+            assert (tmp_path / name).read_bytes() == (tmp_path / "local" / name).read_bytes()
+    assert lab.client.close_loop(session["id"])["id"] == job["id"]
+    worker.send_signal(signal.SIGTERM)
+    assert worker.wait(20) == 0
+    assert not list((lab.folder / "spool").iterdir())
+
+
+def test_crash_and_silence_cost_an_attempt_each_and_there_is_one_report(
+    lab: Lab, archive: Path
+) -> None:
+    session = lab.client.upload_session(archive)
+    job = lab.client.close_loop(session["id"])["id"]
+    first = lab.start_worker()
+    until(lambda: lab.client.close_loop_report(job).get("progress"))
+    os.kill(child_of(first), signal.SIGKILL)
+    until(lambda: len(lab.client.close_loop_report(job)["attempts"]) == 2)
+    os.kill(child_of(first), signal.SIGSTOP)
+    first.kill()
+    first.wait()
+    assert list((lab.folder / "spool" / "loops").iterdir())
+    second = lab.start_worker()
+    assert lab.client.wait_for_report(job)["verdict"] == "effect_found"
+    engine = create_engine(lab.environment["REHYB_DATABASE_URL"])
+    attempts = close_loops.get(engine, job).attempts
+    assert [attempt.ended for attempt in attempts] == ["crashed", "lost", "done"]
+    assert "SIGKILL" in attempts[0].reason
+    assert check.faults(engine) == []
+    engine.dispose()
+    second.send_signal(signal.SIGTERM)
+    assert second.wait(20) == 0
+    # What the first one left is gone, too.
+    assert [path.suffix for path in (lab.folder / "spool").iterdir()] == []
+
+
+def test_a_session_that_turns_out_bad_at_the_worker_is_a_problem_with_its_sentence(
+    lab: Lab, archive: Path, tmp_path: Path
+) -> None:
+    with zipfile.ZipFile(tmp_path / "bad.zip", "w") as packed:
+        packed.writestr("session.json", '{"schema": 2}')
+    content = (tmp_path / "bad.zip").read_bytes()
+    engine = create_engine(lab.environment["REHYB_DATABASE_URL"])
+    # As a coordinator with another reader would have taken it.
+    kept, _ = sessions.create(
+        engine,
+        io.BytesIO(content),
+        name="bad",
+        sha256=hashlib.sha256(content).hexdigest(),
+        size=len(content),
+        content={},
+        now=1.0,
+    )
+    engine.dispose()
+    job = lab.client.close_loop(kept.id)["id"]
+    lab.start_worker()
+    told = lab.client.wait_for_report(job)
+    assert (told["state"], told["problem"]["status"]) == ("failed", 422)
+    assert told["problem"]["detail"] == "session.json: schema must be 1, not 2"
+    assert told["problem"]["file"] == "session.json"
+    assert [attempt["ended"] for attempt in told["attempts"]] == ["bad_session"]
+
+
+def test_a_worker_that_lacks_the_pictures_is_given_none(lab: Lab, archive: Path) -> None:
+    job = lab.client.close_loop(lab.client.upload_session(archive)["id"])["id"]
+    light = "import sys; sys.modules['matplotlib'] = None; from worker.cli import main; main()"
+    options = ("--spool", str(lab.folder / "spool"), "--processes", "1", "--max-idle", "3")
+    ran = subprocess.run(
+        [sys.executable, "-c", light, *options],
+        env=lab.environment,
+        capture_output=True,
+        timeout=60,
+        check=True,
+    )
+    assert b"no work for 3 s" in ran.stderr
+    assert lab.client.workers()
+    standing = lab.client.close_loop_report(job)
+    assert (standing["state"], standing["attempts"]) == ("waiting", [])
+    assert "no worker that can close loops" in standing["note"]
