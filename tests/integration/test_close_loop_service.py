@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import json
 import os
 import signal
 import subprocess
@@ -11,13 +12,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx2
 import psutil
 import pytest
 
 from analysis.closeloop.loop import FILES, close_loop
 from server.store import check, close_loops, create_engine, sessions
 from tests.closeloop_sessions import write_session
-from tests.integration.test_worker_process import Lab, until
+from tests.integration.test_worker_process import TOKEN, Lab, until
 
 SEED = 3
 #: Few trials: a second or two of work.
@@ -57,28 +59,67 @@ def child_of(worker: subprocess.Popen[bytes]) -> int:
     return found[0]
 
 
-def test_the_report_over_rest_is_the_command_line_s(
-    lab: Lab, archive: Path, tmp_path: Path
-) -> None:
-    session = lab.client.upload_session(archive)
+def submitted(lab: Lab, session: Path, out: Path) -> subprocess.Popen[str]:
+    command = ("close-loop", str(session), "--out", str(out), "--submit", "--json")
+    return subprocess.Popen(
+        [sys.executable, "-m", "rehyb", *command],
+        env=lab.environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def events(lab: Lab, job: str) -> Iterator[dict[str, Any]]:
+    """Yield what the coordinator streams about a job until its end."""
+    url = f"{lab.environment['REHYB_URL']}/v1/close-loops/{job}/events"
+    headers = {"Authorization": f"Bearer {TOKEN}"}
+    with httpx2.stream("GET", url, headers=headers, timeout=60.0) as stream:
+        for line in stream.iter_lines():
+            if line.startswith("data: "):
+                yield json.loads(line.removeprefix("data: "))
+
+
+def test_the_report_through_the_service_is_the_one_made_here(lab: Lab, tmp_path: Path) -> None:
+    write_session(tmp_path / "monday", SEED, ("coulomb_friction",), **SMALL)
+    command = submitted(lab, tmp_path / "monday", tmp_path / "remote")
+    until(lab.client.sessions)
+    (session,) = lab.client.sessions()
     job = lab.client.close_loop(session["id"])
     assert "no worker" in job["note"]
     worker = lab.start_worker()
-    seen: list[str] = []
-    told = lab.client.wait_for_report(
-        job["id"], poll_seconds=0.1, on_progress=lambda now: seen.append(now["progress"])
-    )
+    told = list(events(lab, job["id"]))
+    assert [told[0]["state"], told[-1]["state"]] == ["waiting", "done"]
+    assert len({one["progress"] for one in told if one["state"] == "running"} - {""}) >= 2
     expected = close_loop(tmp_path / "monday", tmp_path / "local")
-    assert told == {**expected, "id": job["id"], "session_id": session["id"], "state": "done"}
-    assert len({*seen} - {""}) >= 2
+    over_rest = lab.client.close_loop_report(job["id"])
+    assert over_rest == {
+        **expected,
+        "id": job["id"],
+        "session_id": session["id"],
+        "state": "done",
+    }
+    printed, _ = command.communicate(timeout=30)
+    assert (command.returncode, json.loads(printed)) == (0, expected)
     for name in FILES:
-        lab.client.close_loop_file(job["id"], name, tmp_path / name)
-        if name != "report.html":
-            assert (tmp_path / name).read_bytes() == (tmp_path / "local" / name).read_bytes()
-    assert lab.client.close_loop(session["id"])["id"] == job["id"]
+        remote, local = (tmp_path / where / name for where in ("remote", "local"))
+        # In a picture's data is when it was drawn.
+        same = remote.read_bytes() == local.read_bytes()
+        assert same or name == "report.html"
     worker.send_signal(signal.SIGTERM)
     assert worker.wait(20) == 0
     assert not list((lab.folder / "spool").iterdir())
+
+
+def test_a_bad_session_ends_the_command_as_it_does_here(lab: Lab, tmp_path: Path) -> None:
+    write_session(tmp_path / "monday", SEED, (), **SMALL)
+    trial = tmp_path / "monday" / "p0_v0.csv"
+    trial.write_text(trial.read_text().replace("time", "clock", 1))
+    command = submitted(lab, tmp_path / "monday", tmp_path / "out")
+    _, said = command.communicate(timeout=60)
+    assert command.returncode == 2
+    assert "p0_v0.csv, column time, line 1: " in said and len(said.splitlines()) == 1
+    assert not (tmp_path / "out").exists() and lab.client.sessions() == []
 
 
 def test_crash_and_silence_cost_an_attempt_each_and_there_is_one_report(
