@@ -6,12 +6,15 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+import sqlalchemy as sa
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from analysis.closeloop.code import digest
 from server.logic.close_loops import FILES
 from server.store import check, close_loops, sessions
+from server.store.engine import writing
+from server.store.schema import close_loops as close_loops_table
 from tests.unit.server.conftest import Clock
 from tests.unit.server.rest_bodies import is_problem
 
@@ -367,3 +370,25 @@ def test_jobs_are_streamed_until_they_end(client: TestClient, session: str) -> N
 def test_prometheus_counts_jobs_by_state(client: TestClient, session: str) -> None:
     asked(client, session)
     assert 'rehyb_close_loops{state="waiting"} 1.0' in client.get("/metrics").text
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"state": "done"}, "it is done with 0 of 4 files"),
+        ({"verdict": "adequate"}, "it is running with a verdict"),
+        ({"expires_at": None}, "it is running without an end of its lease"),
+        ({"state": "waiting", "expires_at": None}, "it is waiting with 1 attempts under way"),
+    ],
+)
+def test_the_check_of_a_database_finds_jobs_that_contradict_themselves(
+    client: TestClient, app: FastAPI, session: str, changes: Json, fault: str
+) -> None:
+    job = asked(client, session)
+    held(client)
+    with writing(app.state.engine) as connection:
+        before = connection.execute(sa.select(close_loops_table)).one()._mapping
+        connection.execute(sa.update(close_loops_table).values(changes))
+    assert f"close-loop {job['id']}: {fault}" in check.faults(app.state.engine)
+    with writing(app.state.engine) as connection:
+        connection.execute(sa.update(close_loops_table).values(before))
