@@ -85,9 +85,16 @@ class Sessions(Connection):
     # Workers
 
     def lease_close_loop(self, worker: Mapping[str, Any]) -> Json | None:
-        """Lease a job {"id", "lease", "fence", "ttl_seconds", "session"}; None if there is none."""
+        """Lease a job {"id", "lease", "fence", "ttl_seconds", "session"}.
+
+        None (and `retry_after` set) if there is none.
+        """
         response = self._request("POST", "/v1/close-loops/lease", body={"worker": worker})
-        return None if response.status_code == HTTPStatus.NO_CONTENT else body_of(response)
+        if response.status_code == HTTPStatus.NO_CONTENT:
+            seconds = response.headers.get("Retry-After", "")
+            self.retry_after = float(seconds) if seconds.isdigit() else 1.0
+            return None
+        return body_of(response)
 
     def renew_close_loop(self, job: Mapping[str, Any], progress: str | None) -> Json:
         """Keep a leased job and say what it is at; Conflict or NotFound if it is ours no more."""

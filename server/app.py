@@ -11,6 +11,7 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from server import problems
+from server.checking import CHECKS
 from server.compression import Gunzip
 from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
@@ -70,6 +71,8 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.engine = create_engine(settings.database_url)
     app.state.metrics = Metrics(app.state.engine, lambda: clock())
     app.state.sweep = leases.Sweep()
+    #: So many uploaded sessions are looked at at once.
+    app.state.looks = asyncio.Semaphore(CHECKS)
     #: Set when the process is asked to stop: whoever streams must end.
     app.state.stopping = asyncio.Event()
     problems.install(app)

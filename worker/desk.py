@@ -25,8 +25,6 @@ from worker.pool import Pool
 
 log = logging.getLogger(__name__)
 
-#: Seconds between two questions for work.
-ASK_SECONDS = 2.0
 #: Seconds the thread waits for its child before it looks at the clock and for signals again.
 TICK_SECONDS = 0.2
 #: Progress is told at most this often, seconds.
@@ -93,15 +91,14 @@ class Desk:
         _sweep(self._folder)
         failures = 0
         while not self._draining.is_set():
-            wait = ASK_SECONDS * self._rng.uniform(0.5, 1.0)
             try:
                 job = self._client.lease_close_loop(self._worker)
-                failures = 0
+                wait, failures = self._client.retry_after * self._rng.uniform(0.5, 1.0), 0
             except RehybError as error:
                 # The agent says what is wrong with the coordinator.
                 log.debug("no close-loop job: %s", error)
                 job, failures = None, failures + 1
-                wait += full_jitter(failures, self._rng)
+                wait = full_jitter(failures, self._rng)
             if job is None:
                 self._draining.wait(wait)
                 continue
@@ -264,7 +261,7 @@ def _lock_of(path: Path) -> Path:
 
 def _file_name(name: str) -> str:
     """Return a coordinator's word as the name of a file, and of nothing else."""
-    return re.sub(r"[/\\\x00-\x1f]", "_", name)[:100].strip(".") or "session"
+    return re.sub(r"[/\\\x00-\x1f]", "_", name)[:60].strip(".") or "session"
 
 
 def _read(path: Path) -> str:

@@ -8,6 +8,7 @@ the session cannot be analysed is final at once.
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from math import ceil, isfinite
 from typing import Any
 
 from server.logic.leases import Lease, expiry
@@ -18,10 +19,15 @@ FILES = ("report.json", "report.html", "model_after.xml", "residuals.csv")
 VERDICTS = ("adequate", "effect_found", "unexplained", "not_identifiable")
 #: A report is tens of kilobytes.
 MAX_REPORT_BYTES = 8_000_000
+#: Levels of nesting it may have.
+REPORT_DEPTH = 64
 #: Outcomes a worker may report besides "bad_session".
 RETRIED = ("crashed", "timed_out")
 #: The session cannot be analysed: no other machine could.
 BAD_SESSION = "bad_session"
+#: Questions for work that idle workers may ask in all, and how long one may stay away, seconds.
+ASKS_PER_SECOND = 5
+ASK_SECONDS = (2, 15)
 #: Characters kept of a progress line, and of a reason.
 PROGRESS_LENGTH, REASON_LENGTH = 200, 4000
 
@@ -102,6 +108,15 @@ def handed_out(
         attempts=(*job.attempts, attempt),
         progress="",
     )
+
+
+def ask_again_in(workers: int) -> int:
+    """Return the seconds after which one of so many workers without a job should ask again.
+
+    The more there are, the less each has to: together they notice a new job soon enough.
+    """
+    low, high = ASK_SECONDS
+    return min(max(low, ceil(workers / ASKS_PER_SECOND)), high)
 
 
 def lease_of(job: CloseLoop, lease: str) -> Lease | None:
@@ -185,6 +200,10 @@ def verdict_of(report: bytes) -> str:
     if len(report) > MAX_REPORT_BYTES:
         raise ValueError(f"report.json has more than {MAX_REPORT_BYTES} bytes")
     content = parsed(report)
+    if not _is_plain(content):
+        raise ValueError(
+            f"report.json is nested more than {REPORT_DEPTH} deep, or has a number without end"
+        )
     if content.get("schema") != 1 or content.get("verdict") not in VERDICTS:
         raise ValueError(f"report.json must have schema 1 and a verdict of {', '.join(VERDICTS)}")
     return str(content["verdict"])
@@ -205,6 +224,19 @@ def parsed(report: bytes) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise ValueError("report.json must hold an object")
     return content
+
+
+def _is_plain(content: Any) -> bool:
+    """Say whether a parsed value can be written as JSON again by any reader."""
+    left = [(content, 0)]
+    while left:
+        value, depth = left.pop()
+        if depth > REPORT_DEPTH or (isinstance(value, float) and not isfinite(value)):
+            return False
+        if isinstance(value, dict | list):
+            inside = value.values() if isinstance(value, dict) else value
+            left.extend((item, depth + 1) for item in inside)
+    return True
 
 
 def cut(text: str, length: int) -> str:

@@ -16,6 +16,7 @@ from server.logic.close_loops import (
     PROGRESS_LENGTH,
     REASON_LENGTH,
     Proof,
+    ask_again_in,
     cut,
     verdict_of,
 )
@@ -31,14 +32,12 @@ from server.routes.common import (
     example,
 )
 from server.routes.leases import Fence, WorkerBody
-from server.store import close_loops
+from server.store import close_loops, loop_workers
 
 log = logging.getLogger(__name__)
 
 router = APIRouter(prefix="/v1/close-loops", tags=["leases"])
 
-#: Seconds a worker should wait before it asks again.
-RETRY_AFTER_SECONDS = 2
 _LEASE = "0f8e4ab7c5d94e2b8a1d6c3f7e9b2a10"
 
 Place = Annotated[str, StringConstraints(max_length=2000)] | None
@@ -104,7 +103,8 @@ def lease(body: LoopLeaseBody, store: Store, settings: Configured, now: Now) -> 
         ttl=settings.lease_seconds,
     )
     if granted is None:
-        return Response(status_code=204, headers={"Retry-After": str(RETRY_AFTER_SECONDS)})
+        again = ask_again_in(loop_workers.at_work(store, now=now))
+        return Response(status_code=204, headers={"Retry-After": str(again)})
     job, session = granted
     attempt = job.attempts[-1]
     log.info(

@@ -64,7 +64,18 @@ async def upload(
         received = Path(scratch) / "received"
         filename = await _receive(request, received, settings.session_bytes)
         called = name or _stem(filename) or "session"
-        session, new = await asyncio.to_thread(_keep, store, received, called, now)
+        sha256 = await asyncio.to_thread(_digest, received)
+        known = await asyncio.to_thread(sessions.by_digest, store, sha256)
+        if known is None:
+            # Errors call a file by its name.
+            file = received.rename(received.with_name(f"{called}.zip"))
+            async with request.app.state.looks:
+                content = await check(file)
+            session, new = await asyncio.to_thread(
+                _keep, store, file, name=called, sha256=sha256, content=content, now=now
+            )
+        else:
+            session, new = known, False
     response.headers["Location"] = f"/v1/sessions/{session.id}"
     response.status_code = 201 if new else 200
     return shown(session)
@@ -146,20 +157,14 @@ def _copy(source: BinaryIO, target: BinaryIO) -> None:
         target.write(chunk)
 
 
-def _keep(store: Engine, received: Path, name: str, now: float) -> tuple[Session, bool]:
-    """Check and store what was received, unless it is there already."""
-    with received.open("rb") as file:
-        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    if (known := sessions.by_digest(store, sha256)) is not None:
-        return known, False
-    # Errors call a file by its name.
-    file_path = received.rename(received.with_name(f"{name}.zip"))
-    content = check(file_path)
-    with file_path.open("rb") as file:
-        size = file_path.stat().st_size
-        return sessions.create(
-            store, file, name=name, sha256=sha256, size=size, content=content, now=now
-        )
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _keep(store: Engine, path: Path, **known: Any) -> tuple[Session, bool]:
+    with path.open("rb") as file:
+        return sessions.create(store, file, size=path.stat().st_size, **known)
 
 
 def _stem(filename: str | None) -> str | None:

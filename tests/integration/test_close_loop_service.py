@@ -128,10 +128,17 @@ def test_crash_and_silence_cost_an_attempt_each_and_there_is_one_report(
     first = lab.start_worker()
     until(lambda: lab.client.close_loop_report(job).get("progress"))
     os.kill(child_of(first), signal.SIGKILL)
-    until(lambda: len(lab.client.close_loop_report(job)["attempts"]) == 2)
-    os.kill(child_of(first), signal.SIGSTOP)
+
+    def is_at_it_again() -> bool:
+        now = lab.client.close_loop_report(job)
+        return len(now["attempts"]) == 2 and bool(now["progress"])
+
+    until(is_at_it_again)
+    child = child_of(first)
+    os.kill(child, signal.SIGSTOP)
     first.kill()
     first.wait()
+    until(lambda: not psutil.pid_exists(child))
     assert list((lab.folder / "spool" / "loops").iterdir())
     second = lab.start_worker()
     assert lab.client.wait_for_report(job)["verdict"] == "effect_found"

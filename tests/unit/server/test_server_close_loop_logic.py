@@ -10,6 +10,7 @@ from server.logic.close_loops import (
     CloseLoop,
     after_attempt,
     answers,
+    ask_again_in,
     attempts_from_json,
     attempts_to_json,
     cut,
@@ -130,6 +131,8 @@ def test_every_verdict_of_the_contract_is_one(verdict: str) -> None:
         b'{"schema": 2, "verdict": "adequate"}',
         b'{"schema": 1, "verdict": null}',
         b'{"schema": 1, "verdict": "adequate", "x": -Infinity}',
+        b'{"schema": 1, "verdict": "adequate", "x": 1e999}',
+        b'{"schema": 1, "verdict": "adequate", "x": ' + b"[" * 70 + b"]" * 70 + b"}",
         b"\xff\xfe",
         b"[" * 100_000,
         b" " * (MAX_REPORT_BYTES + 1),
@@ -139,6 +142,11 @@ def test_what_is_no_report_is_told_so_in_a_sentence(report: bytes) -> None:
     with pytest.raises(ValueError, match=r"report\.json") as caught:
         verdict_of(report)
     assert type(caught.value) is ValueError
+
+
+@pytest.mark.parametrize(("workers", "seconds"), [(0, 2), (1, 2), (10, 2), (50, 10), (1000, 15)])
+def test_many_idle_workers_ask_no_more_than_a_few(workers: int, seconds: int) -> None:
+    assert ask_again_in(workers) == seconds
 
 
 def test_text_is_kept_as_every_database_can_hold_it() -> None:

@@ -31,7 +31,7 @@ def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Stand in for the process that looks at sessions; returns the names of those it was given."""
     given: list[str] = []
 
-    def look(file: Path) -> dict[str, Any]:
+    async def look(file: Path) -> dict[str, Any]:
         given.append(file.name)
         if file.read_bytes().startswith(b"bad"):
             raise BadSessionError("a.csv, column time, line 3: no", file="a.csv", column="time")

@@ -43,7 +43,7 @@ class Coordinator:
             return httpx2.Response(200, content=self.archive)
         if verb == "lease":
             if not self.jobs:
-                return httpx2.Response(204)
+                return httpx2.Response(204, headers={"Retry-After": "0"})
             self.jobs -= 1
             sha256 = hashlib.sha256(ARCHIVE).hexdigest()
             session = {"id": "s", "name": self.name, "sha256": sha256}
@@ -93,7 +93,7 @@ class InstantPool:
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("ASK_SECONDS", "TELL_SECONDS", "FAREWELL_SECONDS"):
+    for name in ("TELL_SECONDS", "FAREWELL_SECONDS"):
         monkeypatch.setattr(desks, name, 0.01)
     monkeypatch.setattr(desks, "full_jitter", lambda failures, rng: 0.001)
 

@@ -1,8 +1,8 @@
 """Real sessions and real bad ones, uploaded to a coordinator that looks at them in a process."""
 
+import asyncio
 import re
 import stat
-import subprocess
 import time
 import zipfile
 from collections.abc import Iterator
@@ -161,10 +161,10 @@ def test_a_look_that_takes_too_long_or_too_much_is_given_up(
     file = folder.with_suffix(".zip")
     started = time.monotonic()
     with pytest.raises(checking.BadSessionError, match=r"session\.zip: reading it takes more"):
-        checking.check(file, seconds=0)
+        asyncio.run(checking.check(file, seconds=0))
     assert time.monotonic() - started < 5.0
     with pytest.raises(checking.BadSessionError, match=r"session\.zip: .*(memory|status)"):
-        checking.check(file, memory_mb=40)
+        asyncio.run(checking.check(file, memory_mb=40))
 
 
 def test_the_look_knows_no_secrets_and_imports_nothing_of_the_session(
@@ -174,13 +174,14 @@ def test_the_look_knows_no_secrets_and_imports_nothing_of_the_session(
     monkeypatch.setenv("REHYB_TOKEN", "hunter2")
     monkeypatch.chdir(folder)
     ran: list[Any] = []
-    run = subprocess.run
+    begin = asyncio.create_subprocess_exec
 
-    def spy(command: list[str], **options: Any) -> Any:
+    async def spy(*command: str, **options: Any) -> Any:
         ran.append((command, options))
-        return run(command, **options)
+        return await begin(*command, **options)
 
-    monkeypatch.setattr(checking.subprocess, "run", spy)
+    monkeypatch.setattr(checking.asyncio, "create_subprocess_exec", spy)
     zipped(folder)
-    assert checking.check(folder.with_suffix(".zip"))["analysed_joints"] == ["elbow"]
+    understood = asyncio.run(checking.check(folder.with_suffix(".zip")))
+    assert understood["analysed_joints"] == ["elbow"]
     assert "hunter2" not in str(ran) and "PATH" in ran[0][1]["env"]
