@@ -110,7 +110,9 @@ async def _reap_for_ever(engine: Engine, measures: Metrics, ttl: float, patience
         freed = 0
         try:
             lost = await asyncio.to_thread(queue.reap, engine, now=clock())
-            await asyncio.to_thread(close_loop_store.reap, engine, now=clock())
+            silent = await asyncio.to_thread(close_loop_store.reap, engine, now=clock())
+            if silent:
+                log.warning("%d close-loops came back from workers that fell silent", silent)
             await asyncio.to_thread(comparisons.give_up, engine, now=clock(), patience=patience)
             # Whoever has not listened for so long cannot say that nobody spoke.
             if monotonic() - started >= patience:
