@@ -12,13 +12,14 @@ import shutil
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from random import Random
 from threading import Event, Thread
 from typing import IO, Any
 
 from rehyb.client import Client
-from rehyb.errors import Conflict, NotFound, RehybError, ServerError, Unreachable
+from rehyb.errors import Conflict, Invalid, NotFound, RehybError, ServerError, Unreachable
 from worker.backoff import full_jitter
 from worker.closing import OUT, PROGRESS
 from worker.pool import Pool
@@ -131,14 +132,10 @@ class Desk:
             if result is None:
                 return
             if result["outcome"] == "ok":
-                self._say(
-                    lambda: self._client.hand_in_report(
-                        job, folder / OUT, worker=self._worker["id"], code=self._code
-                    )
-                )
-            else:
+                result = self._hand_in(job, folder / OUT)
+            if result is not None:
                 log.warning("close-loop %s: %s", job["id"], result["reason"])
-                self._say(lambda: self._fail(job, result))
+                self._say(partial(self._fail, job, result))
 
     def _fetch(self, job: Job, archive: Path) -> None:
         """Download a job's session, keeping the lease however long that takes."""
@@ -177,6 +174,16 @@ class Desk:
         except (Unreachable, ServerError) as error:
             log.info("close-loop %s cannot be renewed for now: %s", job["id"], error)
             self._renew_at = now + self._rng.uniform(1.0, 2.0)
+
+    def _hand_in(self, job: Job, out: Path) -> dict[str, Any] | None:
+        """Hand in the report; returns what to say instead if the coordinator cannot use it."""
+        me = {"worker": self._worker["id"], "code": self._code}
+        try:
+            self._say(partial(self._client.hand_in_report, job, out, **me))
+        except Invalid as error:
+            reason = f"the coordinator cannot use the report: {error}"
+            return {"outcome": "crashed", "reason": reason, "state": None}
+        return None
 
     def _fail(self, job: Job, result: Mapping[str, Any]) -> None:
         bad = result["outcome"] == "bad_session"

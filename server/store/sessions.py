@@ -117,6 +117,8 @@ def delete(engine: Engine, session_id: str) -> None:
     with writing(engine) as connection:
         find(connection, session_id, lock=True)
         its_loops = sa.select(close_loops.c.id).where(close_loops.c.session_id == session_id)
+        # Whoever hands in a report now has done so, or finds no job.
+        connection.execute(its_loops.with_for_update())
         connection.execute(
             sa.delete(close_loop_parts).where(close_loop_parts.c.close_loop_id.in_(its_loops))
         )

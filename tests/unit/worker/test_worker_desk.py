@@ -32,6 +32,7 @@ class Coordinator:
         self.away = 0
         self.sick = 0
         self.refuse: set[str] = set()
+        self.too_large = False
         self.said: list[tuple[str, Any]] = []
 
     def __call__(self, request: httpx2.Request) -> httpx2.Response:
@@ -51,6 +52,8 @@ class Coordinator:
             return httpx2.Response(201, json={**job, "session": session})
         if verb in self.refuse:
             return httpx2.Response(409, json={"detail": "the lease is expired"})
+        if verb == "report" and self.too_large:
+            return httpx2.Response(413, json={"detail": "a session may have 5 bytes at most"})
         if verb == "report" and self.sick:
             self.sick -= 1
             return httpx2.Response(500, json={"detail": "its log says why"})
@@ -160,6 +163,16 @@ def test_a_coordinator_that_keeps_failing_is_left_alone(
     desk.start()
     until(lambda: coordinator.words("report"))
     assert coordinator.sick == 0 and len(coordinator.words("report")) == 1
+
+
+def test_a_report_that_the_coordinator_cannot_use_is_a_failure_with_its_words(
+    desk: Desk, coordinator: Coordinator
+) -> None:
+    coordinator.too_large = True
+    desk.start()
+    until(lambda: coordinator.words("failure"))
+    (said,) = coordinator.words("failure")
+    assert said["outcome"] == "crashed" and said["reason"].endswith("5 bytes at most")
 
 
 def test_a_bad_session_is_said_with_its_place(
