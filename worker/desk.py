@@ -32,6 +32,8 @@ TICK_SECONDS = 0.2
 TELL_SECONDS = 0.5
 #: A draining worker stays this long for a coordinator that is away.
 FAREWELL_SECONDS = 10.0
+#: A worker that leaves at once waits no longer for an answer under way.
+LEAVE_SECONDS = 10.0
 #: A coordinator that fails at a report so often will not take it.
 TRIES = 10
 
@@ -86,7 +88,7 @@ class Desk:
         self._draining.set()
         self._cut_short.set()
         if self._thread.ident is not None:
-            self._thread.join()
+            self._thread.join(LEAVE_SECONDS)
 
     def _serve(self) -> None:
         _sweep(self._folder)

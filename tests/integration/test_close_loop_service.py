@@ -201,7 +201,7 @@ def test_a_large_session_does_not_fill_the_coordinator_s_memory(
 def test_a_worker_that_lacks_the_pictures_is_given_none(lab: Lab, archive: Path) -> None:
     job = lab.client.close_loop(lab.client.upload_session(archive)["id"])["id"]
     light = "import sys; sys.modules['matplotlib'] = None; from worker.cli import main; main()"
-    options = ("--spool", str(lab.folder / "spool"), "--processes", "1", "--max-idle", "3")
+    options = ("--spool", str(lab.folder / "spool"), "--processes", "1", "--max-idle", "1.5")
     ran = subprocess.run(
         [sys.executable, "-c", light, *options],
         env=lab.environment,
@@ -209,7 +209,7 @@ def test_a_worker_that_lacks_the_pictures_is_given_none(lab: Lab, archive: Path)
         timeout=60,
         check=True,
     )
-    assert b"no work for 3 s" in ran.stderr
+    assert b"no work for 1.5 s" in ran.stderr
     assert lab.client.workers()
     standing = lab.client.close_loop_report(job)
     assert (standing["state"], standing["attempts"]) == ("waiting", [])
