@@ -4,11 +4,8 @@ A session takes a while to fetch and a report to hand in; meanwhile the agent mu
 The work itself is done by a child process, which may crash or hang: the thread only waits.
 """
 
-import fcntl
 import hashlib
 import logging
-import re
-import shutil
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -16,13 +13,14 @@ from functools import partial
 from pathlib import Path
 from random import Random
 from threading import Event, Thread
-from typing import IO, Any
+from typing import Any
 
 from rehyb.client import Client
 from rehyb.errors import Conflict, Invalid, NotFound, RehybError, ServerError, Unreachable
 from worker.backoff import full_jitter
 from worker.closing import OUT, PROGRESS
 from worker.pool import Pool
+from worker.scratch import Scratch, file_name, sweep
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +28,10 @@ log = logging.getLogger(__name__)
 TICK_SECONDS = 0.2
 #: Progress is told at most this often, seconds.
 TELL_SECONDS = 0.5
+#: Seconds before the next job after one that came to nothing for the worker's own reasons.
+PAUSE_SECONDS = 5.0
+#: Characters told of a reason, and of a file's or a column's name.
+REASON_LENGTH, PLACE_LENGTH = 4000, 1000
 #: A draining worker stays this long for a coordinator that is away.
 FAREWELL_SECONDS = 10.0
 #: A worker that leaves at once waits no longer for an answer under way.
@@ -91,7 +93,8 @@ class Desk:
             self._thread.join(LEAVE_SECONDS)
 
     def _serve(self) -> None:
-        _sweep(self._folder)
+        with suppress(OSError):
+            sweep(self._folder)
         failures = 0
         while not self._draining.is_set():
             try:
@@ -110,15 +113,17 @@ class Desk:
                 self._work(job)
             except (OSError, RehybError) as error:
                 log.warning("close-loop %s: %s", job["id"], error)
-                self._give_back(job)
+                self._give_up(job, error)
+                # What went wrong is likely to go wrong again at once.
+                self._draining.wait(PAUSE_SECONDS)
             finally:
                 self.busy = 0
 
     def _work(self, job: Job) -> None:
         log.info("closing the loop on session %s", job["session"]["name"])
         self._renew_at = time.monotonic() + job["ttl_seconds"] / 3.0
-        with _Scratch(self._folder, job["lease"]) as folder:
-            archive = folder / f"{_file_name(job['session']['name'])}.zip"
+        with Scratch(self._folder, job["lease"]) as folder:
+            archive = folder / f"{file_name(job['session']['name'])}.zip"
             self._fetch(job, archive)
             instance = {
                 "id": job["id"],
@@ -183,8 +188,9 @@ class Desk:
         try:
             self._say(partial(self._client.hand_in_report, job, out, **me))
         except Invalid as error:
-            reason = f"the coordinator cannot use the report: {error}"
-            return {"outcome": "crashed", "reason": reason, "state": None}
+            return _crashed(f"the coordinator cannot use the report: {error}")
+        except ServerError as error:
+            return _crashed(f"the coordinator fails at the report: {error}")
         return None
 
     def _fail(self, job: Job, result: Mapping[str, Any]) -> None:
@@ -193,8 +199,8 @@ class Desk:
             job,
             worker=self._worker["id"],
             outcome=result["outcome"],
-            reason=result["reason"],
-            where=result["state"] if bad else None,
+            reason=result["reason"][:REASON_LENGTH],
+            where={name: _cut(value) for name, value in result["state"].items()} if bad else None,
         )
 
     def _say(self, call: Callable[[], object]) -> None:
@@ -218,59 +224,26 @@ class Desk:
                 log.warning("left without handing in a report: another worker will do it again")
                 return
 
+    def _give_up(self, job: Job, error: Exception) -> None:
+        """Say that a job came to nothing here: counted if it is this machine's fault."""
+        if isinstance(error, OSError):
+            with suppress(RehybError):
+                self._fail(job, _crashed(f"on the worker: {error}"))
+        else:
+            self._give_back(job)
+
     def _give_back(self, job: Job) -> None:
         # If it is not heard, the lease expires.
         with suppress(RehybError):
             self._client.release_close_loop(job)
 
 
-class _Scratch:
-    """A folder for one job; if its worker is killed, the next worker here removes it."""
-
-    def __init__(self, folder: Path, name: str) -> None:
-        self._path = folder / _file_name(name)
-        self._lock: IO[str] | None = None
-
-    def __enter__(self) -> Path:
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._lock = _lock_of(self._path).open("w")
-        fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        self._path.mkdir()
-        return self._path
-
-    def __exit__(self, *_: object) -> None:
-        shutil.rmtree(self._path, ignore_errors=True)
-        _lock_of(self._path).unlink(missing_ok=True)
-        if self._lock is not None:
-            self._lock.close()
-        # Another worker may have a job.
-        with suppress(OSError):
-            self._path.parent.rmdir()
+def _crashed(reason: str) -> dict[str, Any]:
+    return {"outcome": "crashed", "reason": reason, "state": None}
 
 
-def _sweep(folder: Path) -> None:
-    """Remove what workers that were killed have left in `folder`."""
-    for path in folder.iterdir() if folder.is_dir() else ():
-        if not path.is_dir():
-            continue
-        with _lock_of(path).open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                continue
-            shutil.rmtree(path, ignore_errors=True)
-            _lock_of(path).unlink(missing_ok=True)
-    with suppress(OSError):
-        folder.rmdir()
-
-
-def _lock_of(path: Path) -> Path:
-    return path.with_name(path.name + ".lock")
-
-
-def _file_name(name: str) -> str:
-    """Return a coordinator's word as the name of a file, and of nothing else."""
-    return re.sub(r"[/\\\x00-\x1f]", "_", name)[:60].strip(".") or "session"
+def _cut(value: Any) -> Any:
+    return value[:PLACE_LENGTH] if isinstance(value, str) else value
 
 
 def _read(path: Path) -> str:

@@ -17,6 +17,7 @@ from worker import desk as desks
 from worker.closing import OUT, PROGRESS, can_close_loops
 from worker.desk import Desk
 from worker.pool import Finished
+from worker.scratch import sweep
 
 ARCHIVE = b"PK of a session"
 
@@ -96,7 +97,7 @@ class InstantPool:
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("TELL_SECONDS", "FAREWELL_SECONDS"):
+    for name in ("TELL_SECONDS", "FAREWELL_SECONDS", "PAUSE_SECONDS"):
         monkeypatch.setattr(desks, name, 0.01)
     monkeypatch.setattr(desks, "full_jitter", lambda failures, rng: 0.001)
 
@@ -163,6 +164,8 @@ def test_a_coordinator_that_keeps_failing_is_left_alone(
     desk.start()
     until(lambda: coordinator.words("report"))
     assert coordinator.sick == 0 and len(coordinator.words("report")) == 1
+    (said,) = coordinator.words("failure")
+    assert said["outcome"] == "crashed" and "its log says why" in said["reason"]
 
 
 def test_a_report_that_the_coordinator_cannot_use_is_a_failure_with_its_words(
@@ -249,6 +252,20 @@ def test_leaving_while_nobody_answers_takes_no_longer_than_a_farewell(
     until(lambda: not desk.busy)
 
 
+def test_a_full_disk_is_this_machine_s_fault_and_is_counted(
+    desk: Desk, coordinator: Coordinator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(desk, "_fetch", full)
+    desk.start()
+    until(lambda: coordinator.words("failure"))
+    (said,) = coordinator.words("failure")
+    assert said["outcome"] == "crashed" and "No space left" in said["reason"]
+    assert not coordinator.words("release")
+
+
 def test_an_archive_that_did_not_arrive_whole_is_not_analysed(
     desk: Desk, coordinator: Coordinator, pool: InstantPool
 ) -> None:
@@ -277,7 +294,7 @@ def test_what_a_killed_worker_left_is_removed_and_what_a_living_one_has_is_not(
     desk.start()
     until(lambda: pool.archive.name)
     assert not dead.exists()
-    desks._sweep(tmp_path / "loops")
+    sweep(tmp_path / "loops")
     assert pool.archive.exists()
 
 
