@@ -1,47 +1,19 @@
 """Talk to a coordinator: plain dictionaries in, plain dictionaries out."""
 
-import gzip
-import json
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from http import HTTPStatus
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 from urllib.parse import urlencode
 
-import httpx2
-
-from rehyb.errors import (
-    Conflict,
-    Invalid,
-    NotFound,
-    RehybError,
-    ServerError,
-    Unauthorized,
-    Unreachable,
-)
-
-Json = dict[str, Any]
-
-#: Bodies longer than this are sent compressed.
-COMPRESS_BYTES = 50_000
-DEFAULT_URL = "http://127.0.0.1:8787"
-#: Never asked of a proxy, whatever the environment says.
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
-
-_ERRORS: Mapping[int, type[RehybError]] = {
-    HTTPStatus.UNAUTHORIZED: Unauthorized,
-    HTTPStatus.FORBIDDEN: Unauthorized,
-    HTTPStatus.NOT_FOUND: NotFound,
-    HTTPStatus.CONFLICT: Conflict,
-    # It may succeed later, as after a failure.
-    HTTPStatus.TOO_MANY_REQUESTS: ServerError,
-}
+from rehyb.connection import DEFAULT_URL as DEFAULT_URL
+from rehyb.connection import Json as Json
+from rehyb.connection import body_of, error_of
+from rehyb.sessions import Sessions
 
 
-class Client:
+class Client(Sessions):
     """A connection to one coordinator.
 
     Args:
@@ -56,48 +28,6 @@ class Client:
     Raises:
         Unauthorized: there is no token.
     """
-
-    def __init__(
-        self,
-        url: str | None = None,
-        token: str | None = None,
-        timeout: float = 30.0,
-        *,
-        transport: httpx2.BaseTransport | None = None,
-    ) -> None:
-        self.url = (url or os.environ.get("REHYB_URL") or DEFAULT_URL).rstrip("/")
-        token = token or os.environ.get("REHYB_TOKEN")
-        if not token:
-            raise Unauthorized(
-                f"there is no token for {self.url}: set REHYB_TOKEN to the coordinator's token"
-            )
-        #: Seconds the coordinator last asked a worker without work to wait before asking again.
-        self.retry_after = 1.0
-        try:
-            self._http = httpx2.Client(
-                base_url=self.url,
-                headers={"Authorization": f"Bearer {token}"},
-                timeout=timeout,
-                transport=transport,
-                trust_env=httpx2.URL(self.url).host not in LOOPBACK,
-            )
-        except (httpx2.InvalidURL, UnicodeError) as error:
-            raise Invalid(f"{self.url} is not a coordinator's address: {error}") from error
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._http.close()
 
     # Studies
 
@@ -200,22 +130,7 @@ class Client:
 
     def results_csv(self, study_id: str, path: Path) -> None:
         """Write a study's results to `path`; a download cut short leaves no file behind."""
-        partial = path.with_name(path.name + ".partial")
-        try:
-            with (
-                self._http.stream("GET", f"/v1/studies/{study_id}/results.csv") as response,
-                partial.open("wb") as file,
-            ):
-                if response.status_code != HTTPStatus.OK:
-                    response.read()
-                    raise _error(response)
-                for chunk in response.iter_bytes():
-                    file.write(chunk)
-            partial.replace(path)
-        except httpx2.TransportError as error:
-            raise self._unreachable(error) from error
-        finally:
-            partial.unlink(missing_ok=True)
+        self._download(f"/v1/studies/{study_id}/results.csv", path)
 
     def wait(
         self,
@@ -242,7 +157,7 @@ class Client:
     def health(self) -> Json:
         """Return {"status", "date"}: "ok" if the coordinator lives, and its clock (RFC 9110)."""
         response = self._request("GET", "/healthz")
-        return {**_body(response), "date": response.headers.get("Date")}
+        return {**body_of(response), "date": response.headers.get("Date")}
 
     def lease(
         self, *, worker: Mapping[str, Any], models: Sequence[str], max_instances: int
@@ -262,7 +177,7 @@ class Client:
             seconds = response.headers.get("Retry-After", "")
             self.retry_after = float(seconds) if seconds.isdigit() else 1.0
             return None
-        return _body(response)
+        return body_of(response)
 
     def renew(self, lease_id: str, fence: int) -> Json:
         """Keep a lease for another ttl; Conflict or NotFound if it is no longer this worker's."""
@@ -282,103 +197,9 @@ class Client:
         body = {"lease": lease, "fence": fence, "worker": worker, "results": list(results)}
         response = self._send("POST", "/v1/results", body=body)
         if response.status_code not in (HTTPStatus.OK, HTTPStatus.CONFLICT):
-            raise _error(response)
-        answer = _body(response)
+            raise error_of(response)
+        answer = body_of(response)
         if "verdicts" not in answer:
-            raise _error(response)
+            raise error_of(response)
         verdicts: list[Json] = answer["verdicts"]
         return verdicts
-
-    # Plumbing
-
-    def _json(
-        self,
-        method: str,
-        path: str,
-        *,
-        body: Mapping[str, Any] | None = None,
-        headers: Mapping[str, str] | None = None,
-    ) -> Json:
-        return _body(self._request(method, path, body=body, headers=headers))
-
-    def _request(
-        self,
-        method: str,
-        path: str,
-        *,
-        body: Mapping[str, Any] | None = None,
-        headers: Mapping[str, str] | None = None,
-    ) -> httpx2.Response:
-        response = self._send(method, path, body=body, headers=headers)
-        if not response.is_success:
-            raise _error(response)
-        return response
-
-    def _send(
-        self,
-        method: str,
-        path: str,
-        *,
-        body: Mapping[str, Any] | None = None,
-        headers: Mapping[str, str] | None = None,
-    ) -> httpx2.Response:
-        try:
-            if body is None:
-                return self._http.request(method, path, headers=headers)
-            content = json.dumps(body, allow_nan=False).encode()
-            headers = {"Content-Type": "application/json", **(headers or {})}
-            if len(content) > COMPRESS_BYTES:
-                content = gzip.compress(content, compresslevel=1)
-                headers["Content-Encoding"] = "gzip"
-            return self._http.request(method, path, content=content, headers=headers)
-        except (httpx2.TransportError, httpx2.DecodingError) as error:
-            raise self._unreachable(error) from error
-        except ValueError as error:
-            raise Invalid(f"the request cannot be written as JSON: {error}") from error
-
-    def _unreachable(self, error: Exception) -> Unreachable:
-        cause = str(error) or type(error).__name__
-        return Unreachable(
-            f"no coordinator answers at {self.url} ({cause}): start one with `rehyb up`, "
-            "or set REHYB_URL to where it listens"
-        )
-
-
-def _body(response: httpx2.Response) -> Json:
-    try:
-        body = response.json()
-    except ValueError:
-        body = None
-    if not isinstance(body, dict):
-        raise ServerError(f"{response.request.url} did not answer with a JSON object")
-    return body
-
-
-def _error(response: httpx2.Response) -> RehybError:
-    """Turn a refusal into the error that a caller can tell apart, worded by the coordinator."""
-    status = response.status_code
-    try:
-        problem = response.json()
-    except ValueError:
-        problem = None
-    if not isinstance(problem, dict):
-        problem = {}
-    message = str(problem.get("detail") or problem.get("title") or HTTPStatus(status).phrase)
-    if pointer := problem.get("pointer"):
-        message += f" (at {pointer})"
-    if errors := [_entry(error) for error in problem.get("errors") or ()]:
-        message += ": " + "; ".join(errors)
-    kind = _ERRORS.get(
-        status, Invalid if status < HTTPStatus.INTERNAL_SERVER_ERROR else ServerError
-    )
-    if not problem:
-        message = f"{response.request.url} answered {status} {message}"
-    return kind(message, problem)
-
-
-def _entry(error: object) -> str:
-    if not isinstance(error, dict):
-        return str(error)
-    where = error.get("pointer") or error.get("loc") or ""
-    what = error.get("detail") or error.get("msg") or ""
-    return f"{where} {what}".strip()

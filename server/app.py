@@ -11,23 +11,28 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from server import problems
+from server.checking import CHECKS
 from server.compression import Gunzip
 from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
 from server.metrics import Metrics
 from server.routes import (
+    close_loops,
     health,
     indices,
     instances,
     leases,
+    loop_leases,
     metrics,
     progress,
     results,
+    sessions,
     studies,
     workers,
 )
 from server.routes.common import clock
 from server.settings import Settings
+from server.store import close_loops as close_loop_store
 from server.store import comparisons, create_engine, queue, require_current, reruns, tokens
 
 log = logging.getLogger(__name__)
@@ -44,6 +49,7 @@ def create_app(settings: Settings) -> FastAPI:
         engine = app.state.engine
         require_current(engine)
         queue.excuse_silence(engine, now=clock(), ttl=settings.lease_seconds)
+        close_loop_store.excuse_silence(engine, now=clock(), ttl=settings.lease_seconds)
         reaper = asyncio.create_task(
             _reap_for_ever(
                 engine, app.state.metrics, settings.lease_seconds, settings.stranded_seconds
@@ -65,6 +71,8 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.engine = create_engine(settings.database_url)
     app.state.metrics = Metrics(app.state.engine, lambda: clock())
     app.state.sweep = leases.Sweep()
+    #: So many uploaded sessions are looked at at once.
+    app.state.looks = asyncio.Semaphore(CHECKS)
     #: Set when the process is asked to stop: whoever streams must end.
     app.state.stopping = asyncio.Event()
     problems.install(app)
@@ -77,12 +85,15 @@ def create_app(settings: Settings) -> FastAPI:
         indices,
         instances,
         workers,
+        loop_leases,
+        sessions,
+        close_loops,
         metrics,
         health,
     ):
         app.include_router(noun.router)
     app.add_middleware(Gunzip, limit=MAX_BODY_BYTES)
-    app.add_middleware(BodyLimit)
+    app.add_middleware(BodyLimit, large=settings.session_bytes)
     app.add_middleware(
         BearerToken,
         token=settings.token.get_secret_value(),
@@ -99,6 +110,9 @@ async def _reap_for_ever(engine: Engine, measures: Metrics, ttl: float, patience
         freed = 0
         try:
             lost = await asyncio.to_thread(queue.reap, engine, now=clock())
+            silent = await asyncio.to_thread(close_loop_store.reap, engine, now=clock())
+            if silent:
+                log.warning("%d close-loops came back from workers that fell silent", silent)
             await asyncio.to_thread(comparisons.give_up, engine, now=clock(), patience=patience)
             # Whoever has not listened for so long cannot say that nobody spoke.
             if monotonic() - started >= patience:

@@ -28,5 +28,22 @@ class InvalidStudyError(CoordinatorError):
         self.pointer = pointer
 
 
+class BadSessionError(CoordinatorError):
+    """A measured session cannot be analysed, in the words that the command line has for it."""
+
+    def __init__(
+        self, sentence: str, *, file: str, column: str | None = None, line: int | None = None
+    ) -> None:
+        super().__init__(sentence)
+        self.file = file
+        self.column = column
+        #: As an editor counts: the header is line 1.
+        self.line = line
+
+    def to_json(self) -> dict[str, str | int | None]:
+        """Return where the fault is, as members of a problem."""
+        return {"file": self.file, "column": self.column, "line": self.line}
+
+
 class SchemaError(CoordinatorError):
     """The database's schema is not the one this version works with."""

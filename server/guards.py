@@ -2,6 +2,7 @@
 
 import asyncio
 import hmac
+import re
 from collections.abc import Callable
 from http import HTTPStatus
 from time import monotonic
@@ -10,11 +11,13 @@ from fastapi import HTTPException
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from server.logic.tokens import FAILURE_SECONDS, Failures, may, scope_needed
+from server.logic.tokens import FAILURE_SECONDS, Failures, may, scopes_needed
 from server.problems import problem
 
 #: Largest request body taken.
 MAX_BODY_BYTES = 8 * 1024 * 1024
+#: What a form adds to the file in it.
+ENVELOPE_BYTES = 10_000
 #: Seconds a token is believed after it was looked up: a revoked one is good for as long at most.
 BELIEVED_SECONDS = 5.0
 
@@ -67,12 +70,12 @@ class BearerToken:
                 "send the header `Authorization: Bearer TOKEN` with the coordinator's token",
                 headers={"WWW-Authenticate": "Bearer"},
             )
-        needed = scope_needed(scope["method"], scope["path"])
+        needed = scopes_needed(scope["method"], scope["path"])
         if may(scopes, needed):
             return None
+        has, needs = ", ".join(scopes), " or ".join(needed)
         return problem(
-            HTTPStatus.FORBIDDEN,
-            f"this needs a token with the scope {needed}; yours has {', '.join(scopes)}",
+            HTTPStatus.FORBIDDEN, f"this needs a token with the scope {needs}; yours has {has}"
         )
 
     async def _scopes_of(self, borne: bytes, address: str, now: float) -> tuple[str, ...] | None:
@@ -93,19 +96,29 @@ class BearerToken:
 
 
 class BodyLimit:
-    """Turn away requests with more than `MAX_BODY_BYTES`, announced or not."""
+    """Turn away requests with more than `MAX_BODY_BYTES`, announced or not.
 
-    def __init__(self, app: ASGIApp) -> None:
+    Args:
+        app: what is guarded.
+        large: bytes that a request may have which brings a session, or what was found in one.
+    """
+
+    def __init__(self, app: ASGIApp, large: int) -> None:
         self._app = app
+        self._large = large
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request (ASGI)."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        limit, refusal = MAX_BODY_BYTES, _TOO_LARGE
+        if scope["method"] == "POST" and _LARGE.fullmatch(scope["path"]):
+            limit = self._large + ENVELOPE_BYTES
+            refusal = session_too_large(self._large)
         announced = Headers(scope=scope).get("content-length", "0")
-        if announced.isdecimal() and int(announced) > MAX_BODY_BYTES:
-            await problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, _TOO_LARGE)(scope, receive, send)
+        if announced.isdecimal() and int(announced) > limit:
+            await problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, refusal)(scope, receive, send)
             return
         received = 0
 
@@ -113,14 +126,21 @@ class BodyLimit:
             nonlocal received
             message = await receive()
             received += len(message.get("body", b""))
-            if received > MAX_BODY_BYTES:
-                raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, _TOO_LARGE)
+            if received > limit:
+                raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, refusal)
             return message
 
         await self._app(scope, counting, send)
 
 
+#: Requests that bring files.
+_LARGE = re.compile(r"/v1/sessions|/v1/close-loops/[^/]+/report")
 _TOO_LARGE = f"a request may have {MAX_BODY_BYTES} bytes at most: post results in smaller batches"
+
+
+def session_too_large(limit: int) -> str:
+    """Say that a session, or what was found in one, has more than `limit` bytes."""
+    return f"a session may have {limit} bytes at most (REHYB_SESSION_BYTES)"
 
 
 def _guarded(path: str) -> bool:

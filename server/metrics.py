@@ -72,6 +72,7 @@ class _Stored:
         yield _family("rehyb_instances", "Instances of studies under way", "state", now.instances)
         yield _family("rehyb_failures", "Final failures by outcome", "outcome", now.failures)
         yield _family("rehyb_comparisons", "Second opinions by state", "state", now.comparisons)
+        yield _family("rehyb_close_loops", "Closing the loop, by state", "state", now.close_loops)
         for name, text, value in (
             ("rehyb_workers", "Workers heard of within a minute", now.workers),
             ("rehyb_open_leases", "Leases held by workers", now.open_leases),

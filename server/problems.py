@@ -11,6 +11,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from server.errors import (
+    BadSessionError,
     ConflictError,
     CoordinatorError,
     InvalidStudyError,
@@ -23,6 +24,7 @@ _STATUS: Mapping[type[CoordinatorError], HTTPStatus] = {
     NotFoundError: HTTPStatus.NOT_FOUND,
     ConflictError: HTTPStatus.CONFLICT,
     InvalidStudyError: HTTPStatus.UNPROCESSABLE_ENTITY,
+    BadSessionError: HTTPStatus.UNPROCESSABLE_ENTITY,
 }
 
 
@@ -41,17 +43,22 @@ def problem(
         headers: further response headers.
         members: further members of the body, such as `pointer`.
     """
-    body = {
+    body = body_of(status, detail, members or {})
+    return JSONResponse(
+        body, status, headers=dict(headers or {}), media_type="application/problem+json"
+    )
+
+
+def body_of(status: int, detail: str, members: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a problem as JSON; arguments as in `problem`."""
+    return {
         # RFC 9457, 4.2.1: nothing is to be known beyond what the status says.
         "type": "about:blank",
         "title": HTTPStatus(status).phrase,
         "status": int(status),
         "detail": detail,
-        **(members or {}),
+        **members,
     }
-    return JSONResponse(
-        body, status, headers=dict(headers or {}), media_type="application/problem+json"
-    )
 
 
 def install(app: FastAPI) -> None:
@@ -59,7 +66,11 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(CoordinatorError)
     def refused(_request: Request, error: CoordinatorError) -> JSONResponse:
-        members = {"pointer": error.pointer} if isinstance(error, InvalidStudyError) else {}
+        members: Mapping[str, Any] = {}
+        if isinstance(error, InvalidStudyError):
+            members = {"pointer": error.pointer}
+        elif isinstance(error, BadSessionError):
+            members = error.to_json()
         return problem(_status(error), str(error), members=members)
 
     @app.exception_handler(RequestValidationError)

@@ -31,6 +31,9 @@ class Settings(BaseSettings):
     #: to the last bit; between kinds, gaining or losing a contact amplifies the last bits.
     recompute_tolerance: float = Field(default=1e-3, ge=0.0, allow_inf_nan=False)
 
+    #: Largest zip file of a measured session, bytes; and of what closing the loop on it finds.
+    session_bytes: int = Field(default=200_000_000, ge=1_000)
+
     #: The least of what is logged.
     log_level: Literal["debug", "info", "warning", "error"] = "warning"
     #: Files with a certificate and its key (PEM): with both, the coordinator speaks TLS only.

@@ -13,6 +13,7 @@ from typing import Any
 from rehyb.client import Client
 from rehyb.errors import Conflict, Invalid, NotFound, RehybError, ServerError, Unreachable
 from worker.backoff import full_jitter
+from worker.desk import Desk
 from worker.pool import Finished, Pool
 from worker.spool import Batch, Spool
 
@@ -86,6 +87,7 @@ class Agent:
         batch: the most instances to ask for at once.
         max_idle: leave after this many seconds without work; None: never.
         max_instances: leave after having begun this many; None: never.
+        desk: where it closes loops; None: it cannot.
         rng: spreads the waits of many workers.
     """
 
@@ -101,6 +103,7 @@ class Agent:
         max_idle: float | None,
         rng: Random,
         max_instances: int | None = None,
+        desk: Desk | None = None,
     ) -> None:
         self._client = client
         self._pool = pool
@@ -111,6 +114,7 @@ class Agent:
         self._max_idle = max_idle
         self._rng = rng
         self._left = max_instances
+        self._desk = desk
         self._misfit = ""
         self._leases: list[_Lease] = []
         self._queue: deque[_Ticket] = deque()
@@ -142,6 +146,8 @@ class Agent:
         if adopted := self._spool.adopt():
             log.info("found %d results of an earlier worker that nobody has acknowledged", adopted)
         busy_at = time.monotonic()
+        if self._desk is not None:
+            self._desk.start()
         try:
             while self._requests_to_stop < 2:
                 self._keep(self._pool.wait(TICK_SECONDS))
@@ -152,7 +158,7 @@ class Agent:
                 if now >= self._silent_until:
                     self._speak(now)
                     self._feed()
-                if self._queue or self._pool.running:
+                if self._queue or self._pool.running or self._lent:
                     busy_at = now
                 elif (
                     self._max_idle is not None
@@ -174,11 +180,13 @@ class Agent:
     def _drain(self, now: float) -> None:
         log.info("draining: %d instances still run", self._pool.running)
         self._draining_since = now
+        if self._desk is not None:
+            self._desk.drain()
         self._give_up(self._queue)
         self._queue.clear()
 
     def _drained(self, now: float) -> bool:
-        if self._pool.running:
+        if self._pool.running or self._lent:
             # The farewell is counted from the moment the last result is there.
             self._draining_since = now
             return False
@@ -189,6 +197,8 @@ class Agent:
     def _leave(self) -> None:
         """Tell the coordinator all it should know, once; what it does not hear expires or waits."""
         self._pool.kill()
+        if self._desk is not None:
+            self._desk.close()
         for lease in self._leases:
             lease.given_up |= bool(lease.open)
             lease.open.clear()
@@ -213,8 +223,13 @@ class Agent:
             before = seconds if self._seconds_each is None else self._seconds_each
             self._seconds_each = before + NEWEST_WEIGHT * (seconds - before)
 
+    @property
+    def _lent(self) -> int:
+        """How many of the pool's processes stay idle while a loop is closed in another."""
+        return 0 if self._desk is None else self._desk.busy
+
     def _feed(self) -> None:
-        while self._queue and self._pool.free:
+        while self._queue and self._pool.free > self._lent:
             ticket = self._queue.popleft()
             self._pool.start(ticket.instance, ticket)
 
@@ -229,7 +244,8 @@ class Agent:
                 self._post_at = now + POST_SECONDS
                 self._release()
             self._renew(now)
-            if self._draining_since is None and len(self._queue) < self._pool.processes:
+            wanted = self._pool.processes - self._lent
+            if self._draining_since is None and len(self._queue) < wanted:
                 self._lease(now)
         except (Unreachable, ServerError) as error:
             self._failures += 1

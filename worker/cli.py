@@ -19,6 +19,8 @@ from rehyb.client import DEFAULT_URL, Client
 from rehyb.errors import RehybError
 from sim.catalogue import MODELS
 from worker.agent import Agent
+from worker.closing import can_close_loops, close
+from worker.desk import Desk
 from worker.doctor import examine
 from worker.machine import describe
 from worker.pool import Pool, available_cores
@@ -81,6 +83,12 @@ def work(
             show_default=False,
         ),
     ] = None,
+    loop_seconds: Annotated[
+        float, typer.Option(min=1.0, help="Give up closing a loop that takes longer.")
+    ] = 1800.0,
+    loop_memory_mb: Annotated[
+        int, typer.Option(min=500, help="Memory that closing a loop may take, in MB.")
+    ] = 4096,
     tags: Annotated[
         str, typer.Option(help="What this machine is good for, comma-separated: lab-2,fast.")
     ] = "",
@@ -100,22 +108,40 @@ def work(
     logging.getLogger("httpx2").setLevel(logging.WARNING)
     count = processes or available_cores()
     worker = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}"
-    with Client(url, token, timeout=ANSWER_SECONDS) as client:
+    with (
+        Client(url, token, timeout=ANSWER_SECONDS) as client,
+        Client(url, token, timeout=ANSWER_SECONDS) as desk_client,
+    ):
+        folder = spool or _default_spool(client.url)
+        described = {
+            "id": worker,
+            "host": socket.gethostname(),
+            "versions": describe(),
+            "tags": [tag.strip() for tag in tags.split(",") if tag.strip()],
+        }
+        desk = None
+        if can_close_loops():
+            from analysis.closeloop.code import digest
+
+            desk = Desk(
+                client=desk_client,
+                pool=Pool(1, loop_seconds, evaluate=close, memory_mb=loop_memory_mb),
+                folder=folder / "loops",
+                worker=described,
+                code=digest(),
+                rng=Random(),
+            )
         agent = Agent(
             client=client,
             pool=Pool(count, instance_seconds, memory_mb=memory_mb),
-            spool=Spool(spool or _default_spool(client.url), worker),
-            worker={
-                "id": worker,
-                "host": socket.gethostname(),
-                "versions": describe(),
-                "tags": [tag.strip() for tag in tags.split(",") if tag.strip()],
-            },
+            spool=Spool(folder, worker),
+            worker=described,
             models=tuple(MODELS),
             batch=batch,
             max_idle=max_idle,
             rng=Random(),
             max_instances=max_instances,
+            desk=desk,
         )
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: agent.stop())

@@ -17,7 +17,7 @@ from typing import Any
 
 from worker.tether import die_with_parent
 
-Evaluate = Callable[[str, Mapping[str, float]], Any]
+Evaluate = Callable[[str, Mapping[str, Any]], Any]
 Result = dict[str, Any]
 
 #: Spare machines belong to somebody: their own work goes first.

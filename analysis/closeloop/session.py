@@ -189,7 +189,7 @@ def _unknown(content: Mapping[str, Any]) -> tuple[str, ...]:
     found = [name for name in content if name not in KEYS]
     for number, trial in enumerate(content["trials"]):
         found += [f"trials[{number}].{name}" for name in trial if name not in TRIAL_KEYS]
-    return tuple(found)
+    return tuple(name.encode(errors="backslashreplace").decode() for name in found)
 
 
 def _declared(
@@ -237,7 +237,7 @@ def _trials(
         if role not in ("fit", "holdout"):
             raise _wrong(f"{where}.role", f"must be 'fit' or 'holdout', not {role!r}")
         label, group = entry.get("label", file), entry.get("group", file)
-        if not isinstance(label, str) or not isinstance(group, str):
+        if not (_is_text(label) and _is_text(group)):
             raise _wrong(where, "label and group must be text")
         own_map = read_map(entry.get("columns"), folder, f"{where}.columns", inside)
         filter_hz = _optional_number(
@@ -313,6 +313,11 @@ def _number(value: Any, where: str, *, low: float, high: float) -> float:
     if not low < value <= high and not (low < 0 and value == low):
         raise _wrong(where, f"must be more than {low:g} and at most {high:g}, not {value:g}")
     return float(value)
+
+
+def _is_text(value: Any) -> bool:
+    """Say whether a JSON value is text that can be written: JSON can hold half a character."""
+    return isinstance(value, str) and value == value.encode(errors="replace").decode()
 
 
 def _finite(value: float) -> bool:

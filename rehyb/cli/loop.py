@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rehyb import loops
 from rehyb.cli.options import AsJson, Token, Url, print_json
 from rehyb.client import Client
 from rehyb.errors import Invalid, RehybError
@@ -20,31 +21,47 @@ def close_loop(
         typer.Argument(metavar="SESSION", help="Folder with session.json and trials, or its zip."),
     ],
     out: Annotated[Path, typer.Option(help="Folder for report, repaired model and residuals.")],
+    submit: Annotated[
+        bool, typer.Option("--submit", help="Have a worker of the coordinator do it.")
+    ] = False,
+    url: Url = None,
+    token: Token = None,
     as_json: AsJson = False,
 ) -> None:
     """Trace the residual of measured trials to an effect the declared model lacks, and add it.
 
     Exit status 2 if the session cannot be analysed; then nothing is written.
     """
+    if submit:
+        with Client(url, token) as client:
+            report = loops.close_loop(client, session, out, _show)
+    elif url or token:
+        raise Invalid("--url and --token go with --submit: without it this machine does the work")
+    else:
+        report = _close_here(session, out)
+    if as_json:
+        print_json(report)
+    else:
+        _print(report, out)
+
+
+def _close_here(session: Path, out: Path) -> dict[str, Any]:
     if find_spec("matplotlib") is None:
         raise RehybError("the report needs pictures: pip install 'rehyb[figures]'")
     from analysis.closeloop.archive import unpacked
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.loop import close_loop as close
 
-    def show(stage: str) -> None:
-        if sys.stderr.isatty():
-            print(f"rehyb: {stage}", file=sys.stderr)
-
     try:
         with nullcontext(session) if session.is_dir() else unpacked(session) as folder:
-            report = close(folder, out, show)
+            return close(folder, out, _show)
     except SessionError as error:
         raise Invalid(str(error)) from None
-    if as_json:
-        print_json(report)
-    else:
-        _print(report, out)
+
+
+def _show(stage: str) -> None:
+    if sys.stderr.isatty():
+        print(f"rehyb: {stage}", file=sys.stderr)
 
 
 def with_effect(

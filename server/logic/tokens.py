@@ -1,6 +1,7 @@
 """Who may do what: tokens with scopes. Of a secret only its digest is ever kept."""
 
 import hashlib
+import re
 import secrets
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ SECRET_BYTES = 24
 #: looked up.
 FAILURES = 20
 FAILURE_SECONDS = 60.0
+
+_ARCHIVE = re.compile(r"/v1/sessions/[^/]+/archive")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,16 +41,19 @@ def digest(secret: bytes) -> str:
     return hashlib.sha256(secret).hexdigest()
 
 
-def scope_needed(method: str, path: str) -> str:
-    """Return the scope that a request to a guarded path needs."""
+def scopes_needed(method: str, path: str) -> tuple[str, ...]:
+    """Return the scopes any of which a request to a guarded path needs."""
     if path == "/v1/results" or path == "/v1/leases" or path.startswith("/v1/leases/"):
-        return "work"
-    return "read" if method in ("GET", "HEAD", "OPTIONS") else "submit"
+        return ("work",)
+    if method in ("GET", "HEAD", "OPTIONS"):
+        # Who works on a session must have it.
+        return ("read", "work") if _ARCHIVE.fullmatch(path) else ("read",)
+    return ("work",) if path.startswith("/v1/close-loops/") else ("submit",)
 
 
-def may(scopes: Collection[str], needed: str) -> bool:
-    """Say whether a token with `scopes` may do what needs the scope `needed`."""
-    return needed in scopes or "admin" in scopes
+def may(scopes: Collection[str], needed: Collection[str]) -> bool:
+    """Say whether a token with `scopes` may do what needs any of the scopes `needed`."""
+    return "admin" in scopes or any(scope in scopes for scope in needed)
 
 
 class Failures:

@@ -1,5 +1,6 @@
 """Is the database whole? What the coordinator promises, counted anew from the tables."""
 
+import hashlib
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,22 +8,25 @@ from pathlib import Path
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
 
-from server.errors import ConflictError
+from server.errors import ConflictError, NotFoundError
+from server.logic.close_loops import FILES, CloseLoop
 from server.logic.study import Study
-from server.store import studies
+from server.store import close_loops, sessions, studies
 from server.store.engine import reading
-from server.store.schema import comparisons, instances, leases, results
+from server.store.schema import close_loop_parts, comparisons, instances, leases, results
 
 
 def faults(engine: Engine) -> list[str]:
     """Return what is wrong with the database, a sentence each; none if it is whole."""
     with reading(engine) as connection:
         found = list(_file_faults(connection))
+        for job in close_loops.every(connection):
+            found += [f"close-loop {job.id}: {f}" for f in _close_loop_faults(connection, job)]
         ids = connection.scalars(sa.text("SELECT id FROM studies ORDER BY created_at, id")).all()
         for study_id in ids:
             study = studies.find(connection, str(study_id))
             found += [f"study {study.id}: {fault}" for fault in _study_faults(connection, study)]
-    return found
+    return found + list(_session_faults(engine))
 
 
 def back_up(engine: Engine, path: Path) -> None:
@@ -59,6 +63,39 @@ def _file_faults(connection: Connection) -> Iterator[str]:
             yield f"the file is damaged: {said}"
     for row in connection.exec_driver_sql("PRAGMA foreign_key_check"):
         yield f"table {row[0]} refers to something in {row[2]} that is not there"
+
+
+def _session_faults(engine: Engine) -> Iterator[str]:
+    """Yield whose file is not what it was; read in parts, each in a transaction of its own."""
+    for session in sessions.every(engine):
+        digest = hashlib.sha256()
+        try:
+            for part in sessions.archive(engine, session):
+                digest.update(part)
+        except NotFoundError:
+            # A part is missing, unless the session was deleted since it was listed.
+            if sessions.by_digest(engine, session.sha256) is None:
+                continue
+        if digest.hexdigest() != session.sha256:
+            yield f"session {session.id}: its file is not the one that was uploaded"
+
+
+def _close_loop_faults(connection: Connection, job: CloseLoop) -> Iterator[str]:
+    """Yield what contradicts: a job's state and its lease, its report and its files."""
+    query = sa.select(close_loop_parts.c.file).where(close_loop_parts.c.close_loop_id == job.id)
+    files = set(connection.scalars(query.distinct()))
+    if files != (set(FILES) if job.state == "done" else set()):
+        yield f"it is {job.state} with {len(files)} of {len(FILES)} files"
+    for what, there, state in (
+        ("an end of its lease", job.expires_at is not None, "running"),
+        ("a verdict", job.verdict is not None, "done"),
+        ("a fault", job.fault is not None, "failed"),
+    ):
+        if there != (job.state == state):
+            yield f"it is {job.state} with{'' if there else 'out'} {what}"
+    under_way = [attempt for attempt in job.attempts if attempt.ended is None]
+    if len(under_way) != (job.state == "running"):
+        yield f"it is {job.state} with {len(under_way)} attempts under way"
 
 
 def _study_faults(connection: Connection, study: Study) -> Iterator[str]:

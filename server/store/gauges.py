@@ -7,7 +7,7 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
 from server.store.engine import reading
-from server.store.schema import comparisons, estimator_states, leases, studies, workers
+from server.store.schema import close_loops, comparisons, estimator_states, leases, studies, workers
 
 #: A worker without work asks every second: one silent for so long is gone.
 GONE_SECONDS = 60.0
@@ -31,6 +31,8 @@ class Gauges:
     comparisons: dict[str, int]
     #: Results that no estimator has taken in.
     lag: int
+    #: Jobs that close the loop on a session, by state.
+    close_loops: dict[str, int]
 
 
 def read(engine: Engine, *, now: float) -> Gauges:
@@ -58,6 +60,9 @@ def read(engine: Engine, *, now: float) -> Gauges:
         opinions = connection.execute(
             sa.select(comparisons.c.state, sa.func.count().label("n")).group_by(comparisons.c.state)
         ).all()
+        loops = connection.execute(
+            sa.select(close_loops.c.state, sa.func.count().label("n")).group_by(close_loops.c.state)
+        ).all()
     active = [row for row in found if row.state in ("running", "draining", "paused")]
     failures: Counter[str] = Counter()
     for row in found:
@@ -76,4 +81,5 @@ def read(engine: Engine, *, now: float) -> Gauges:
         oldest_lease=max(0.0, now - oldest) if oldest is not None else 0.0,
         comparisons={row.state: row.n for row in opinions},
         lag=sum(max(0, row.result_count - row.cursor) for row in found),
+        close_loops={row.state: row.n for row in loops},
     )

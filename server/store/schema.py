@@ -211,3 +211,70 @@ snapshots = sa.Table(
     sa.Column("study_id", sa.ForeignKey("studies.id"), primary_key=True),
     sa.Column("snapshot", sa.JSON, nullable=False),
 )
+
+#: Measured sessions whose zip files passed the check. `content` is what was understood of one.
+sessions = sa.Table(
+    "sessions",
+    metadata,
+    sa.Column("id", sa.String(32), primary_key=True),
+    sa.Column("name", sa.String(128), nullable=False),
+    #: Of the zip file: the same bytes are the same session.
+    sa.Column("sha256", sa.String(64), nullable=False, unique=True),
+    sa.Column("size", sa.BigInteger, nullable=False),
+    sa.Column("content", sa.JSON, nullable=False),
+    sa.Column("created_at", sa.Double, nullable=False),
+)
+
+#: The zip files, cut up so that nobody needs to hold one in memory.
+session_parts = sa.Table(
+    "session_parts",
+    metadata,
+    sa.Column("session_id", sa.ForeignKey("sessions.id"), primary_key=True),
+    sa.Column("number", sa.Integer, primary_key=True, autoincrement=False),
+    sa.Column("content", sa.LargeBinary, nullable=False),
+)
+
+#: Closing the loop on a session, once for each code that was asked to.
+close_loops = sa.Table(
+    "close_loops",
+    metadata,
+    sa.Column("id", sa.String(32), primary_key=True),
+    sa.Column("session_id", sa.ForeignKey("sessions.id"), nullable=False, index=True),
+    #: "waiting", "running", "done" or "failed".
+    sa.Column("state", sa.String(16), nullable=False),
+    sa.Column("created_at", sa.Double, nullable=False),
+    sa.Column("finished_at", sa.Double),
+    #: When its lease ends; NULL unless running.
+    sa.Column("expires_at", sa.Double),
+    #: How often it was handed out: the fence of its last lease.
+    sa.Column("grants", sa.Integer, nullable=False),
+    #: Every lease of it and how it ended.
+    sa.Column("attempts", sa.JSON, nullable=False),
+    #: What its worker last said it is at.
+    sa.Column("progress", sa.Text, nullable=False),
+    #: Digest of the code that the report comes from; NULL before there is one.
+    sa.Column("code", sa.String(16)),
+    #: Why it failed; NULL unless it did.
+    sa.Column("fault", sa.JSON(none_as_null=True)),
+    #: The report's; NULL before there is one.
+    sa.Column("verdict", sa.String(32)),
+    sa.Index("close_loops_by_state", "state", "created_at"),
+)
+
+#: The report's files, cut up as `session_parts` are.
+close_loop_parts = sa.Table(
+    "close_loop_parts",
+    metadata,
+    sa.Column("close_loop_id", sa.ForeignKey("close_loops.id"), primary_key=True),
+    sa.Column("file", sa.String(32), primary_key=True),
+    sa.Column("number", sa.Integer, primary_key=True, autoincrement=False),
+    sa.Column("content", sa.LargeBinary, nullable=False),
+)
+
+#: Workers that can close loops, and when they last asked for one or were at work on one.
+loop_workers = sa.Table(
+    "loop_workers",
+    metadata,
+    sa.Column("worker_id", sa.ForeignKey("workers.id"), primary_key=True),
+    sa.Column("last_seen", sa.Double, nullable=False),
+)

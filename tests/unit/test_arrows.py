@@ -15,7 +15,7 @@ ALLOWED = {
     "analysis": set(),
     "migrations": {"server.store"},
     "server": {"analysis", "sim.catalogue", "sim.factors", "migrations"},
-    "worker": {"sim", "rehyb.client", "rehyb.errors"},
+    "worker": {"sim", "rehyb.client", "rehyb.errors", "analysis.closeloop"},
     "rehyb": {"sim", "analysis", "server", "worker"},
 }
 
@@ -54,13 +54,20 @@ def test_the_face_imports_the_other_rooms_lazily() -> None:
             assert not (heavy and at_top), f"{path.relative_to(ROOT)} imports {module} at its top"
 
 
+def test_a_worker_imports_what_closes_loops_only_when_it_does() -> None:
+    for path in (ROOT / "worker").rglob("*.py"):
+        for module, at_top in imports(path):
+            assert not (module.startswith("analysis") and at_top), path.relative_to(ROOT)
+
+
 @pytest.mark.parametrize(
     ("module", "forbidden"),
     [
         ("server.app", ["mujoco", "matplotlib", "worker"]),
         ("rehyb", ["fastapi", "sqlalchemy", "mujoco", "numpy"]),
         ("rehyb.cli", ["fastapi", "sqlalchemy", "mujoco", "numpy"]),
-        ("worker.cli", ["fastapi", "sqlalchemy", "matplotlib"]),
+        ("worker.cli", ["fastapi", "sqlalchemy", "matplotlib", "analysis"]),
+        ("analysis.closeloop.code", ["mujoco", "numpy"]),
         ("sim.assessment", ["httpx2", "fastapi", "sqlalchemy", "analysis", "matplotlib"]),
     ],
 )

@@ -58,7 +58,10 @@ def clock() -> Clock:
 @pytest.fixture
 def app(url: str, clock: Clock) -> FastAPI:
     upgrade(url)
-    app = create_app(Settings(database_url=url, token=SecretStr(TOKEN), lease_seconds=60.0))
+    settings = Settings(
+        database_url=url, token=SecretStr(TOKEN), lease_seconds=60.0, session_bytes=3_000_000
+    )
+    app = create_app(settings)
     app.dependency_overrides[moment] = clock
     return app
 

@@ -11,7 +11,7 @@ from sqlalchemy.engine import Engine
 
 from rehyb.cli import main
 from server.errors import ConflictError, NotFoundError
-from server.logic.tokens import FAILURES, Failures, may, scope_needed
+from server.logic.tokens import FAILURES, Failures, may, scopes_needed
 from server.store import tokens
 from server.store.engine import reading
 from server.store.schema import tokens as tokens_table
@@ -41,12 +41,24 @@ def bearing(app: FastAPI, *scopes: str) -> tuple[str, dict[str, str]]:
         ("POST", "/v1/leases", "work"),
         ("POST", "/v1/leases/a/renew", "work"),
         ("POST", "/v1/results", "work"),
+        ("POST", "/v1/sessions", "submit"),
+        ("DELETE", "/v1/sessions/a", "submit"),
+        ("POST", "/v1/sessions/a/close-loop", "submit"),
+        ("GET", "/v1/close-loops/a", "read"),
+        ("POST", "/v1/close-loops/lease", "work"),
+        ("POST", "/v1/close-loops/a/report", "work"),
     ],
 )
 def test_every_request_needs_one_scope(method: str, path: str, scope: str) -> None:
-    assert scope_needed(method, path) == scope
-    assert may(["admin"], scope)
-    assert not may([s for s in ("read", "work", "submit") if s != scope], scope)
+    needed = scopes_needed(method, path)
+    assert needed == (scope,)
+    assert may(["admin"], needed)
+    assert not may([s for s in ("read", "work", "submit") if s != scope], needed)
+
+
+def test_a_session_may_be_had_by_who_reads_and_by_who_works() -> None:
+    needed = scopes_needed("GET", "/v1/sessions/a/archive")
+    assert may(["read"], needed) and may(["work"], needed) and not may(["submit"], needed)
 
 
 def test_a_token_may_do_what_its_scopes_say_and_is_told_what_it_lacks(

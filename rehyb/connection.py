@@ -1,0 +1,213 @@
+"""One connection to a coordinator: its token, its errors, and bodies both ways."""
+
+import gzip
+import json
+import os
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import httpx2
+
+from rehyb.errors import (
+    Conflict,
+    Invalid,
+    NotFound,
+    RehybError,
+    ServerError,
+    Unauthorized,
+    Unreachable,
+)
+
+Json = dict[str, Any]
+
+#: Bodies longer than this are sent compressed.
+COMPRESS_BYTES = 50_000
+DEFAULT_URL = "http://127.0.0.1:8787"
+#: Never asked of a proxy, whatever the environment says.
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+_ERRORS: Mapping[int, type[RehybError]] = {
+    HTTPStatus.UNAUTHORIZED: Unauthorized,
+    HTTPStatus.FORBIDDEN: Unauthorized,
+    HTTPStatus.NOT_FOUND: NotFound,
+    HTTPStatus.CONFLICT: Conflict,
+    # It may succeed later, as after a failure.
+    HTTPStatus.TOO_MANY_REQUESTS: ServerError,
+}
+
+
+class Connection:
+    """What every call to a coordinator goes through; `rehyb.Client` says what can be called."""
+
+    def __init__(
+        self,
+        url: str | None = None,
+        token: str | None = None,
+        timeout: float = 30.0,
+        *,
+        transport: httpx2.BaseTransport | None = None,
+    ) -> None:
+        self.url = (url or os.environ.get("REHYB_URL") or DEFAULT_URL).rstrip("/")
+        token = token or os.environ.get("REHYB_TOKEN")
+        if not token:
+            raise Unauthorized(
+                f"there is no token for {self.url}: set REHYB_TOKEN to the coordinator's token"
+            )
+        #: Seconds the coordinator last asked a worker without work to wait before asking again.
+        self.retry_after = 1.0
+        try:
+            self._http = httpx2.Client(
+                base_url=self.url,
+                headers={"Authorization": f"Bearer {token}"},
+                timeout=timeout,
+                transport=transport,
+                trust_env=httpx2.URL(self.url).host not in LOOPBACK,
+            )
+        except (httpx2.InvalidURL, UnicodeError) as error:
+            raise Invalid(f"{self.url} is not a coordinator's address: {error}") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._http.close()
+
+    def _json(
+        self,
+        method: str,
+        path: str,
+        *,
+        body: Mapping[str, Any] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> Json:
+        return body_of(self._request(method, path, body=body, headers=headers))
+
+    def _request(
+        self,
+        method: str,
+        path: str,
+        *,
+        body: Mapping[str, Any] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> httpx2.Response:
+        response = self._send(method, path, body=body, headers=headers)
+        if not response.is_success:
+            raise error_of(response)
+        return response
+
+    def _send(
+        self,
+        method: str,
+        path: str,
+        *,
+        body: Mapping[str, Any] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> httpx2.Response:
+        try:
+            if body is None:
+                return self._http.request(method, path, headers=headers)
+            content = json.dumps(body, allow_nan=False).encode()
+            headers = {"Content-Type": "application/json", **(headers or {})}
+            if len(content) > COMPRESS_BYTES:
+                content = gzip.compress(content, compresslevel=1)
+                headers["Content-Encoding"] = "gzip"
+            return self._http.request(method, path, content=content, headers=headers)
+        except (httpx2.TransportError, httpx2.DecodingError) as error:
+            raise self._unreachable(error) from error
+        except ValueError as error:
+            raise Invalid(f"the request cannot be written as JSON: {error}") from error
+
+    def _unreachable(self, error: Exception) -> Unreachable:
+        cause = str(error) or type(error).__name__
+        return Unreachable(
+            f"no coordinator answers at {self.url} ({cause}): start one with `rehyb up`, "
+            "or set REHYB_URL to where it listens"
+        )
+
+    def _download(
+        self, path: str, target: Path, on_chunk: Callable[[], object] = lambda: None
+    ) -> None:
+        """Write what `path` answers to `target`; a download cut short leaves no file behind."""
+        partial = target.with_name(target.name + ".partial")
+        try:
+            with self._http.stream("GET", path) as response, partial.open("wb") as file:
+                if response.status_code != HTTPStatus.OK:
+                    response.read()
+                    raise error_of(response)
+                for chunk in response.iter_bytes():
+                    file.write(chunk)
+                    on_chunk()
+            partial.replace(target)
+        except httpx2.TransportError as error:
+            raise self._unreachable(error) from error
+        finally:
+            partial.unlink(missing_ok=True)
+
+    def _post(self, path: str, *, seconds: float, **content: Any) -> Json:
+        """Post files, which may take so many seconds to be dealt with.
+
+        Args:
+            path: where to.
+            seconds: to wait for the answer.
+            content: `content`, `files`, `params` and `headers` as httpx2 takes them.
+        """
+        try:
+            response = self._http.post(path, timeout=seconds, **content)
+        except httpx2.TransportError as error:
+            raise self._unreachable(error) from error
+        if not response.is_success:
+            raise error_of(response)
+        return body_of(response)
+
+
+def body_of(response: httpx2.Response) -> Json:
+    """Return the JSON object that an answer holds; ServerError if it holds none."""
+    try:
+        body = response.json()
+    except ValueError:
+        body = None
+    if not isinstance(body, dict):
+        raise ServerError(f"{response.request.url} did not answer with a JSON object")
+    return body
+
+
+def error_of(response: httpx2.Response) -> RehybError:
+    """Turn a refusal into the error that a caller can tell apart, worded by the coordinator."""
+    status = response.status_code
+    try:
+        problem = response.json()
+    except ValueError:
+        problem = None
+    if not isinstance(problem, dict):
+        problem = {}
+    message = str(problem.get("detail") or problem.get("title") or HTTPStatus(status).phrase)
+    if pointer := problem.get("pointer"):
+        message += f" (at {pointer})"
+    if errors := [_entry(error) for error in problem.get("errors") or ()]:
+        message += ": " + "; ".join(errors)
+    kind = _ERRORS.get(
+        status, Invalid if status < HTTPStatus.INTERNAL_SERVER_ERROR else ServerError
+    )
+    if not problem:
+        message = f"{response.request.url} answered {status} {message}"
+    return kind(message, problem)
+
+
+def _entry(error: object) -> str:
+    if not isinstance(error, dict):
+        return str(error)
+    where = error.get("pointer") or error.get("loc") or ""
+    what = error.get("detail") or error.get("msg") or ""
+    return f"{where} {what}".strip()

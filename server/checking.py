@@ -1,0 +1,75 @@
+"""Strangers' sessions are looked at in a process of its own, which may crash, hang or bloat."""
+
+import asyncio
+import json
+import os
+import sys
+import tempfile
+from asyncio.subprocess import DEVNULL, PIPE
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from server.errors import BadSessionError
+
+#: Seconds that a look may take, many times what a usual session needs.
+CHECK_SECONDS = 120
+#: ... and MB of memory.
+CHECK_MEMORY_MB = 4096
+#: Looks at the same time; others wait.
+CHECKS = 2
+
+
+async def check(
+    file: Path, *, seconds: int = CHECK_SECONDS, memory_mb: int = CHECK_MEMORY_MB
+) -> dict[str, Any]:
+    """Return what is understood of the zipped session `file`: see `analysis.closeloop.check`.
+
+    Args:
+        file: named as the session is to be called in a sentence.
+        seconds: it may take.
+        memory_mb: megabytes it may take.
+
+    Raises:
+        BadSessionError: it cannot be analysed, or not be looked at within the limits.
+    """
+    with tempfile.TemporaryDirectory(prefix="rehyb-check-") as scratch:
+        # What it leaves behind when it is killed is in `scratch`. It has no business with secrets.
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("REHYB_")}
+        limits = ("--memory-mb", str(memory_mb), "--seconds", str(seconds))
+        # -P: nothing is imported from the folder that it works in.
+        command = [sys.executable, "-P", "-m", "analysis.closeloop.check", str(file), *limits]
+        process = await asyncio.create_subprocess_exec(
+            *command,
+            stdin=DEVNULL,
+            stdout=PIPE,
+            stderr=PIPE,
+            cwd=scratch,
+            env={**environment, "TMPDIR": scratch},
+        )
+        try:
+            said, complained = await asyncio.wait_for(process.communicate(), seconds)
+        except TimeoutError:
+            sentence = f"{file.name}: reading it takes more than {seconds} s"
+            raise BadSessionError(sentence, file=file.name) from None
+        finally:
+            # Also if the coordinator is stopped meanwhile.
+            with suppress(ProcessLookupError):
+                process.kill()
+            await process.wait()
+    try:
+        answer = json.loads(said)
+    except ValueError:
+        why = f"reading it ends with status {process.returncode}: {_last(complained)}"
+        raise BadSessionError(f"{file.name}: {why}", file=file.name) from None
+    if fault := answer.get("error"):
+        where = {name: fault[name] for name in ("file", "column", "line")}
+        raise BadSessionError(fault["sentence"], **where)
+    session: dict[str, Any] = answer["session"]
+    return session
+
+
+def _last(said: bytes) -> str:
+    """Return the last line a process wrote before it died."""
+    lines = said.decode(errors="replace").split("\n")
+    return next((line.strip()[:200] for line in reversed(lines) if line.strip()), "no word")

@@ -1,0 +1,173 @@
+"""Measured sessions: upload a zip file, see what was understood of it, have it back."""
+
+import asyncio
+import hashlib
+import re
+from http import HTTPStatus
+from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any, BinaryIO
+
+from fastapi import APIRouter, HTTPException, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from pydantic import StringConstraints
+from sqlalchemy.engine import Engine
+from starlette.datastructures import UploadFile
+
+from server.checking import check
+from server.guards import session_too_large
+from server.routes.common import Configured, Id, Now, Store
+from server.store import sessions
+from server.store.parts import PART_BYTES
+from server.store.sessions import Session
+
+router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
+
+#: What a session may be called: it names a file.
+SessionName = Annotated[
+    str, StringConstraints(min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f/\\]+$")
+]
+_ZIP = {"schema": {"type": "string", "format": "binary", "examples": ["a zip file"]}}
+_FORM = {
+    "schema": {
+        "type": "object",
+        "properties": {"file": {"type": "string", "format": "binary"}},
+        "required": ["file"],
+    }
+}
+
+
+@router.post(
+    "",
+    status_code=201,
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "content": {"application/zip": _ZIP, "multipart/form-data": _FORM},
+        }
+    },
+)
+async def upload(
+    request: Request,
+    response: Response,
+    store: Store,
+    settings: Configured,
+    now: Now,
+    name: Annotated[SessionName | None, Query(examples=["monday"])] = None,
+) -> dict[str, Any]:
+    """Upload a session as a zip file: the body, or the one file of a form.
+
+    The same bytes again return the session already there (200). One that cannot be analysed is
+    refused (422) with file, column and line, and nothing of it is kept.
+    """
+    with TemporaryDirectory(prefix="rehyb-upload-") as scratch:
+        received = Path(scratch) / "received"
+        filename = await _receive(request, received, settings.session_bytes)
+        called = name or _stem(filename) or "session"
+        sha256 = await asyncio.to_thread(_digest, received)
+        known = await asyncio.to_thread(sessions.by_digest, store, sha256)
+        if known is None:
+            # Errors call a file by its name.
+            file = received.rename(received.with_name(f"{called}.zip"))
+            async with request.app.state.looks:
+                content = await check(file)
+            session, new = await asyncio.to_thread(
+                _keep, store, file, name=called, sha256=sha256, content=content, now=now
+            )
+        else:
+            session, new = known, False
+    response.headers["Location"] = f"/v1/sessions/{session.id}"
+    response.status_code = 201 if new else 200
+    return shown(session)
+
+
+@router.get("")
+def every(store: Store) -> dict[str, Any]:
+    """List all sessions, oldest first."""
+    return {"sessions": [shown(session) for session in sessions.every(store)]}
+
+
+@router.get("/{session_id}")
+def show(session_id: Id, store: Store) -> dict[str, Any]:
+    """Show a session as it was understood."""
+    return shown(sessions.get(store, session_id))
+
+
+@router.get("/{session_id}/archive")
+def archive(session_id: Id, store: Store) -> StreamingResponse:
+    """Return the zip file that was uploaded."""
+    session = sessions.get(store, session_id)
+    return StreamingResponse(
+        sessions.archive(store, session),
+        media_type="application/zip",
+        headers={
+            "Content-Length": str(session.size),
+            "Content-Disposition": f'attachment; filename="{session.id}.zip"',
+            "X-Content-Type-Options": "nosniff",
+        },
+    )
+
+
+@router.delete("/{session_id}", status_code=204)
+def delete(session_id: Id, store: Store) -> None:
+    """Remove a session and everything that was found in it."""
+    sessions.delete(store, session_id)
+
+
+def shown(session: Session) -> dict[str, Any]:
+    """Return a session as readers see it."""
+    return {
+        "id": session.id,
+        "name": session.name,
+        "sha256": session.sha256,
+        "size": session.size,
+        "created_at": session.created_at,
+        **session.content,
+    }
+
+
+async def _receive(request: Request, path: Path, limit: int) -> str | None:
+    """Write the uploaded file to `path` as it comes and return what its sender calls it."""
+    with path.open("wb") as file:
+        if request.headers.get("content-type", "").startswith("multipart/form-data"):
+            async with request.form(max_files=1, max_fields=1) as form:
+                upload = next((p for p in form.values() if isinstance(p, UploadFile)), None)
+                if upload is None:
+                    raise HTTPException(
+                        HTTPStatus.UNPROCESSABLE_ENTITY,
+                        "the form has no file: send the session's zip file as one",
+                    )
+                if (upload.size or 0) > limit:
+                    raise HTTPException(
+                        HTTPStatus.REQUEST_ENTITY_TOO_LARGE, session_too_large(limit)
+                    )
+                await asyncio.to_thread(_copy, upload.file, file)
+                return upload.filename
+        size = 0
+        async for chunk in request.stream():
+            size += len(chunk)
+            if size > limit:
+                raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, session_too_large(limit))
+            await asyncio.to_thread(file.write, chunk)
+    return None
+
+
+def _copy(source: BinaryIO, target: BinaryIO) -> None:
+    while chunk := source.read(PART_BYTES):
+        target.write(chunk)
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _keep(store: Engine, path: Path, **known: Any) -> tuple[Session, bool]:
+    with path.open("rb") as file:
+        return sessions.create(store, file, size=path.stat().st_size, **known)
+
+
+def _stem(filename: str | None) -> str | None:
+    """Return what a session is called that came as a file of this name; None if it says nothing."""
+    stem = PurePath((filename or "").replace("\\", "/")).stem
+    return re.sub(r"[\x00-\x1f\x7f]", "_", stem)[:60] or None

@@ -1,0 +1,154 @@
+"""The life of a close-loop job, decision by decision."""
+
+from dataclasses import replace
+
+import pytest
+
+from server.logic.close_loops import (
+    MAX_REPORT_BYTES,
+    VERDICTS,
+    CloseLoop,
+    after_attempt,
+    answers,
+    ask_again_in,
+    attempts_from_json,
+    attempts_to_json,
+    cut,
+    failed,
+    finished,
+    handed_out,
+    lease_of,
+    released,
+    verdict_of,
+)
+from server.logic.leases import objection_to_renewal, objection_to_results
+from server.logic.slots import BUDGETS
+
+WAITING = CloseLoop(id="j", session_id="s", state="waiting", created_at=1.0)
+
+
+def running(job: CloseLoop = WAITING, lease: str = "l", host: str = "pc") -> CloseLoop:
+    return handed_out(job, lease=lease, worker=f"w of {lease}", host=host, now=10.0, ttl=60.0)
+
+
+@pytest.mark.parametrize(
+    ("job", "code", "will_do"),
+    [
+        (WAITING, "any", True),
+        (running(), "any", True),
+        (finished(running(), "l", code="new", verdict="adequate", now=2.0), "new", True),
+        (finished(running(), "l", code="old", verdict="adequate", now=2.0), "new", False),
+        (failed(running(), outcome="crashed", detail="x", now=2.0), "any", False),
+    ],
+    ids=["waiting", "running", "same code", "older code", "failed"],
+)
+def test_a_job_that_will_do_is_not_made_anew(job: CloseLoop, code: str, will_do: bool) -> None:
+    assert answers(job, code) is will_do
+
+
+def test_each_lease_has_a_greater_fence_than_all_before_even_if_those_were_given_back() -> None:
+    fences = []
+    job = WAITING
+    for number in range(3):
+        job = running(job, f"l{number}")
+        assert job.current is not None and job.expires_at == 70.0
+        fences.append(job.current.fence)
+        job = released(job) if number == 0 else after_attempt(job, cause="lost", reason="", now=80)
+    assert fences == [1, 2, 3]
+    assert [attempt.lease for attempt in job.attempts] == ["l1", "l2"]
+
+
+@pytest.mark.parametrize("cause", BUDGETS)
+def test_a_cause_ends_a_job_when_its_own_budget_is_spent(cause: str) -> None:
+    job = after_attempt(running(), cause="lost" if cause != "lost" else "crashed", reason="", now=2)
+    for _ in range(BUDGETS[cause] - 1):
+        job = after_attempt(running(job), cause=cause, reason="why", now=3.0)
+        assert (job.state, job.expires_at, job.fault) == ("waiting", None, None)
+    job = after_attempt(running(job), cause=cause, reason="why", now=4.0)
+    assert (job.state, job.finished_at, job.expires_at) == ("failed", 4.0, None)
+    assert job.fault == {
+        "outcome": cause,
+        "detail": "why",
+        "file": None,
+        "column": None,
+        "line": None,
+    }
+    assert job.attempts[-1].ended == cause
+
+
+def test_the_host_of_the_last_failure_is_avoided_until_the_next_begins() -> None:
+    job = after_attempt(running(host="pc-1"), cause="crashed", reason="", now=2.0)
+    assert job.avoid == "pc-1"
+    assert running(job, "l2", host="pc-2").avoid is None
+    assert WAITING.avoid is None
+
+
+def test_only_the_last_lease_is_open_and_every_one_may_bring_the_report() -> None:
+    job = running(after_attempt(running(), cause="lost", reason="", now=2.0), "l2")
+    first, second = lease_of(job, "l"), lease_of(job, "l2")
+    assert first is not None and second is not None
+    assert objection_to_renewal(first, fence=1, now=20.0) == "the lease is lost"
+    assert objection_to_renewal(second, fence=2, now=20.0) is None
+    assert "expired" in str(objection_to_renewal(second, fence=2, now=71.0))
+    assert objection_to_results(first, fence=1, worker="w of l") is None
+    assert objection_to_results(first, fence=1, worker="w of l2") is not None
+    assert objection_to_results(first, fence=2, worker="w of l") is not None
+    assert lease_of(job, "l3") is None
+
+
+def test_a_late_report_ends_the_attempt_of_whoever_was_slower() -> None:
+    job = running(after_attempt(running(), cause="lost", reason="silent", now=2.0), "l2")
+    job = finished(job, "l", code="c", verdict="adequate", now=30.0)
+    assert [(a.lease, a.ended) for a in job.attempts] == [("l", "done"), ("l2", "late")]
+    assert (job.state, job.expires_at, job.code, job.verdict) == ("done", None, "c", "adequate")
+
+
+def test_a_late_report_is_better_than_having_failed() -> None:
+    job = failed(running(), outcome="lost", detail="silent", now=2.0)
+    assert finished(job, "l", code="c", verdict="adequate", now=3.0).fault is None
+
+
+def test_attempts_are_stored_and_read_as_they_were() -> None:
+    job = after_attempt(running(), cause="crashed", reason="why", now=2.0)
+    assert attempts_from_json(attempts_to_json(job.attempts)) == job.attempts
+
+
+def test_a_released_job_is_as_it_was_but_for_its_fence() -> None:
+    assert released(replace(running(), progress="tracing")) == replace(WAITING, grants=1)
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_every_verdict_of_the_contract_is_one(verdict: str) -> None:
+    assert verdict_of(f'{{"schema": 1, "verdict": "{verdict}"}}'.encode()) == verdict
+
+
+@pytest.mark.parametrize(
+    "report",
+    [
+        b"",
+        b"null",
+        b"{}",
+        b'{"schema": 2, "verdict": "adequate"}',
+        b'{"schema": 1, "verdict": null}',
+        b'{"schema": 1, "verdict": "adequate", "x": -Infinity}',
+        b'{"schema": 1, "verdict": "adequate", "x": 1e999}',
+        b'{"schema": 1, "verdict": "adequate", "x": ' + b"[" * 70 + b"]" * 70 + b"}",
+        b"\xff\xfe",
+        b"[" * 100_000,
+        b" " * (MAX_REPORT_BYTES + 1),
+    ],
+)
+def test_what_is_no_report_is_told_so_in_a_sentence(report: bytes) -> None:
+    with pytest.raises(ValueError, match=r"report\.json") as caught:
+        verdict_of(report)
+    assert type(caught.value) is ValueError
+
+
+@pytest.mark.parametrize(("workers", "seconds"), [(0, 2), (1, 2), (10, 2), (50, 10), (1000, 15)])
+def test_many_idle_workers_ask_no_more_than_a_few(workers: int, seconds: int) -> None:
+    assert ask_again_in(workers) == seconds
+
+
+def test_text_is_kept_as_every_database_can_hold_it() -> None:
+    assert cut("a\0b\ud800c", 10) == "ab?c"
+    assert cut("x" * 10, 3) == "xxx"
