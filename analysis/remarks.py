@@ -8,6 +8,10 @@ from typing import Any
 
 from analysis.stopping import advise
 
+#: Intervals of an index that rests on fewer rows than this hold the truth less often than they
+#: say: `benchmarks.coverage` prints how often.
+FEWEST_ROWS = 2.0
+
 
 def warning(snapshot: Mapping[str, Any]) -> str:
     """Return what failures do to the indices; empty unless they depend on the factors."""
@@ -28,10 +32,26 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
     """
     found = [str(snapshot.get("failure", {}).get("sentence", ""))]
     found.append(_ranking(snapshot["outputs"].get(output, {}).get("ranking", {}), output))
+    found.append(_few_rows(snapshot, output))
     if "sampling" in snapshot:
         advice = advise(snapshot, output, target)
         found.append("" if advice is None else advice.sentence)
     return [sentence for sentence in found if sentence]
+
+
+def _few_rows(snapshot: Mapping[str, Any], output: str) -> str:
+    """Return which total-order indices too few rows make up (Kish 1965, by `rests_on`)."""
+    factors = snapshot["outputs"].get(output, {}).get("factors", {})
+    known = {name: factor.get("rests_on") for name, factor in factors.items()}
+    few = {name: rows for name, rows in known.items() if rows is not None and rows < FEWEST_ROWS}
+    if not few:
+        return ""
+    which = ", ".join(few)
+    return (
+        f"Few rows make up the total-order index of {which} on {output}: as many as "
+        f"{min(few.values()):.1f} of equal size would, of {snapshot['rows_used']:,}. Its interval "
+        "may miss the truth more often than it says; more rows make it honest."
+    )
 
 
 def _ranking(ranking: Mapping[str, Any], output: str) -> str:

@@ -8,7 +8,8 @@
                  **OUTPUT}}
 
     OUTPUT: {"mean", "sd", "n",
-             "factors": {factor: {"n", index: {"value", "low", "high"}, ...,
+             "factors": {factor: {"n", "rests_on", index: {"value", "low", "high"}, ...,
+                                  "martinez": {index: {"value", "low", "high"}, ...},
                                   "per_unit": {index: {"value", "low", "high"}, ...}}},
              sum: {"value", "low", "high"}, ...,
              "second_order": [{"factors": [factor, factor], "value", "low", "high", "n"}],
@@ -21,10 +22,12 @@ factor, so that factors can be compared; under "per_unit" the same per unit of t
 equation 22 with the step in that unit, or null for a factor that is not uniform) or "first_order"
 and "total_order" (method saltelli, shares of the variance), for which there are the sums
 "sum_first_order" and "sum_total_order" and the measure of chance "dummy_first_order"
-(`SaltelliEstimator`). "second_order", of method saltelli_second_order only, is what a pair does
-beyond what each of the two does alone. "failure" is the indicator that is 1 where a run failed and
-0 elsewhere (`analysis.failures`), "ranking" says how many bootstrap replicates rank the factors
-alike (`analysis.ranking`), "convergence" what the first 8, 16, 32, ... rows said
+(`SaltelliEstimator`). "rests_on" is the effective number of rows that make up "total_order"
+(`analysis.estimators.tails`), "martinez" both indices as correlations with Fisher's intervals
+(`analysis.estimators.martinez`). "second_order", of method saltelli_second_order only, is what a
+pair does beyond what each of the two does alone. "failure" is the indicator that is 1 where a run
+failed and 0 elsewhere (`analysis.failures`), "ranking" says how many bootstrap replicates rank the
+factors alike (`analysis.ranking`), "convergence" what the first 8, 16, 32, ... rows said
 (`analysis.convergence`). What is not defined yet is null.
 """
 
@@ -65,8 +68,9 @@ def take_snapshot(
     """
     statistics = estimator.statistics()
     indices = {name: statistic.estimate(LEVEL) for name, statistic in statistics.items()}
+    compared = estimator.compared(LEVEL)
     shown = [
-        _output(plan, estimator, o, statistics, indices, series)
+        _output(plan, estimator, o, statistics, indices, compared, series)
         for o in range(len(plan.outputs) + 1)
     ]
     return {
@@ -115,6 +119,7 @@ def _output(
     o: int,
     statistics: Mapping[str, Statistic],
     indices: Mapping[str, Estimate],
+    compared: Mapping[str, Mapping[str, Estimate]],
     series: Sequence[Point],
 ) -> dict[str, Any]:
     """Return OUTPUT of the module docstring."""
@@ -133,6 +138,11 @@ def _output(
             factor: {
                 **{name: _interval(index, (o, f)) for name, index in of_factors.items()},
                 **_per_unit(plan, factor, of_factors, (o, f)),
+                **_rests_on(statistics, (o, f)),
+                **{
+                    who: {name: _interval(index, (o, f)) for name, index in found.items()}
+                    for who, found in compared.items()
+                },
                 "n": int(effects[o, f]),
             }
             for f, factor in enumerate(plan.factors)
@@ -161,6 +171,14 @@ def _per_unit(
         return {"per_unit": None}
     width = plan.widths[factor]
     return {"per_unit": {name: _interval(index, at, width) for name, index in of_factors.items()}}
+
+
+def _rests_on(statistics: Mapping[str, Statistic], at: tuple[int, int]) -> dict[str, Any]:
+    """Return {"rests_on": ...} of the module docstring; nothing for elementary effects."""
+    total = statistics.get("total_order")
+    if total is None or total.tail is None:
+        return {}
+    return {"rests_on": _number(total.tail.rows[at])}
 
 
 def _pairs(

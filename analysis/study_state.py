@@ -16,7 +16,7 @@ from analysis.records import LoggedResult, StudyPlan
 from analysis.snapshot import new_growing_estimator, take_snapshot
 
 #: Changes whenever the meaning of the bytes does.
-FORMAT = 3
+FORMAT = 4
 
 #: Bounds the memory that the weights of a batch take.
 _ROWS_AT_ONCE = 1000

@@ -33,3 +33,15 @@ def test_nothing_is_said_where_nothing_is_known() -> None:
     assert remarks(empty_snapshot(study_plan("morris", rows=3)), "y") == []
     assert remarks({"outputs": {"y": {}}}, "y") == []
     assert warning({"outputs": {}}) == ""
+
+
+def test_an_index_that_few_rows_make_up_is_named() -> None:
+    plan = study_plan("saltelli", rows=16)
+    rare = results_of(plan, lambda x: {"y": float(x["b"] > 1.97), "z": x["a"]})
+    snapshot = analyse(plan, rare)
+    behind = {name: f["rests_on"] for name, f in snapshot["outputs"]["y"]["factors"].items()}
+    assert behind["a"] is None and 0.9 < behind["b"] < 2.0
+    said = " ".join(remarks(snapshot, "y"))
+    assert "Few rows make up the total-order index of b on y: as many as 1.0 of equal" in said
+    assert "more rows make it honest" in said
+    assert "Few rows" not in " ".join(remarks(snapshot, "z"))

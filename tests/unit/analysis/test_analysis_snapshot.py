@@ -47,8 +47,8 @@ def test_a_snapshot_has_the_same_shape_with_and_without_results(method: str) -> 
             assert set(output) == OUTPUT | SUMS[method]
             assert list(output["factors"]) == ["a", "b", "c"]
             for factor in output["factors"].values():
-                per_unit = {"per_unit"} if method == "morris" else set()
-                assert set(factor) == INDICES[method] | {"n"} | per_unit
+                more = {"per_unit"} if method == "morris" else {"rests_on", "martinez"}
+                assert set(factor) == INDICES[method] | {"n"} | more
                 assert all(set(factor[index]) == INTERVAL for index in INDICES[method])
 
 
