@@ -82,6 +82,9 @@ class Arriving:
         self.cursor, self.state = cursor, state
         return True
 
+    def pursue_goals(self) -> None:
+        """Nothing: it has none."""
+
 
 def lags(per_second: float = 500.0, seconds: float = 10.0) -> list[float]:
     """Return how long the oldest result of every commit had waited for it (s, wall clock)."""

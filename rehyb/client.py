@@ -14,13 +14,12 @@ from urllib.parse import urlencode
 import httpx2
 
 from rehyb.errors import (
-    Conflict,
     Invalid,
-    NotFound,
     RehybError,
     ServerError,
     Unauthorized,
     Unreachable,
+    refusal,
 )
 
 Json = dict[str, Any]
@@ -30,15 +29,6 @@ COMPRESS_BYTES = 50_000
 DEFAULT_URL = "http://127.0.0.1:8787"
 #: Never asked of a proxy, whatever the environment says.
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-
-_ERRORS: Mapping[int, type[RehybError]] = {
-    HTTPStatus.UNAUTHORIZED: Unauthorized,
-    HTTPStatus.FORBIDDEN: Unauthorized,
-    HTTPStatus.NOT_FOUND: NotFound,
-    HTTPStatus.CONFLICT: Conflict,
-    # It may succeed later, as after a failure.
-    HTTPStatus.TOO_MANY_REQUESTS: ServerError,
-}
 
 
 class Client:
@@ -105,7 +95,8 @@ class Client:
         """Submit a study and return it as the coordinator understood it.
 
         Args:
-            study: name, model, method and rows; optionally factors, fixed, seed, outputs, sampling.
+            study: name, model, method and rows; optionally factors, fixed, seed, outputs, sampling,
+                precision (as `aim` has it).
             idempotency_key: submitting again with the same key returns the study already there.
 
         Raises:
@@ -146,6 +137,32 @@ class Client:
     def extend(self, study_id: str, rows: int) -> Json:
         """Give a study `rows` rows in all; what is there stays. Conflict if it has more."""
         return self._json("POST", f"/v1/studies/{study_id}/extend", body={"rows": rows})
+
+    def aim(
+        self, study_id: str, up_to: int, target: float | None = None, output: str | None = None
+    ) -> Json:
+        """Have a study extended until it is precise enough, and return it.
+
+        The coordinator's analysis does it, whenever the study is complete, without a client; the
+        study's "precision" tells what was decided.
+
+        Args:
+            study_id: which study.
+            up_to: rows that it may have in all.
+            target: half width of every interval; None: 0.02 of S and ST, a tenth of the
+                largest mu*.
+            output: whose indices; None: the study's first output.
+
+        Raises:
+            Invalid: it has no such output.
+            Conflict: it is cancelled.
+        """
+        body = {"up_to": up_to, "target": target, "output": output}
+        return self._json("POST", f"/v1/studies/{study_id}/precision", body=body)
+
+    def let_be(self, study_id: str) -> None:
+        """Have a study extended no more; the rows that it has are finished."""
+        self._request("DELETE", f"/v1/studies/{study_id}/precision")
 
     def prioritise(self, study_id: str, priority: int) -> Json:
         """Serve a study before all of lower priority; 0 is where every study begins."""
@@ -224,11 +241,14 @@ class Client:
         poll_seconds: float = 1.0,
         on_progress: Callable[[Json], None] = lambda progress: None,
     ) -> Json:
-        """Block until a study is complete or cancelled and return its last progress."""
+        """Block until a study is complete or cancelled and return its last progress.
+
+        One that has a wanted precision is complete when it is extended no more.
+        """
         while True:
             progress = self.progress(study_id)
             on_progress(progress)
-            if progress["state"] not in ("running", "draining", "paused"):
+            if _is_over(progress):
                 return progress
             time.sleep(poll_seconds)
 
@@ -355,30 +375,16 @@ def _body(response: httpx2.Response) -> Json:
 
 
 def _error(response: httpx2.Response) -> RehybError:
-    """Turn a refusal into the error that a caller can tell apart, worded by the coordinator."""
-    status = response.status_code
     try:
         problem = response.json()
     except ValueError:
         problem = None
-    if not isinstance(problem, dict):
-        problem = {}
-    message = str(problem.get("detail") or problem.get("title") or HTTPStatus(status).phrase)
-    if pointer := problem.get("pointer"):
-        message += f" (at {pointer})"
-    if errors := [_entry(error) for error in problem.get("errors") or ()]:
-        message += ": " + "; ".join(errors)
-    kind = _ERRORS.get(
-        status, Invalid if status < HTTPStatus.INTERNAL_SERVER_ERROR else ServerError
-    )
-    if not problem:
-        message = f"{response.request.url} answered {status} {message}"
-    return kind(message, problem)
+    return refusal(response.status_code, problem, str(response.request.url))
 
 
-def _entry(error: object) -> str:
-    if not isinstance(error, dict):
-        return str(error)
-    where = error.get("pointer") or error.get("loc") or ""
-    what = error.get("detail") or error.get("msg") or ""
-    return f"{where} {what}".strip()
+def _is_over(progress: Json) -> bool:
+    """Say whether nothing more will come of a study; a coordinator of before has no precision."""
+    goal = progress.get("precision")
+    if progress["state"] in ("running", "draining", "paused"):
+        return False
+    return goal is None or bool(goal["settled"])
