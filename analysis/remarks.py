@@ -6,6 +6,7 @@ A snapshot that an earlier version left in a database lacks some of it; then the
 from collections.abc import Mapping
 from typing import Any
 
+from analysis.screening import SHARE_OF_LARGEST
 from analysis.stopping import advise
 
 #: Intervals of an index that rests on fewer rows than this hold the truth less often than they
@@ -32,11 +33,30 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
     """
     found = [str(snapshot.get("failure", {}).get("sentence", ""))]
     found.append(_ranking(snapshot["outputs"].get(output, {}).get("ranking", {}), output))
+    found.append(_screened(snapshot["outputs"].get(output, {}).get("screening"), output))
     found.append(_few_rows(snapshot, output))
     if "sampling" in snapshot:
         advice = advise(snapshot, output, target)
         found.append("" if advice is None else advice.sentence)
     return [sentence for sentence in found if sentence]
+
+
+def _screened(screening: Mapping[str, Any] | None, output: str) -> str:
+    """Return which factors surely do less than what matters, and of which it is open."""
+    if screening is None or screening["threshold"] is None:
+        return ""
+    if screening["by"] == "mu_star":
+        what = f"μ* below {screening['threshold']:.2g}, {SHARE_OF_LARGEST:.0%} of the largest"
+    else:
+        what = f"ST below {screening['threshold']:.2g}"
+    none = "none yet" if screening["undecided"] else "none"
+    sentence = (
+        f"Non-influential on {output} ({what}; a dummy factor has {screening['dummy']:g}): "
+        f"{', '.join(screening['non_influential']) or none}."
+    )
+    if screening["undecided"]:
+        sentence += f" Undecided: {', '.join(screening['undecided'])}."
+    return sentence
 
 
 def _few_rows(snapshot: Mapping[str, Any], output: str) -> str:

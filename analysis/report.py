@@ -16,13 +16,14 @@ import numpy as np
 from analysis import hover
 from analysis.comparison import Compared, compare, rows_of
 from analysis.designs import family
-from analysis.distributions import Distribution, widths
+from analysis.distributions import Distribution, scales
 from analysis.figures import (
     convergence_figure,
     distribution_figure,
     pairs_figure,
     scatter_figure,
     screening_figure,
+    together_figure,
     variance_figure,
 )
 from analysis.page import Picture, Section, page
@@ -51,6 +52,10 @@ _PLANE = (
 _SHARES = (
     "Share of the output's variance due to a factor alone (S) and in company (ST), with intervals; "
     "ST near 0 means that the factor may take any value (paper, figure 10)."
+)
+_TOGETHER = (
+    "Share of the output's variance that two factors have together beyond what each has alone "
+    "(Saltelli 2002), the largest, and the same from growing parts of the sample."
 )
 _DISTRIBUTION = (
     "What the sampled uncertainty does to the output. Variance stands for uncertainty as far as "
@@ -112,7 +117,7 @@ def plan_of(study: Mapping[str, Any]) -> StudyPlan:
         rows=study["rows"],
         factors=tuple(factor["name"] for factor in study["factors"]),
         outputs=tuple(study["outputs"]),
-        widths=widths(
+        scales=scales(
             {
                 factor["name"]: Distribution.from_json(factor["distribution"])
                 for factor in study["factors"]
@@ -158,8 +163,20 @@ def pictures(
             variance_figure(snapshot, output, unit),
             lambda figure: hover.shares(figure, snapshot, output),
         )
+    together = []
+    if "second_order" in snapshot["outputs"][output]:
+        together.append(
+            _picture(
+                "together",
+                "Pairs of factors",
+                _TOGETHER,
+                together_figure(snapshot, output),
+                lambda figure: hover.together(figure, snapshot, output),
+            )
+        )
     return [
         first,
+        *together,
         _picture(
             "convergence",
             "Convergence",
