@@ -46,12 +46,14 @@ _METHODS = {
 _PLANE = (
     "Left: mean magnitude and spread of the elementary effects with their intervals, each the "
     "effect of a factor's whole range; below the "
-    "dotted line an effect is mostly monotonic and without interactions. Right: where bootstrap "
+    "dotted line an effect is mostly monotonic and without interactions, left of the dashed one it "
+    "is less than a tenth of the largest. Right: where bootstrap "
     "replicates put them. Near the origin a factor does little (paper, figure 8)."
 )
 _SHARES = (
     "Share of the output's variance due to a factor alone (S) and in company (ST), with intervals; "
-    "ST near 0 means that the factor may take any value (paper, figure 10)."
+    "ST near 0 means that the factor may take any value; left of the dashed line, a share of 0.05, "
+    "it does too little to matter (paper, figure 10)."
 )
 _TOGETHER = (
     "Share of the output's variance that two factors have together beyond what each has alone "

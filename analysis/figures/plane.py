@@ -64,21 +64,8 @@ def screening_figure(
 
 def draw_threshold(axes: Axes, output: Mapping[str, Any]) -> None:
     """Draw what the index of a factor must exceed to matter (`analysis.screening`), if known."""
-    threshold = output.get("screening", {}).get("threshold")
-    if threshold:
+    if threshold := output.get("screening", {}).get("threshold"):
         axes.axvline(threshold, color=FAINT, lw=1, ls="--", zorder=1)
-        axes.annotate(
-            "does too little",
-            (threshold, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(-3, -2),
-            textcoords="offset points",
-            rotation=90,
-            ha="right",
-            va="top",
-            fontsize=7,
-            color=FAINT,
-        )
 
 
 def _join_limits(left: Axes, right: Axes) -> None:
