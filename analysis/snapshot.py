@@ -1,4 +1,4 @@
-"""What is known of a study at one moment, as JSON.
+"""What is known of a study at one moment, as JSON: the paper, section 2.4, with intervals.
 
     {"study", "method", "seed", "cursor", "rows", "rows_complete", "rows_used", "level",
      "evaluations": {outcome: number},
