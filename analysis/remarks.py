@@ -35,6 +35,7 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
     found.append(_ranking(snapshot["outputs"].get(output, {}).get("ranking", {}), output))
     found.append(_screened(snapshot["outputs"].get(output, {}).get("screening"), output))
     found.append(_few_rows(snapshot, output))
+    found.append(_one_sequence(snapshot))
     if "sampling" in snapshot:
         advice = advise(snapshot, output, target)
         found.append("" if advice is None else advice.sentence)
@@ -71,6 +72,16 @@ def _few_rows(snapshot: Mapping[str, Any], output: str) -> str:
         f"Few rows make up the total-order index of {which} on {output}: as many as "
         f"{min(few.values()):.1f} of equal size would, of {snapshot['rows_used']:,}. Its interval "
         "may miss the truth more often than it says; more rows make it honest."
+    )
+
+
+def _one_sequence(snapshot: Mapping[str, Any]) -> str:
+    """Return what intervals of one Sobol sequence are worth (docs/adr/0006)."""
+    if snapshot.get("sampling") not in ("sobol", "sobol_paired") or not snapshot["rows_used"]:
+        return ""
+    return (
+        "Points of one Sobol sequence depend on each other: intervals are too wide on average, and "
+        "may miss single factors all the same. Those of sampling sobol_blocks are honest."
     )
 
 

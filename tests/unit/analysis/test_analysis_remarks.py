@@ -10,10 +10,11 @@ from analysis.snapshot import empty_snapshot
 def test_failures_ranking_and_precision_each_have_a_sentence() -> None:
     plan = study_plan("saltelli", rows=64)
     snapshot = analyse(plan, results_of(plan, failed=[(3, 1), (5, 0)]))
-    failures, ranking, screened, advice = remarks(snapshot, "y", target=0.05)
+    failures, ranking, screened, sequence, advice = remarks(snapshot, "y", target=0.05)
     assert failures.startswith("2 of 320 runs failed (0.6%): too few to tell")
     assert ranking.endswith("the same order, 100% with a first.")
     assert screened.startswith("Non-influential on y (ST below 0.05; a dummy factor has 0): none")
+    assert sequence.startswith("Points of one Sobol sequence depend on each other: intervals are")
     assert "more rows" in advice and "bring y to ±0.05" in advice
     assert warning(snapshot) == ""
 
@@ -58,3 +59,8 @@ def test_a_screening_says_what_does_too_little_and_what_is_open() -> None:
     assert expected in said and "Undecided" not in said
     few = analyse(plan, idle[:4])
     assert "a dummy factor has 0): none yet. Undecided: a, b, c." in " ".join(remarks(few, "y"))
+
+
+def test_of_eight_sequences_nothing_is_said_against_their_intervals() -> None:
+    plan = study_plan("saltelli", rows=16, sampling="sobol_blocks")
+    assert "Sobol sequence" not in " ".join(remarks(analyse(plan, results_of(plan)), "y"))
