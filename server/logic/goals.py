@@ -88,7 +88,9 @@ def pursued(
     if snapshot["rows_complete"] != study.plan.rows:
         return None
     goal = pursuit.goal
-    step = next_step(snapshot, goal.output, target=goal.target, most_rows=goal.up_to)
+    # A snapshot that an earlier version left may not say it.
+    seen = {"sampling": study.plan.sampling, **snapshot}
+    step = next_step(seen, goal.output, target=goal.target, most_rows=goal.up_to)
     said = {
         "rows": study.plan.rows,
         "extended_to": step.rows,

@@ -1,5 +1,7 @@
 """A study with a goal grows by itself: to its precision or its cap, once, whoever asks."""
 
+import asyncio
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -14,6 +16,7 @@ from server.errors import ConflictError, InvalidStudyError, NotFoundError
 from server.logic.goals import Goal, Pursuit, pursued, set_goal, shown
 from server.logic.study import Plan, Study, instance_id, parameters
 from server.logic.verdicts import Report
+from server.routes.progress import _follow, _look
 from server.store import control, goals, queue, reruns, results, studies
 from server.store.result_log import StoreResultLog
 from sim.evaluation import evaluate
@@ -107,9 +110,31 @@ def test_what_the_analysis_has_not_seen_yet_is_waited_for(engine: Engine, plan: 
     assert snapshot is not None
     pursuit = Pursuit(goal=Goal(output="y", target=0.001, up_to=999))
     assert pursued(complete, pursuit, snapshot) is not None
+    old = {key: value for key, value in snapshot.items() if key != "sampling"}
+    assert pursued(complete, pursuit, old) == pursued(complete, pursuit, snapshot)
     assert pursued(complete, pursuit, {**snapshot, "rows_complete": 7}) is None
     assert pursued(replace(complete, state="paused"), pursuit, snapshot) is None
     assert pursued(complete, replace(pursuit, judged=complete.edition), snapshot) is None
+
+
+def test_events_go_on_while_a_complete_study_may_yet_be_extended(
+    engine: Engine, plan: Drawing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("server.routes.progress.EVENT_SECONDS", 0.01)
+    study = begun(engine, plan(method="saltelli", rows=8))
+    goals.put(engine, study.id, Goal(output="y", target=0.001, up_to=9))
+    run(engine, study.id)
+
+    async def told() -> list[Json]:
+        stream = _follow(engine, study.id, _look(engine, study.id, 0.0), asyncio.Event())
+        said = [await anext(stream)]
+        goals.remove(engine, study.id)
+        said += [event async for event in stream]
+        return [json.loads(event.partition("data: ")[2]) for event in said]
+
+    first, last = asyncio.run(told())
+    assert first["state"] == last["state"] == "complete"
+    assert first["precision"]["settled"] is False and last["precision"] is None
 
 
 def test_a_goal_goes_with_its_study_and_is_refused_where_there_is_none(
