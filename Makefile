@@ -36,7 +36,7 @@ curves: $(READY)  ## Draw what each factor does alone (docs/one_at_a_time.png)
 	$(BIN)/python -m benchmarks.one_at_a_time docs/one_at_a_time.png
 
 bench-analysis: $(READY)  ## Errors, coverage and speed of the indices beside SALib and SciPy
-	$(BIN)/python -m benchmarks.analysis
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.analysis
 
 bench-closeloop: $(READY)  ## Print how often closing the loop names the right effect
 	$(BIN)/python -m benchmarks.closeloop $(ARGS)

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from analysis.designs import row_width
 from analysis.estimators import Estimate
+from analysis.estimators.martinez import fisher
 from analysis.table import Table
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ def compare(rows: Array, level: float = 0.9) -> Mapping[str, Compared]:
     a, b, mixed = rows[:, 0], rows[:, 1], rows[:, 2:].T
     with_b = [_correlation(b, one) for one in mixed]
     with_a = [_correlation(a, one) for one in mixed]
-    first, total = _fisher(with_b, level), _fisher(with_a, level)
+    first, total = (_with_interval(pairs, level) for pairs in (with_b, with_a))
     return {
         "martinez": Compared(
             description="Martinez 2011: correlations, intervals by Fisher's transformation "
@@ -81,16 +81,9 @@ def _correlation(x: Array, y: Array) -> tuple[float, int]:
     return float(np.corrcoef(x[whole], y[whole])[0, 1]), n
 
 
-def _fisher(correlations: list[tuple[float, int]], level: float) -> Estimate:
-    """Return correlations with asymptotic intervals (Fisher 1921), from four pairs on."""
+def _with_interval(correlations: list[tuple[float, int]], level: float) -> Estimate:
     value = np.array([r for r, _ in correlations])
-    n = np.array([float(n) for _, n in correlations])
-    width = np.where(
-        n > 3.0, norm.ppf(0.5 + level / 2.0) / np.sqrt(np.maximum(n - 3.0, 1.0)), np.nan
-    )
-    with np.errstate(divide="ignore"):
-        z = np.arctanh(np.clip(value, -1.0, 1.0))
-    return Estimate(value=value, low=np.tanh(z - width), high=np.tanh(z + width))
+    return fisher(value, np.array([n for _, n in correlations], dtype=np.int64), level)
 
 
 def _uncentred(base: Array, x: Array, y: Array) -> float:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimators import OF_PAIRS, Estimate, Estimator
+from analysis.estimators import Estimate, Estimator
 
 #: Rows of the first point: intervals of fewer say nothing.
 FIRST = 8
@@ -24,7 +24,7 @@ FIRST = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """The indices of the first `rows` rows, arrays of shape (outputs, factors)."""
+    """The indices of the first `rows` rows, arrays of shape (outputs, factors or pairs)."""
 
     rows: int
     indices: dict[str, Estimate]
@@ -121,12 +121,8 @@ class GrowingEstimator:
         self._next += 1
         if rows >= FIRST:
             indices = self._closed.indices(self._level)
-            of_factors = {
-                name: index
-                for name, index in indices.items()
-                if index.value.ndim == 2 and name not in OF_PAIRS
-            }
-            self.series.append(Point(rows=rows, indices=of_factors))
+            single = {name: index for name, index in indices.items() if index.value.ndim == 2}
+            self.series.append(Point(rows=rows, indices=single))
 
 
 def _size(block: int) -> int:

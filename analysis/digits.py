@@ -1,4 +1,7 @@
-"""Numbers with the digits that their intervals allow."""
+"""Numbers with the digits that their intervals allow (JCGM 2008, section 7.2.6: two at most).
+
+JCGM 2008 is the Guide to the expression of uncertainty in measurement.
+"""
 
 from math import floor, log10
 

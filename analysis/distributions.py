@@ -15,6 +15,19 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 from scipy.stats import truncnorm
 
+#: Probability left out at either end of what gives a distribution its scale.
+_TAIL = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """How wide a distribution is, in the factor's unit."""
+
+    width: float
+    #: "range": from its lowest to its highest value; "quantiles": from the 5 % to the 95 %
+    #: quantile, over 0.9.
+    by: str
+
 
 @dataclass(frozen=True, kw_only=True)
 class Distribution(ABC):
@@ -45,9 +58,15 @@ class Distribution(ABC):
     def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
     @property
-    def width(self) -> float | None:
-        """The whole range if a step in probability is the same step everywhere in it, else None."""
-        return None
+    def scale(self) -> "Scale":
+        """What turns an effect per whole range of probability into one per unit of the factor.
+
+        An elementary effect is per step in probability (paper, equation 22 in the unit cube). In
+        the factor's unit such a step is longer in the tails; in the mean over the central 90 % it
+        is the distance of their quantiles over 0.9, which of a uniform factor is its range.
+        """
+        low, high = self.ppf([_TAIL, 1.0 - _TAIL]).tolist()
+        return Scale(width=(high - low) / (1.0 - 2.0 * _TAIL), by="quantiles")
 
     def ppf(self, u: ArrayLike) -> NDArray[np.float64]:
         """Return the quantiles of probabilities `u`, elementwise; ValueError unless 0 < u < 1."""
@@ -94,9 +113,9 @@ class Uniform(Distribution):
         _ordered(self.kind, self.low, self.high)
 
     @property
-    def width(self) -> float:
-        """`high` - `low`."""
-        return self.high - self.low
+    def scale(self) -> Scale:
+        """Its range."""
+        return Scale(width=self.high - self.low, by="range")
 
     def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.clip(self.low + u * (self.high - self.low), self.low, self.high)
@@ -223,6 +242,11 @@ class Discrete(Distribution):
                 f"{fsum(self.probabilities):g}"
             )
 
+    @property
+    def scale(self) -> Scale:
+        """From its lowest to its highest value: quantiles of few values may coincide."""
+        return Scale(width=self.values[-1] - self.values[0], by="range")
+
     def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         edges = np.cumsum(self.probabilities)[:-1]
         return np.asarray(self.values)[np.searchsorted(edges, u, side="left")]
@@ -235,13 +259,9 @@ class Discrete(Distribution):
         }
 
 
-def widths(distributions: Mapping[str, Distribution]) -> dict[str, float]:
-    """Return `Distribution.width` of every factor that has one."""
-    return {
-        name: distribution.width
-        for name, distribution in distributions.items()
-        if distribution.width is not None
-    }
+def scales(distributions: Mapping[str, Distribution]) -> dict[str, Scale]:
+    """Return `Distribution.scale` of every factor."""
+    return {name: distribution.scale for name, distribution in distributions.items()}
 
 
 _KINDS: tuple[type[Distribution], ...] = (

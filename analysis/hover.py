@@ -17,6 +17,7 @@ from analysis.designs import family
 from analysis.digits import with_interval
 from analysis.figures.pairs import leading_pairs
 from analysis.figures.scatter import DRAWN
+from analysis.figures.together import largest_pairs
 from analysis.table import Table
 
 if TYPE_CHECKING:
@@ -73,6 +74,22 @@ def shares(figure: Figure, snapshot: Mapping[str, Any], output: str) -> list[Pan
         for place, name in enumerate(order)
         for index, offset in (("first_order", 0.2), ("total_order", -0.2))
         if factors[name][index]["value"] is not None
+    ]
+    return [{**_panel(figure, figure.axes[0]), "marks": marks}]
+
+
+def together(figure: Figure, snapshot: Mapping[str, Any], output: str) -> list[Panel]:
+    """Return the panel of the bars of pairs."""
+    drawn = largest_pairs(snapshot, output)[::-1]
+    marks = [
+        [
+            pair["value"],
+            place,
+            f"{' and '.join(map(_words, pair['factors']))}: "
+            f"{_interval(pair['value'], pair['low'], pair['high'])}, n {pair['n']:,}",
+        ]
+        for place, pair in enumerate(drawn)
+        if pair["value"] is not None
     ]
     return [{**_panel(figure, figure.axes[0]), "marks": marks}]
 

@@ -264,24 +264,25 @@ def _per_unit(section: Section) -> str:
     columns = _COLUMNS["morris"]
     factors = section.snapshot["outputs"][section.output]["factors"]
     unit = section.units.get(section.output, "")
-    rows = [
-        [
-            escape(_words(name)),
-            *(
-                _interval(factors[name]["per_unit"][index]) if factors[name]["per_unit"] else "–"
-                for index in columns
-            ),
-            escape(f"{unit or 'output'} per {own or 'unit'}"),
-        ]
-        for name, _, own in section.sampled
-    ]
+    rows = []
+    for name, _, own in section.sampled:
+        found = factors[name]["per_unit"]
+        rows.append(
+            [
+                escape(_words(name)),
+                *(_interval(found[index]) if found else "–" for index in columns),
+                escape(f"{unit or 'output'} per {own or 'unit'}"),
+                escape(f"{found['scale']['width']:.3g} ({found['scale']['by']})" if found else "–"),
+            ]
+        )
     return (
         f"<h3>{escape(_words(section.output))}</h3>"
-        + _grid(["factor", *columns.values(), "unit"], rows)
+        + _grid(["factor", *columns.values(), "unit", "width"], rows)
         + '<p class="lead"><small>Equation 22 with the step in the factor\'s own unit: what one '
         "unit of it does. Factors are compared by the table above, whose effects are those of "
-        "their whole ranges; – where a factor is not uniform, so that no one number turns one "
-        "into the other.</small></p>"
+        "their whole ranges: these divided by the width of the factor's distribution, which is "
+        "its range or, where it is not uniform, the distance of its 5 % and 95 % quantiles over "
+        "0.9.</small></p>"
     )
 
 

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from analysis.distributions import Scale
+
 
 class NoSuchStudyError(LookupError):
     """The study was deleted meanwhile."""
@@ -23,9 +25,9 @@ class StudyPlan:
     #: The sampled factors, in the order of the design's columns.
     factors: tuple[str, ...]
     outputs: tuple[str, ...]
-    #: Whole range of every factor that is uniform, in its unit: what turns an effect per range into
-    #: one per unit. No index depends on it.
-    widths: Mapping[str, float] = field(default_factory=dict)
+    #: Width of every factor's distribution, in its unit: what turns an effect per range into one
+    #: per unit. No index depends on it.
+    scales: Mapping[str, Scale] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,12 @@ A snapshot that an earlier version left in a database lacks some of it; then the
 from collections.abc import Mapping
 from typing import Any
 
+from analysis.screening import SHARE_OF_LARGEST
 from analysis.stopping import advise
+
+#: Intervals of an index that rests on fewer rows than this hold the truth less often than they
+#: say: `benchmarks.coverage` prints how often.
+FEWEST_ROWS = 2.0
 
 
 def warning(snapshot: Mapping[str, Any]) -> str:
@@ -28,10 +33,56 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
     """
     found = [str(snapshot.get("failure", {}).get("sentence", ""))]
     found.append(_ranking(snapshot["outputs"].get(output, {}).get("ranking", {}), output))
+    found.append(_screened(snapshot["outputs"].get(output, {}).get("screening"), output))
+    found.append(_few_rows(snapshot, output))
+    found.append(_one_sequence(snapshot))
     if "sampling" in snapshot:
         advice = advise(snapshot, output, target)
         found.append("" if advice is None else advice.sentence)
     return [sentence for sentence in found if sentence]
+
+
+def _screened(screening: Mapping[str, Any] | None, output: str) -> str:
+    """Return which factors surely do less than what matters, and of which it is open."""
+    if screening is None or screening["threshold"] is None:
+        return ""
+    if screening["by"] == "mu_star":
+        what = f"μ* below {screening['threshold']:.2g}, {SHARE_OF_LARGEST:.0%} of the largest"
+    else:
+        what = f"ST below {screening['threshold']:.2g}"
+    none = "none yet" if screening["undecided"] else "none"
+    sentence = (
+        f"Non-influential on {output} ({what}; a dummy factor has {screening['dummy']:g}): "
+        f"{', '.join(screening['non_influential']) or none}."
+    )
+    if screening["undecided"]:
+        sentence += f" Undecided: {', '.join(screening['undecided'])}."
+    return sentence
+
+
+def _few_rows(snapshot: Mapping[str, Any], output: str) -> str:
+    """Return which total-order indices too few rows make up (Kish 1965, by `rests_on`)."""
+    factors = snapshot["outputs"].get(output, {}).get("factors", {})
+    known = {name: factor.get("rests_on") for name, factor in factors.items()}
+    few = {name: rows for name, rows in known.items() if rows is not None and rows < FEWEST_ROWS}
+    if not few:
+        return ""
+    which = ", ".join(few)
+    return (
+        f"Few rows make up the total-order index of {which} on {output}: as many as "
+        f"{min(few.values()):.1f} of equal size would, of {snapshot['rows_used']:,}. Its interval "
+        "may miss the truth more often than it says; more rows make it honest."
+    )
+
+
+def _one_sequence(snapshot: Mapping[str, Any]) -> str:
+    """Return what intervals of one Sobol sequence are worth (docs/adr/0006)."""
+    if snapshot.get("sampling") not in ("sobol", "sobol_paired") or not snapshot["rows_used"]:
+        return ""
+    return (
+        "Points of one Sobol sequence depend on each other: intervals are too wide on average, and "
+        "may miss single factors all the same. Those of sampling sobol_blocks are honest."
+    )
 
 
 def _ranking(ranking: Mapping[str, Any], output: str) -> str:

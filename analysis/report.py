@@ -16,13 +16,14 @@ import numpy as np
 from analysis import hover
 from analysis.comparison import Compared, compare, rows_of
 from analysis.designs import family
-from analysis.distributions import Distribution, widths
+from analysis.distributions import Distribution, scales
 from analysis.figures import (
     convergence_figure,
     distribution_figure,
     pairs_figure,
     scatter_figure,
     screening_figure,
+    together_figure,
     variance_figure,
 )
 from analysis.page import Picture, Section, page
@@ -45,12 +46,18 @@ _METHODS = {
 _PLANE = (
     "Left: mean magnitude and spread of the elementary effects with their intervals, each the "
     "effect of a factor's whole range; below the "
-    "dotted line an effect is mostly monotonic and without interactions. Right: where bootstrap "
+    "dotted line an effect is mostly monotonic and without interactions, left of the dashed one it "
+    "is less than a tenth of the largest. Right: where bootstrap "
     "replicates put them. Near the origin a factor does little (paper, figure 8)."
 )
 _SHARES = (
     "Share of the output's variance due to a factor alone (S) and in company (ST), with intervals; "
-    "ST near 0 means that the factor may take any value (paper, figure 10)."
+    "ST near 0 means that the factor may take any value; left of the dashed line, a share of 0.05, "
+    "it does too little to matter (paper, figure 10)."
+)
+_TOGETHER = (
+    "Share of the output's variance that two factors have together beyond what each has alone "
+    "(Saltelli 2002), the largest, and the same from growing parts of the sample."
 )
 _DISTRIBUTION = (
     "What the sampled uncertainty does to the output. Variance stands for uncertainty as far as "
@@ -112,7 +119,7 @@ def plan_of(study: Mapping[str, Any]) -> StudyPlan:
         rows=study["rows"],
         factors=tuple(factor["name"] for factor in study["factors"]),
         outputs=tuple(study["outputs"]),
-        widths=widths(
+        scales=scales(
             {
                 factor["name"]: Distribution.from_json(factor["distribution"])
                 for factor in study["factors"]
@@ -158,8 +165,20 @@ def pictures(
             variance_figure(snapshot, output, unit),
             lambda figure: hover.shares(figure, snapshot, output),
         )
+    together = []
+    if "second_order" in snapshot["outputs"][output]:
+        together.append(
+            _picture(
+                "together",
+                "Pairs of factors",
+                _TOGETHER,
+                together_figure(snapshot, output),
+                lambda figure: hover.together(figure, snapshot, output),
+            )
+        )
     return [
         first,
+        *together,
         _picture(
             "convergence",
             "Convergence",

@@ -1,9 +1,67 @@
-"""Factor fixing: which factor a screening study shows to be negligible (paper, section 3.1)."""
+"""Which factors do too little to matter, and which of them may be fixed (paper, section 3.1).
+
+A factor of no influence has mu* and ST of exactly 0 here, because both are made of differences
+within a row; so has a dummy factor (Khorashadi Zadeh et al. 2017), and a threshold taken from one
+would call every other factor influential. Screening therefore compares intervals with a threshold
+of what matters, as Sarrazin et al. 2016 do.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import hypot, inf
 from typing import Any
+
+from analysis.designs import family
+from analysis.ranking import RANKED_BY
+
+#: Of the largest mu*, and of the variance: a factor that surely does less is not influential.
+SHARE_OF_LARGEST = 0.1
+SHARE_OF_VARIANCE = 0.05
+
+#: What a factor of no influence has of either index, and a dummy factor with it.
+DUMMY = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Influence:
+    """Which factors matter to an output, as far as their intervals tell."""
+
+    #: "mu_star" or "total_order".
+    by: str
+    #: What the index is compared with; None before there is an index.
+    threshold: float | None
+    #: Whole interval above, below, or on both sides of it; factors without one are undecided.
+    influential: tuple[str, ...]
+    non_influential: tuple[str, ...]
+    undecided: tuple[str, ...]
+
+
+def influence(factors: Mapping[str, Any], method: str) -> Influence:
+    """Sort factors by whether they matter (Sarrazin et al. 2016, section 2.2).
+
+    Args:
+        factors: of an output of a snapshot.
+        method: of the study. The threshold is `SHARE_OF_LARGEST` of the largest mu* or
+            `SHARE_OF_VARIANCE` of ST.
+    """
+    by = RANKED_BY[family(method)]
+    known = {name: f[by] for name, f in factors.items() if None not in f[by].values()}
+    values = [f[by]["value"] for f in factors.values() if f[by]["value"] is not None]
+    threshold: float | None = None
+    if values:
+        share = SHARE_OF_LARGEST * max(values)
+        threshold = share if family(method) == "morris" else SHARE_OF_VARIANCE
+    limit = inf if threshold is None else threshold
+    # Where no factor does anything, all of them are below what matters.
+    below = [name for name, i in known.items() if i["high"] < limit or i["high"] == DUMMY]
+    above = [name for name, i in known.items() if i["low"] >= limit and name not in below]
+    return Influence(
+        by=by,
+        threshold=threshold,
+        influential=tuple(above),
+        non_influential=tuple(below),
+        undecided=tuple(name for name in factors if name not in (*below, *above)),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +78,9 @@ class Proposal:
     table: list[dict[str, Any]]
 
 
-def propose_fixing(snapshot: Mapping[str, Any], output: str, share: float = 0.1) -> Proposal:
+def propose_fixing(
+    snapshot: Mapping[str, Any], output: str, share: float = SHARE_OF_LARGEST
+) -> Proposal:
     """Say whether the least influential factor may be fixed.
 
     It may if the upper confidence limit of its mu* is below `share` of the largest mu*: then, on

@@ -3,7 +3,7 @@
 Any number of these processes may run on one store. Each reads a study's log from the cursor the
 last commit left, and commits state, snapshot and new cursor at once, provided that the cursor is
 still where it found it and the study is as it was planned. So every result counts once, whoever is
-first, and a process may die at any moment.
+first, and a process may die at any moment (docs/adr/0004).
 """
 
 from collections.abc import Iterable
@@ -49,6 +49,12 @@ class ResultLog(Protocol):
     ) -> bool:
         """Replace cursor, state and snapshot at once; False if the cursor is not as expected."""
 
+    def pursue_goals(self) -> None:
+        """Extend the complete studies that are less precise than they were to be.
+
+        The rule is `analysis.stopping.next_step`; studies whose snapshot lacks a result wait.
+        """
+
 
 def catch_up(log: ResultLog, study_id: str) -> int:
     """Take in what a study's log has new, and return how many results were committed.
@@ -75,7 +81,7 @@ def catch_up(log: ResultLog, study_id: str) -> int:
 
 
 def follow(log: ResultLog, *, stop: Event, poll_seconds: float = 0.5) -> None:
-    """Keep every study caught up until `stop` is set."""
+    """Keep every study caught up, and those with a goal growing, until `stop` is set."""
     while not stop.is_set():
         for study_id in log.studies_with_news():
             if stop.is_set():
@@ -83,6 +89,7 @@ def follow(log: ResultLog, *, stop: Event, poll_seconds: float = 0.5) -> None:
             # One that was deleted since it was listed needs no indices.
             with suppress(NoSuchStudyError):
                 catch_up(log, study_id)
+        log.pursue_goals()
         stop.wait(poll_seconds)
 
 

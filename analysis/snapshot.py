@@ -1,4 +1,4 @@
-"""What is known of a study at one moment, as JSON.
+"""What is known of a study at one moment, as JSON: the paper, section 2.4, with intervals.
 
     {"study", "method", "seed", "cursor", "rows", "rows_complete", "rows_used", "level",
      "evaluations": {outcome: number},
@@ -8,27 +8,36 @@
                  **OUTPUT}}
 
     OUTPUT: {"mean", "sd", "n",
-             "factors": {factor: {"n", index: {"value", "low", "high"}, ...,
-                                  "per_unit": {index: {"value", "low", "high"}, ...}}},
+             "factors": {factor: {"n", "rests_on", index: {"value", "low", "high"}, ...,
+                                  "martinez": {index: {"value", "low", "high"}, ...},
+                                  "per_unit": {index: {"value", "low", "high"}, ...,
+                                               "scale": {"width", "by"}}}},
              sum: {"value", "low", "high"}, ...,
              "second_order": [{"factors": [factor, factor], "value", "low", "high", "n"}],
              "ranking": {"by", "order": [factor], "same_order", "same_first"},
+             "screening": {"by", "threshold", "dummy", "influential": [factor],
+                           "non_influential": [factor], "undecided": [factor]},
              "convergence": {"rows": [number],
-                             "factors": {factor: {index: {"value": [], "low": [], "high": []}}}}}
+                             "factors": {factor: {index: {"value": [], "low": [], "high": []}}},
+                             "second_order": [{"factors": [factor, factor], "value": [], ...}]}}
 
 Indices are "mu", "mu_star" and "sigma" (method morris, in the output's unit per whole range of the
-factor, so that factors can be compared; under "per_unit" the same per unit of the factor, which is
-equation 22 with the step in that unit, or null for a factor that is not uniform) or "first_order"
+factor, so that factors can be compared; under "per_unit" the same per unit of the factor, divided
+by the "width" of its distribution, `analysis.distributions.Distribution.scale`) or "first_order"
 and "total_order" (method saltelli, shares of the variance), for which there are the sums
 "sum_first_order" and "sum_total_order" and the measure of chance "dummy_first_order"
-(`SaltelliEstimator`). "second_order", of method saltelli_second_order only, is what a pair does
-beyond what each of the two does alone. "failure" is the indicator that is 1 where a run failed and
-0 elsewhere (`analysis.failures`), "ranking" says how many bootstrap replicates rank the factors
-alike (`analysis.ranking`), "convergence" what the first 8, 16, 32, ... rows said
-(`analysis.convergence`). What is not defined yet is null.
+(`SaltelliEstimator`). "rests_on" is the effective number of rows that make up "total_order"
+(`analysis.estimators.tails`), "martinez" both indices as correlations with Fisher's intervals
+(`analysis.estimators.martinez`). "second_order", of method saltelli_second_order only, is what a
+pair does beyond what each of the two does alone. "failure" is the indicator that is 1 where a run
+failed and 0 elsewhere (`analysis.failures`), "ranking" says how many bootstrap replicates rank the
+factors alike (`analysis.ranking`), "screening" which factors surely do less or more than a
+threshold (`analysis.screening`; "dummy" is what a factor of no influence has), "convergence" what
+the first 8, 16, 32, ... rows said (`analysis.convergence`). What is not defined yet is null.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from itertools import combinations
 from math import isfinite
 from typing import Any
@@ -39,6 +48,7 @@ from analysis.estimators import OF_PAIRS, Estimate, Estimator, Statistic, estima
 from analysis.failures import judge
 from analysis.ranking import RANKED_BY, rank
 from analysis.records import StudyPlan
+from analysis.screening import DUMMY, influence
 
 #: Of the confidence intervals (paper, figure 10).
 LEVEL = 0.9
@@ -65,8 +75,9 @@ def take_snapshot(
     """
     statistics = estimator.statistics()
     indices = {name: statistic.estimate(LEVEL) for name, statistic in statistics.items()}
+    compared = estimator.compared(LEVEL)
     shown = [
-        _output(plan, estimator, o, statistics, indices, series)
+        _output(plan, estimator, o, statistics, indices, compared, series)
         for o in range(len(plan.outputs) + 1)
     ]
     return {
@@ -115,6 +126,7 @@ def _output(
     o: int,
     statistics: Mapping[str, Statistic],
     indices: Mapping[str, Estimate],
+    compared: Mapping[str, Mapping[str, Estimate]],
     series: Sequence[Point],
 ) -> dict[str, Any]:
     """Return OUTPUT of the module docstring."""
@@ -125,26 +137,41 @@ def _output(
         if index.value.ndim == 2 and name not in OF_PAIRS
     }
     sums = {name: index for name, index in indices.items() if index.value.ndim == 1}
+    factors = {
+        factor: {
+            **{name: _interval(index, (o, f)) for name, index in of_factors.items()},
+            **_per_unit(plan, factor, of_factors, (o, f)),
+            **_rests_on(statistics, (o, f)),
+            **{
+                who: {name: _interval(index, (o, f)) for name, index in found.items()}
+                for who, found in compared.items()
+            },
+            "n": int(effects[o, f]),
+        }
+        for f, factor in enumerate(plan.factors)
+    }
     return {
         "mean": _number(moments.mean[o]),
         "sd": _number(moments.sd[o]),
         "n": int(moments.n[o]),
-        "factors": {
-            factor: {
-                **{name: _interval(index, (o, f)) for name, index in of_factors.items()},
-                **_per_unit(plan, factor, of_factors, (o, f)),
-                "n": int(effects[o, f]),
-            }
-            for f, factor in enumerate(plan.factors)
-        },
+        "factors": factors,
         **{name: _interval(index, (o,)) for name, index in sums.items()},
         **_pairs(plan, statistics, indices, o),
         "ranking": _ranking(plan, statistics, o),
+        "screening": _screening(factors, plan.method),
         "convergence": {
             "rows": [point.rows for point in series],
             "factors": {
                 factor: {name: _curve(series, name, (o, f)) for name in of_factors}
                 for f, factor in enumerate(plan.factors)
+            },
+            **{
+                name: [
+                    {"factors": list(pair), **_curve(series, name, (o, p))}
+                    for p, pair in enumerate(combinations(plan.factors, 2))
+                ]
+                for name in OF_PAIRS
+                if name in indices
             },
         },
     }
@@ -156,11 +183,19 @@ def _per_unit(
     """Return {"per_unit": ...} of the module docstring; nothing for shares, which have no unit."""
     if plan.method != "morris":
         return {}
-    if factor not in plan.widths:
-        # A step in probability is then no one step in the unit, so there is no one scale.
+    scale = plan.scales.get(factor)
+    if scale is None or scale.width == 0.0:
         return {"per_unit": None}
-    width = plan.widths[factor]
-    return {"per_unit": {name: _interval(index, at, width) for name, index in of_factors.items()}}
+    found = {name: _interval(index, at, scale.width) for name, index in of_factors.items()}
+    return {"per_unit": {**found, "scale": asdict(scale)}}
+
+
+def _rests_on(statistics: Mapping[str, Statistic], at: tuple[int, int]) -> dict[str, Any]:
+    """Return {"rests_on": ...} of the module docstring; nothing for elementary effects."""
+    total = statistics.get("total_order")
+    if total is None or total.tail is None:
+        return {}
+    return {"rests_on": _number(total.tail.rows[at])}
 
 
 def _pairs(
@@ -189,6 +224,18 @@ def _ranking(plan: StudyPlan, statistics: Mapping[str, Statistic], o: int) -> di
         "order": None if ranking is None else list(ranking.order),
         "same_order": None if ranking is None else ranking.same_order,
         "same_first": None if ranking is None else ranking.same_first,
+    }
+
+
+def _screening(factors: Mapping[str, Any], method: str) -> dict[str, Any]:
+    found = influence(factors, method)
+    return {
+        "by": found.by,
+        "threshold": found.threshold,
+        "dummy": DUMMY,
+        "influential": list(found.influential),
+        "non_influential": list(found.non_influential),
+        "undecided": list(found.undecided),
     }
 
 

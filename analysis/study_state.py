@@ -1,4 +1,7 @@
-"""Where the analysis of one study stands: incomplete rows, and what was made of the others."""
+"""Where the analysis of one study stands: incomplete rows, and what was made of the others.
+
+It does not depend on the order of results (docs/adr/0004).
+"""
 
 import io
 import json
@@ -16,7 +19,7 @@ from analysis.records import LoggedResult, StudyPlan
 from analysis.snapshot import new_growing_estimator, take_snapshot
 
 #: Changes whenever the meaning of the bytes does.
-FORMAT = 3
+FORMAT = 4
 
 #: Bounds the memory that the weights of a batch take.
 _ROWS_AT_ONCE = 1000

@@ -1,7 +1,8 @@
 """How right the indices are, how honest their intervals, and how fast they stream.
 
-`make bench-analysis`, or `python -m benchmarks.analysis [SEEDS]`; 300 seeds take some 20 minutes
-of two idle cores.
+`make bench-analysis`, or `python -m benchmarks.analysis [SEEDS] [SEEDS WITH RIVALS]`; 1000 seeds,
+of which SALib and SciPy get 300, take some 10 minutes of two idle cores. OpenBLAS must have one
+thread (the target says so): several processes with several threads each wait for each other.
 """
 
 import sys
@@ -10,74 +11,68 @@ import time
 import numpy as np
 
 from analysis.estimators import SaltelliEstimator
-from analysis.records import LoggedResult, StudyPlan
 from analysis.study_state import StudyState
-from benchmarks.coverage import print_coverage_and_errors
+from benchmarks.coverage_tables import print_coverage_and_errors
 from benchmarks.functions import FACTORS
+from benchmarks.latency import PLAN, lags, results
 from benchmarks.machine import describe_machine
 
 
-def print_speed(rows: int = 1_000_000, batch: int = 2000) -> None:
-    """Print how fast rows of 8 evaluations stream, and how long a snapshot takes.
+def print_speed(rows: int = 1_000_000) -> None:
+    """Print how fast rows of 8 evaluations go in, in one batch after another and one by one.
 
     In processor time, all threads together, which other work on the machine does not stretch.
     """
-    rng = np.random.default_rng(1)
-    estimator = SaltelliEstimator(sampling="sobol_blocks", seed=1, factors=FACTORS, outputs=1)
-    values = rng.normal(size=(batch, FACTORS + 2, 1))
-    started = time.process_time()
-    for start in range(0, rows, batch):
-        estimator.add_rows(range(start, start + batch), values)
-    seconds = time.process_time() - started
-    size = len(estimator.to_bytes())
-    rate = rows * estimator.width / seconds
-    print(f"\n{rows:,} rows of {estimator.width} evaluations, 200 replicates, one output:")
-    print(f"  {rate:,.0f} evaluations per second of processor time,")
-    print(f"  state {size / 1e6:.1f} MB whatever the number of rows")
-    plan = StudyPlan(
-        id="s",
-        method="saltelli",
-        seed=1,
-        sampling="sobol_blocks",
-        rows=512,
-        factors=tuple("abcdef"),
-        outputs=tuple(f"y{o}" for o in range(12)),
-    )
-    results = [
-        LoggedResult(
-            seq=1 + row * 8 + position,
-            instance="",
-            row=row,
-            position=position,
-            outcome="ok",
-            outputs=dict(zip(plan.outputs, rng.normal(size=12).tolist(), strict=True)),
+    print(f"\nRows of {FACTORS + 2} evaluations, 200 replicates, one output:")
+    for batch, number in ((2000, rows), (100, rows // 10), (1, rows // 500)):
+        values = np.random.default_rng(1).normal(size=(batch, FACTORS + 2, 1))
+        estimator = SaltelliEstimator(sampling="sobol_blocks", seed=1, factors=FACTORS, outputs=1)
+        started = time.process_time()
+        for start in range(0, number, batch):
+            estimator.add_rows(range(start, start + batch), values)
+        rate = number * estimator.width / (time.process_time() - started)
+        size = len(estimator.to_bytes())
+        print(
+            f"  {number:9,} rows, {batch:4d} at a time: {rate:9,.0f} evaluations per second of "
+            f"processor time, state {size / 1e6:.2f} MB"
         )
-        for row in range(512)
-        for position in range(8)
-    ]
-    state = StudyState(plan)
+
+
+def print_latency() -> None:
+    """Print what a study of 12 outputs costs the analysis, and how far its indices lag behind."""
+    arrived = results(512 * 8)
+    state = StudyState(PLAN)
     started = time.process_time()
-    state.take(results)
-    rate = len(results) / (time.process_time() - started)
+    state.take(arrived)
+    rate = len(arrived) / (time.process_time() - started)
     started = time.process_time()
     state.snapshot()
     snapshot = time.process_time() - started
     started = time.process_time()
     size = len(state.to_bytes())
     saved = time.process_time() - started
-    print("A study of 512 rows of 8 evaluations with 12 outputs, as the analysis process keeps it:")
+    print(
+        "\nA study of 512 rows of 8 evaluations with 12 outputs, as the analysis process keeps it:"
+    )
     print(
         f"  {rate:,.0f} results/s; a snapshot takes {1e3 * snapshot:.0f} ms, its state "
         f"({size / 1e6:.1f} MB) {1e3 * saved:.0f} ms, of processor time"
+    )
+    waited = lags()
+    print(
+        f"  at 500 results/s the oldest result of a commit waited {max(waited):.2f} s at most, "
+        f"{np.median(waited):.2f} s in the median of {len(waited)} commits (wall clock)"
     )
 
 
 def main() -> None:
     """Print all tables."""
-    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 300
+    seeds, with_rivals = (int(one) for one in (sys.argv[1:] + ["1000", "300"][len(sys.argv) - 1 :]))
     print(describe_machine())
-    print_coverage_and_errors(seeds)
     print_speed()
+    print_latency()
+    sys.stdout.flush()
+    print_coverage_and_errors(seeds, min(seeds, with_rivals))
 
 
 if __name__ == "__main__":

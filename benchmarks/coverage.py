@@ -4,14 +4,12 @@ Functions with closed forms (`benchmarks.functions`) are the outputs of one stud
 failures, once with 5 % of the runs failing at random, and once with every run failing whose first
 factor is in the upper fifth of its range. SALib and SciPy take no failures.
 
-An exactly honest interval at 90 % holds the truth in 0.87 to 0.93 of 300 seeds nine times in ten,
-since the binomial error is 0.017; so 92 % of the cells (function, factor) lie there by luck alone.
+Seeds begin at `FIRST_SEED`: on those before it the intervals were developed
+(`analysis.estimators.tails`), so they would flatter them. `benchmarks.coverage_tables` prints what
+is computed here.
 """
 
-import os
 import warnings
-from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +17,7 @@ from SALib.analyze import sobol as salib_sobol
 from scipy.stats import qmc, sobol_indices
 
 from analysis.designs import SAMPLINGS, unit_row
-from analysis.estimators import SaltelliEstimator
+from analysis.estimators import MorrisEstimator, SaltelliEstimator
 from benchmarks.functions import FACTORS, KNOWN, Points
 
 Array = NDArray[np.float64]
@@ -27,14 +25,17 @@ Array = NDArray[np.float64]
 SIZES = (64, 256, 1024)
 FAILURES = ("none", "5 % at random", "u1 > 0.8")
 INDICES = ("first_order", "total_order")
+EFFECTS = ("mu", "mu_star", "sigma")
+ENDS = ("value", "low", "high")
 #: Samples that SALib and SciPy are given too.
 SHARED = ("sobol_blocks", "latin_hypercube")
 LEVEL = 0.9
-HONEST = (0.87, 0.93)
 UPPER_FIFTH = 0.8
+FIRST_SEED = 1000
 
 #: By (who, sampling, rows): value, low and high of S and ST, shape (3, 2, kinds of failure,
-#: functions, factors).
+#: functions, factors). Under "rests on" there are effective numbers of rows instead, without the
+#: first two axes.
 Found = dict[tuple[str, str, int], Array]
 
 
@@ -53,8 +54,8 @@ def values_of(points: Points, seed: int) -> Array:
     )
 
 
-def one_seed(seed: int) -> Found:
-    """Return what everyone makes of one seed."""
+def one_seed(seed: int, rivals: bool = True) -> Found:
+    """Return what everyone makes of one seed; SALib and SciPy only if `rivals`, for their time."""
     found: Found = {}
     shape = (3, 2, len(FAILURES), len(KNOWN), FACTORS)
     for sampling in SAMPLINGS:
@@ -71,9 +72,14 @@ def one_seed(seed: int) -> Found:
             estimator.add_rows(range(start, stop), values[start:stop])
             start = stop
             indices = estimator.indices(LEVEL)
-            ours = [[getattr(indices[n], end) for n in INDICES] for end in ("value", "low", "high")]
-            found["rehyb", sampling, stop] = np.array(ours).reshape(shape)
-            if sampling in SHARED:
+            martinez = estimator.compared(LEVEL)["martinez"]
+            for who, by_name in (("rehyb", indices), ("Martinez", martinez)):
+                ends = [[getattr(by_name[n], end) for n in INDICES] for end in ENDS]
+                found[who, sampling, stop] = np.array(ends).reshape(shape)
+            tail = estimator.statistics()["total_order"].tail
+            assert tail is not None
+            found["rests on", sampling, stop] = tail.rows.reshape(shape[2:])
+            if rivals and sampling in SHARED:
                 plain = values[:stop, :, : len(KNOWN)]
                 found["SALib", sampling, stop] = salib(plain, seed)[:, :, None]
                 found["SciPy", sampling, stop] = scipy(plain, seed)[:, :, None]
@@ -155,82 +161,35 @@ def truths() -> Array:
     return np.stack([np.stack([known[i], known[i], np.stack(below[i])]) for i in (0, 1)])
 
 
-def coverage(found: Array, truth: Array) -> Array:
-    """Return the share of the seeds whose interval holds the truth.
-
-    Args:
-        found: value, low and high of every seed, shape (seeds, 3, ...).
-        truth: shape (...).
-    """
-    share: Array = np.mean((found[:, 1] <= truth) & (truth <= found[:, 2]), axis=0)
-    return share
-
-
-def print_coverage_and_errors(seeds: int) -> None:
-    """Print coverage of 90 % intervals, and errors with the slope of their fall."""
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
-        every = list(pool.map(one_seed, range(seeds), chunksize=4))
-    found = {key: np.stack([one[key] for one in every]) for key in every[0]}
-    truth = truths()
-    active = truth[1] > 1e-6
-    print(f"\nShare of {LEVEL:.0%} intervals that hold the truth, {seeds} seeds: mean over the")
-    print("functions and the factors that matter (worst factor), share of these cells within")
-    print(f"{HONEST[0]} to {HONEST[1]}. 'u1 > 0.8': truth of the range that succeeds, in brackets")
-    print("of the whole range, which is not promised. Half width: median, without failures.")
-    print(f"{'':37s}half width" + "".join(f"{name:>23s}" for name in FAILURES))
-    for (who, sampling, rows), estimates in found.items():
-        kinds = estimates.shape[3]
-        for i, name in enumerate(INDICES):
-            share = coverage(estimates[:, :, i], truth[i, :kinds])
-            cells = [f"{described(share[k][active[k]]):>23s}" for k in range(kinds)]
-            if kinds > 2:
-                whole = coverage(estimates[:, :, i, 2], truth[i, 0])
-                cells[2] += f" [{whole[active[0]].mean():.2f}]"
-            half = 0.5 * np.median(estimates[:, 2, i, 0] - estimates[:, 1, i, 0], axis=0)
-            width = f"{half[active[0]].mean():10.3f}"
-            print(f"{who:6s}{sampling:16s}{rows:5d} {name[:5]:9s}{width}" + "".join(cells))
-    print_functions({key: share for key, share in found.items() if key[0] == "rehyb"}, truth)
-    print_errors(found, truth)
+def screened(seed: int) -> Found:
+    """Return what elementary effects make of one seed, shape (3, 3, 1, functions, factors)."""
+    found: Found = {}
+    estimator = MorrisEstimator(
+        sampling="sobol_blocks", seed=seed, factors=FACTORS, outputs=len(KNOWN)
+    )
+    start = 0
+    for stop in SIZES:
+        estimator.add_rows(range(start, stop), effects_of(seed, range(start, stop)))
+        start = stop
+        indices = estimator.indices(LEVEL)
+        ends = [[getattr(indices[n], end)[None] for n in EFFECTS] for end in ENDS]
+        found["rehyb", "sobol_blocks", stop] = np.array(ends)
+    return found
 
 
-def described(share: Array) -> str:
-    """Return the mean, the worst and how much is within `HONEST`."""
-    honest = np.mean((share >= HONEST[0] - 1e-9) & (share <= HONEST[1] + 1e-9))
-    return f"{share.mean():.3f} ({share.min():.2f}) {honest:4.0%}"
+def effects_of(seed: int, rows: range) -> Array:
+    """Return every function at the points of a screening, shape (rows, width, functions)."""
+    points = np.stack([unit_row("morris", "sobol_blocks", seed, row, FACTORS) for row in rows])
+    return np.stack([known.function(points) for known in KNOWN.values()], axis=-1)
 
 
-def print_functions(found: Mapping[tuple[str, str, int], Array], truth: Array) -> None:
-    """Print coverage by function: mean over its factors that matter (worst factor)."""
-    active = truth[1] > 1e-6
-    print("\nThe same by function")
-    print(f"{'':46s}" + "".join(f"{name:>15s}" for name in KNOWN))
-    for (_, sampling, rows), estimates in found.items():
-        for i, name in enumerate(INDICES):
-            for k, kind in enumerate(FAILURES):
-                share = coverage(estimates[:, :, i, k], truth[i, k])
-                cells = [share[f][active[k, f]] for f in range(len(KNOWN))]
-                print(
-                    f"{sampling:16s}{rows:5d} {name[:5]:9s}{kind:15s}"
-                    + "".join(f"{f'{c.mean():.3f} ({c.min():.2f})':>15s}" for c in cells)
-                )
-
-
-def print_errors(found: Mapping[tuple[str, str, int], Array], truth: Array) -> None:
-    """Print root mean square errors without failures, and the power of N that they follow."""
-    active = truth[1, 0] > 1e-6
-    print("\nRoot mean square error, mean over the factors that matter, without failures, and the")
-    print("power of N that it follows. SALib's S is centred otherwise; every other value is ours.")
-    print(f"{'':45s}" + "".join(f"{n:>8d}" for n in SIZES) + f"{'slope':>8s}")
-    for f, function in enumerate(KNOWN):
-        for i, index in enumerate(INDICES):
-            for who, sampling in dict.fromkeys((who, sampling) for who, sampling, _ in found):
-                if who == "SciPy" or (who == "SALib" and index == "total_order"):
-                    continue
-                off = [found[who, sampling, n][:, 0, i, 0, f] - truth[i, 0, f] for n in SIZES]
-                errors = [np.sqrt(np.mean(one**2, axis=0))[active[f]].mean() for one in off]
-                slope = np.polyfit(np.log(SIZES), np.log(errors), 1)[0]
-                print(
-                    f"{who:6s}{sampling:16s}{function:14s}{index[:5]:9s}"
-                    + "".join(f"{error:8.4f}" for error in errors)
-                    + f"{slope:8.2f}"
-                )
+def true_effects() -> Array:
+    """Return mu, mu* and sigma from 2**17 rows of a seed of its own, shape (3, 1, ...)."""
+    estimator = MorrisEstimator(
+        sampling="sobol_blocks", seed=0, factors=FACTORS, outputs=len(KNOWN)
+    )
+    for start in range(0, 2**17, 2**13):
+        rows = range(start, start + 2**13)
+        estimator.add_rows(rows, effects_of(0, rows))
+    indices = estimator.indices(LEVEL)
+    return np.stack([indices[name].value[None] for name in EFFECTS])

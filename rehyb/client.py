@@ -35,7 +35,8 @@ class Client(Sessions):
         """Submit a study and return it as the coordinator understood it.
 
         Args:
-            study: name, model, method and rows; optionally factors, fixed, seed, outputs, sampling.
+            study: name, model, method and rows; optionally factors, fixed, seed, outputs, sampling,
+                precision (as `aim` has it).
             idempotency_key: submitting again with the same key returns the study already there.
 
         Raises:
@@ -76,6 +77,32 @@ class Client(Sessions):
     def extend(self, study_id: str, rows: int) -> Json:
         """Give a study `rows` rows in all; what is there stays. Conflict if it has more."""
         return self._json("POST", f"/v1/studies/{study_id}/extend", body={"rows": rows})
+
+    def aim(
+        self, study_id: str, up_to: int, target: float | None = None, output: str | None = None
+    ) -> Json:
+        """Have a study extended until it is precise enough, and return it.
+
+        The coordinator's analysis does it, whenever the study is complete, without a client; the
+        study's "precision" tells what was decided.
+
+        Args:
+            study_id: which study.
+            up_to: rows that it may have in all.
+            target: half width of every interval; None: 0.02 of S and ST, a tenth of the
+                largest mu*.
+            output: whose indices; None: the study's first output.
+
+        Raises:
+            Invalid: it has no such output.
+            Conflict: it is cancelled.
+        """
+        body = {"up_to": up_to, "target": target, "output": output}
+        return self._json("POST", f"/v1/studies/{study_id}/precision", body=body)
+
+    def let_be(self, study_id: str) -> None:
+        """Have a study extended no more; the rows that it has are finished."""
+        self._request("DELETE", f"/v1/studies/{study_id}/precision")
 
     def prioritise(self, study_id: str, priority: int) -> Json:
         """Serve a study before all of lower priority; 0 is where every study begins."""
@@ -139,11 +166,14 @@ class Client(Sessions):
         poll_seconds: float = 1.0,
         on_progress: Callable[[Json], None] = lambda progress: None,
     ) -> Json:
-        """Block until a study is complete or cancelled and return its last progress."""
+        """Block until a study is complete or cancelled and return its last progress.
+
+        One that has a wanted precision is complete when it is extended no more.
+        """
         while True:
             progress = self.progress(study_id)
             on_progress(progress)
-            if progress["state"] not in ("running", "draining", "paused"):
+            if _is_over(progress):
                 return progress
             time.sleep(poll_seconds)
 
@@ -203,3 +233,11 @@ class Client(Sessions):
             raise error_of(response)
         verdicts: list[Json] = answer["verdicts"]
         return verdicts
+
+
+def _is_over(progress: Json) -> bool:
+    """Say whether nothing more will come of a study; a coordinator of before has no precision."""
+    goal = progress.get("precision")
+    if progress["state"] in ("running", "draining", "paused"):
+        return False
+    return goal is None or bool(goal["settled"])

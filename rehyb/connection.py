@@ -11,15 +11,7 @@ from typing import Any, Self
 
 import httpx2
 
-from rehyb.errors import (
-    Conflict,
-    Invalid,
-    NotFound,
-    RehybError,
-    ServerError,
-    Unauthorized,
-    Unreachable,
-)
+from rehyb.errors import Invalid, RehybError, ServerError, Unauthorized, Unreachable, refusal
 
 Json = dict[str, Any]
 
@@ -28,15 +20,6 @@ COMPRESS_BYTES = 50_000
 DEFAULT_URL = "http://127.0.0.1:8787"
 #: Never asked of a proxy, whatever the environment says.
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-
-_ERRORS: Mapping[int, type[RehybError]] = {
-    HTTPStatus.UNAUTHORIZED: Unauthorized,
-    HTTPStatus.FORBIDDEN: Unauthorized,
-    HTTPStatus.NOT_FOUND: NotFound,
-    HTTPStatus.CONFLICT: Conflict,
-    # It may succeed later, as after a failure.
-    HTTPStatus.TOO_MANY_REQUESTS: ServerError,
-}
 
 
 class Connection:
@@ -185,29 +168,8 @@ def body_of(response: httpx2.Response) -> Json:
 
 def error_of(response: httpx2.Response) -> RehybError:
     """Turn a refusal into the error that a caller can tell apart, worded by the coordinator."""
-    status = response.status_code
     try:
         problem = response.json()
     except ValueError:
         problem = None
-    if not isinstance(problem, dict):
-        problem = {}
-    message = str(problem.get("detail") or problem.get("title") or HTTPStatus(status).phrase)
-    if pointer := problem.get("pointer"):
-        message += f" (at {pointer})"
-    if errors := [_entry(error) for error in problem.get("errors") or ()]:
-        message += ": " + "; ".join(errors)
-    kind = _ERRORS.get(
-        status, Invalid if status < HTTPStatus.INTERNAL_SERVER_ERROR else ServerError
-    )
-    if not problem:
-        message = f"{response.request.url} answered {status} {message}"
-    return kind(message, problem)
-
-
-def _entry(error: object) -> str:
-    if not isinstance(error, dict):
-        return str(error)
-    where = error.get("pointer") or error.get("loc") or ""
-    what = error.get("detail") or error.get("msg") or ""
-    return f"{where} {what}".strip()
+    return refusal(response.status_code, problem, str(response.request.url))

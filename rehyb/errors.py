@@ -3,6 +3,7 @@
 # ruff: noqa: N818 - the coordinator's refusals carry the names that HTTP gives them.
 
 from collections.abc import Mapping
+from http import HTTPStatus
 from typing import Any
 
 
@@ -45,3 +46,43 @@ class FleetError(RehybError):
 
 class CampaignError(RehybError):
     """A campaign cannot start or go on."""
+
+
+_OF_STATUS: Mapping[int, type[RehybError]] = {
+    HTTPStatus.UNAUTHORIZED: Unauthorized,
+    HTTPStatus.FORBIDDEN: Unauthorized,
+    HTTPStatus.NOT_FOUND: NotFound,
+    HTTPStatus.CONFLICT: Conflict,
+    # It may succeed later, as after a failure.
+    HTTPStatus.TOO_MANY_REQUESTS: ServerError,
+}
+
+
+def refusal(status: int, problem: object, url: str) -> RehybError:
+    """Return the error that a caller can tell apart, worded by the coordinator.
+
+    Args:
+        status: of the answer (HTTP).
+        problem: its body, a problem document (RFC 9457) if it came from a coordinator.
+        url: what was asked.
+    """
+    document: Mapping[str, Any] = problem if isinstance(problem, dict) else {}
+    message = str(document.get("detail") or document.get("title") or HTTPStatus(status).phrase)
+    if pointer := document.get("pointer"):
+        message += f" (at {pointer})"
+    if errors := [_entry(error) for error in document.get("errors") or ()]:
+        message += ": " + "; ".join(errors)
+    kind = _OF_STATUS.get(
+        status, Invalid if status < HTTPStatus.INTERNAL_SERVER_ERROR else ServerError
+    )
+    if not document:
+        message = f"{url} answered {status} {message}"
+    return kind(message, document)
+
+
+def _entry(error: object) -> str:
+    if not isinstance(error, dict):
+        return str(error)
+    where = error.get("pointer") or error.get("loc") or ""
+    what = error.get("detail") or error.get("msg") or ""
+    return f"{where} {what}".strip()

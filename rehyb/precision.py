@@ -1,4 +1,4 @@
-"""See a study through: until it is complete, and extend it until its indices are precise enough."""
+"""See a study through: until it is complete, and as precise as it is to be."""
 
 import time
 from collections.abc import Callable
@@ -28,41 +28,43 @@ class Goal:
 def watch(
     client: Client,
     study_id: str,
-    goal: Goal,
     *,
     on_progress: Callable[[Json], None] = lambda progress: None,
-    on_step: Callable[["Step"], None] = lambda step: None,
-) -> "Step":
-    """Wait until a study is complete, and extend it until its goal is reached or its cap is.
+    on_step: Callable[[str], None] = lambda sentence: None,
+) -> Json:
+    """Wait until a study with a goal (`Client.aim`) is extended no more.
 
-    It keeps nothing: after an interruption the same call goes on where the study stands.
+    It only looks: interrupted, the study goes on, and the same call goes on telling.
 
     Args:
         client: the coordinator, which must have workers and an analysis.
         study_id: which study.
-        goal: what for.
         on_progress: called about once a second.
-        on_step: called with every decision.
+        on_step: called with the sentence of every decision, those of before included.
 
     Returns:
-        The last decision.
+        The study's "precision" as it is at the end, with "rows".
 
     Raises:
         Conflict: the study was cancelled.
-        Invalid: it has no such output.
+        Invalid: it has no goal.
     """
+    told = 0
     while True:
         progress = client.progress(study_id)
         on_progress(progress)
+        goal = progress["precision"]
+        if goal is None:
+            raise Invalid(f"study {study_id} has no precision to reach: say one with --up-to")
+        # A goal that was set anew begins anew.
+        told = min(told, len(goal["steps"]))
+        for step in goal["steps"][told:]:
+            on_step(step["sentence"])
+            told += 1
         if progress["state"] == "cancelled":
             raise Conflict(f"study {study_id} was cancelled before it was precise enough")
-        if progress["state"] == "complete":
-            step = decide(client.indices(study_id), progress["rows"], goal)
-            if step is not None:
-                on_step(step)
-                if step.rows is None:
-                    return step
-                client.extend(study_id, step.rows)
+        if goal["settled"]:
+            return {**goal, "rows": progress["rows"]}
         time.sleep(POLL_SECONDS)
 
 

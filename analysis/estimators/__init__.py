@@ -1,4 +1,7 @@
-"""Estimators that take rows in any order, merge, and carry their own confidence intervals."""
+"""Estimators that take rows in any order, merge, and carry their own confidence intervals.
+
+Of elementary effects (Morris 1991) and of shares of the variance (Saltelli et al. 2010).
+"""
 
 from analysis.estimators.estimator import OF_PAIRS, Estimator, Moments, Statistic
 from analysis.estimators.intervals import Estimate

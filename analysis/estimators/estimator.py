@@ -7,16 +7,15 @@ import io
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import prod
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import row_width
-from analysis.estimators.exact_sum import ExactSums, square
-from analysis.estimators.intervals import Estimate, estimate
-from analysis.estimators.weightings import FIRST, SQUARED, WEIGHTINGS, Weighted, weights
+from analysis.estimators.intervals import Estimate, check_level, estimate
+from analysis.estimators.tails import Tail
+from analysis.estimators.weightings import FIRST, SQUARED, WEIGHTINGS, NamedSums, Weighted, weights
 
 #: An output of larger magnitude counts as failed: its square has no exact sum.
 LARGEST_OUTPUT = 1e100
@@ -29,8 +28,18 @@ OF_PAIRS = ("second_order",)
 #: pairs) or (points, rows, outputs); nan marks what a sum leaves out.
 Terms = Mapping[str, NDArray[np.float64]]
 
-#: An index in every weighting, from how many rows it is, and `Statistic.power`.
-Index = tuple[NDArray[np.float64], NDArray[np.int64], int | None]
+
+@dataclass(frozen=True, kw_only=True)
+class Index:
+    """What a method makes of its sums."""
+
+    #: In every weighting of `analysis.estimators.weightings`, shape (weightings, outputs, ...).
+    weighted: NDArray[np.float64]
+    #: From how many rows, of the same shape.
+    count: NDArray[np.int64]
+    #: `Statistic.power` and `Statistic.tail`.
+    power: int | None = None
+    tail: Tail | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,10 +66,13 @@ class Statistic:
     present: NDArray[np.bool_]
     #: 1 for a mean of squares or magnitudes, 2 for the root of one, None for what has either sign.
     power: int | None
+    #: How its mean of squares is made up, where that is known; shape (outputs, factors).
+    tail: Tail | None = None
 
     def estimate(self, level: float) -> Estimate:
         """Return it with its interval at `level`; ValueError if that is not between 0 and 1."""
-        return estimate(self.weighted[0], self.without, self.present, level, self.power)
+        stretch = None if self.tail is None else self.tail.stretch
+        return estimate(self.weighted[0], self.without, self.present, level, self.power, stretch)
 
 
 class Estimator(ABC):
@@ -82,6 +94,8 @@ class Estimator(ABC):
     factor_sums: ClassVar[tuple[str, ...]]
     pair_sums: ClassVar[tuple[str, ...]] = ()
     output_sums: ClassVar[tuple[str, ...]] = ("value", "value" + SQUARED)
+    #: Sums kept per output and factor of the sample itself only, in no other weighting.
+    sample_sums: ClassVar[tuple[str, ...]] = ()
 
     def __init__(
         self, *, sampling: str, seed: int, factors: int, outputs: int, indicators: int = 0
@@ -94,19 +108,14 @@ class Estimator(ABC):
         self.width = row_width(self.method, factors)
         #: Rows of which at least one index could use a part.
         self.rows_used = 0
-        #: Where each sum is, and the shape of one weighting of it.
-        self._places: dict[str, tuple[slice, tuple[int, ...]]] = {}
-        stop = 0
         shapes: dict[str, tuple[int, ...]] = {
             **dict.fromkeys(self.factor_sums, (outputs, factors)),
             **dict.fromkeys(self.pair_sums, (outputs, factors * (factors - 1) // 2)),
             **dict.fromkeys(self.output_sums, (outputs,)),
         }
-        for name, shape in shapes.items():
-            start, stop = stop, stop + prod(shape)
-            self._places[name] = slice(start, stop), shape
-        self._sums = ExactSums(WEIGHTINGS, stop)
-        self._counts: NDArray[np.int64] = np.zeros(self._sums.shape, dtype=np.int64)
+        #: In every weighting of the rows, and in the sample itself.
+        self._whole = NamedSums(WEIGHTINGS, shapes)
+        self._sample = NamedSums(1, dict.fromkeys(self.sample_sums, (outputs, factors)))
 
     def add_rows(self, rows: Sequence[int], values: NDArray[np.float64]) -> None:
         """Take in complete rows.
@@ -126,14 +135,8 @@ class Estimator(ABC):
         usable = np.where(np.abs(values) <= LARGEST_OUTPUT, values, np.nan)
         weighting = weights(self.sampling, self.seed, rows)
         for name, terms in self._terms(rows, usable).items():
-            columns, flat = self._places[name][0], terms.reshape(*terms.shape[:2], -1)
-            valid = ~np.isnan(flat)
-            addends = np.where(valid, flat, 0.0)
-            if name.endswith(SQUARED):
-                addends = np.concatenate(square(addends))
-            self._sums.add(columns, weighting, addends)
-            counts = weighting @ valid.sum(axis=0, dtype=np.float64)
-            self._counts[:, columns] += counts.astype(np.int64)
+            kept = self._sample if name in self._sample.places else self._whole
+            valid = kept.add(name, weighting, terms)
             if name == self.use:
                 of_output = valid.reshape(*valid.shape[:2], self.outputs, -1)
                 measured = of_output[:, :, : self.outputs - self.indicators]
@@ -143,30 +146,42 @@ class Estimator(ABC):
         """Add what `other` has seen; ValueError if it belongs to another study."""
         if self._identity() != other._identity():
             raise ValueError("only estimators of one study can be merged")
-        self._sums.merge(other._sums)
-        self._counts += other._counts
+        self._whole.merge(other._whole)
+        self._sample.merge(other._sample)
         self.rows_used += other.rows_used
 
     def statistics(self) -> dict[str, Statistic]:
         """Return each index in every weighting of the rows."""
         return {
             name: Statistic(
-                weighted=np.concatenate([values[:1], values[FIRST:]]),
-                n=counts[0],
-                without=values[1:FIRST],
-                present=counts[1:FIRST] < counts[0],
-                power=power,
+                weighted=np.concatenate([index.weighted[:1], index.weighted[FIRST:]]),
+                n=index.count[0],
+                without=index.weighted[1:FIRST],
+                present=index.count[1:FIRST] < index.count[0],
+                power=index.power,
+                tail=index.tail,
             )
-            for name, (values, counts, power) in self._indices(self._weighted()).items()
+            for name, index in self._indices(self._weighted(), self._weighted_sample()).items()
         }
 
     def indices(self, level: float = 0.9) -> dict[str, Estimate]:
         """Return each of `statistics` with its interval at `level`."""
         found: dict[str, Estimate] = {}
-        for name, (values, counts, power) in self._indices(self._weighted(FIRST)).items():
-            without, present = values[1:], counts[1:] < counts[0]
-            found[name] = estimate(values[0], without, present, level, power)
+        some = self._indices(self._weighted(FIRST), self._weighted_sample())
+        for name, index in some.items():
+            values, present = index.weighted, index.count[1:] < index.count[0]
+            stretch = None if index.tail is None else index.tail.stretch
+            found[name] = estimate(values[0], values[1:], present, level, index.power, stretch)
         return found
+
+    def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
+        """Return indices by other estimators of the same runs: by its name and the index's.
+
+        Raises:
+            ValueError: the level is not between 0 and 1.
+        """
+        check_level(level)
+        return {}
 
     @property
     @abstractmethod
@@ -190,10 +205,9 @@ class Estimator(ABC):
         buffer = io.BytesIO()
         np.savez(
             buffer,
-            low=np.int64(self._sums.low),
-            limbs=self._sums.limbs,
-            counts=self._counts,
             rows_used=np.int64(self.rows_used),
+            **self._whole.arrays("whole"),
+            **self._sample.arrays("sample"),
         )
         return buffer.getvalue()
 
@@ -204,11 +218,8 @@ class Estimator(ABC):
             ValueError: the bytes are those of an estimator of other shape.
         """
         with np.load(io.BytesIO(data), allow_pickle=False) as saved:
-            if saved["counts"].shape != self._counts.shape:
-                raise ValueError("these bytes are the state of a study of other shape")
-            self._sums.low = int(saved["low"])
-            self._sums.limbs = saved["limbs"]
-            self._counts = saved["counts"]
+            self._whole.load("whole", saved)
+            self._sample.load("sample", saved)
             self.rows_used = int(saved["rows_used"])
 
     @abstractmethod
@@ -216,12 +227,15 @@ class Estimator(ABC):
         """Return what `rows` with these (rows, width, outputs) values add to every sum."""
 
     @abstractmethod
-    def _indices(self, sums: Weighted) -> dict[str, Index]:
-        """Return each index, by name, in the weightings of `sums`."""
+    def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
+        """Return each index, by name, in the weightings of `sums`; `sample` has `sample_sums`."""
 
     def _identity(self) -> tuple[object, ...]:
         shape = (self.factors, self.outputs, self.indicators)
         return (self.method, self.sampling, self.seed, *shape)
 
     def _weighted(self, stop: int = WEIGHTINGS) -> Weighted:
-        return Weighted(self._sums, self._counts, self._places, stop)
+        return self._whole.weighted(stop)
+
+    def _weighted_sample(self) -> Weighted:
+        return self._sample.weighted(1)

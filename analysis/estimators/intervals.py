@@ -31,20 +31,25 @@ def check_level(level: float) -> None:
 
 
 def estimate(
-    value: Array, without: Array, present: NDArray[np.bool_], level: float, power: int | None
+    value: Array,
+    without: Array,
+    present: NDArray[np.bool_],
+    level: float,
+    power: int | None,
+    stretch: Array | None = None,
 ) -> Estimate:
     """Return an index with the interval that suits it.
 
     Args:
         value, without, present, level: as `student`.
-        power: as `satterthwaite`; None for an index that may have either sign.
+        power, stretch: as `satterthwaite`; power is None for an index that may have either sign.
 
     Raises:
         ValueError: as `student`.
     """
     if power is None:
         return student(value, without, present, level)
-    return satterthwaite(value, without, present, level, power)
+    return satterthwaite(value, without, present, level, power, stretch)
 
 
 def student(value: Array, without: Array, present: NDArray[np.bool_], level: float) -> Estimate:
@@ -64,7 +69,12 @@ def student(value: Array, without: Array, present: NDArray[np.bool_], level: flo
 
 
 def satterthwaite(
-    value: Array, without: Array, present: NDArray[np.bool_], level: float, power: int = 1
+    value: Array,
+    without: Array,
+    present: NDArray[np.bool_],
+    level: float,
+    power: int = 1,
+    stretch: Array | None = None,
 ) -> Estimate:
     """Return an index that is a mean of squares or magnitudes, with a skewed interval.
 
@@ -78,6 +88,7 @@ def satterthwaite(
     Args:
         value, without, present, level: as `student`; nothing negative.
         power: 2 for a root mean square, whose square is taken instead.
+        stretch: by what the coefficient of variation is multiplied (`analysis.estimators.tails`).
 
     Raises:
         ValueError: as `student`.
@@ -87,7 +98,8 @@ def satterthwaite(
         reciprocal = _error(mean / others, present)
         plain = _error(others, present) / mean
     nothing = np.any(present & (others == 0.0), axis=0)
-    variation = np.minimum(np.where(nothing, plain, reciprocal), 1.0)
+    seen = np.where(nothing, plain, reciprocal)
+    variation = np.minimum(seen if stretch is None else seen * stretch, 1.0)
     # Of an index that is 0 with and without each block, which is what an idle factor has.
     variation = np.where((mean == 0.0) & nothing, _error(others, present), variation)
     tail = ndtr(-_quantile(present, level))

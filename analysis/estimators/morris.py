@@ -29,16 +29,16 @@ class MorrisEstimator(Estimator):
         effects: NDArray[np.int64] = self._weighted(1).count("effect")[0]
         return effects
 
-    def _indices(self, sums: Weighted) -> dict[str, Index]:
+    def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
         """Return "mu", "mu_star" and "sigma" of every output and factor."""
         counts = sums.count("effect")
         variance = sums.variance("effect", ddof=1)
         # Variances of resampled rows are too small by this factor in the mean.
         variance[FIRST:] *= counts[0] / np.maximum(counts[0] - 1, 1)
         return {
-            "mu": (sums.mean("effect"), counts, None),
-            "mu_star": (sums.mean("magnitude"), counts, 1),
-            "sigma": (np.sqrt(variance), counts, 2),
+            "mu": Index(weighted=sums.mean("effect"), count=counts),
+            "mu_star": Index(weighted=sums.mean("magnitude"), count=counts, power=1),
+            "sigma": Index(weighted=np.sqrt(variance), count=counts, power=2),
         }
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:

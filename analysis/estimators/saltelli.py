@@ -10,8 +10,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.estimators import martinez
 from analysis.estimators.estimator import Estimator, Index, Terms
+from analysis.estimators.intervals import Estimate
+from analysis.estimators.tails import tail
 from analysis.estimators.weightings import Weighted
+
+#: A larger difference has no fourth power, and tells nothing of the tail.
+_LARGEST_FOURTH = 1e75
 
 
 class SaltelliEstimator(Estimator):
@@ -25,13 +31,18 @@ class SaltelliEstimator(Estimator):
     use = "difference_squared"
     factor_sums = ("product", "difference", "difference_squared")
     output_sums = ("value", "value_squared", "between_squared")
+    sample_sums = ("difference_root", "difference_size", "difference_fourth", *martinez.SUMS)
 
     @property
     def effects(self) -> NDArray[np.int64]:
         effects: NDArray[np.int64] = self._weighted(1).count("product")[0]
         return effects
 
-    def _indices(self, sums: Weighted) -> dict[str, Index]:
+    def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
+        """Return {"martinez": S and ST by Martinez 2011} (`analysis.estimators.martinez`)."""
+        return {"martinez": martinez.correlations(self._weighted_sample(), level)}
+
+    def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
         """Return "first_order" and "total_order" of every output and factor, and per output:
 
         "sum_first_order", "sum_total_order", and "dummy_first_order": the correlation of A with B,
@@ -47,18 +58,34 @@ class SaltelliEstimator(Estimator):
         chance = 1.0 - share(0.5 * sums.mean("between_squared"), variance)
         firsts, totals = sums.count("product"), sums.count("difference_squared")
         return {
-            "first_order": (first, firsts, None),
-            "total_order": (total, totals, 1),
-            "sum_first_order": (first.sum(axis=-1), firsts.min(axis=-1), None),
-            "sum_total_order": (total.sum(axis=-1), totals.min(axis=-1), 1),
-            "dummy_first_order": (chance, sums.count("between_squared"), None),
+            "first_order": Index(weighted=first, count=firsts),
+            "total_order": Index(
+                weighted=total,
+                count=totals,
+                power=1,
+                tail=tail(
+                    half=sample.mean("difference_root")[0],
+                    first=sample.mean("difference_size")[0],
+                    second=sums.mean("difference_squared")[0],
+                    fourth=sample.mean("difference_fourth")[0],
+                    n=totals[0],
+                ),
+            ),
+            "sum_first_order": Index(weighted=first.sum(axis=-1), count=firsts.min(axis=-1)),
+            "sum_total_order": Index(
+                weighted=total.sum(axis=-1), count=totals.min(axis=-1), power=1
+            ),
+            "dummy_first_order": Index(weighted=chance, count=sums.count("between_squared")),
         }
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
         a, b = values[:, 0, :, None], values[:, 1, :, None]  # rows, outputs, 1
-        difference = np.moveaxis(values[:, 2:, :], 1, 2) - a  # rows, outputs, factors
+        mixed = np.moveaxis(values[:, 2:, :], 1, 2)  # rows, outputs, factors
+        difference = mixed - a
         product = b * difference
         points = np.moveaxis(values[:, :2], 1, 0)
+        size = np.abs(difference)
+        size = np.where(size <= _LARGEST_FOURTH, size, np.nan)
         return {
             "product": product[None],
             "difference": np.where(np.isnan(product), np.nan, difference)[None],
@@ -66,6 +93,10 @@ class SaltelliEstimator(Estimator):
             "value": points,
             "value_squared": points,
             "between_squared": (values[:, 0] - values[:, 1])[None],
+            "difference_root": np.sqrt(size)[None],
+            "difference_size": size[None],
+            "difference_fourth": ((size * size) * (size * size))[None],
+            **martinez.terms(a, b, mixed),
         }
 
 

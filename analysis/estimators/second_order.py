@@ -27,11 +27,11 @@ class SecondOrderEstimator(SaltelliEstimator):
     method = "saltelli_second_order"
     pair_sums = ("pair",)
 
-    def _indices(self, sums: Weighted) -> dict[str, Index]:
+    def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
         """Return what `SaltelliEstimator` does, and "second_order" of every output and pair."""
         variance = sums.variance("value", ddof=0)[..., None]
-        pairs = share(sums.mean("pair"), variance)
-        return {**super()._indices(sums), "second_order": (pairs, sums.count("pair"), None)}
+        pairs = Index(weighted=share(sums.mean("pair"), variance), count=sums.count("pair"))
+        return {**super()._indices(sums, sample), "second_order": pairs}
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
         single = values[:, : 2 + self.factors]

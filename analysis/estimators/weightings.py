@@ -6,13 +6,15 @@ each replicate of the Poisson bootstrap (Hanley and MacGibbon 2006).
 """
 
 from collections.abc import Mapping, Sequence
+from math import prod
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import BLOCKS, blocks_of
 from analysis.estimators.bootstrap import REPLICATES, replicate_weights
-from analysis.estimators.exact_sum import ExactSums, Integers, divide
+from analysis.estimators.exact_sum import ExactSums, Integers, divide, square
 
 #: The sample and what it is without each block; and how many weightings there are in all.
 FIRST = 1 + BLOCKS
@@ -30,6 +32,73 @@ def weights(sampling: str, seed: int, rows: Sequence[int]) -> NDArray[np.float64
     once = np.ones((1, len(rows)))
     block = np.arange(BLOCKS)[:, None] == blocks_of(sampling, seed, rows)
     return np.concatenate([once, block, replicate_weights(seed, rows)])
+
+
+class NamedSums:
+    """Exact sums by name, each of as many columns as its shape has places, and their counts.
+
+    They are those of `analysis.estimators.exact_sum`, after Demmel and Nguyen 2015.
+
+    Args:
+        weightings: how many of `weights`, the first ones.
+        shapes: of one weighting of each sum; a name that ends in `SQUARED` adds up squares.
+    """
+
+    def __init__(self, weightings: int, shapes: Mapping[str, tuple[int, ...]]) -> None:
+        #: By name, its columns and the shape of one weighting of it.
+        self.places: dict[str, tuple[slice, tuple[int, ...]]] = {}
+        stop = 0
+        for name, shape in shapes.items():
+            start, stop = stop, stop + prod(shape)
+            self.places[name] = slice(start, stop), shape
+        self._sums = ExactSums(weightings, stop)
+        self._counts: NDArray[np.int64] = np.zeros((weightings, stop), dtype=np.int64)
+
+    def add(
+        self, name: str, weighting: NDArray[np.float64], terms: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Add terms (points, rows, ...) to a sum, and return which were numbers, flattened.
+
+        Args:
+            name: of the sum.
+            weighting: from `weights`; those that are not kept are left out.
+            terms: nan where there is nothing to add.
+        """
+        columns, flat = self.places[name][0], terms.reshape(*terms.shape[:2], -1)
+        kept = weighting[: len(self._counts)]
+        valid = ~np.isnan(flat)
+        addends = np.where(valid, flat, 0.0)
+        if name.endswith(SQUARED):
+            addends = np.concatenate(square(addends))
+        self._sums.add(columns, kept, addends)
+        self._counts[:, columns] += (kept @ valid.sum(axis=0, dtype=np.float64)).astype(np.int64)
+        return valid
+
+    def merge(self, other: "NamedSums") -> None:
+        """Add the sums of `other`, which are of the same names and shapes."""
+        self._sums.merge(other._sums)
+        self._counts += other._counts
+
+    def arrays(self, start: str) -> dict[str, Any]:
+        """Return all that was summed, under names that begin with `start`, for `numpy.savez`."""
+        return {
+            f"{start}_low": np.int64(self._sums.low),
+            f"{start}_limbs": self._sums.limbs,
+            f"{start}_counts": self._counts,
+        }
+
+    def load(self, start: str, saved: Mapping[str, Any]) -> None:
+        """Replace what was summed by `arrays`; ValueError if they are of another shape."""
+        counts = saved[f"{start}_counts"]
+        if counts.shape != self._counts.shape:
+            raise ValueError("these bytes are the state of a study of other shape")
+        self._sums.low = int(saved[f"{start}_low"])
+        self._sums.limbs = saved[f"{start}_limbs"]
+        self._counts = counts
+
+    def weighted(self, stop: int) -> "Weighted":
+        """Return what the sums say in the first `stop` weightings."""
+        return Weighted(self._sums, self._counts, self.places, stop)
 
 
 class Weighted:

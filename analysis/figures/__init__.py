@@ -10,6 +10,7 @@ from analysis.figures.pairs import pairs_figure
 from analysis.figures.plane import screening_figure
 from analysis.figures.scatter import scatter_figure
 from analysis.figures.shares import variance_figure
+from analysis.figures.together import together_figure
 
 __all__ = [
     "campaign_figure",
@@ -18,5 +19,6 @@ __all__ = [
     "pairs_figure",
     "scatter_figure",
     "screening_figure",
+    "together_figure",
     "variance_figure",
 ]

@@ -1,4 +1,7 @@
-"""A whole campaign in one picture: its screening, its variance shares, its failures by cause."""
+"""A whole campaign in one picture: its screening, its variance shares, its failures by cause.
+
+Both phases of the paper, section 3, whose figures 8 and 10 these panels are.
+"""
 
 from __future__ import annotations
 

@@ -97,12 +97,36 @@ def _draw(
     complete: int,
     palette: Sequence[str],
 ) -> None:
-    rows = list(series["rows"])
+    curves = {
+        words(name): (series["factors"][name][index], entry[index])
+        for name, entry in factors.items()
+    }
+    draw_curves(axes, series["rows"], curves, complete, styles(factors, palette))
+
+
+def draw_curves(
+    axes: Axes,
+    parts: Sequence[int],
+    curves: Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]],
+    complete: int,
+    chosen: Sequence[int] = (),
+) -> None:
+    """Draw indices of growing parts of the sample as lines within bands.
+
+    Args:
+        axes: where.
+        parts: rows of every part.
+        curves: by label, an index of every part and of all rows.
+        complete: how many rows are complete.
+        chosen: places in the palette; default: one after the other.
+    """
+    rows = list(parts)
     last = [complete] if complete and complete not in rows else []
-    for style, (name, entry) in zip(styles(factors, palette), factors.items(), strict=True):
+    for style, (label, (series, now)) in zip(
+        chosen or range(len(curves)), curves.items(), strict=True
+    ):
         curve = {
-            end: [*series["factors"][name][index][end], *([entry[index][end]] if last else [])]
-            for end in ("value", "low", "high")
+            end: [*series[end], *([now[end]] if last else [])] for end in ("value", "low", "high")
         }
         known = [
             place
@@ -120,7 +144,7 @@ def _draw(
             marker=MARKERS[style % len(MARKERS)],
             markersize=4,
             lw=1.4,
-            label=words(name),
+            label=label,
         )
     if not rows:
         say(axes, "fewer than 8 rows yet")

@@ -52,6 +52,7 @@ def screening_figure(
     figure = new_figure(6.4 if clouds is None else 11.0, 4.6)
     left, *right = figure.subplots(1, 1 if clouds is None else 2, squeeze=False)[0]
     draw_plane(left, factors, unit, palette)
+    draw_threshold(left, snapshot["outputs"][output])
     for axes in right:
         assert clouds is not None
         _draw_clouds(axes, list(factors), clouds, unit, palette)
@@ -59,6 +60,12 @@ def screening_figure(
     figure.suptitle(f"Elementary effects on {words(output)}", fontsize=11)
     caption(figure, snapshot)
     return figure
+
+
+def draw_threshold(axes: Axes, output: Mapping[str, Any]) -> None:
+    """Draw what the index of a factor must exceed to matter (`analysis.screening`), if known."""
+    if threshold := output.get("screening", {}).get("threshold"):
+        axes.axvline(threshold, color=FAINT, lw=1, ls="--", zorder=1)
 
 
 def _join_limits(left: Axes, right: Axes) -> None:

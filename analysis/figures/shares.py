@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from analysis.figures.plane import draw_threshold
 from analysis.figures.style import (
     INK,
     Snapshot,
@@ -34,6 +35,7 @@ def variance_figure(snapshot: Snapshot, output: str, unit: str = "") -> Figure:
     figure = new_figure(6.4, 1.6 + 0.55 * len(factors))
     axes = figure.subplots()
     draw_shares(axes, factors)
+    draw_threshold(axes, snapshot["outputs"][output])
     spread = spread_in_words(snapshot["outputs"][output], unit)
     axes.set_title(f"Shares of the variance of {words(output)}\n{spread}", fontsize=11)
     caption(figure, snapshot)

@@ -64,6 +64,17 @@ def priority(
 
 
 @app.command()
+def settle(study: Id, url: Url = None, token: Token = None, as_json: AsJson = False) -> None:
+    """Extend a study no more, whatever precision was wanted of it."""
+    with Client(url, token) as client:
+        client.let_be(study)
+    if as_json:
+        print_json({"settled": study})
+    else:
+        typer.echo(f"{study} is extended no more")
+
+
+@app.command()
 def rerun(
     study: Id,
     which: Annotated[

@@ -1,20 +1,25 @@
-"""The command that sees a study through to a wanted precision: `study watch`."""
+"""The commands about how precise a study is to be: `study watch`, and what `submit` does after."""
 
 import sys
-from dataclasses import asdict
 from typing import Annotated
 
 import typer
 
 from rehyb.cli.options import AsJson, Token, Url, print_json
 from rehyb.client import Client, Json
-from rehyb.precision import Goal
 from rehyb.precision import watch as see_through
 
 
 def watch(
     study: Annotated[str, typer.Argument(help="The study's id.", metavar="STUDY")],
-    up_to: Annotated[int, typer.Option(min=1, help="Rows it may have in all.")],
+    up_to: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Rows it may have in all. Default: the goal that it has.",
+            show_default=False,
+        ),
+    ] = None,
     target: Annotated[
         float | None,
         typer.Option(
@@ -30,31 +35,26 @@ def watch(
     token: Token = None,
     as_json: AsJson = False,
 ) -> None:
-    """Extend a study until its indices are precise enough, or it has as many rows as allowed.
+    """Have a study extended until its indices are precise enough, and wait for it.
 
-    Ctrl-C loses nothing: the same command goes on. Exit status 1 if the cap came first.
+    Ctrl-C loses nothing: the study goes on by itself. Exit status 1 if the cap came first.
     """
+    if up_to is None and (target is not None or output is not None):
+        raise typer.BadParameter("--target and --output need --up-to, the rows that it may cost")
     with Client(url, token) as client:
-        answer = to_precision(client, client.study(study), target, up_to, output, as_json=as_json)
+        if up_to is not None:
+            client.aim(study, up_to, target, output)
+        answer = to_precision(client, study, as_json=as_json)
     if as_json:
         print_json(answer)
     if not answer["reached"]:
         raise typer.Exit(1)
 
 
-def to_precision(
-    client: Client,
-    study: Json,
-    target: float | None,
-    up_to: int,
-    output: str | None,
-    *,
-    as_json: bool,
-) -> Json:
-    """See a study through, saying what is decided; returns the last decision and the rows."""
+def to_precision(client: Client, study: str, *, as_json: bool) -> Json:
+    """Wait for a study with a goal, saying what is decided; returns its goal, rows and id."""
     from rehyb.display import progress_in_words
 
-    goal = Goal(output=output or study["outputs"][0], target=target, most_rows=up_to)
     last = ""
 
     def on_progress(progress: Json) -> None:
@@ -65,11 +65,10 @@ def to_precision(
         last = line
 
     stream = sys.stderr if as_json else sys.stdout
-    step = see_through(
+    goal = see_through(
         client,
-        study["id"],
-        goal,
+        study,
         on_progress=on_progress,
-        on_step=lambda step: print(step.sentence, file=stream, flush=True),
+        on_step=lambda sentence: print(sentence, file=stream, flush=True),
     )
-    return asdict(step) | {"rows": client.study(study["id"])["rows"], "study": study["id"]}
+    return {**goal, "study": study}

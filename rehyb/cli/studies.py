@@ -64,8 +64,8 @@ def submit(
         int | None,
         typer.Option(
             min=1,
-            help="Stay, and extend the study until it is as precise as --target says or has this "
-            "many rows, as `study watch` does.",
+            help="Have the study extended until it is as precise as --target says or has this many "
+            "rows, and wait for it as `study watch` does.",
             show_default=False,
         ),
     ] = None,
@@ -93,6 +93,7 @@ def submit(
         "tags": tag or None,
         "factors": [_factor(text) for text in factor] if factor else None,
         "fixed": {n: number(v, n) for n, v in map(assignment, fix)} if fix else None,
+        "precision": None if up_to is None else {"target": target, "up_to": up_to},
     }
     study |= {field: value for field, value in given.items() if value is not None}
     if missing := [field for field in ("model", "method", "rows") if field not in study]:
@@ -105,7 +106,7 @@ def submit(
         if not as_json:
             print(f"{answer['id']}  {answer['name']}: {answer['instances']} instances", flush=True)
         if up_to is not None:
-            answer |= to_precision(client, answer, target, up_to, None, as_json=as_json)
+            answer |= to_precision(client, answer["id"], as_json=as_json)
     if as_json:
         print_json(answer)
     if not answer.get("reached", True):

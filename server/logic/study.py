@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any
 
 from analysis.designs import METHODS, fewest_factors, instance_parameters, row_width, samplings
-from analysis.distributions import Distribution, widths
+from analysis.distributions import Distribution, scales
 from analysis.records import StudyPlan
 from server.errors import InvalidStudyError
 from sim.catalogue import MODELS, Model
@@ -119,7 +119,7 @@ def for_analysis(study: Study) -> StudyPlan:
         rows=study.plan.rows,
         factors=tuple(study.plan.distributions),
         outputs=study.plan.outputs,
-        widths=widths(study.plan.distributions),
+        scales=scales(study.plan.distributions),
     )
 
 

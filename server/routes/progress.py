@@ -11,9 +11,11 @@ from sqlalchemy.engine import Engine
 
 from server.errors import NotFoundError
 from server.logic.caching import is_known, tag
+from server.logic.goals import Pursuit
+from server.logic.goals import shown as goal_shown
 from server.logic.progress import pace
 from server.routes.common import Id, Now, Store, clock
-from server.store import studies
+from server.store import goals, studies
 from server.store.studies import Standing
 
 router = APIRouter(prefix="/v1/studies/{study_id}", tags=["studies"])
@@ -36,19 +38,19 @@ def progress(
 
     304 if nothing has happened since the answer whose ETag the request names.
     """
-    standing = studies.standing(store, study_id, now=now)
-    seen = _tag(standing, now)
+    standing, pursuit = _look(store, study_id, now)
+    seen = _tag(standing, pursuit, now)
     if is_known(seen, if_none_match):
         return Response(status_code=304, headers={"ETag": seen})
     response.headers["ETag"] = seen
-    return _shown(standing, now)
+    return _shown(standing, pursuit, now)
 
 
 @router.get("/events")
 async def events(study_id: Id, store: Store, request: Request) -> StreamingResponse:
     """Stream progress as server-sent events, one per change, until the study has ended."""
     # Asked for before anything is sent, so that a wrong id is a problem and not an empty stream.
-    first = await asyncio.to_thread(studies.standing, store, study_id, now=clock())
+    first = await asyncio.to_thread(_look, store, study_id, clock())
     return StreamingResponse(
         _follow(store, study_id, first, request.app.state.stopping),
         media_type="text/event-stream",
@@ -57,32 +59,40 @@ async def events(study_id: Id, store: Store, request: Request) -> StreamingRespo
 
 
 async def _follow(
-    store: Engine, study_id: str, standing: Standing, stopping: asyncio.Event
+    store: Engine, study_id: str, first: tuple[Standing, Pursuit | None], stopping: asyncio.Event
 ) -> AsyncIterator[str]:
     told, quiet = "", 0.0
+    standing, pursuit = first
     while True:
         now = clock()
-        seen = _tag(standing, now)
+        seen = _tag(standing, pursuit, now)
         if seen != told:
-            yield f"event: progress\ndata: {json.dumps(_shown(standing, now))}\n\n"
+            yield f"event: progress\ndata: {json.dumps(_shown(standing, pursuit, now))}\n\n"
             told, quiet = seen, 0.0
         elif quiet >= KEEPALIVE_SECONDS:
             yield ": still here\n\n"
             quiet = 0.0
-        if standing.study.state in ("complete", "cancelled") or stopping.is_set():
+        study = standing.study
+        over = study.state in ("complete", "cancelled")
+        # One with a goal may yet be extended.
+        if (over and (pursuit is None or pursuit.settled(study))) or stopping.is_set():
             return
         try:
             await asyncio.wait_for(stopping.wait(), EVENT_SECONDS)
         except TimeoutError:
             quiet += EVENT_SECONDS
         try:
-            standing = await asyncio.to_thread(studies.standing, store, study_id, now=clock())
+            standing, pursuit = await asyncio.to_thread(_look, store, study_id, clock())
         except NotFoundError:
             yield "event: deleted\ndata: {}\n\n"
             return
 
 
-def _tag(standing: Standing, now: float) -> str:
+def _look(store: Engine, study_id: str, now: float) -> tuple[Standing, Pursuit | None]:
+    return studies.standing(store, study_id, now=now), goals.of(store, study_id)
+
+
+def _tag(standing: Standing, pursuit: Pursuit | None, now: float) -> str:
     study = standing.study
     stale = int((now - study.created_at) / STALE_SECONDS) if study.finished_at is None else 0
     return tag(
@@ -92,11 +102,12 @@ def _tag(standing: Standing, now: float) -> str:
         study.leased,
         standing.workers,
         stale,
+        goal_shown(study, pursuit),
         weak=True,
     )
 
 
-def _shown(standing: Standing, now: float) -> dict[str, Any]:
+def _shown(standing: Standing, pursuit: Pursuit | None, now: float) -> dict[str, Any]:
     study = standing.study
     speed = pace(
         study,
@@ -121,4 +132,5 @@ def _shown(standing: Standing, now: float) -> dict[str, Any]:
         "eta_high_seconds": speed.eta_high_seconds,
         "workers": standing.workers,
         "elapsed_seconds": speed.elapsed_seconds,
+        "precision": goal_shown(study, pursuit),
     }

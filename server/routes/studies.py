@@ -5,11 +5,14 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Response
 from pydantic import Field, StringConstraints, model_validator
+from sqlalchemy.engine import Engine
 
 from analysis.designs import DEFAULT_SAMPLING
+from server.logic.goals import Pursuit, set_goal
+from server.logic.goals import shown as goal_shown
 from server.logic.study import FactorChoice, Study, draw_up, refuse_dependence
 from server.routes.common import MAX_INTEGER, PRINTABLE, Body, Id, Name, Now, Store, example
-from server.store import control, reruns, studies
+from server.store import control, goals, reruns, studies
 
 router = APIRouter(prefix="/v1/studies", tags=["studies"])
 
@@ -27,6 +30,16 @@ class FactorBody(Body):
     name: Name
     range: Range | None = None
     distribution: dict[str, str | float | list[float]] | None = None
+
+
+class PrecisionBody(Body):
+    """Half width wanted of every interval of one output, and the rows that it may cost in all."""
+
+    model_config = example(output="stiffness_error", target=0.05, up_to=4096)
+
+    output: Name | None = None
+    target: float | None = None
+    up_to: int
 
 
 class StudyBody(Body):
@@ -52,6 +65,7 @@ class StudyBody(Body):
     sampling: Name = DEFAULT_SAMPLING
     priority: Priority = 0
     tags: list[Name] = Field(default_factory=list, max_length=20)
+    precision: PrecisionBody | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -111,8 +125,18 @@ def submit(
         fixed=body.fixed,
         outputs=body.outputs,
     )
-    # Who may compute it, and how soon, makes no other study of it.
-    what = body.model_dump_json(exclude={"priority", "tags"})
+    wanted = body.precision
+    goal = None
+    if wanted is not None:
+        goal = set_goal(
+            plan,
+            output=wanted.output,
+            target=wanted.target,
+            up_to=wanted.up_to,
+            pointer="/precision",
+        )
+    # Who may compute it, how soon and how far it may grow makes no other study of it.
+    what = body.model_dump_json(exclude={"priority", "tags", "precision"})
     study, new = studies.create(
         store,
         plan,
@@ -121,58 +145,62 @@ def submit(
         now=now,
         priority=body.priority,
         tags=body.tags,
+        within=lambda connection, study_id: (
+            goals.add(connection, study_id, goal) if goal is not None else None
+        ),
     )
     response.headers["Location"] = f"/v1/studies/{study.id}"
     response.status_code = 201 if new else 200
-    return _shown(study)
+    return shown(study, goals.of(store, study.id))
 
 
 @router.get("")
 def every(store: Store) -> dict[str, Any]:
     """List all studies, oldest first."""
-    return {"studies": [_shown(study) for study in studies.every(store)]}
+    wanted = goals.every(store)
+    return {"studies": [shown(study, wanted.get(study.id)) for study in studies.every(store)]}
 
 
 @router.get("/{study_id}")
 def show(study_id: Id, store: Store) -> dict[str, Any]:
     """Show one study."""
-    return _shown(studies.get(store, study_id))
+    return _show(store, studies.get(store, study_id))
 
 
 @router.post("/{study_id}/cancel")
 def cancel(study_id: Id, store: Store, now: Now) -> dict[str, Any]:
     """Hand out no more of a study's instances; results still under way are taken."""
-    return _shown(studies.cancel(store, study_id, now=now))
+    return _show(store, studies.cancel(store, study_id, now=now))
 
 
 @router.post("/{study_id}/pause")
 def pause(study_id: Id, store: Store) -> dict[str, Any]:
     """Hand out nothing of a study for a while; results under way are taken."""
-    return _shown(control.pause(store, study_id))
+    return _show(store, control.pause(store, study_id))
 
 
 @router.post("/{study_id}/drain")
 def drain(study_id: Id, store: Store) -> dict[str, Any]:
     """Finish the rows that were begun and begin no other; then the study is paused."""
-    return _shown(control.drain(store, study_id))
+    return _show(store, control.drain(store, study_id))
 
 
 @router.post("/{study_id}/resume")
 def resume(study_id: Id, store: Store) -> dict[str, Any]:
     """Go on with a paused or draining study."""
-    return _shown(control.resume(store, study_id))
+    return _show(store, control.resume(store, study_id))
 
 
 @router.post("/{study_id}/extend")
 def extend(study_id: Id, body: ExtensionBody, store: Store) -> dict[str, Any]:
     """Give a study more rows; what there is of it stays, and a complete one runs again."""
-    return _shown(control.extend(store, study_id, body.rows))
+    return _show(store, control.extend(store, study_id, body.rows))
 
 
 @router.post("/{study_id}/priority")
 def prioritise(study_id: Id, body: PriorityBody, store: Store) -> dict[str, Any]:
     """Serve a study before all of lower priority."""
-    return _shown(control.prioritise(store, study_id, body.priority))
+    return _show(store, control.prioritise(store, study_id, body.priority))
 
 
 @router.post("/{study_id}/rerun")
@@ -181,7 +209,7 @@ def rerun(study_id: Id, body: RerunBody, store: Store, now: Now) -> dict[str, An
     study, taken_back = reruns.rerun(
         store, study_id, which=body.which, outcomes=body.outcomes, now=now
     )
-    return {**_shown(study), "taken_back": taken_back}
+    return {**_show(store, study), "taken_back": taken_back}
 
 
 @router.delete("/{study_id}", status_code=204)
@@ -190,7 +218,12 @@ def delete(study_id: Id, store: Store) -> None:
     control.delete(store, study_id)
 
 
-def _shown(study: Study) -> dict[str, Any]:
+def _show(store: Engine, study: Study) -> dict[str, Any]:
+    return shown(study, goals.of(store, study.id))
+
+
+def shown(study: Study, pursuit: Pursuit | None) -> dict[str, Any]:
+    """Return a study as the interface shows it, with its goal if it has one."""
     plan = study.plan
     return {
         "id": study.id,
@@ -211,4 +244,5 @@ def _shown(study: Study) -> dict[str, Any]:
         "created_at": study.created_at,
         "priority": study.priority,
         "tags": list(study.tags),
+        "precision": goal_shown(study, pursuit),
     }

@@ -13,6 +13,7 @@ from server.store.schema import (
     comparisons,
     conflicts,
     estimator_states,
+    goals,
     instances,
     leases,
     results,
@@ -81,6 +82,7 @@ def delete(engine: Engine, study_id: str) -> None:
         if study.state in ("running", "draining"):
             raise ConflictError(f"study {study_id} is {study.state}: pause or cancel it first")
         for table in (
+            goals,
             snapshots,
             estimator_states,
             conflicts,

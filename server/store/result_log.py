@@ -1,5 +1,6 @@
 """What the analysis reads and writes: the log of a study's results, and what it makes of them."""
 
+from contextlib import suppress
 from typing import Any
 
 import sqlalchemy as sa
@@ -8,7 +9,7 @@ from sqlalchemy.engine import Engine
 from analysis.records import LoggedResult, StudyPlan
 from server.errors import NoStudyError, NotFoundError
 from server.logic.study import for_analysis, instance_id
-from server.store import studies
+from server.store import goals, studies
 from server.store.engine import insert, reading, writing
 from server.store.schema import estimator_states, results, snapshots
 from server.store.schema import studies as studies_table
@@ -118,6 +119,13 @@ class StoreResultLog:
                 .on_conflict_do_update(index_elements=["study_id"], set_={"snapshot": snapshot})
             )
         return True
+
+    def pursue_goals(self) -> None:
+        """Extend the complete studies that are less precise than they were to be."""
+        for study_id in goals.due(self._engine):
+            # One that was deleted since it was listed needs nothing.
+            with suppress(NotFoundError):
+                goals.pursue(self._engine, study_id)
 
     def _unchanged(self, study_id: str) -> sa.ColumnElement[bool]:
         return sa.and_(

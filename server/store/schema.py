@@ -278,3 +278,17 @@ loop_workers = sa.Table(
     sa.Column("worker_id", sa.ForeignKey("workers.id"), primary_key=True),
     sa.Column("last_seen", sa.Double, nullable=False),
 )
+
+#: How precise a study is to become, and what was done for it (`server.logic.goals`).
+goals = sa.Table(
+    "goals",
+    metadata,
+    sa.Column("study_id", sa.ForeignKey("studies.id"), primary_key=True),
+    sa.Column("output", sa.String(128), nullable=False),
+    #: Half width of every interval; NULL: as the advice has it.
+    sa.Column("target", sa.Double),
+    sa.Column("up_to", sa.BigInteger, nullable=False),
+    #: Edition of the study at which nothing was left to do.
+    sa.Column("judged", sa.BigInteger),
+    sa.Column("steps", sa.JSON, nullable=False),
+)

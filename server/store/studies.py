@@ -1,7 +1,7 @@
 """Studies: making, finding and cancelling them."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -57,6 +57,7 @@ def create(
     now: float,
     priority: int = 0,
     tags: Sequence[str] = (),
+    within: Callable[[Connection, str], None] = lambda connection, study_id: None,
 ) -> tuple[Study, bool]:
     """Store a new study, whatever its size, in constant time.
 
@@ -68,6 +69,7 @@ def create(
         now: seconds, UTC epoch.
         priority: of two studies with work, the higher one is served.
         tags: what a worker must call itself to be given any of it.
+        within: called with the id of a new study, to write what else there is in its transaction.
 
     Returns:
         The study, and whether it is new.
@@ -96,6 +98,7 @@ def create(
         statement = statement.on_conflict_do_nothing(index_elements=["idempotency_key"])
         # Not every driver counts inserted rows, but all return them.
         if connection.scalar(statement.returning(studies.c.id)) is not None:
+            within(connection, study.id)
             return study, True
         first = connection.execute(sa.select(studies).where(studies.c.idempotency_key == key)).one()
     if first.request_digest != digest:

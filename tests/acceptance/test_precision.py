@@ -45,6 +45,7 @@ def test_a_study_grows_to_its_precision_and_its_bundle_holds(tmp_path: Path) -> 
             snapshot = client.indices(answer["id"])
         assert progress["state"] == "complete"
         assert progress["rows"] == answer["rows"] == snapshot["rows_complete"]
+        assert progress["precision"]["reached"] and progress["precision"]["settled"]
         factors = snapshot["outputs"]["y"]["factors"].values()
         for index in ("first_order", "total_order"):
             assert all(f[index]["high"] - f[index]["low"] <= 0.2 for f in factors)

@@ -3,9 +3,12 @@
 from collections.abc import Iterator
 from math import nan
 
+import numpy as np
 import pytest
 
 from benchmarks import measuring
+from benchmarks.coverage_tables import coverage, described
+from benchmarks.latency import lags
 from benchmarks.measuring import Target, Throughput, percentile, watch
 from benchmarks.million import Million
 from benchmarks.rivals import Rival
@@ -112,3 +115,19 @@ def test_only_rivals_that_lack_nothing_are_compared_with() -> None:
 def test_a_line_of_the_table_says_what_a_rival_lacks() -> None:
     line = str(Line(name="a queue", batch=10, throughput=throughput(1234.5), remark="(slow)"))
     assert line.split() == ["a", "queue", "10", "1234", "0.500", "(slow)"]
+
+
+def test_an_interval_that_is_one_number_holds_the_truth_to_twelve_digits() -> None:
+    seeds = np.array([[[2.0], [1.0], [3.0]], [[2.0], [2.1], [3.0]], [[4.0], [4.0], [4.0]]])
+    assert coverage(seeds, np.array([2.0])) == pytest.approx(1 / 3)
+    assert coverage(seeds, np.array([4.0 + 1e-15])) == pytest.approx(1 / 3)
+    assert coverage(seeds, np.array([4.0 + 1e-9])) == 0.0
+
+
+def test_a_cell_says_mean_worst_and_how_much_is_honest() -> None:
+    assert described(np.array([0.80, 0.87, 0.90, 0.93])) == "0.875 (0.80)  75%"
+
+
+def test_results_arrive_at_their_rate_and_every_commit_knows_how_long_it_kept_them() -> None:
+    waited = lags(per_second=4000.0, seconds=0.05)
+    assert waited and all(0.0 < lag < 5.0 for lag in waited)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from analysis.designs import instance_parameters
-from analysis.distributions import Distribution, Uniform, widths
+from analysis.distributions import Distribution, Uniform, scales
 from analysis.records import LoggedResult, StudyPlan
 
 Function = Callable[[Mapping[str, float]], Mapping[str, float]]
@@ -32,7 +32,7 @@ def study_plan(method: str, rows: int, *, sampling: str = "sobol", seed: int = 7
         rows=rows,
         factors=tuple(FACTORS),
         outputs=("y", "z"),
-        widths=widths(FACTORS),
+        scales=scales(FACTORS),
     )
 
 

@@ -7,6 +7,7 @@ from scipy import stats
 
 from analysis.comparison import compare
 from analysis.designs import unit_row
+from analysis.estimators import SaltelliEstimator
 
 
 def rows_of_a_linear_model(
@@ -68,3 +69,23 @@ def test_where_nothing_varies_or_nothing_came_there_is_no_index() -> None:
         for compared in compare(rows).values():
             assert np.all(np.isnan(compared.first.value))
             assert np.all(np.isnan(compared.total.value))
+
+
+def test_sums_give_the_correlations_of_all_runs_at_once() -> None:
+    """What a snapshot holds of Martinez is what a report computes from the table, gaps and all."""
+    rows = rows_of_a_linear_model(40, offset=1e6)[:, :, None]
+    rows = np.concatenate([rows, np.sin(rows)], axis=2)
+    rows[3, 1], rows[7, 0], rows[11, 2:4], rows[20] = np.nan, np.nan, np.nan, np.nan
+    estimator = SaltelliEstimator(sampling="sobol", seed=5, factors=3, outputs=2)
+    for part in (slice(25, 40), slice(0, 25)):
+        estimator.add_rows(range(40)[part], rows[part])
+    found = estimator.compared(0.8)["martinez"]
+    for output in range(2):
+        expected = compare(rows[..., output], level=0.8)["martinez"]
+        for index, oracle in (("first_order", expected.first), ("total_order", expected.total)):
+            for end in ("value", "low", "high"):
+                np.testing.assert_allclose(
+                    getattr(found[index], end)[output], getattr(oracle, end), atol=1e-7
+                )
+    # Of a factor of no influence exactly, whatever the mean.
+    assert found["total_order"].value[0, 2] == 0.0

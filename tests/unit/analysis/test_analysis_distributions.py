@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.distributions import Distribution, TruncatedNormal
+from analysis.distributions import Distribution, TruncatedNormal, scales
 
 #: A distribution as JSON and SciPy's name for the same.
 CASES: list[tuple[dict[str, Any], Any]] = [
@@ -127,7 +127,17 @@ def test_a_probability_of_zero_or_one_has_no_quantile(u: float) -> None:
         Distribution.from_json({"kind": "normal", "mean": 0.0, "sd": 1.0}).ppf(u)
 
 
-def test_only_a_uniform_distribution_has_one_width_of_its_steps() -> None:
-    found = {data["kind"]: Distribution.from_json(data).width for data, _ in CASES}
-    assert found.pop("uniform") == 7.0
-    assert set(found.values()) == {None}
+def test_every_distribution_has_a_width_by_its_range_or_its_quantiles() -> None:
+    for data, _ in CASES:
+        distribution = Distribution.from_json(data)
+        found = scales({"x": distribution})["x"]
+        low, high = distribution.ppf([1e-9, 1.0 - 1e-9]).tolist()
+        if data["kind"] in ("uniform", "discrete"):
+            assert found.by == "range"
+            assert found.width == pytest.approx(high - low, rel=1e-6)
+        else:
+            # The mean slope of the quantile function over the central 90 %.
+            u = np.linspace(0.05, 0.95, 20_001)
+            slope = np.gradient(distribution.ppf(u), u).mean()
+            assert found.by == "quantiles"
+            assert found.width == pytest.approx(slope, rel=1e-3)

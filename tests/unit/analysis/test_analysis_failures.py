@@ -111,9 +111,11 @@ def test_a_factor_of_no_influence_has_indices_of_exactly_zero_and_a_dummy_shows_
         idle = analyse(plan, results_of(plan, lambda x: two_outputs(x) | {"z": x["a"]}))
         for factor in ("b", "c"):
             entry = idle["outputs"]["z"]["factors"][factor]
-            indices = [entry[name] for name in entry if name not in ("n", "per_unit")]
-            indices += entry.get("per_unit", {}).values()
+            found = [*entry.values(), *entry.get("per_unit", {}).values()]
+            indices = [one for one in found if isinstance(one, dict) and "value" in one]
+            assert len(indices) == (6 if method == "morris" else 2)
             assert all(index["value"] == 0.0 for index in indices)
+            assert factor in idle["outputs"]["z"]["screening"]["non_influential"]
     dummy = idle["outputs"]["z"]["dummy_first_order"]
     unit = qmc.scale(
         np.stack([unit_row("saltelli", "sobol", 7, r, 3)[:2, 0] for r in range(64)]), -1, 1

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from analysis_studies import results_of, study_plan
 
-from analysis.screening import least_influential, propose_fixing
+from analysis.screening import influence, least_influential, propose_fixing
 from analysis.service import analyse
 from analysis.snapshot import empty_snapshot
 
@@ -85,3 +85,41 @@ def test_screening_needs_a_screening_and_a_known_output() -> None:
         propose_fixing(empty_snapshot(plan), "y")
     with pytest.raises(ValueError, match="the study has no output 'x': it has y, z"):
         least_influential(empty_snapshot(study_plan("morris", rows=4)), "x")
+
+
+def shares(**factors: tuple[float | None, float | None, float | None]) -> dict[str, Any]:
+    """Return factors given as (low, ST, high)."""
+    return {
+        name: {"total_order": {"low": low, "value": value, "high": high}}
+        for name, (low, value, high) in factors.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("factor", "kind"),
+    [
+        ((0.2, 0.3, 0.5), "influential"),
+        ((0.05, 0.3, 0.5), "influential"),
+        ((0.01, 0.04, 0.07), "undecided"),
+        ((0.0, 0.01, 0.049), "non_influential"),
+        ((0.0, 0.0, 0.0), "non_influential"),
+        ((None, 0.3, None), "undecided"),
+        ((None, None, None), "undecided"),
+    ],
+)
+def test_a_factor_matters_if_its_whole_interval_is_above_the_threshold(
+    factor: tuple[float | None, float | None, float | None], kind: str
+) -> None:
+    found = influence(shares(a=factor, other=(0.5, 0.6, 0.7)), "saltelli")
+    assert found.threshold == 0.05 and found.by == "total_order"
+    assert "a" in getattr(found, kind)
+    everywhere = (*found.influential, *found.non_influential, *found.undecided)
+    assert sorted(everywhere) == ["a", "other"]
+
+
+def test_before_any_estimate_there_is_no_threshold_and_where_nothing_acts_nothing_matters() -> None:
+    nothing = influence(shares(a=(None, None, None)), "saltelli")
+    assert (nothing.threshold, nothing.undecided) == (None, ("a",))
+    idle = {"mu_star": {"low": 0.0, "value": 0.0, "high": 0.0}}
+    still = influence({"a": idle, "b": idle}, "morris")
+    assert (still.threshold, still.non_influential) == (0.0, ("a", "b"))

@@ -1,5 +1,6 @@
 """What indices of pairs promise: Saltelli 2002's design, SALib's numbers, known functions."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -8,9 +9,12 @@ from analysis_studies import FACTORS, results_of, study_plan
 from numpy.typing import NDArray
 from SALib.analyze.sobol import second_order
 
+from analysis import hover
 from analysis.designs import row_width, unit_row
 from analysis.estimators import SaltelliEstimator, SecondOrderEstimator
+from analysis.figures import together_figure
 from analysis.service import analyse
+from analysis.snapshot import empty_snapshot
 
 METHOD = "saltelli_second_order"
 PAIRS = list(combinations(range(3), 2))
@@ -98,3 +102,38 @@ def test_a_failed_run_costs_only_the_pairs_that_need_it() -> None:
 def test_pairs_need_two_factors() -> None:
     with pytest.raises(ValueError, match="saltelli_second_order must vary at least two factors"):
         row_width(METHOD, 1)
+
+
+def test_pairs_have_a_series_of_growing_parts() -> None:
+    """As factors have one: of the first 8, 16, 32 rows, in whatever order results came."""
+    plan = study_plan(METHOD, rows=40)
+    results = results_of(plan)
+    shot = analyse(plan, list(reversed(results)))["outputs"]["y"]
+    series = shot["convergence"]
+    assert series["rows"] == [8, 16, 32]
+    pairs = [pair["factors"] for pair in series["second_order"]]
+    assert pairs == [["a", "b"], ["a", "c"], ["b", "c"]]
+    whole = analyse(replace(plan, rows=32), [r for r in results if r.row < 32])["outputs"]["y"]
+    for pair, curve in zip(whole["second_order"], series["second_order"], strict=True):
+        assert [curve[end][-1] for end in ("low", "value", "high")] == [
+            pair[end] for end in ("low", "value", "high")
+        ]
+
+
+@pytest.mark.parametrize("rows", [0, 1, 40])
+def test_pairs_are_drawn_with_their_convergence_and_told_at_the_pointer(rows: int) -> None:
+    plan = study_plan(METHOD, rows=max(rows, 1))
+    shot = analyse(plan, results_of(plan)) if rows else empty_snapshot(plan)
+    figure = together_figure(shot, "y")
+    figure.draw_without_rendering()
+    bars, curves = figure.axes
+    (panel,) = hover.together(figure, shot, "y")
+    known = [pair for pair in shot["outputs"]["y"]["second_order"] if pair["value"] is not None]
+    assert len(bars.patches) == len(panel["marks"]) == len(known)
+    if rows == 40:
+        # The largest on top: a and b, whose product is in the output.
+        assert bars.get_yticklabels()[-1].get_text() == "a × b"
+        assert panel["marks"][-1][2].startswith("a and b: ")
+        assert curves.lines[0].get_label() == "a × b"
+    with pytest.raises(ValueError, match="shows studies of method saltelli, not morris"):
+        together_figure(empty_snapshot(study_plan("morris", rows=3)), "y")

@@ -33,9 +33,12 @@ class MemoryLog:
         self.state: bytes | None = None
         self.snapshot = empty_snapshot(plan)
         self.commits = 0
+        #: Cursors at which goals were looked at.
+        self.pursued_at: list[int] = []
         #: Called before a commit is decided, and before results are read.
         self.before_commit: Callable[[], None] = lambda: None
         self.before_read: Callable[[], None] = lambda: None
+        self.after_goals: Callable[[], None] = lambda: None
         self.lock = threading.Lock()
 
     def studies_with_news(self) -> list[str]:
@@ -69,6 +72,10 @@ class MemoryLog:
             self.cursor, self.state, self.snapshot = cursor, state, snapshot
             self.commits += 1
             return True
+
+    def pursue_goals(self) -> None:
+        self.pursued_at.append(self.cursor)
+        self.after_goals()
 
 
 def study(method: str, rows: int = 10) -> tuple[MemoryLog, dict[str, Any]]:
@@ -242,3 +249,11 @@ def test_following_ends_when_asked_even_amid_work() -> None:
     log.before_commit = stop.set
     follow(log, stop=stop, poll_seconds=60.0)
     assert log.cursor == len(log.results)
+
+
+def test_goals_are_pursued_after_what_is_new_was_taken_in() -> None:
+    log, _ = study("morris")
+    stop = threading.Event()
+    log.after_goals = stop.set
+    follow(log, stop=stop, poll_seconds=60.0)
+    assert log.pursued_at == [len(log.results)]

@@ -9,7 +9,7 @@ import pytest
 from analysis_studies import FACTORS, results_of, study_plan, two_outputs
 
 from analysis.designs import METHODS, instance_parameters
-from analysis.distributions import Normal, widths
+from analysis.distributions import Normal, scales
 from analysis.service import analyse
 from analysis.snapshot import empty_snapshot
 
@@ -26,7 +26,7 @@ SUMS = {
     "saltelli": SUMS_OF_SHARES,
     "saltelli_second_order": SUMS_OF_SHARES | {"second_order"},
 }
-OUTPUT = {"mean", "sd", "n", "factors", "ranking", "convergence"}
+OUTPUT = {"mean", "sd", "n", "factors", "ranking", "screening", "convergence"}
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -47,8 +47,8 @@ def test_a_snapshot_has_the_same_shape_with_and_without_results(method: str) -> 
             assert set(output) == OUTPUT | SUMS[method]
             assert list(output["factors"]) == ["a", "b", "c"]
             for factor in output["factors"].values():
-                per_unit = {"per_unit"} if method == "morris" else set()
-                assert set(factor) == INDICES[method] | {"n"} | per_unit
+                more = {"per_unit"} if method == "morris" else {"rests_on", "martinez"}
+                assert set(factor) == INDICES[method] | {"n"} | more
                 assert all(set(factor[index]) == INTERVAL for index in INDICES[method])
 
 
@@ -126,13 +126,19 @@ def test_effects_per_unit_are_those_of_equation_22_with_steps_in_the_factors_uni
         assert per_unit["sigma"]["value"] == pytest.approx(np.std(effects, ddof=1), rel=1e-9)
         for index in ("mu", "mu_star", "sigma"):
             for end in ("low", "value", "high"):
-                per_range = per_unit[index][end] * FACTORS[name].width
+                per_range = per_unit[index][end] * FACTORS[name].scale.width
                 assert per_range == pytest.approx(factors[name][index][end], rel=1e-12)
 
 
-def test_a_factor_that_is_not_uniform_has_no_effect_per_unit() -> None:
+def test_effects_of_a_factor_that_is_not_uniform_are_scaled_by_its_quantiles() -> None:
     own = {**FACTORS, "b": Normal(mean=1.0, sd=0.3)}
-    plan = replace(study_plan("morris", rows=8), widths=widths(own))
+    plan = replace(study_plan("morris", rows=8), scales=scales(own))
     factors = analyse(plan, results_of(plan, distributions=own))["outputs"]["y"]["factors"]
-    assert factors["b"]["per_unit"] is None and factors["b"]["mu_star"]["value"] > 0.0
+    per_unit, width = factors["b"]["per_unit"], 2.0 * 1.6448536 * 0.3 / 0.9
+    assert per_unit["scale"] == {"width": pytest.approx(width), "by": "quantiles"}
+    assert per_unit["mu"]["low"] == pytest.approx(factors["b"]["mu"]["low"] / width)
+    assert factors["a"]["per_unit"]["scale"] == {"width": 2.0, "by": "range"}
+    without = replace(plan, scales={})
+    unknown = analyse(without, results_of(plan, distributions=own))["outputs"]["y"]["factors"]
+    assert unknown["b"]["per_unit"] is None
     assert factors["a"]["per_unit"]["mu_star"]["value"] == factors["a"]["mu_star"]["value"] / 2.0

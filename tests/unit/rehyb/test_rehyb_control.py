@@ -67,6 +67,7 @@ def run(
         ("pause s1", "POST /v1/studies/s1/pause", None, "s1 is paused: 9 rows, 36 instances"),
         ("resume s1", "POST /v1/studies/s1/resume", None, "priority 3"),
         ("extend s1 --rows 9", "POST /v1/studies/s1/extend", {"rows": 9}, "9 rows"),
+        ("settle s1", "DELETE /v1/studies/s1/precision", None, "s1 is extended no more"),
         ("priority s1 3", "POST /v1/studies/s1/priority", {"priority": 3}, "priority 3"),
         (
             "rerun s1 --outcome lost",

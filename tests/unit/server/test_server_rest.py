@@ -194,6 +194,7 @@ def test_progress_adds_up(client: TestClient, study: Json, lease: Json, clock: A
         "eta_high_seconds": None,
         "workers": 1,
         "elapsed_seconds": 20.0,
+        "precision": None,
     }
 
 

@@ -35,6 +35,7 @@ def test_a_study_is_created_and_found_again(client: TestClient, clock: Any) -> N
         "created_at": clock.now,
         "priority": 0,
         "tags": [],
+        "precision": None,
     }
     assert client.get(f"/v1/studies/{study['id']}").json() == study
     assert client.get("/v1/studies").json() == {"studies": [study]}

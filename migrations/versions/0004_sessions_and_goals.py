@@ -1,4 +1,4 @@
-"""Measured sessions, and closing the loop on them."""
+"""Measured sessions with the loops closed on them, and how precise a study is to become."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,7 +10,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Add sessions, the jobs that close the loop on them, and the files of both in parts."""
+    """Add sessions, jobs that close the loop on them, the files of both in parts, and goals."""
     op.create_table(
         "sessions",
         sa.Column("id", sa.String(32), primary_key=True),
@@ -57,11 +57,21 @@ def upgrade() -> None:
         sa.Column("worker_id", sa.String(128), sa.ForeignKey("workers.id"), primary_key=True),
         sa.Column("last_seen", sa.Double, nullable=False),
     )
+    op.create_table(
+        "goals",
+        sa.Column("study_id", sa.String(32), sa.ForeignKey("studies.id"), primary_key=True),
+        sa.Column("output", sa.String(128), nullable=False),
+        sa.Column("target", sa.Double),
+        sa.Column("up_to", sa.BigInteger, nullable=False),
+        sa.Column("judged", sa.BigInteger),
+        sa.Column("steps", sa.JSON, nullable=False),
+    )
 
 
 def downgrade() -> None:
-    """Go back to 0003; sessions, and what was found in them, are gone."""
+    """Go back to 0003; sessions, what was found in them, and goals are gone."""
     for table in (
+        "goals",
         "loop_workers",
         "close_loop_parts",
         "close_loops",
