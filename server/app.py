@@ -7,7 +7,6 @@ from contextlib import asynccontextmanager, suppress
 from time import monotonic
 
 from fastapi import FastAPI
-from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from server import problems
@@ -29,6 +28,7 @@ from server.routes import (
 from server.routes.common import clock
 from server.settings import Settings
 from server.store import comparisons, create_engine, queue, require_current, reruns, tokens
+from server.store.turns import Turns
 
 log = logging.getLogger(__name__)
 
@@ -43,18 +43,15 @@ def create_app(settings: Settings) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         engine = app.state.engine
         require_current(engine)
-        queue.excuse_silence(engine, now=clock(), ttl=settings.lease_seconds)
-        reaper = asyncio.create_task(
-            _reap_for_ever(
-                engine, app.state.metrics, settings.lease_seconds, settings.stranded_seconds
-            )
-        )
+        queue.excuse_silence(engine, now=app.state.clock(), ttl=settings.lease_seconds)
+        reaper = asyncio.create_task(_reap_for_ever(app))
         try:
             yield
         finally:
             reaper.cancel()
             with suppress(asyncio.CancelledError):
                 await reaper
+            app.state.turns.close()
             engine.dispose()
 
     # The interactive documentation loads scripts from elsewhere; a lab may have no internet.
@@ -63,7 +60,9 @@ def create_app(settings: Settings) -> FastAPI:
     )
     app.state.settings = settings
     app.state.engine = create_engine(settings.database_url)
-    app.state.metrics = Metrics(app.state.engine, lambda: clock())
+    app.state.turns = Turns(app.state.engine)
+    app.state.clock = clock
+    app.state.metrics = Metrics(app.state.engine, lambda: float(app.state.clock()))
     app.state.sweep = leases.Sweep()
     #: Set when the process is asked to stop: whoever streams must end.
     app.state.stopping = asyncio.Event()
@@ -80,7 +79,8 @@ def create_app(settings: Settings) -> FastAPI:
         metrics,
         health,
     ):
-        app.include_router(noun.router)
+        # As they are: to include them costs every request a second search.
+        app.router.routes.extend(noun.router.routes)
     app.add_middleware(Gunzip, limit=MAX_BODY_BYTES)
     app.add_middleware(BodyLimit)
     app.add_middleware(
@@ -91,11 +91,13 @@ def create_app(settings: Settings) -> FastAPI:
     return app
 
 
-async def _reap_for_ever(engine: Engine, measures: Metrics, ttl: float, patience: float) -> None:
+async def _reap_for_ever(app: FastAPI) -> None:
     """Take back expired leases, and rows that wait for machines that are gone, unasked."""
+    engine, settings, clock = app.state.engine, app.state.settings, app.state.clock
+    measures, patience = app.state.metrics, settings.stranded_seconds
     started = monotonic()
     while True:
-        await asyncio.sleep(ttl / 4.0)
+        await asyncio.sleep(settings.lease_seconds / 4.0)
         freed = 0
         try:
             lost = await asyncio.to_thread(queue.reap, engine, now=clock())

@@ -25,7 +25,9 @@ _SLOTS = sa.select(instances).where(
     instances.c.study_id == sa.bindparam("of_study"),
     instances.c.row.in_(sa.bindparam("rows", expanding=True)),
 )
-_HELD = _SLOTS.where(instances.c.lease_id == sa.bindparam("of_lease"))
+_ARE_HELD = _SLOTS.with_only_columns(instances.c.row).where(
+    instances.c.lease_id == sa.bindparam("of_lease")
+)
 _WAITING = (
     sa.select(instances)
     .where(
@@ -47,6 +49,8 @@ _UPDATE = sa.update(instances).where(
     instances.c.row == sa.bindparam("at_row"),
     instances.c.position == sa.bindparam("at_position"),
 )
+#: Most of what workers post changes no more than this.
+_MOVE = _UPDATE.values(state=sa.bindparam("state"), lease_id=sa.bindparam("lease_id"))
 _BIND = (
     sa.update(instances)
     .where(
@@ -55,16 +59,6 @@ _BIND = (
         instances.c.host_class.is_(None),
     )
     .values(host_class=sa.bindparam("to_class"))
-)
-_COMPLETE = (
-    sa.select(instances.c.row)
-    .where(
-        instances.c.study_id == sa.bindparam("of_study"),
-        instances.c.row.in_(sa.bindparam("rows", expanding=True)),
-        instances.c.state == "done",
-    )
-    .group_by(instances.c.row)
-    .having(sa.func.count() == sa.bindparam("width"))
 )
 _APPEND = sa.insert(results)
 
@@ -77,27 +71,27 @@ class Filed:
     worker: str
 
 
-def slots(connection: Connection, study: Study, places: Iterable[Place]) -> dict[Place, Slot]:
-    """Return where the instances at `places` stand, leaving out those of rows not begun."""
-    wanted = set(places)
+def rows(connection: Connection, study: Study, places: Iterable[Place]) -> dict[Place, Slot]:
+    """Return where all instances of the rows in which `places` lie stand, if they were begun."""
     found: dict[Place, Slot] = {}
-    for rows in chunks({row for row, _ in wanted}):
-        for row in connection.execute(_SLOTS, {"of_study": study.id, "rows": rows}):
-            if (row.row, row.position) in wanted:
-                found[row.row, row.position] = slot_of(row)
-    return found
-
-
-def held(
-    connection: Connection, study: Study, places: Iterable[Place], *, lease: str
-) -> dict[Place, Slot]:
-    """Return those of the instances at `places` that a lease holds now."""
-    found: dict[Place, Slot] = {}
-    for rows in chunks({row for row, _ in places}):
-        asked = {"of_study": study.id, "rows": rows, "of_lease": lease}
-        for row in connection.execute(_HELD, asked):
+    for chunk in chunks({row for row, _ in places}):
+        for row in connection.execute(_SLOTS, {"of_study": study.id, "rows": chunk}):
             found[row.row, row.position] = slot_of(row)
     return found
+
+
+def held(slots: Mapping[Place, Slot], *, lease: str) -> dict[Place, Slot]:
+    """Return those of `slots` that a lease holds."""
+    return {place: slot for place, slot in slots.items() if slot.lease == lease}
+
+
+def are_held(connection: Connection, study: Study, places: Iterable[Place], *, lease: str) -> bool:
+    """Say whether a lease holds any of the instances in the rows in which `places` lie."""
+    for chunk in chunks({row for row, _ in places}):
+        asked = {"of_study": study.id, "rows": chunk, "of_lease": lease}
+        if connection.scalar(_ARE_HELD, asked) is not None:
+            return True
+    return False
 
 
 def waiting(
@@ -166,7 +160,7 @@ def settle(
     Args:
         connection: a transaction that has locked the study.
         study: as it was.
-        before: the slots as they were; may hold more than changed.
+        before: all slots of the rows concerned as they were.
         after: the slots that changed, as they are now: pending or done.
         filed: the final results, in the order they are to be numbered.
         now: seconds, UTC epoch.
@@ -176,7 +170,7 @@ def settle(
     """
     if not after:
         return study
-    update(connection, study, after.values())
+    _write_changes(connection, study, before, after)
     let_go = sum(before[place].state == "leased" for place in after)
     study = replace(study, leased=study.leased - let_go)
     if filed:
@@ -192,7 +186,7 @@ def settle(
             failures=dict(Counter(study.failures) + outcomes),
             # A row is complete with the last of its results, so no row is counted twice.
             rows_complete=study.rows_complete
-            + _complete(connection, study, {item.result.row for item in filed}),
+            + _complete({**before, **after}, {item.result.row for item in filed}),
             state="complete" if finished else study.state,
             finished_at=now if finished else study.finished_at,
         )
@@ -224,22 +218,32 @@ def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: f
     )
 
 
-def _complete(connection: Connection, study: Study, rows: Collection[int]) -> int:
+def _complete(slots: Mapping[Place, Slot], rows: Collection[int]) -> int:
     """Return how many of `rows` have a final result in every position."""
-    complete = 0
-    for chunk in chunks(rows):
-        asked = {"of_study": study.id, "rows": chunk, "width": study.plan.width}
-        complete += len(connection.execute(_COMPLETE, asked).all())
-    return complete
+    open_rows = {row for (row, _), slot in slots.items() if slot.state != "done"}
+    return len(set(rows) - open_rows)
+
+
+def _write_changes(
+    connection: Connection, study: Study, before: Mapping[Place, Slot], after: Mapping[Place, Slot]
+) -> None:
+    moved, other = [], []
+    for place, slot in after.items():
+        was = before[place]
+        if slot == replace(was, state=slot.state, lease=slot.lease):
+            moved.append(_key(study, slot) | {"state": slot.state, "lease_id": slot.lease})
+        else:
+            other.append(slot)
+    if moved:
+        connection.execute(_MOVE, moved)
+    update(connection, study, other)
 
 
 def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> None:
     """Write slots that exist already."""
     values = [
-        {
-            "of_study": study.id,
-            "at_row": slot.row,
-            "at_position": slot.position,
+        _key(study, slot)
+        | {
             "state": slot.state,
             "lease_id": slot.lease,
             "attempts": dict(slot.attempts),
@@ -250,6 +254,10 @@ def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> Non
     ]
     if values:
         connection.execute(_UPDATE, values)
+
+
+def _key(study: Study, slot: Slot) -> dict[str, Any]:
+    return {"of_study": study.id, "at_row": slot.row, "at_position": slot.position}
 
 
 def _row(study: Study, slot: Slot) -> dict[str, Any]:

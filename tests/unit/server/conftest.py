@@ -13,7 +13,6 @@ from sqlalchemy.engine import Engine
 from server.app import create_app
 from server.logic.study import Plan, draw_up
 from server.logic.verdicts import Report
-from server.routes.common import moment
 from server.settings import Settings
 from server.store import create_engine, upgrade
 
@@ -59,14 +58,13 @@ def clock() -> Clock:
 def app(url: str, clock: Clock) -> FastAPI:
     upgrade(url)
     app = create_app(Settings(database_url=url, token=SecretStr(TOKEN), lease_seconds=60.0))
-    app.dependency_overrides[moment] = clock
+    app.state.clock = clock
     return app
 
 
 @pytest.fixture
-def client(app: FastAPI, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestClient]:
+def client(app: FastAPI) -> Iterator[TestClient]:
     """A client that bears the token."""
-    monkeypatch.setattr("server.app.clock", clock)
     headers = {"Authorization": f"Bearer {TOKEN}"}
     with TestClient(app, headers=headers, raise_server_exceptions=False) as client:
         yield client

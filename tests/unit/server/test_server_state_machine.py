@@ -36,7 +36,7 @@ from server.store import (
     upgrade,
 )
 from server.store.engine import writing
-from server.store.queue import Grant
+from server.store.offers import Grant
 from server.store.schema import metadata
 
 TTL = 60.0
