@@ -225,12 +225,12 @@ class Agent:
                 if now >= self._bring_back_at and (waiting := self._spool.bring_back()):
                     log.info("trying again to post %d results that were set aside", waiting)
                 while batch := self._spool.next_batch():
-                    self._post(batch)
+                    self._post(batch, wish=self._wish(now))
                 self._post_at = now + POST_SECONDS
                 self._release()
             self._renew(now)
-            if self._draining_since is None and len(self._queue) < self._pool.processes:
-                self._lease(now)
+            if wish := self._wish(now):
+                self._lease(wish, now)
         except (Unreachable, ServerError) as error:
             self._failures += 1
             wait = full_jitter(self._failures, self._rng)
@@ -242,13 +242,30 @@ class Agent:
                 log.info("the coordinator answers again")
             self._failures = 0
 
-    def _post(self, batch: Batch, *, hopeless: bool = False) -> None:
-        """Post a batch; `hopeless`: the coordinator has failed too often at what it is part of."""
+    def _post(
+        self, batch: Batch, *, wish: Mapping[str, Any] | None = None, hopeless: bool = False
+    ) -> None:
+        """Post a batch, and lease what is wished for in the same request.
+
+        `hopeless`: the coordinator has failed too often at what the batch is part of.
+        """
+        posted: dict[str, Any] = {
+            "lease": batch.lease,
+            "fence": batch.fence,
+            "worker": batch.worker,
+            "results": batch.results,
+        }
+        answer: Mapping[str, Any]
         try:
-            verdicts = self._client.post_results(
-                lease=batch.lease, fence=batch.fence, worker=batch.worker, results=batch.results
-            )
+            if wish is None:
+                answer = {"verdicts": self._client.post_results(**posted)}
+            else:
+                answer = self._client.exchange(**posted, wish=wish)
         except Invalid as error:
+            if wish is not None:
+                # An older coordinator grants no wishes.
+                self._post(batch, hopeless=hopeless)
+                return
             if len(batch.results) > 1:
                 # One of them spoils the request for the others.
                 self._post_one_by_one(batch, hopeless)
@@ -280,7 +297,7 @@ class Agent:
         self._tries.pop(batch.keys[0], None)
         # Whatever the verdict, it is final: posting the same result again would not change it.
         self._spool.acknowledge(batch.keys)
-        for verdict in verdicts:
+        for verdict in answer["verdicts"]:
             if verdict["verdict"] not in ("accepted", "duplicate"):
                 log.warning(
                     "instance %s: %s: %s",
@@ -291,6 +308,8 @@ class Agent:
         for lease in self._leases:
             if lease.id == batch.lease:
                 lease.extend(time.monotonic())
+        if wish is not None:
+            self._take(answer.get("next"), answer.get("misfit"), time.monotonic())
 
     def _post_one_by_one(self, batch: Batch, hopeless: bool) -> None:
         for key, result in zip(batch.keys, batch.results, strict=True):
@@ -321,36 +340,44 @@ class Agent:
             return False
         return True
 
-    def _lease(self, now: float) -> None:
-        if now < self._ask_at or self._left == 0:
-            return
+    def _wish(self, now: float) -> Mapping[str, Any] | None:
+        """Return what to ask for now; None if there is enough to do, or it is too early."""
+        enough = self._draining_since is not None or len(self._queue) >= self._pool.processes
+        if enough or now < self._ask_at or self._left == 0:
+            return None
         size = lease_size(self._seconds_each, self._pool.processes, self._batch)
         if self._left is not None:
             size = min(size, self._left)
+        return {"worker": self._worker, "models": self._models, "max_instances": size}
+
+    def _lease(self, wish: Mapping[str, Any], now: float) -> None:
         try:
-            answer = self._client.lease(
-                worker=self._worker, models=self._models, max_instances=size
-            )
+            self._take(self._client.lease(**wish), None, now)
         except Conflict as error:
+            self._take(None, str(error), now)
+
+    def _take(self, granted: Mapping[str, Any] | None, misfit: str | None, now: float) -> None:
+        """Queue the instances of a new lease; wait for a while if there is none."""
+        if misfit is not None:
             # There is work, but not for this machine as it is: once in its log is enough.
-            if str(error) != self._misfit:
-                log.warning("%s", error)
-            self._misfit, answer = str(error), None
-        if answer is None:
+            if misfit != self._misfit:
+                log.warning("%s", misfit)
+            self._misfit = misfit
+        if granted is None:
             self._ask_at = now + self._client.retry_after * self._rng.uniform(0.5, 1.0)
             return
         if self._left is not None:
-            self._left -= len(answer["instances"])
+            self._left -= len(granted["instances"])
         lease = _Lease(
-            id=answer["id"],
-            fence=answer["fence"],
-            ttl_seconds=answer["ttl_seconds"],
-            renew_at=now + answer["ttl_seconds"] / 3.0,
-            open={instance["id"] for instance in answer["instances"]},
+            id=granted["id"],
+            fence=granted["fence"],
+            ttl_seconds=granted["ttl_seconds"],
+            renew_at=now + granted["ttl_seconds"] / 3.0,
+            open={instance["id"] for instance in granted["instances"]},
         )
         self._leases.append(lease)
         self._queue.extend(
-            _Ticket(lease=lease, instance=instance) for instance in answer["instances"]
+            _Ticket(lease=lease, instance=instance) for instance in granted["instances"]
         )
 
     @staticmethod

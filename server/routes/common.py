@@ -15,6 +15,8 @@ from sqlalchemy.engine import Engine
 from server.metrics import Metrics
 from server.settings import Settings
 
+_ENCODER = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
+
 
 class Body(BaseModel):
     """A request body: nothing unknown, nothing converted, no NaN and no infinity."""
@@ -90,8 +92,7 @@ def as_json(
     headers: Mapping[str, str] | None = None,
 ) -> Response:
     """Return an answer of plain values as it is: FastAPI would look through every one of them."""
-    text = json.dumps(content, allow_nan=False, separators=(",", ":"))
-    return Response(text, status, headers, media_type="application/json")
+    return Response(_ENCODER.encode(content), status, headers, media_type="application/json")
 
 
 Store = Annotated[Engine, Depends(_engine)]

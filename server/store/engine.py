@@ -6,13 +6,14 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from functools import partial
 from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection, Engine
 
+#: Writes what goes into columns of JSON: `json.dumps` would make a new encoder for every value.
+JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 #: Seconds a transaction waits for another process to finish writing.
 BUSY_SECONDS = 30
 
@@ -25,7 +26,7 @@ def create_engine(url: str) -> Engine:
     """
     engine = sa.create_engine(
         url,
-        json_serializer=partial(json.dumps, allow_nan=False, separators=(",", ":")),
+        json_serializer=JSON.encode,
         execution_options={"writer": threading.Lock()},
         pool_size=10,
         max_overflow=40,

@@ -11,6 +11,8 @@ from sqlalchemy.engine import Connection
 from server.logic.slots import Result, Slot
 from server.logic.study import Study, drained
 from server.store import studies
+from server.store.bulk import Bulk
+from server.store.engine import JSON
 from server.store.schema import instances, results
 
 #: (row, position) of an instance in its study.
@@ -43,14 +45,32 @@ _WAITING = (
 _WAITING_FOR_OTHERS = _WAITING.where(
     sa.or_(instances.c.avoid.is_(None), instances.c.avoid != sa.bindparam("asking_host"))
 )
-_INSERT = sa.insert(instances)
+#: Columns of the bulks.
+_SLOT = ("study_id", "row", "position", "state", "lease_id", "attempts", "host_class", "avoid")
+_RESULT = (
+    "study_id",
+    "seq",
+    "row",
+    "position",
+    "outcome",
+    "outputs",
+    "reason",
+    "state",
+    "wall_seconds",
+    "worker_id",
+    "received_at",
+)
 _UPDATE = sa.update(instances).where(
     instances.c.study_id == sa.bindparam("of_study"),
     instances.c.row == sa.bindparam("at_row"),
     instances.c.position == sa.bindparam("at_position"),
 )
+_INSERT = Bulk(sa.insert(instances), _SLOT)
 #: Most of what workers post changes no more than this.
-_MOVE = _UPDATE.values(state=sa.bindparam("state"), lease_id=sa.bindparam("lease_id"))
+_MOVE = Bulk(
+    _UPDATE.values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")),
+    ("of_study", "at_row", "at_position", "to_state", "to_lease"),
+)
 _BIND = (
     sa.update(instances)
     .where(
@@ -60,7 +80,7 @@ _BIND = (
     )
     .values(host_class=sa.bindparam("to_class"))
 )
-_APPEND = sa.insert(results)
+_APPEND = Bulk(sa.insert(results), _RESULT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,8 +152,7 @@ def hand_out(
         unbound: those of their rows that any kind of machine could have taken.
         host_class: the kind of machine that all rows concerned now belong to.
     """
-    if begun:
-        connection.execute(_INSERT, [_row(study, slot) for slot in begun])
+    _INSERT(connection, [_row(study, slot) for slot in begun])
     update(connection, study, again)
     for rows in chunks(unbound):
         connection.execute(_BIND, {"of_study": study.id, "rows": rows, "to_class": host_class})
@@ -197,25 +216,29 @@ def settle(
 
 def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: float) -> None:
     """Append final results to the study's log."""
-    connection.execute(
-        _APPEND,
+    _APPEND(
+        connection,
         [
-            {
-                "study_id": study.id,
-                "seq": seq,
-                "row": item.result.row,
-                "position": item.result.position,
-                "outcome": item.result.outcome,
-                "outputs": item.result.outputs,
-                "reason": item.result.reason,
-                "state": item.result.state,
-                "wall_seconds": item.result.wall_seconds,
-                "worker_id": item.worker,
-                "received_at": now,
-            }
+            (
+                study.id,
+                seq,
+                item.result.row,
+                item.result.position,
+                item.result.outcome,
+                _json(item.result.outputs),
+                item.result.reason,
+                _json(item.result.state),
+                item.result.wall_seconds,
+                item.worker,
+                now,
+            )
             for seq, item in enumerate(filed, start=study.result_count + 1)
         ],
     )
+
+
+def _json(value: Mapping[str, Any] | None) -> str | None:
+    return None if value is None else JSON.encode(value)
 
 
 def _complete(slots: Mapping[Place, Slot], rows: Collection[int]) -> int:
@@ -229,21 +252,21 @@ def _write_changes(
 ) -> None:
     moved, other = [], []
     for place, slot in after.items():
-        was = before[place]
-        if slot == replace(was, state=slot.state, lease=slot.lease):
-            moved.append(_key(study, slot) | {"state": slot.state, "lease_id": slot.lease})
+        if slot.attempts == before[place].attempts and slot.avoid == before[place].avoid:
+            moved.append((study.id, slot.row, slot.position, slot.state, slot.lease))
         else:
             other.append(slot)
-    if moved:
-        connection.execute(_MOVE, moved)
+    _MOVE(connection, moved)
     update(connection, study, other)
 
 
 def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> None:
     """Write slots that exist already."""
     values = [
-        _key(study, slot)
-        | {
+        {
+            "of_study": study.id,
+            "at_row": slot.row,
+            "at_position": slot.position,
             "state": slot.state,
             "lease_id": slot.lease,
             "attempts": dict(slot.attempts),
@@ -256,21 +279,17 @@ def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> Non
         connection.execute(_UPDATE, values)
 
 
-def _key(study: Study, slot: Slot) -> dict[str, Any]:
-    return {"of_study": study.id, "at_row": slot.row, "at_position": slot.position}
-
-
-def _row(study: Study, slot: Slot) -> dict[str, Any]:
-    return {
-        "study_id": study.id,
-        "row": slot.row,
-        "position": slot.position,
-        "state": slot.state,
-        "lease_id": slot.lease,
-        "attempts": dict(slot.attempts),
-        "host_class": slot.host_class,
-        "avoid": slot.avoid,
-    }
+def _row(study: Study, slot: Slot) -> tuple[Any, ...]:
+    return (
+        study.id,
+        slot.row,
+        slot.position,
+        slot.state,
+        slot.lease,
+        JSON.encode(dict(slot.attempts)),
+        slot.host_class,
+        slot.avoid,
+    )
 
 
 def slot_of(row: Any) -> Slot:
