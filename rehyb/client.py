@@ -13,15 +13,8 @@ from urllib.parse import urlencode
 
 import httpx2
 
-from rehyb.errors import (
-    Conflict,
-    Invalid,
-    NotFound,
-    RehybError,
-    ServerError,
-    Unauthorized,
-    Unreachable,
-)
+from rehyb.answers import body_of, error_in
+from rehyb.errors import Invalid, Unauthorized, Unreachable
 
 Json = dict[str, Any]
 
@@ -30,15 +23,6 @@ COMPRESS_BYTES = 50_000
 DEFAULT_URL = "http://127.0.0.1:8787"
 #: Never asked of a proxy, whatever the environment says.
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-
-_ERRORS: Mapping[int, type[RehybError]] = {
-    HTTPStatus.UNAUTHORIZED: Unauthorized,
-    HTTPStatus.FORBIDDEN: Unauthorized,
-    HTTPStatus.NOT_FOUND: NotFound,
-    HTTPStatus.CONFLICT: Conflict,
-    # It may succeed later, as after a failure.
-    HTTPStatus.TOO_MANY_REQUESTS: ServerError,
-}
 
 
 class Client:
@@ -208,7 +192,7 @@ class Client:
             ):
                 if response.status_code != HTTPStatus.OK:
                     response.read()
-                    raise _error(response)
+                    raise error_in(response)
                 for chunk in response.iter_bytes():
                     file.write(chunk)
             partial.replace(path)
@@ -242,7 +226,7 @@ class Client:
     def health(self) -> Json:
         """Return {"status", "date"}: "ok" if the coordinator lives, and its clock (RFC 9110)."""
         response = self._request("GET", "/healthz")
-        return {**_body(response), "date": response.headers.get("Date")}
+        return {**body_of(response), "date": response.headers.get("Date")}
 
     def lease(
         self, *, worker: Mapping[str, Any], models: Sequence[str], max_instances: int
@@ -261,7 +245,7 @@ class Client:
         if response.status_code == HTTPStatus.NO_CONTENT:
             self._note_pause(response)
             return None
-        return _body(response)
+        return body_of(response)
 
     def renew(self, lease_id: str, fence: int) -> Json:
         """Keep a lease for another ttl; Conflict or NotFound if it is no longer this worker's."""
@@ -310,10 +294,10 @@ class Client:
     def _post(self, body: Json) -> Json:
         response = self._send("POST", "/v1/results", body=body)
         if response.status_code not in (HTTPStatus.OK, HTTPStatus.CONFLICT):
-            raise _error(response)
-        answer = _body(response)
+            raise error_in(response)
+        answer = body_of(response)
         if "verdicts" not in answer:
-            raise _error(response)
+            raise error_in(response)
         self._note_pause(response)
         return answer
 
@@ -331,7 +315,7 @@ class Client:
         body: Mapping[str, Any] | None = None,
         headers: Mapping[str, str] | None = None,
     ) -> Json:
-        return _body(self._request(method, path, body=body, headers=headers))
+        return body_of(self._request(method, path, body=body, headers=headers))
 
     def _request(
         self,
@@ -343,7 +327,7 @@ class Client:
     ) -> httpx2.Response:
         response = self._send(method, path, body=body, headers=headers)
         if not response.is_success:
-            raise _error(response)
+            raise error_in(response)
         return response
 
     def _send(
@@ -374,43 +358,3 @@ class Client:
             f"no coordinator answers at {self.url} ({cause}): start one with `rehyb up`, "
             "or set REHYB_URL to where it listens"
         )
-
-
-def _body(response: httpx2.Response) -> Json:
-    try:
-        body = response.json()
-    except ValueError:
-        body = None
-    if not isinstance(body, dict):
-        raise ServerError(f"{response.request.url} did not answer with a JSON object")
-    return body
-
-
-def _error(response: httpx2.Response) -> RehybError:
-    """Turn a refusal into the error that a caller can tell apart, worded by the coordinator."""
-    status = response.status_code
-    try:
-        problem = response.json()
-    except ValueError:
-        problem = None
-    if not isinstance(problem, dict):
-        problem = {}
-    message = str(problem.get("detail") or problem.get("title") or HTTPStatus(status).phrase)
-    if pointer := problem.get("pointer"):
-        message += f" (at {pointer})"
-    if errors := [_entry(error) for error in problem.get("errors") or ()]:
-        message += ": " + "; ".join(errors)
-    kind = _ERRORS.get(
-        status, Invalid if status < HTTPStatus.INTERNAL_SERVER_ERROR else ServerError
-    )
-    if not problem:
-        message = f"{response.request.url} answered {status} {message}"
-    return kind(message, problem)
-
-
-def _entry(error: object) -> str:
-    if not isinstance(error, dict):
-        return str(error)
-    where = error.get("pointer") or error.get("loc") or ""
-    what = error.get("detail") or error.get("msg") or ""
-    return f"{where} {what}".strip()
