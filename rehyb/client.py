@@ -165,7 +165,7 @@ class Client:
 
         Args:
             study_id: which study.
-            state: "pending", "leased", "done", "ok" or "failed".
+            state: "pending", "leased", "done", "ok", "failed" or "quarantined".
             outcome: only those with this outcome.
             after: `next` of the page before.
             limit: how many, 1000 at most.

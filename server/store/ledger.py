@@ -8,7 +8,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection
 
-from server.logic.slots import Result, Slot
+from server.logic.slots import Result, Slot, may_try
 from server.logic.study import Study, drained
 from server.store import studies
 from server.store.bulk import Bulk
@@ -18,6 +18,8 @@ from server.store.schema import instances, results
 #: (row, position) of an instance in its study.
 Place = tuple[int, int]
 
+#: In a column of attempts, ends the names of lists of hosts.
+_ON = "_on"
 #: Values in one IN list: well under what any SQLite takes.
 _IN_LIST = 500
 
@@ -42,9 +44,16 @@ _WAITING = (
     .order_by(instances.c.row, instances.c.position)
     .limit(sa.bindparam("most"))
 )
-_WAITING_FOR_OTHERS = _WAITING.where(
-    sa.or_(instances.c.avoid.is_(None), instances.c.avoid != sa.bindparam("asking_host"))
+_TRIED_HERE = sa.and_(
+    instances.c.avoid.is_not(None),
+    sa.or_(
+        instances.c.avoid == sa.bindparam("asking_host"),
+        # No host's name holds the character that would escape others.
+        sa.cast(instances.c.attempts, sa.Text).contains(sa.bindparam("as_json"), escape="\x1f"),
+    ),
 )
+_NEW_HERE = _WAITING.where(sa.not_(_TRIED_HERE))
+_AGAIN_HERE = _WAITING.where(_TRIED_HERE)
 #: Columns of the bulks.
 _SLOT = ("study_id", "row", "position", "state", "lease_id", "attempts", "host_class", "avoid")
 _RESULT = (
@@ -115,7 +124,13 @@ def are_held(connection: Connection, study: Study, places: Iterable[Place], *, l
 
 
 def waiting(
-    connection: Connection, study: Study, *, host_class: str, avoided_by: str | None, limit: int
+    connection: Connection,
+    study: Study,
+    *,
+    host_class: str,
+    host: str,
+    at_work: Collection[str],
+    limit: int,
 ) -> list[Slot]:
     """Return up to `limit` instances of begun rows that wait for a machine, first rows first.
 
@@ -123,14 +138,19 @@ def waiting(
         connection: a transaction that has locked the study.
         study: which study.
         host_class: the kind of machine that asks; rows of another kind are left out.
-        avoided_by: the host that asks, if what went wrong there last is to be left to others.
+        host: the machine that asks; what went wrong there is left to others, as `may_try` has it.
+        at_work: the hosts of its kind that work on the study now.
         limit: how many.
     """
-    asked = {"of_study": study.id, "asking_class": host_class, "most": limit}
-    if avoided_by is None:
+    asked: dict[str, Any] = {"of_study": study.id, "asking_class": host_class, "most": limit}
+    if not set(at_work) - {host}:
         return [slot_of(row) for row in connection.execute(_WAITING, asked)]
-    asked["asking_host"] = avoided_by
-    return [slot_of(row) for row in connection.execute(_WAITING_FOR_OTHERS, asked)]
+    asked |= {"asking_host": host, "as_json": JSON.encode(host)}
+    found = [slot_of(row) for row in connection.execute(_NEW_HERE, asked)]
+    if len(found) < limit:
+        again = connection.execute(_AGAIN_HERE, asked | {"most": _IN_LIST})
+        found += [slot for slot in map(slot_of, again) if may_try(slot, host, at_work)]
+    return found[:limit]
 
 
 def hand_out(
@@ -252,7 +272,7 @@ def _write_changes(
 ) -> None:
     moved, other = [], []
     for place, slot in after.items():
-        if slot.attempts == before[place].attempts and slot.avoid == before[place].avoid:
+        if slot.attempts == before[place].attempts:
             moved.append((study.id, slot.row, slot.position, slot.state, slot.lease))
         else:
             other.append(slot)
@@ -269,7 +289,7 @@ def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> Non
             "at_position": slot.position,
             "state": slot.state,
             "lease_id": slot.lease,
-            "attempts": dict(slot.attempts),
+            "attempts": _attempts(slot),
             "host_class": slot.host_class,
             "avoid": slot.avoid,
         }
@@ -286,22 +306,38 @@ def _row(study: Study, slot: Slot) -> tuple[Any, ...]:
         slot.position,
         slot.state,
         slot.lease,
-        JSON.encode(dict(slot.attempts)),
+        JSON.encode(_attempts(slot)),
         slot.host_class,
         slot.avoid,
     )
 
 
 def slot_of(row: Any) -> Slot:
+    attempts, hosts = attempts_in(row.attempts)
     return Slot(
         row=row.row,
         position=row.position,
         state=row.state,
         lease=row.lease_id,
-        attempts=row.attempts,
+        attempts=attempts,
         host_class=row.host_class,
         avoid=row.avoid,
+        hosts=hosts,
     )
+
+
+def attempts_in(stored: Mapping[str, Any]) -> tuple[dict[str, int], dict[str, tuple[str, ...]]]:
+    """Return what a column of attempts holds: how often by cause, and from which hosts."""
+    if not stored:
+        return {}, {}
+    counts = {cause: count for cause, count in stored.items() if not cause.endswith(_ON)}
+    hosts = {c.removesuffix(_ON): tuple(found) for c, found in stored.items() if c.endswith(_ON)}
+    return counts, hosts
+
+
+def _attempts(slot: Slot) -> dict[str, Any]:
+    on = {f"{cause}{_ON}": list(hosts) for cause, hosts in slot.hosts.items()}
+    return {**slot.attempts, **on}
 
 
 def chunks(values: Collection[int]) -> Iterable[list[int]]:

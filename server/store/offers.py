@@ -123,14 +123,13 @@ def _grant_of(
     lease_id = uuid4().hex
     again: list[Slot] = []
     if study.returned:
-        shunned = workers.others_at_work(
-            connection, study.id, host=wish.host, host_class=mine, now=now
-        )
+        at_work = workers.hosts_at_work(connection, study.id, host_class=mine, now=now)
         again = ledger.waiting(
             connection,
             study,
             host_class=mine,
-            avoided_by=wish.host if shunned else None,
+            host=wish.host,
+            at_work=at_work,
             limit=wish.max_instances,
         )
     unbound = {slot.row for slot in again if slot.host_class is None}

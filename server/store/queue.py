@@ -183,9 +183,12 @@ def _lose(
     after: dict[ledger.Place, Slot] = {}
     filed: list[ledger.Filed] = []
     host = workers.host_of(connection, lease.worker)
+    at_work = workers.hosts_at_work(connection, study.id, host_class=lease.host_class, now=now)
     for place, slot in ledger.held(before, lease=lease.id).items():
         reason = f"lost with lease {lease.id} of worker {lease.worker}, which fell silent"
-        after[place], final = after_attempt(slot, cause="lost", reason=reason, host=host)
+        after[place], final = after_attempt(
+            slot, cause="lost", reason=reason, host=host, at_work=at_work
+        )
         if final is not None:
             filed.append(ledger.Filed(result=final, worker=lease.worker))
     return ledger.settle(connection, study, before=before, after=after, filed=filed, now=now)

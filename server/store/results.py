@@ -1,7 +1,8 @@
 """Results: taking them in, and reading them out in order."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from typing import Any
 
 import sqlalchemy as sa
@@ -136,6 +137,15 @@ def _file(
         outputs=study.plan.outputs,
         host=host,
         host_class=lease.host_class,
+        at_work=cache(
+            partial(
+                workers.hosts_at_work,
+                connection,
+                study.id,
+                host_class=lease.host_class,
+                now=now,
+            )
+        ),
     )
     final = [j.result for j in judgements if j.result is not None]
     after = {(j.slot.row, j.slot.position): j.slot for j in judgements if j.slot is not None}
@@ -196,6 +206,7 @@ def _judge(
     outputs: Sequence[str],
     host: str | None,
     host_class: str | None,
+    at_work: Callable[[], Collection[str]],
 ) -> list[Judgement]:
     """Judge reports one after the other, each in the light of those before it."""
     judgements = []
@@ -209,6 +220,7 @@ def _judge(
             outputs=outputs,
             host=host,
             host_class=host_class,
+            at_work=at_work,
         )
         if judgement.slot is not None:
             slots[place] = judgement.slot
