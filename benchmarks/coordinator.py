@@ -79,7 +79,7 @@ def lease(client: Client, worker: Json, batch: int) -> Json | None:
 
 def finish(client: Client, worker: Json, granted: Json) -> int:
     """Post a result for all that a lease holds; return how many that are."""
-    verdicts = client.post_results(**_done(worker, granted))
+    verdicts = client.post_results(**done(worker, granted))
     assert all(verdict["verdict"] == "accepted" for verdict in verdicts)
     return len(verdicts)
 
@@ -87,13 +87,13 @@ def finish(client: Client, worker: Json, granted: Json) -> int:
 def finish_and_lease(client: Client, worker: Json, granted: Json, batch: int) -> Json:
     """Post a result for all that a lease holds and return the next one, as a worker does."""
     wish = {"worker": worker, "models": ["ishigami"], "max_instances": batch}
-    answer = client.exchange(**_done(worker, granted), wish=wish)
+    answer = client.exchange(**done(worker, granted), wish=wish)
     assert all(verdict["verdict"] == "accepted" for verdict in answer["verdicts"])
     following: Json = answer["next"]
     return following
 
 
-def _done(worker: Json, granted: Json) -> Json:
+def done(worker: Json, granted: Json) -> Json:
     """Return what is posted about a lease, as if its simulations had taken no time."""
     results = [
         {

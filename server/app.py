@@ -7,13 +7,14 @@ from contextlib import asynccontextmanager, suppress
 from time import monotonic
 
 from fastapi import FastAPI
+from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from server import problems
 from server.compression import Gunzip
 from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
-from server.metrics import Metrics
+from server.metrics import Clock, Metrics
 from server.routes import (
     health,
     indices,
@@ -44,7 +45,15 @@ def create_app(settings: Settings) -> FastAPI:
         engine = app.state.engine
         require_current(engine)
         queue.excuse_silence(engine, now=app.state.clock(), ttl=settings.lease_seconds)
-        reaper = asyncio.create_task(_reap_for_ever(app))
+        reaper = asyncio.create_task(
+            _reap_for_ever(
+                engine,
+                app.state.metrics,
+                app.state.clock,
+                ttl=settings.lease_seconds,
+                patience=settings.stranded_seconds,
+            )
+        )
         try:
             yield
         finally:
@@ -91,13 +100,13 @@ def create_app(settings: Settings) -> FastAPI:
     return app
 
 
-async def _reap_for_ever(app: FastAPI) -> None:
+async def _reap_for_ever(
+    engine: Engine, measures: Metrics, clock: Clock, *, ttl: float, patience: float
+) -> None:
     """Take back expired leases, and rows that wait for machines that are gone, unasked."""
-    engine, settings, clock = app.state.engine, app.state.settings, app.state.clock
-    measures, patience = app.state.metrics, settings.stranded_seconds
     started = monotonic()
     while True:
-        await asyncio.sleep(settings.lease_seconds / 4.0)
+        await asyncio.sleep(ttl / 4.0)
         freed = 0
         try:
             lost = await asyncio.to_thread(queue.reap, engine, now=clock())

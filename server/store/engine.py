@@ -35,7 +35,6 @@ def create_engine(url: str) -> Engine:
     )
     if engine.dialect.name == "sqlite":
         sa.event.listen(engine, "connect", _open_sqlite)
-        sa.event.listen(engine, "begin", _begin_sqlite)
     return engine
 
 
@@ -46,6 +45,7 @@ def reading(engine: Engine) -> Iterator[Connection]:
         if connection.dialect.name == "postgresql":
             connection = connection.execution_options(isolation_level="REPEATABLE READ")
         with connection.begin():
+            _begin(connection, "BEGIN")
             yield connection
 
 
@@ -61,6 +61,8 @@ def writing(engine: Engine) -> Iterator[Connection]:
     with turn, engine.connect() as connection:
         connection = connection.execution_options(immediate=True)
         with connection.begin():
+            # It takes the write lock now and need never start again.
+            _begin(connection, "BEGIN IMMEDIATE")
             yield connection
 
 
@@ -73,7 +75,7 @@ def insert(connection: Connection, table: sa.Table) -> postgresql.Insert | sqlit
 
 def _open_sqlite(connection: Any, _record: Any) -> None:
     """Set up one SQLite connection."""
-    # sqlite3 would open transactions by its own lights; `_begin_sqlite` does it instead.
+    # sqlite3 would open transactions by its own lights; `_begin` does it instead.
     connection.isolation_level = None
     connection.execute(f"PRAGMA busy_timeout = {BUSY_SECONDS * 1000}")
     _use_write_ahead_log(connection)
@@ -95,9 +97,12 @@ def _use_write_ahead_log(connection: Any) -> None:
             time.sleep(0.02)
 
 
-def _begin_sqlite(connection: Connection) -> None:
-    """Begin a transaction; a writing one takes the write lock now and need never start again."""
-    immediate = connection.get_execution_options().get("immediate", False)
-    # Straight to the driver: what SQLAlchemy does besides costs ten times as much.
-    raw: Any = connection.connection.dbapi_connection
-    raw.execute("BEGIN IMMEDIATE" if immediate else "BEGIN")
+def _begin(connection: Connection, command: str) -> None:
+    """Begin a transaction on SQLite; PostgreSQL's driver does so by itself.
+
+    No listener to SQLAlchemy's own event, since with one every statement looks for listeners; and
+    straight to the driver, since what SQLAlchemy does besides costs ten times as much.
+    """
+    if connection.dialect.name == "sqlite":
+        raw: Any = connection.connection.dbapi_connection
+        raw.execute(command)

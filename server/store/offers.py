@@ -145,7 +145,7 @@ def _grant_of(
         connection, study, begun=begun, again=again, unbound=unbound, host_class=mine
     )
     places = [(slot.row, slot.position) for slot in [*again, *fresh]]
-    return _granted(study, lease_id, wish.worker, places, mine, expiry(now, ttl))
+    return _granted(study, lease_id, wish, places, expiry(now, ttl))
 
 
 def _comparisons_of(
@@ -159,16 +159,14 @@ def _comparisons_of(
     )
     if not places:
         return None
-    mine, until = host_class(wish.versions), expiry(now, ttl)
-    return _granted(study, lease_id, wish.worker, places, mine, until, compares=True)
+    return _granted(study, lease_id, wish, places, expiry(now, ttl), compares=True)
 
 
 def _granted(
     study: Study,
     lease_id: str,
-    worker: str,
+    wish: Wish,
     places: Sequence[ledger.Place],
-    host_class: str,
     until: float,
     *,
     compares: bool = False,
@@ -177,12 +175,13 @@ def _granted(
     lease = Lease(
         id=lease_id,
         fence=0,
-        worker=worker,
+        worker=wish.worker,
         study=study.id,
         state="open",
         expires_at=until,
         instances=tuple(places),
-        host_class=host_class,
+        host_class=host_class(wish.versions),
+        host=wish.host,
         compares=compares,
     )
     return Grant(lease=lease, study=study)

@@ -18,10 +18,14 @@ from server.logic.study import Study
 from server.store import comparisons, ledger, offers, studies, workers
 from server.store.engine import reading, writing
 from server.store.schema import leases
+from server.store.schema import workers as workers_table
 
 # Built once: see `server.store.ledger`.
-_FIND = sa.select(leases).where(leases.c.id == sa.bindparam("of_lease"))
-_FIND_LOCKED = _FIND.with_for_update()
+_LEASES = sa.select(leases, workers_table.c.host).join(
+    workers_table, workers_table.c.id == leases.c.worker_id
+)
+_FIND = _LEASES.where(leases.c.id == sa.bindparam("of_lease"))
+_FIND_LOCKED = _FIND.with_for_update(of=leases)
 _EXTEND = (
     sa.update(leases)
     .where(
@@ -128,8 +132,8 @@ def reap(engine: Engine, *, now: float) -> int:
     for study_id in concerned:
         with writing(engine) as connection:
             study = studies.find(connection, study_id, lock=True)
-            query = sa.select(leases).where(run_out, leases.c.study_id == study_id)
-            query = query.order_by(leases.c.fence).with_for_update()
+            query = _LEASES.where(run_out, leases.c.study_id == study_id)
+            query = query.order_by(leases.c.fence).with_for_update(of=leases)
             for row in connection.execute(query).all():
                 lease = _lease(row)
                 end(connection, lease, "expired")
@@ -182,12 +186,11 @@ def _lose(
     """Count instances as lost once more; returns the study as it is now."""
     after: dict[ledger.Place, Slot] = {}
     filed: list[ledger.Filed] = []
-    host = workers.host_of(connection, lease.worker)
     at_work = workers.hosts_at_work(connection, study.id, host_class=lease.host_class, now=now)
     for place, slot in ledger.held(before, lease=lease.id).items():
         reason = f"lost with lease {lease.id} of worker {lease.worker}, which fell silent"
         after[place], final = after_attempt(
-            slot, cause="lost", reason=reason, host=host, at_work=at_work
+            slot, cause="lost", reason=reason, host=lease.host, at_work=at_work
         )
         if final is not None:
             filed.append(ledger.Filed(result=final, worker=lease.worker))
@@ -204,5 +207,6 @@ def _lease(row: Any) -> Lease:
         expires_at=row.expires_at,
         instances=tuple((place[0], place[1]) for place in row.instances),
         host_class=row.host_class,
+        host=row.host,
         compares=row.compares,
     )

@@ -88,7 +88,6 @@ def take(
     except NotFoundError:
         # Deleted since its lease was read, which took no lock.
         return _to_all(reports, "unknown", "the study was deleted"), None
-    host = workers.host_of(connection, posted.worker)
     if lease.compares:
         verdicts = comparisons.judge(
             connection,
@@ -96,14 +95,14 @@ def take(
             reports,
             lease=lease,
             stored=_at(connection, study, lease.instances),
-            host=host or "",
+            host=lease.host,
             tolerance=posted.tolerance,
             now=now,
         )
         _keep_or_end(connection, lease, comparisons.are_held(connection, lease), now, ttl)
         workers.heard_from(connection, posted.worker, now=now)
     else:
-        verdicts = _file(connection, posted, study, lease, host, now, ttl)
+        verdicts = _file(connection, posted, study, lease, now, ttl)
     return verdicts, study.id
 
 
@@ -120,7 +119,6 @@ def _file(
     posted: Post,
     study: Study,
     lease: Lease,
-    host: str | None,
     now: float,
     ttl: float,
 ) -> list[Verdict]:
@@ -135,7 +133,7 @@ def _file(
         stored=_stored(connection, study, before),
         lease=lease.id,
         outputs=study.plan.outputs,
-        host=host,
+        host=lease.host,
         host_class=lease.host_class,
         at_work=cache(
             partial(
@@ -158,7 +156,7 @@ def _file(
         study,
         final,
         share=posted.share,
-        host=host or "",
+        host=lease.host,
         worker=posted.worker,
         now=now,
     )

@@ -12,7 +12,6 @@ from server.store.engine import reading
 from server.store.schema import leases, workers
 
 # Built once: see `server.store.ledger`.
-_HOST_OF = sa.select(workers.c.host).where(workers.c.id == sa.bindparam("of_worker"))
 _HOSTS_AT_WORK = (
     sa.select(workers.c.host)
     .select_from(leases.join(workers, workers.c.id == leases.c.worker_id))
@@ -92,12 +91,6 @@ def introduce(
         "last_seen": now,
     }
     connection.execute(_INTRODUCE[connection.dialect.name], told)
-
-
-def host_of(connection: Connection, worker: str) -> str | None:
-    """Return the machine a worker runs on; None if it never said so."""
-    host: str | None = connection.scalar(_HOST_OF, {"of_worker": worker})
-    return host
 
 
 def hosts_at_work(
