@@ -79,6 +79,22 @@ def lease(client: Client, worker: Json, batch: int) -> Json | None:
 
 def finish(client: Client, worker: Json, granted: Json) -> int:
     """Post a result for all that a lease holds; return how many that are."""
+    verdicts = client.post_results(**done(worker, granted))
+    assert all(verdict["verdict"] == "accepted" for verdict in verdicts)
+    return len(verdicts)
+
+
+def finish_and_lease(client: Client, worker: Json, granted: Json, batch: int) -> Json:
+    """Post a result for all that a lease holds and return the next one, as a worker does."""
+    wish = {"worker": worker, "models": ["ishigami"], "max_instances": batch}
+    answer = client.exchange(**done(worker, granted), wish=wish)
+    assert all(verdict["verdict"] == "accepted" for verdict in answer["verdicts"])
+    following: Json = answer["next"]
+    return following
+
+
+def done(worker: Json, granted: Json) -> Json:
+    """Return what is posted about a lease, as if its simulations had taken no time."""
     results = [
         {
             "instance": instance["id"],
@@ -90,17 +106,18 @@ def finish(client: Client, worker: Json, granted: Json) -> int:
         }
         for instance in granted["instances"]
     ]
-    verdicts = client.post_results(
-        lease=granted["id"], fence=granted["fence"], worker=worker["id"], results=results
-    )
-    assert all(verdict["verdict"] == "accepted" for verdict in verdicts)
-    return len(results)
+    return {
+        "lease": granted["id"],
+        "fence": granted["fence"],
+        "worker": worker["id"],
+        "results": results,
+    }
 
 
 def throughput(
     running: Running, *, processes: int, batch: int, seconds: float, database: Sequence[int] = ()
 ) -> Throughput:
-    """Measure workers that lease `batch` instances and post their results, again and again.
+    """Measure workers that post the results of `batch` instances and lease the next ones.
 
     Args:
         running: a coordinator with enough to do.
@@ -154,10 +171,13 @@ def work(
     """
     worker = {"id": name, "host": "here", "versions": {}}
     with Client(url, TOKEN) as client:
+        granted = lease(client, worker, batch)
+        assert granted is not None
         for _ in range(WARM_UP):
-            complete(client, worker, batch)
+            granted = finish_and_lease(client, worker, granted, batch)
         ready.wait(START_SECONDS)
         before, finished, end = time.process_time(), 0, time.monotonic() + seconds
         while time.monotonic() < end:
-            finished += complete(client, worker, batch)
+            finished += len(granted["instances"])
+            granted = finish_and_lease(client, worker, granted, batch)
         reports.put((finished, time.process_time() - before))

@@ -48,7 +48,7 @@ class Target:
         sign = ">=" if self.at_least else "<="
         verdict = "met" if self.met else "NOT MET"
         return (
-            f"  {self.what:52s} {self.figure:9.1f} {self.unit:8s}"
+            f"  {self.what:58s} {self.figure:9.1f} {self.unit:8s}"
             f" target {sign} {self.bound:g} {self.unit}: {verdict}"
         )
 

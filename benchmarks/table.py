@@ -65,8 +65,21 @@ def targets(
         waits: seconds that leases took, by what was going on.
         study: what was found about a study of a million instances.
     """
-    best = max(rival.throughput.per_second for rival in rivals if not rival.lacks)
+    durable = [rival for rival in rivals if not rival.lacks]
     rate = on_sqlite[BATCH].per_second
+    beside = [
+        Target(
+            what=f"rate at batch {BATCH} beside the best durable rival's, {which}",
+            figure=rate / max(rival.throughput.per_second for rival in others),
+            bound=3.0,
+            unit="times",
+            at_least=True,
+        )
+        for which, others in (
+            ("any batch", durable),
+            (f"up to {BATCH}", [rival for rival in durable if rival.batch <= BATCH]),
+        )
+    ]
     polled = [
         Target(
             what=f"p99 of a lease, 50 workers polling {what}",
@@ -78,13 +91,7 @@ def targets(
         for what, seconds in waits.items()
     ]
     return [
-        Target(
-            what=f"rate at batch {BATCH} beside the best durable rival's",
-            figure=rate / best,
-            bound=3.0,
-            unit="times",
-            at_least=True,
-        ),
+        *beside,
         Target(
             what=f"lease and complete on SQLite, batch {BATCH}",
             figure=rate,

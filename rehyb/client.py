@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
+import httpx2
+
 from rehyb.connection import DEFAULT_URL as DEFAULT_URL
 from rehyb.connection import Json as Json
 from rehyb.connection import body_of, error_of
@@ -138,7 +140,7 @@ class Client(Sessions):
 
         Args:
             study_id: which study.
-            state: "pending", "leased", "done", "ok" or "failed".
+            state: "pending", "leased", "done", "ok", "failed" or "quarantined".
             outcome: only those with this outcome.
             after: `next` of the page before.
             limit: how many, 1000 at most.
@@ -204,8 +206,7 @@ class Client(Sessions):
         body = {"worker": worker, "models": list(models), "max_instances": max_instances}
         response = self._request("POST", "/v1/leases", body=body)
         if response.status_code == HTTPStatus.NO_CONTENT:
-            seconds = response.headers.get("Retry-After", "")
-            self.retry_after = float(seconds) if seconds.isdigit() else 1.0
+            self._note_pause(response)
             return None
         return body_of(response)
 
@@ -225,14 +226,47 @@ class Client(Sessions):
         Refused results do not raise: their verdict says so, and the others are taken.
         """
         body = {"lease": lease, "fence": fence, "worker": worker, "results": list(results)}
+        verdicts: list[Json] = self._post_results(body)["verdicts"]
+        return verdicts
+
+    def exchange(
+        self,
+        *,
+        lease: str,
+        fence: int,
+        worker: str,
+        results: Sequence[Mapping[str, Any]],
+        wish: Mapping[str, Any],
+    ) -> Json:
+        """Post results and lease the next instances in one request.
+
+        Args:
+            lease: the lease that the results belong to.
+            fence: the lease's.
+            worker: who computed them.
+            results: as for `post_results`.
+            wish: {"worker", "models", "max_instances"}, as for `lease`.
+
+        Returns:
+            {"verdicts", "next", "misfit"}: as `post_results` and `lease` return them, and why there
+            is no next lease although there is work (None: there is a lease, or no work).
+        """
+        body = {"lease": lease, "fence": fence, "worker": worker, "results": list(results)}
+        return self._post_results({**body, "next": dict(wish)})
+
+    def _post_results(self, body: Json) -> Json:
         response = self._send("POST", "/v1/results", body=body)
         if response.status_code not in (HTTPStatus.OK, HTTPStatus.CONFLICT):
             raise error_of(response)
         answer = body_of(response)
         if "verdicts" not in answer:
             raise error_of(response)
-        verdicts: list[Json] = answer["verdicts"]
-        return verdicts
+        self._note_pause(response)
+        return answer
+
+    def _note_pause(self, response: httpx2.Response) -> None:
+        seconds = response.headers.get("Retry-After", "")
+        self.retry_after = float(seconds) if seconds.isdigit() else 1.0
 
 
 def _is_over(progress: Json) -> bool:

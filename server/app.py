@@ -15,7 +15,7 @@ from server.checking import CHECKS
 from server.compression import Gunzip
 from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
-from server.metrics import Metrics
+from server.metrics import Clock, Metrics
 from server.routes import (
     close_loops,
     health,
@@ -35,6 +35,7 @@ from server.routes.common import clock
 from server.settings import Settings
 from server.store import close_loops as close_loop_store
 from server.store import comparisons, create_engine, queue, require_current, reruns, tokens
+from server.store.turns import Turns
 
 log = logging.getLogger(__name__)
 
@@ -49,11 +50,15 @@ def create_app(settings: Settings) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         engine = app.state.engine
         require_current(engine)
-        queue.excuse_silence(engine, now=clock(), ttl=settings.lease_seconds)
-        close_loop_store.excuse_silence(engine, now=clock(), ttl=settings.lease_seconds)
+        queue.excuse_silence(engine, now=app.state.clock(), ttl=settings.lease_seconds)
+        close_loop_store.excuse_silence(engine, now=app.state.clock(), ttl=settings.lease_seconds)
         reaper = asyncio.create_task(
             _reap_for_ever(
-                engine, app.state.metrics, settings.lease_seconds, settings.stranded_seconds
+                engine,
+                app.state.metrics,
+                app.state.clock,
+                ttl=settings.lease_seconds,
+                patience=settings.stranded_seconds,
             )
         )
         try:
@@ -62,6 +67,7 @@ def create_app(settings: Settings) -> FastAPI:
             reaper.cancel()
             with suppress(asyncio.CancelledError):
                 await reaper
+            app.state.turns.close()
             engine.dispose()
 
     # The interactive documentation loads scripts from elsewhere; a lab may have no internet.
@@ -70,7 +76,9 @@ def create_app(settings: Settings) -> FastAPI:
     )
     app.state.settings = settings
     app.state.engine = create_engine(settings.database_url)
-    app.state.metrics = Metrics(app.state.engine, lambda: clock())
+    app.state.turns = Turns(app.state.engine)
+    app.state.clock = clock
+    app.state.metrics = Metrics(app.state.engine, lambda: float(app.state.clock()))
     app.state.sweep = leases.Sweep()
     #: So many uploaded sessions are looked at at once.
     app.state.looks = asyncio.Semaphore(CHECKS)
@@ -93,7 +101,8 @@ def create_app(settings: Settings) -> FastAPI:
         metrics,
         health,
     ):
-        app.include_router(noun.router)
+        # As they are: to include them costs every request a second search.
+        app.router.routes.extend(noun.router.routes)
     app.add_middleware(Gunzip, limit=MAX_BODY_BYTES)
     app.add_middleware(BodyLimit, large=settings.session_bytes)
     app.add_middleware(
@@ -104,7 +113,9 @@ def create_app(settings: Settings) -> FastAPI:
     return app
 
 
-async def _reap_for_ever(engine: Engine, measures: Metrics, ttl: float, patience: float) -> None:
+async def _reap_for_ever(
+    engine: Engine, measures: Metrics, clock: Clock, *, ttl: float, patience: float
+) -> None:
     """Take back expired leases, and rows that wait for machines that are gone, unasked."""
     started = monotonic()
     while True:

@@ -105,7 +105,8 @@ def _status(error: CoordinatorError) -> HTTPStatus:
 def _fault(item: Mapping[str, Any]) -> dict[str, str]:
     """Return one validation error as an entry of `errors`."""
     if item["type"] == "json_invalid":
-        why = f"the body is not JSON: {item['ctx']['error']} at character {item['loc'][1]}"
+        where = "".join(f" at character {place}" for place in item["loc"][1:])
+        why = f"the body is not JSON: {item['ctx']['error']}{where}"
         return {"pointer": "", "detail": why}
     return {"pointer": _pointer(item["loc"]), "detail": item["msg"]}
 

@@ -4,7 +4,7 @@ import logging
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from http import HTTPStatus
 from random import Random
@@ -14,6 +14,7 @@ from rehyb.client import Client
 from rehyb.errors import Conflict, Invalid, NotFound, RehybError, ServerError, Unreachable
 from worker.backoff import full_jitter
 from worker.desk import Desk
+from worker.leases import Lease, Ticket, lease_size
 from worker.pool import Finished, Pool
 from worker.spool import Batch, Spool
 
@@ -23,9 +24,6 @@ log = logging.getLogger(__name__)
 TICK_SECONDS = 0.2
 #: Results wait at most this long for company before they are posted.
 POST_SECONDS = 0.5
-#: Work to ask for at once: little enough that the last rows of a study are spread over all
-#: workers, and much enough that asking does not matter.
-LEASE_SECONDS = 2.0
 #: Weight of the newest instance in the running mean of how long one takes.
 NEWEST_WEIGHT = 0.2
 #: A draining worker stays this long for a coordinator that is away; then the results stay on disk.
@@ -35,44 +33,6 @@ FAREWELL_SECONDS = 10.0
 TRIES = 5
 #: Seconds after which what was set aside is posted again; the next worker that starts does so too.
 ASIDE_SECONDS = 600.0
-
-
-@dataclass(kw_only=True)
-class _Lease:
-    """Instances this worker has promised to compute."""
-
-    id: str
-    fence: int
-    ttl_seconds: float
-    renew_at: float
-    #: Instances without a result.
-    open: set[Any] = field(default_factory=set)
-    #: Some of it will not be computed here, so the coordinator is to be told.
-    given_up: bool = False
-
-    def extend(self, now: float) -> None:
-        self.renew_at = now + self.ttl_seconds / 3.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Ticket:
-    lease: _Lease
-    instance: Mapping[str, Any]
-
-
-def lease_size(seconds_each: float | None, processes: int, batch: int) -> int:
-    """Return how many instances to ask for at once.
-
-    Args:
-        seconds_each: how long one instance takes; None before the first is done.
-        processes: how many run at the same time.
-        batch: the most to ask for.
-    """
-    if seconds_each is None:
-        return min(processes, batch)
-    if seconds_each * batch <= LEASE_SECONDS * processes:
-        return batch
-    return max(1, int(LEASE_SECONDS * processes / seconds_each))
 
 
 class Agent:
@@ -116,8 +76,8 @@ class Agent:
         self._left = max_instances
         self._desk = desk
         self._misfit = ""
-        self._leases: list[_Lease] = []
-        self._queue: deque[_Ticket] = deque()
+        self._leases: list[Lease] = []
+        self._queue: deque[Ticket] = deque()
         self._requests_to_stop = 0
         self._draining_since: float | None = None
         self._failures = 0
@@ -240,13 +200,12 @@ class Agent:
                 if now >= self._bring_back_at and (waiting := self._spool.bring_back()):
                     log.info("trying again to post %d results that were set aside", waiting)
                 while batch := self._spool.next_batch():
-                    self._post(batch)
+                    self._post(batch, wish=self._wish(now))
                 self._post_at = now + POST_SECONDS
                 self._release()
             self._renew(now)
-            wanted = self._pool.processes - self._lent
-            if self._draining_since is None and len(self._queue) < wanted:
-                self._lease(now)
+            if wish := self._wish(now):
+                self._lease(wish, now)
         except (Unreachable, ServerError) as error:
             self._failures += 1
             wait = full_jitter(self._failures, self._rng)
@@ -258,13 +217,30 @@ class Agent:
                 log.info("the coordinator answers again")
             self._failures = 0
 
-    def _post(self, batch: Batch, *, hopeless: bool = False) -> None:
-        """Post a batch; `hopeless`: the coordinator has failed too often at what it is part of."""
+    def _post(
+        self, batch: Batch, *, wish: Mapping[str, Any] | None = None, hopeless: bool = False
+    ) -> None:
+        """Post a batch, and lease what is wished for in the same request.
+
+        `hopeless`: the coordinator has failed too often at what the batch is part of.
+        """
+        posted: dict[str, Any] = {
+            "lease": batch.lease,
+            "fence": batch.fence,
+            "worker": batch.worker,
+            "results": batch.results,
+        }
+        answer: Mapping[str, Any]
         try:
-            verdicts = self._client.post_results(
-                lease=batch.lease, fence=batch.fence, worker=batch.worker, results=batch.results
-            )
+            if wish is None:
+                answer = {"verdicts": self._client.post_results(**posted)}
+            else:
+                answer = self._client.exchange(**posted, wish=wish)
         except Invalid as error:
+            if wish is not None:
+                # An older coordinator grants no wishes.
+                self._post(batch, hopeless=hopeless)
+                return
             if len(batch.results) > 1:
                 # One of them spoils the request for the others.
                 self._post_one_by_one(batch, hopeless)
@@ -296,7 +272,7 @@ class Agent:
         self._tries.pop(batch.keys[0], None)
         # Whatever the verdict, it is final: posting the same result again would not change it.
         self._spool.acknowledge(batch.keys)
-        for verdict in verdicts:
+        for verdict in answer["verdicts"]:
             if verdict["verdict"] not in ("accepted", "duplicate"):
                 log.warning(
                     "instance %s: %s: %s",
@@ -307,6 +283,8 @@ class Agent:
         for lease in self._leases:
             if lease.id == batch.lease:
                 lease.extend(time.monotonic())
+        if wish is not None:
+            self._take(answer.get("next"), answer.get("misfit"), time.monotonic())
 
     def _post_one_by_one(self, batch: Batch, hopeless: bool) -> None:
         for key, result in zip(batch.keys, batch.results, strict=True):
@@ -337,40 +315,49 @@ class Agent:
             return False
         return True
 
-    def _lease(self, now: float) -> None:
-        if now < self._ask_at or self._left == 0:
-            return
+    def _wish(self, now: float) -> Mapping[str, Any] | None:
+        """Return what to ask for now; None if there is enough to do, or it is too early."""
+        wanted = self._pool.processes - self._lent
+        enough = self._draining_since is not None or len(self._queue) >= wanted
+        if enough or now < self._ask_at or self._left == 0:
+            return None
         size = lease_size(self._seconds_each, self._pool.processes, self._batch)
         if self._left is not None:
             size = min(size, self._left)
+        return {"worker": self._worker, "models": self._models, "max_instances": size}
+
+    def _lease(self, wish: Mapping[str, Any], now: float) -> None:
         try:
-            answer = self._client.lease(
-                worker=self._worker, models=self._models, max_instances=size
-            )
+            self._take(self._client.lease(**wish), None, now)
         except Conflict as error:
+            self._take(None, str(error), now)
+
+    def _take(self, granted: Mapping[str, Any] | None, misfit: str | None, now: float) -> None:
+        """Queue the instances of a new lease; wait for a while if there is none."""
+        if misfit is not None:
             # There is work, but not for this machine as it is: once in its log is enough.
-            if str(error) != self._misfit:
-                log.warning("%s", error)
-            self._misfit, answer = str(error), None
-        if answer is None:
+            if misfit != self._misfit:
+                log.warning("%s", misfit)
+            self._misfit = misfit
+        if granted is None:
             self._ask_at = now + self._client.retry_after * self._rng.uniform(0.5, 1.0)
             return
         if self._left is not None:
-            self._left -= len(answer["instances"])
-        lease = _Lease(
-            id=answer["id"],
-            fence=answer["fence"],
-            ttl_seconds=answer["ttl_seconds"],
-            renew_at=now + answer["ttl_seconds"] / 3.0,
-            open={instance["id"] for instance in answer["instances"]},
+            self._left -= len(granted["instances"])
+        lease = Lease(
+            id=granted["id"],
+            fence=granted["fence"],
+            ttl_seconds=granted["ttl_seconds"],
+            renew_at=now + granted["ttl_seconds"] / 3.0,
+            open={instance["id"] for instance in granted["instances"]},
         )
         self._leases.append(lease)
         self._queue.extend(
-            _Ticket(lease=lease, instance=instance) for instance in answer["instances"]
+            Ticket(lease=lease, instance=instance) for instance in granted["instances"]
         )
 
     @staticmethod
-    def _give_up(tickets: Iterable[_Ticket]) -> None:
+    def _give_up(tickets: Iterable[Ticket]) -> None:
         for ticket in tickets:
             ticket.lease.open.discard(ticket.instance["id"])
             ticket.lease.given_up = True

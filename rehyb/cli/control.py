@@ -111,16 +111,20 @@ def delete(study: Id, url: Url = None, token: Token = None, as_json: AsJson = Fa
 def failures(
     study: Id,
     outcome: Annotated[str | None, typer.Option(help="Only failures of this name.")] = None,
+    quarantined: Annotated[
+        bool, typer.Option("--quarantined", help="Only what went wrong on host after host.")
+    ] = False,
     url: Url = None,
     token: Token = None,
     as_json: AsJson = False,
 ) -> None:
     """List a study's failed instances: where, why, and who reported it."""
+    state = "quarantined" if quarantined else "failed"
     found: list[Json] = []
     after: str | None = None
     with Client(url, token) as client:
         while True:
-            page = client.instances(study, state="failed", outcome=outcome, after=after, limit=PAGE)
+            page = client.instances(study, state=state, outcome=outcome, after=after, limit=PAGE)
             found += page["instances"]
             after = page["next"]
             if after is None:

@@ -19,6 +19,8 @@ class Lease:
     instances: tuple[tuple[int, int], ...]
     #: The kind of machine its worker was when it was granted.
     host_class: str | None = None
+    #: Where its worker ran when it last asked for work.
+    host: str = ""
     #: Whether it asks for second opinions on results that are there already.
     compares: bool = False
 

@@ -1,7 +1,7 @@
 """What becomes of a posted result: accepted, duplicate, conflict, unknown or invalid."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -70,6 +70,7 @@ def judge(
     outputs: Sequence[str],
     host: str | None = None,
     host_class: str | None = None,
+    at_work: Callable[[], Collection[str]] = tuple,
 ) -> Judgement:
     """Judge one report on an instance.
 
@@ -81,6 +82,7 @@ def judge(
         outputs: the outputs an "ok" result must carry.
         host: the machine the report comes from.
         host_class: the class it belonged to when it took the lease.
+        at_work: returns the hosts of that class that work on the study now.
     """
 
     def say(verdict: str, detail: str = "") -> Verdict:
@@ -95,7 +97,9 @@ def judge(
         if not held:
             return Judgement(verdict=verdict)
         # Otherwise a worker that only talks nonsense could lease and return an instance for ever.
-        counted, final = after_attempt(slot, cause="invalid", reason=fault, host=host)
+        counted, final = after_attempt(
+            slot, cause="invalid", reason=fault, host=host, at_work=at_work()
+        )
         return Judgement(verdict=verdict, slot=counted, result=final)
     result = as_result(report, slot.row, slot.position, outputs)
     if result.outcome in RETRIED and not held:
@@ -116,10 +120,12 @@ def judge(
         cause=result.outcome,
         reason=result.reason,
         host=host,
+        at_work=at_work(),
         state=result.state,
         wall_seconds=result.wall_seconds,
     )
-    tries = f"attempt {counted.attempts[result.outcome]} of {BUDGETS[result.outcome]}"
+    count, budget = counted.attempts[result.outcome], BUDGETS[result.outcome]
+    tries = f"attempt {count} of {max(count, budget)}"
     return Judgement(verdict=say("accepted", tries), slot=counted, result=final)
 
 

@@ -13,8 +13,12 @@ from server.store import instances
 router = APIRouter(prefix="/v1/studies/{study_id}/instances", tags=["instances"])
 
 State = Annotated[
-    Literal["pending", "leased", "done", "ok", "failed"] | None,
-    Query(description="Only these; failed: done, but not ok.", examples=["failed"]),
+    Literal["pending", "leased", "done", "ok", "failed", "quarantined"] | None,
+    Query(
+        description="Only these; failed: done, but not ok; quarantined: failed, since too often "
+        "it came back without a result.",
+        examples=["failed"],
+    ),
 ]
 Outcome = Annotated[str | None, Query(pattern=r"^[a-z_]{1,40}$", examples=["slipped"])]
 After = Annotated[
@@ -22,6 +26,9 @@ After = Annotated[
     Query(pattern=r"^\d{1,18}:\d{1,9}$", description="`next` of the page before", examples=["7:3"]),
 ]
 Limit = Annotated[int, Query(ge=1, le=1000, examples=[100])]
+Replay = Annotated[
+    bool, Query(description="Each with all that it takes to replay it.", examples=[True])
+]
 Row = Annotated[int, Path(ge=0, le=MAX_INTEGER, examples=[0])]
 Position = Annotated[int, Path(ge=0, le=2**31 - 1, examples=[3])]
 
@@ -34,6 +41,7 @@ def listing(
     outcome: Outcome = None,
     after: After = None,
     limit: Limit = 100,
+    replay: Replay = False,
 ) -> dict[str, Any]:
     """List instances of the rows begun so far, by row and position, a page at a time."""
     row, position = (-1, -1) if after is None else map(int, after.split(":"))
@@ -44,7 +52,12 @@ def listing(
     )
     last = found[-1] if len(found) == limit else None
     return {
-        "instances": [_line(study_id, item) for item in found],
+        "instances": [
+            bundle(study_id, item["row"], item["position"], store)
+            if replay
+            else _line(study_id, item)
+            for item in found
+        ],
         "next": None if last is None else f"{last['row']}:{last['position']}",
     }
 
@@ -66,6 +79,7 @@ def bundle(study_id: Id, row: Row, position: Position, store: Store) -> dict[str
         "parameters": parameters(plan, row)[position],
         "state": found.state,
         "attempts": dict(found.attempts),
+        "hosts": dict(found.hosts),
         "host_class": found.host_class,
         "identity": found.study.identity,
         "result": found.result,

@@ -1,30 +1,33 @@
 """Leases: ask for work, keep it, give it back."""
 
+import asyncio
 import logging
+from functools import partial
 from http import HTTPStatus
 from math import inf
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Request, Response
 from pydantic import Field, StringConstraints
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError
 from server.logic.study import instance_id, parameters
+from server.metrics import Metrics
 from server.routes.common import (
     MAX_INTEGER,
     Body,
     Configured,
+    Direct,
     LeaseId,
-    Measures,
     Name,
     Now,
     Store,
     as_json,
     example,
 )
-from server.store import queue
-from server.store.queue import Grant
+from server.store import offers, queue
+from server.store.offers import Grant, Misfit, Wish
 
 log = logging.getLogger(__name__)
 
@@ -75,66 +78,65 @@ class Sweep:
     def __init__(self) -> None:
         self._last = -inf
 
-    def __call__(self, engine: Engine, *, now: float) -> int:
+    async def __call__(self, engine: Engine, *, now: float) -> int:
         """Return how many instances came back; 0 if the last time was just before."""
         if self._last <= now < self._last + SWEEP_SECONDS:
             return 0
         self._last = now
-        return queue.reap(engine, now=now)
+        return await asyncio.to_thread(queue.reap, engine, now=now)
 
 
-async def _sweep(request: Request) -> Sweep:
-    sweep: Sweep = request.app.state.sweep
-    return sweep
-
-
-@router.post("", status_code=201, response_model=None)
-def lease(
-    body: LeaseBody,
-    store: Store,
-    settings: Configured,
-    now: Now,
-    measures: Measures,
-    sweep: Annotated[Sweep, Depends(_sweep)],
-) -> Response:
+async def lease(body: LeaseBody, request: Request) -> Response:
     """Lease instances of one study; 204: nothing to do now; 409: nothing that the worker fits."""
-    measures.lost.inc(sweep(store, now=now))
-    try:
-        with measures.lease_seconds.time():
-            grant = queue.grant(
-                store,
-                worker=body.worker.id,
-                host=body.worker.host,
-                versions=body.worker.versions,
-                models=body.models,
-                max_instances=body.max_instances,
-                now=now,
-                ttl=settings.lease_seconds,
-                tags=body.worker.tags,
-            )
-    except ConflictError:
-        measures.misfits.inc()
-        raise
-    if grant is None:
+    state, wish = request.app.state, wish_in(body)
+    now, ttl = state.clock(), state.settings.lease_seconds
+    state.metrics.lost.inc(await state.sweep(state.engine, now=now))
+    with state.metrics.lease_seconds.time():
+        found = await state.turns(partial(offers.offer, wish=wish, now=now, ttl=ttl))
+    if isinstance(found, Misfit):
+        state.metrics.misfits.inc()
+        raise ConflictError(found.why)
+    if found is None:
         return Response(status_code=204, headers={"Retry-After": str(RETRY_AFTER_SECONDS)})
+    return as_json(granted(found, ttl, state.metrics), HTTPStatus.CREATED)
+
+
+router.add_api_route(
+    "", lease, methods=["POST"], status_code=201, response_model=None, route_class_override=Direct
+)
+
+
+def wish_in(body: LeaseBody) -> Wish:
+    """Return what a worker asks for as the store knows it."""
+    return Wish(
+        worker=body.worker.id,
+        host=body.worker.host,
+        versions=body.worker.versions,
+        models=body.models,
+        max_instances=body.max_instances,
+        tags=body.worker.tags,
+    )
+
+
+def granted(grant: Grant, ttl: float, measures: Metrics) -> dict[str, Any]:
+    """Return a new lease as its worker is told of it."""
     measures.leases.inc()
     log.info(
         "lease granted",
         extra={
             "study": grant.study.id,
             "lease": grant.lease.id,
-            "worker": body.worker.id,
+            "worker": grant.lease.worker,
             "instances": len(grant.lease.instances),
         },
     )
-    granted = {
+    return {
         "id": grant.lease.id,
         "fence": grant.lease.fence,
         "expires_at": grant.lease.expires_at,
-        "ttl_seconds": settings.lease_seconds,
+        "ttl_seconds": ttl,
         "instances": _instances(grant),
     }
-    return as_json(granted, HTTPStatus.CREATED)
 
 
 @router.post("/{lease_id}/renew")
@@ -157,7 +159,7 @@ def release(lease_id: LeaseId, body: FenceBody, store: Store, now: Now) -> dict[
 def _instances(grant: Grant) -> list[dict[str, Any]]:
     """Return the leased instances with their parameters, which no table holds."""
     plan = grant.study.plan
-    rows = {row: parameters(plan, row) for row, _ in grant.lease.instances}
+    rows = {row: parameters(plan, row) for row in {row for row, _ in grant.lease.instances}}
     return [
         {
             "id": instance_id(grant.study.id, row, position),

@@ -5,32 +5,27 @@ import io
 import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from http import HTTPStatus
 from importlib.util import find_spec
 from itertools import chain, islice
 from typing import Annotated, Any
 
-from fastapi import APIRouter, HTTPException, Response
+from fastapi import APIRouter, HTTPException, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import Field, StringConstraints
 
 from analysis.files.parquet import parquet
 from server.logic.table import header, lines
-from server.logic.verdicts import Report
-from server.routes.common import (
-    Body,
-    Configured,
-    Id,
-    Measures,
-    Name,
-    Now,
-    Store,
-    as_json,
-    example,
-)
-from server.routes.leases import Fence
+from server.logic.verdicts import Report, Verdict
+from server.metrics import Metrics
+from server.routes.common import Body, Direct, Id, Name, Store, as_json, example
+from server.routes.leases import RETRY_AFTER_SECONDS, Fence, LeaseBody, granted, wish_in
 from server.routes.studies import show
-from server.store import results, studies
+from server.settings import Settings
+from server.store import offers, results, studies
+from server.store.offers import ELSEWHERE, Grant, Misfit
+from server.store.results import Post
 from sim.catalogue import MODELS
 
 log = logging.getLogger(__name__)
@@ -71,22 +66,67 @@ class ResultsBody(Body):
                 "wall_seconds": 0.31,
             }
         ],
+        next={
+            "worker": {"id": "pc7-4711", "host": "pc7", "versions": {"mujoco": "4.0.1"}},
+            "models": ["elbow"],
+            "max_instances": 4,
+        },
     )
 
     lease: Name
     fence: Fence
     worker: Name
     results: list[ResultBody] = Field(min_length=1, max_length=1000)
+    #: Instances wanted next, as at /v1/leases: the answer brings them along.
+    next: LeaseBody | None = None
 
 
-@router.post("/results", response_model=dict[str, Any])
-def post(
-    body: ResultsBody, store: Store, settings: Configured, now: Now, measures: Measures
-) -> Response:
-    """Take in results; 409 if any was refused, and its verdict says why."""
-    verdicts = results.post(
-        store,
-        [
+async def post(body: ResultsBody, request: Request) -> Response:
+    """Take in results; 409 if any was refused, and its verdict says why.
+
+    With `next`, lease further instances in the same breath: `next` of the answer is the lease, null
+    if there is nothing to do now, and `misfit` says why if there is nothing that the worker fits.
+    """
+    state = request.app.state
+    now, ttl = state.clock(), state.settings.lease_seconds
+    posted = _posted(body, state.settings)
+    answer: dict[str, Any] = {}
+    headers: dict[str, str] = {}
+    if body.next is None:
+        verdicts, _ = await state.turns(partial(results.take, posted=posted, now=now, ttl=ttl))
+    else:
+        asked = {"wish": wish_in(body.next), "now": now, "ttl": ttl}
+        state.metrics.lost.inc(await state.sweep(state.engine, now=now))
+        with state.metrics.lease_seconds.time():
+            verdicts, found = await state.turns(partial(results.exchange, posted=posted, **asked))
+            if found is ELSEWHERE:
+                found = await state.turns(partial(offers.offer, **asked))
+        misfit = found.why if isinstance(found, Misfit) else None
+        state.metrics.misfits.inc(misfit is not None)
+        answer["misfit"] = misfit
+        answer["next"] = granted(found, ttl, state.metrics) if isinstance(found, Grant) else None
+        if answer["next"] is None:
+            headers["Retry-After"] = str(RETRY_AFTER_SECONDS)
+    _note(body, verdicts, state.metrics)
+    answer["verdicts"] = [
+        {"instance": v.instance, "verdict": v.verdict, "detail": v.detail} for v in verdicts
+    ]
+    refused = any(verdict.refused for verdict in verdicts)
+    return as_json(answer, HTTPStatus.CONFLICT if refused else HTTPStatus.OK, headers)
+
+
+router.add_api_route(
+    "/results",
+    post,
+    methods=["POST"],
+    response_model=dict[str, Any],
+    route_class_override=Direct,
+)
+
+
+def _posted(body: ResultsBody, settings: Settings) -> Post:
+    return Post(
+        reports=[
             Report(
                 instance=result.instance,
                 outcome=result.outcome,
@@ -97,14 +137,16 @@ def post(
             )
             for result in body.results
         ],
-        lease_id=body.lease,
+        lease=body.lease,
         fence=body.fence,
         worker=body.worker,
-        now=now,
-        ttl=settings.lease_seconds,
         share=settings.recompute_share,
         tolerance=settings.recompute_tolerance,
     )
+
+
+def _note(body: ResultsBody, verdicts: Sequence[Verdict], measures: Metrics) -> None:
+    """Count what came, and log what was refused."""
     for said, count in Counter(verdict.verdict for verdict in verdicts).items():
         measures.verdicts.labels(said).inc(count)
     for result, verdict in zip(body.results, verdicts, strict=True):
@@ -121,9 +163,6 @@ def post(
                     "worker": body.worker,
                 },
             )
-    told = [{"instance": v.instance, "verdict": v.verdict, "detail": v.detail} for v in verdicts]
-    refused = any(verdict.refused for verdict in verdicts)
-    return as_json({"verdicts": told}, HTTPStatus.CONFLICT if refused else HTTPStatus.OK)
 
 
 @router.get("/studies/{study_id}/results.csv")

@@ -6,13 +6,14 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from functools import partial
 from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection, Engine
 
+#: Writes what goes into columns of JSON: `json.dumps` would make a new encoder for every value.
+JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 #: Seconds a transaction waits for another process to finish writing.
 BUSY_SECONDS = 30
 
@@ -25,7 +26,7 @@ def create_engine(url: str) -> Engine:
     """
     engine = sa.create_engine(
         url,
-        json_serializer=partial(json.dumps, allow_nan=False, separators=(",", ":")),
+        json_serializer=JSON.encode,
         execution_options={"writer": threading.Lock()},
         pool_size=10,
         max_overflow=40,
@@ -34,7 +35,6 @@ def create_engine(url: str) -> Engine:
     )
     if engine.dialect.name == "sqlite":
         sa.event.listen(engine, "connect", _open_sqlite)
-        sa.event.listen(engine, "begin", _begin_sqlite)
     return engine
 
 
@@ -45,6 +45,7 @@ def reading(engine: Engine) -> Iterator[Connection]:
         if connection.dialect.name == "postgresql":
             connection = connection.execution_options(isolation_level="REPEATABLE READ")
         with connection.begin():
+            _begin(connection, "BEGIN")
             yield connection
 
 
@@ -60,6 +61,8 @@ def writing(engine: Engine) -> Iterator[Connection]:
     with turn, engine.connect() as connection:
         connection = connection.execution_options(immediate=True)
         with connection.begin():
+            # It takes the write lock now and need never start again.
+            _begin(connection, "BEGIN IMMEDIATE")
             yield connection
 
 
@@ -72,7 +75,7 @@ def insert(connection: Connection, table: sa.Table) -> postgresql.Insert | sqlit
 
 def _open_sqlite(connection: Any, _record: Any) -> None:
     """Set up one SQLite connection."""
-    # sqlite3 would open transactions by its own lights; `_begin_sqlite` does it instead.
+    # sqlite3 would open transactions by its own lights; `_begin` does it instead.
     connection.isolation_level = None
     connection.execute(f"PRAGMA busy_timeout = {BUSY_SECONDS * 1000}")
     _use_write_ahead_log(connection)
@@ -94,9 +97,12 @@ def _use_write_ahead_log(connection: Any) -> None:
             time.sleep(0.02)
 
 
-def _begin_sqlite(connection: Connection) -> None:
-    """Begin a transaction; a writing one takes the write lock now and need never start again."""
-    immediate = connection.get_execution_options().get("immediate", False)
-    # Straight to the driver: what SQLAlchemy does besides costs ten times as much.
-    raw: Any = connection.connection.dbapi_connection
-    raw.execute("BEGIN IMMEDIATE" if immediate else "BEGIN")
+def _begin(connection: Connection, command: str) -> None:
+    """Begin a transaction on SQLite; PostgreSQL's driver does so by itself.
+
+    No listener to SQLAlchemy's own event, since with one every statement looks for listeners; and
+    straight to the driver, since what SQLAlchemy does besides costs ten times as much.
+    """
+    if connection.dialect.name == "sqlite":
+        raw: Any = connection.connection.dbapi_connection
+        raw.execute(command)

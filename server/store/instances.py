@@ -1,6 +1,6 @@
 """Instances one by one: where they stand, what became of them, and all that it takes to replay."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,9 +8,10 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine, Row
 
 from server.errors import NotFoundError
+from server.logic.slots import BUDGETS
 from server.logic.study import Study
 from server.store.engine import reading
-from server.store.ledger import Place
+from server.store.ledger import Place, attempts_in
 from server.store.schema import (
     comparisons,
     conflicts,
@@ -22,7 +23,7 @@ from server.store.schema import (
 from server.store.studies import find
 
 #: What a listing can be narrowed to: the states of an instance, and how it ended.
-STATES = ("pending", "leased", "done", "ok", "failed")
+STATES = ("pending", "leased", "done", "ok", "failed", "quarantined")
 
 _JOINED = instances.outerjoin(
     results,
@@ -56,7 +57,9 @@ class Account:
 
     study: Study
     state: str
+    #: How often it came back, by cause, and from which hosts.
     attempts: Mapping[str, int]
+    hosts: Mapping[str, Sequence[str]]
     host_class: str | None
     #: Its final result with who reported it and with which versions; None if it has none.
     result: Mapping[str, Any] | None
@@ -104,13 +107,15 @@ def page(
         query = query.where(results.c.outcome == "ok")
     elif state == "failed":
         query = query.where(results.c.outcome != "ok")
+    elif state == "quarantined":
+        query = query.where(results.c.outcome.in_(BUDGETS))
     elif state is not None:
         query = query.where(instances.c.state == state)
     if outcome is not None:
         query = query.where(results.c.outcome == outcome)
     with reading(engine) as connection:
         find(connection, study_id)
-        return [dict(row._mapping) for row in connection.execute(query)]
+        return [_listed(row) for row in connection.execute(query)]
 
 
 def account(engine: Engine, study_id: str, place: Place) -> Account:
@@ -128,10 +133,12 @@ def account(engine: Engine, study_id: str, place: Place) -> Account:
                 f"there is no row {row}, position {position}"
             )
         slot = connection.execute(_at(instances, study_id, place)).one_or_none()
+        attempts, hosts = attempts_in({} if slot is None else slot.attempts)
         return Account(
             study=study,
             state="waiting" if slot is None else slot.state,
-            attempts={} if slot is None else slot.attempts,
+            attempts=attempts,
+            hosts=hosts,
             host_class=None if slot is None else slot.host_class,
             result=_result(connection, study_id, place),
             conflicts=[_plain(r) for r in connection.execute(_at(conflicts, study_id, place))],
@@ -141,6 +148,11 @@ def account(engine: Engine, study_id: str, place: Place) -> Account:
                 for r in connection.execute(_at(comparisons, study_id, place))
             ],
         )
+
+
+def _listed(row: Any) -> dict[str, Any]:
+    attempts, hosts = attempts_in(row.attempts)
+    return {**row._mapping, "attempts": attempts, "hosts": hosts}
 
 
 def _at(table: sa.Table, study_id: str, place: Place) -> sa.Select[Any]:

@@ -8,14 +8,18 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection
 
-from server.logic.slots import Result, Slot
+from server.logic.slots import Result, Slot, may_try
 from server.logic.study import Study, drained
 from server.store import studies
+from server.store.bulk import Bulk
+from server.store.engine import JSON
 from server.store.schema import instances, results
 
 #: (row, position) of an instance in its study.
 Place = tuple[int, int]
 
+#: In a column of attempts, ends the names of lists of hosts.
+_ON = "_on"
 #: Values in one IN list: well under what any SQLite takes.
 _IN_LIST = 500
 
@@ -25,7 +29,9 @@ _SLOTS = sa.select(instances).where(
     instances.c.study_id == sa.bindparam("of_study"),
     instances.c.row.in_(sa.bindparam("rows", expanding=True)),
 )
-_HELD = _SLOTS.where(instances.c.lease_id == sa.bindparam("of_lease"))
+_ARE_HELD = _SLOTS.with_only_columns(instances.c.row).where(
+    instances.c.lease_id == sa.bindparam("of_lease")
+)
 _WAITING = (
     sa.select(instances)
     .where(
@@ -38,14 +44,41 @@ _WAITING = (
     .order_by(instances.c.row, instances.c.position)
     .limit(sa.bindparam("most"))
 )
-_WAITING_FOR_OTHERS = _WAITING.where(
-    sa.or_(instances.c.avoid.is_(None), instances.c.avoid != sa.bindparam("asking_host"))
+_TRIED_HERE = sa.and_(
+    instances.c.avoid.is_not(None),
+    sa.or_(
+        instances.c.avoid == sa.bindparam("asking_host"),
+        # No host's name holds the character that would escape others.
+        sa.cast(instances.c.attempts, sa.Text).contains(sa.bindparam("as_json"), escape="\x1f"),
+    ),
 )
-_INSERT = sa.insert(instances)
+_NEW_HERE = _WAITING.where(sa.not_(_TRIED_HERE))
+_AGAIN_HERE = _WAITING.where(_TRIED_HERE)
+#: Columns of the bulks.
+_SLOT = ("study_id", "row", "position", "state", "lease_id", "attempts", "host_class", "avoid")
+_RESULT = (
+    "study_id",
+    "seq",
+    "row",
+    "position",
+    "outcome",
+    "outputs",
+    "reason",
+    "state",
+    "wall_seconds",
+    "worker_id",
+    "received_at",
+)
 _UPDATE = sa.update(instances).where(
     instances.c.study_id == sa.bindparam("of_study"),
     instances.c.row == sa.bindparam("at_row"),
     instances.c.position == sa.bindparam("at_position"),
+)
+_INSERT = Bulk(sa.insert(instances), _SLOT)
+#: Most of what workers post changes no more than this.
+_MOVE = Bulk(
+    _UPDATE.values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")),
+    ("of_study", "at_row", "at_position", "to_state", "to_lease"),
 )
 _BIND = (
     sa.update(instances)
@@ -56,17 +89,7 @@ _BIND = (
     )
     .values(host_class=sa.bindparam("to_class"))
 )
-_COMPLETE = (
-    sa.select(instances.c.row)
-    .where(
-        instances.c.study_id == sa.bindparam("of_study"),
-        instances.c.row.in_(sa.bindparam("rows", expanding=True)),
-        instances.c.state == "done",
-    )
-    .group_by(instances.c.row)
-    .having(sa.func.count() == sa.bindparam("width"))
-)
-_APPEND = sa.insert(results)
+_APPEND = Bulk(sa.insert(results), _RESULT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,31 +100,37 @@ class Filed:
     worker: str
 
 
-def slots(connection: Connection, study: Study, places: Iterable[Place]) -> dict[Place, Slot]:
-    """Return where the instances at `places` stand, leaving out those of rows not begun."""
-    wanted = set(places)
+def rows(connection: Connection, study: Study, places: Iterable[Place]) -> dict[Place, Slot]:
+    """Return where all instances of the rows in which `places` lie stand, if they were begun."""
     found: dict[Place, Slot] = {}
-    for rows in chunks({row for row, _ in wanted}):
-        for row in connection.execute(_SLOTS, {"of_study": study.id, "rows": rows}):
-            if (row.row, row.position) in wanted:
-                found[row.row, row.position] = slot_of(row)
-    return found
-
-
-def held(
-    connection: Connection, study: Study, places: Iterable[Place], *, lease: str
-) -> dict[Place, Slot]:
-    """Return those of the instances at `places` that a lease holds now."""
-    found: dict[Place, Slot] = {}
-    for rows in chunks({row for row, _ in places}):
-        asked = {"of_study": study.id, "rows": rows, "of_lease": lease}
-        for row in connection.execute(_HELD, asked):
+    for chunk in chunks({row for row, _ in places}):
+        for row in connection.execute(_SLOTS, {"of_study": study.id, "rows": chunk}):
             found[row.row, row.position] = slot_of(row)
     return found
 
 
+def held(slots: Mapping[Place, Slot], *, lease: str) -> dict[Place, Slot]:
+    """Return those of `slots` that a lease holds."""
+    return {place: slot for place, slot in slots.items() if slot.lease == lease}
+
+
+def are_held(connection: Connection, study: Study, places: Iterable[Place], *, lease: str) -> bool:
+    """Say whether a lease holds any of the instances in the rows in which `places` lie."""
+    for chunk in chunks({row for row, _ in places}):
+        asked = {"of_study": study.id, "rows": chunk, "of_lease": lease}
+        if connection.scalar(_ARE_HELD, asked) is not None:
+            return True
+    return False
+
+
 def waiting(
-    connection: Connection, study: Study, *, host_class: str, avoided_by: str | None, limit: int
+    connection: Connection,
+    study: Study,
+    *,
+    host_class: str,
+    host: str,
+    at_work: Collection[str],
+    limit: int,
 ) -> list[Slot]:
     """Return up to `limit` instances of begun rows that wait for a machine, first rows first.
 
@@ -109,14 +138,19 @@ def waiting(
         connection: a transaction that has locked the study.
         study: which study.
         host_class: the kind of machine that asks; rows of another kind are left out.
-        avoided_by: the host that asks, if what went wrong there last is to be left to others.
+        host: the machine that asks; what went wrong there is left to others, as `may_try` has it.
+        at_work: the hosts of its kind that work on the study now.
         limit: how many.
     """
-    asked = {"of_study": study.id, "asking_class": host_class, "most": limit}
-    if avoided_by is None:
+    asked: dict[str, Any] = {"of_study": study.id, "asking_class": host_class, "most": limit}
+    if not set(at_work) - {host}:
         return [slot_of(row) for row in connection.execute(_WAITING, asked)]
-    asked["asking_host"] = avoided_by
-    return [slot_of(row) for row in connection.execute(_WAITING_FOR_OTHERS, asked)]
+    asked |= {"asking_host": host, "as_json": JSON.encode(host)}
+    found = [slot_of(row) for row in connection.execute(_NEW_HERE, asked)]
+    if len(found) < limit:
+        again = connection.execute(_AGAIN_HERE, asked | {"most": _IN_LIST})
+        found += [slot for slot in map(slot_of, again) if may_try(slot, host, at_work)]
+    return found[:limit]
 
 
 def hand_out(
@@ -138,8 +172,7 @@ def hand_out(
         unbound: those of their rows that any kind of machine could have taken.
         host_class: the kind of machine that all rows concerned now belong to.
     """
-    if begun:
-        connection.execute(_INSERT, [_row(study, slot) for slot in begun])
+    _INSERT(connection, [_row(study, slot) for slot in begun])
     update(connection, study, again)
     for rows in chunks(unbound):
         connection.execute(_BIND, {"of_study": study.id, "rows": rows, "to_class": host_class})
@@ -166,7 +199,7 @@ def settle(
     Args:
         connection: a transaction that has locked the study.
         study: as it was.
-        before: the slots as they were; may hold more than changed.
+        before: all slots of the rows concerned as they were.
         after: the slots that changed, as they are now: pending or done.
         filed: the final results, in the order they are to be numbered.
         now: seconds, UTC epoch.
@@ -176,7 +209,7 @@ def settle(
     """
     if not after:
         return study
-    update(connection, study, after.values())
+    _write_changes(connection, study, before, after)
     let_go = sum(before[place].state == "leased" for place in after)
     study = replace(study, leased=study.leased - let_go)
     if filed:
@@ -192,7 +225,7 @@ def settle(
             failures=dict(Counter(study.failures) + outcomes),
             # A row is complete with the last of its results, so no row is counted twice.
             rows_complete=study.rows_complete
-            + _complete(connection, study, {item.result.row for item in filed}),
+            + _complete({**before, **after}, {item.result.row for item in filed}),
             state="complete" if finished else study.state,
             finished_at=now if finished else study.finished_at,
         )
@@ -203,34 +236,48 @@ def settle(
 
 def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: float) -> None:
     """Append final results to the study's log."""
-    connection.execute(
-        _APPEND,
+    _APPEND(
+        connection,
         [
-            {
-                "study_id": study.id,
-                "seq": seq,
-                "row": item.result.row,
-                "position": item.result.position,
-                "outcome": item.result.outcome,
-                "outputs": item.result.outputs,
-                "reason": item.result.reason,
-                "state": item.result.state,
-                "wall_seconds": item.result.wall_seconds,
-                "worker_id": item.worker,
-                "received_at": now,
-            }
+            (
+                study.id,
+                seq,
+                item.result.row,
+                item.result.position,
+                item.result.outcome,
+                _json(item.result.outputs),
+                item.result.reason,
+                _json(item.result.state),
+                item.result.wall_seconds,
+                item.worker,
+                now,
+            )
             for seq, item in enumerate(filed, start=study.result_count + 1)
         ],
     )
 
 
-def _complete(connection: Connection, study: Study, rows: Collection[int]) -> int:
+def _json(value: Mapping[str, Any] | None) -> str | None:
+    return None if value is None else JSON.encode(value)
+
+
+def _complete(slots: Mapping[Place, Slot], rows: Collection[int]) -> int:
     """Return how many of `rows` have a final result in every position."""
-    complete = 0
-    for chunk in chunks(rows):
-        asked = {"of_study": study.id, "rows": chunk, "width": study.plan.width}
-        complete += len(connection.execute(_COMPLETE, asked).all())
-    return complete
+    open_rows = {row for (row, _), slot in slots.items() if slot.state != "done"}
+    return len(set(rows) - open_rows)
+
+
+def _write_changes(
+    connection: Connection, study: Study, before: Mapping[Place, Slot], after: Mapping[Place, Slot]
+) -> None:
+    moved, other = [], []
+    for place, slot in after.items():
+        if slot.attempts == before[place].attempts:
+            moved.append((study.id, slot.row, slot.position, slot.state, slot.lease))
+        else:
+            other.append(slot)
+    _MOVE(connection, moved)
+    update(connection, study, other)
 
 
 def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> None:
@@ -242,7 +289,7 @@ def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> Non
             "at_position": slot.position,
             "state": slot.state,
             "lease_id": slot.lease,
-            "attempts": dict(slot.attempts),
+            "attempts": _attempts(slot),
             "host_class": slot.host_class,
             "avoid": slot.avoid,
         }
@@ -252,29 +299,45 @@ def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> Non
         connection.execute(_UPDATE, values)
 
 
-def _row(study: Study, slot: Slot) -> dict[str, Any]:
-    return {
-        "study_id": study.id,
-        "row": slot.row,
-        "position": slot.position,
-        "state": slot.state,
-        "lease_id": slot.lease,
-        "attempts": dict(slot.attempts),
-        "host_class": slot.host_class,
-        "avoid": slot.avoid,
-    }
+def _row(study: Study, slot: Slot) -> tuple[Any, ...]:
+    return (
+        study.id,
+        slot.row,
+        slot.position,
+        slot.state,
+        slot.lease,
+        JSON.encode(_attempts(slot)),
+        slot.host_class,
+        slot.avoid,
+    )
 
 
 def slot_of(row: Any) -> Slot:
+    attempts, hosts = attempts_in(row.attempts)
     return Slot(
         row=row.row,
         position=row.position,
         state=row.state,
         lease=row.lease_id,
-        attempts=row.attempts,
+        attempts=attempts,
         host_class=row.host_class,
         avoid=row.avoid,
+        hosts=hosts,
     )
+
+
+def attempts_in(stored: Mapping[str, Any]) -> tuple[dict[str, int], dict[str, tuple[str, ...]]]:
+    """Return what a column of attempts holds: how often by cause, and from which hosts."""
+    if not stored:
+        return {}, {}
+    counts = {cause: count for cause, count in stored.items() if not cause.endswith(_ON)}
+    hosts = {c.removesuffix(_ON): tuple(found) for c, found in stored.items() if c.endswith(_ON)}
+    return counts, hosts
+
+
+def _attempts(slot: Slot) -> dict[str, Any]:
+    on = {f"{cause}{_ON}": list(hosts) for cause, hosts in slot.hosts.items()}
+    return {**slot.attempts, **on}
 
 
 def chunks(values: Collection[int]) -> Iterable[list[int]]:

@@ -1,6 +1,8 @@
 """Results: taking them in, and reading them out in order."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
 from typing import Any
 
 import sqlalchemy as sa
@@ -11,12 +13,28 @@ from server.logic.leases import Lease, objection_to_results
 from server.logic.slots import Result, Slot
 from server.logic.study import Study, instance_id
 from server.logic.verdicts import Judgement, Report, Verdict, judge
-from server.store import comparisons, ledger, queue, studies, workers
+from server.store import comparisons, ledger, offers, queue, studies, workers
 from server.store.engine import reading, writing
+from server.store.offers import Elsewhere, Grant, Misfit, Wish
 from server.store.schema import conflicts, results
 
 #: Results read out per transaction, so that a slow reader keeps nobody waiting.
 PAGE = 1000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Post:
+    """Results as a worker posts them, and what they are judged by."""
+
+    reports: Sequence[Report]
+    #: The lease it says they belong to, and the lease's fence to prove it.
+    lease: str
+    fence: int
+    worker: str
+    #: Of the results, how many another host is to compute again.
+    share: float = 0.0
+    #: Relative difference of an output at which two hosts still agree.
+    tolerance: float = 0.0
 
 
 def post(
@@ -31,79 +49,126 @@ def post(
     share: float = 0.0,
     tolerance: float = 0.0,
 ) -> list[Verdict]:
+    """Judge and file reports as `take` does, in a transaction of their own."""
+    posted = Post(
+        reports=reports,
+        lease=lease_id,
+        fence=fence,
+        worker=worker,
+        share=share,
+        tolerance=tolerance,
+    )
+    with writing(engine) as connection:
+        return take(connection, posted, now=now, ttl=ttl)[0]
+
+
+def take(
+    connection: Connection, posted: Post, *, now: float, ttl: float
+) -> tuple[list[Verdict], str | None]:
     """Judge and file reports, the good ones whatever becomes of the others.
 
     Args:
-        engine: where.
-        reports: what the worker says.
-        lease_id: the lease it says it under.
-        fence: the lease's, to prove it.
-        worker: who says it.
+        connection: a transaction that has locked no study.
+        posted: what the worker says.
         now: seconds, UTC epoch.
         ttl: seconds the lease lasts from now on, if it still holds anything.
-        share: of the results, how many another host is to compute again.
-        tolerance: relative difference of an output at which two hosts still agree.
 
     Returns:
-        A verdict for each report, in order.
+        A verdict for each report, in order; and the study that is locked now, None if none is.
     """
-    with writing(engine) as connection:
-        lease = queue.find(connection, lease_id)
-        if lease is None:
-            return _to_all(reports, "unknown", "there is no such lease")
-        objection = objection_to_results(lease, fence=fence, worker=worker)
-        if objection is not None:
-            return _to_all(reports, "invalid", objection)
-        try:
-            study = studies.find(connection, lease.study, lock=True)
-        except NotFoundError:
-            # Deleted since its lease was read, which took no lock.
-            return _to_all(reports, "unknown", "the study was deleted")
-        host = workers.host_of(connection, worker)
-        if lease.compares:
-            verdicts = comparisons.judge(
-                connection,
-                study,
-                reports,
-                lease=lease,
-                stored=_at(connection, study, lease.instances),
-                host=host or "",
-                tolerance=tolerance,
-                now=now,
-            )
-            _keep_or_end(connection, lease, comparisons.are_held(connection, lease), now, ttl)
-            workers.heard_from(connection, worker, now=now)
-            return verdicts
-        places = {instance_id(study.id, *place): place for place in lease.instances}
-        named = [places[report.instance] for report in reports if report.instance in places]
-        before = ledger.slots(connection, study, named)
-        judgements = _judge(
-            reports,
-            places=places,
-            slots=dict(before),
-            stored=_stored(connection, study, before),
-            lease=lease_id,
-            outputs=study.plan.outputs,
-            host=host,
-            host_class=lease.host_class,
-        )
-        final = [j.result for j in judgements if j.result is not None]
-        changed = [j.slot for j in judgements if j.slot is not None]
-        ledger.settle(
+    reports = posted.reports
+    lease = queue.find(connection, posted.lease)
+    if lease is None:
+        return _to_all(reports, "unknown", "there is no such lease"), None
+    objection = objection_to_results(lease, fence=posted.fence, worker=posted.worker)
+    if objection is not None:
+        return _to_all(reports, "invalid", objection), None
+    try:
+        study = studies.find(connection, lease.study, lock=True)
+    except NotFoundError:
+        # Deleted since its lease was read, which took no lock.
+        return _to_all(reports, "unknown", "the study was deleted"), None
+    if lease.compares:
+        verdicts = comparisons.judge(
             connection,
             study,
-            before=before,
-            after={(slot.row, slot.position): slot for slot in changed},
-            filed=[ledger.Filed(result=result, worker=worker) for result in final],
+            reports,
+            lease=lease,
+            stored=_at(connection, study, lease.instances),
+            host=lease.host,
+            tolerance=posted.tolerance,
             now=now,
         )
-        contradictions = [j.conflict for j in judgements if j.conflict is not None]
-        _record_conflicts(connection, study, contradictions, worker=worker, now=now)
-        comparisons.ask(
-            connection, study, final, share=share, host=host or "", worker=worker, now=now
-        )
-        _keep_or_end(connection, lease, bool(queue.held(connection, study, lease)), now, ttl)
-        workers.heard_from(connection, worker, done=len(final), now=now)
+        _keep_or_end(connection, lease, comparisons.are_held(connection, lease), now, ttl)
+        workers.heard_from(connection, posted.worker, now=now)
+    else:
+        verdicts = _file(connection, posted, study, lease, now, ttl)
+    return verdicts, study.id
+
+
+def exchange(
+    connection: Connection, posted: Post, wish: Wish, *, now: float, ttl: float
+) -> tuple[list[Verdict], Grant | Misfit | Elsewhere | None]:
+    """Take in results and lease the next instances: `take` and `offers.offer` at once."""
+    verdicts, locked = take(connection, posted, now=now, ttl=ttl)
+    return verdicts, offers.offer(connection, wish, now=now, ttl=ttl, locked=locked)
+
+
+def _file(
+    connection: Connection,
+    posted: Post,
+    study: Study,
+    lease: Lease,
+    now: float,
+    ttl: float,
+) -> list[Verdict]:
+    """Judge reports on instances of a study and write what follows."""
+    places = {instance_id(study.id, *place): place for place in lease.instances}
+    named = [places[report.instance] for report in posted.reports if report.instance in places]
+    before = ledger.rows(connection, study, named)
+    judgements = _judge(
+        posted.reports,
+        places=places,
+        slots=dict(before),
+        stored=_stored(connection, study, before),
+        lease=lease.id,
+        outputs=study.plan.outputs,
+        host=lease.host,
+        host_class=lease.host_class,
+        at_work=cache(
+            partial(
+                workers.hosts_at_work,
+                connection,
+                study.id,
+                host_class=lease.host_class,
+                now=now,
+            )
+        ),
+    )
+    final = [j.result for j in judgements if j.result is not None]
+    after = {(j.slot.row, j.slot.position): j.slot for j in judgements if j.slot is not None}
+    filed = [ledger.Filed(result=result, worker=posted.worker) for result in final]
+    ledger.settle(connection, study, before=before, after=after, filed=filed, now=now)
+    contradictions = [j.conflict for j in judgements if j.conflict is not None]
+    _record_conflicts(connection, study, contradictions, worker=posted.worker, now=now)
+    comparisons.ask(
+        connection,
+        study,
+        final,
+        share=posted.share,
+        host=lease.host,
+        worker=posted.worker,
+        now=now,
+    )
+    known = {**before, **after}
+    holds = bool(ledger.held(known, lease=lease.id)) or ledger.are_held(
+        connection,
+        study,
+        [place for place in lease.instances if place not in known],
+        lease=lease.id,
+    )
+    _keep_or_end(connection, lease, holds, now, ttl)
+    workers.heard_from(connection, posted.worker, done=len(final), now=now)
     return [judgement.verdict for judgement in judgements]
 
 
@@ -139,6 +204,7 @@ def _judge(
     outputs: Sequence[str],
     host: str | None,
     host_class: str | None,
+    at_work: Callable[[], Collection[str]],
 ) -> list[Judgement]:
     """Judge reports one after the other, each in the light of those before it."""
     judgements = []
@@ -152,6 +218,7 @@ def _judge(
             outputs=outputs,
             host=host,
             host_class=host_class,
+            at_work=at_work,
         )
         if judgement.slot is not None:
             slots[place] = judgement.slot

@@ -12,18 +12,16 @@ from server.store.engine import reading
 from server.store.schema import leases, workers
 
 # Built once: see `server.store.ledger`.
-_HOST_OF = sa.select(workers.c.host).where(workers.c.id == sa.bindparam("of_worker"))
-_OTHERS_AT_WORK = (
-    sa.select(sa.literal(1))
+_HOSTS_AT_WORK = (
+    sa.select(workers.c.host)
     .select_from(leases.join(workers, workers.c.id == leases.c.worker_id))
     .where(
         leases.c.state == "open",
         leases.c.study_id == sa.bindparam("of_study"),
         leases.c.expires_at > sa.bindparam("now"),
-        workers.c.host != sa.bindparam("asking_host"),
-        workers.c.host_class == sa.bindparam("asking_class"),
+        workers.c.host_class == sa.bindparam("of_class"),
     )
-    .limit(1)
+    .distinct()
 )
 _INTRODUCE = {
     dialect: statement.on_conflict_do_update(
@@ -95,23 +93,12 @@ def introduce(
     connection.execute(_INTRODUCE[connection.dialect.name], told)
 
 
-def host_of(connection: Connection, worker: str) -> str | None:
-    """Return the machine a worker runs on; None if it never said so."""
-    host: str | None = connection.scalar(_HOST_OF, {"of_worker": worker})
-    return host
-
-
-def others_at_work(
-    connection: Connection, study_id: str, *, host: str, host_class: str, now: float
-) -> bool:
-    """Say whether another host of the same class works on a study now."""
-    asked = {
-        "of_study": study_id,
-        "now": now,
-        "asking_host": host,
-        "asking_class": host_class,
-    }
-    return connection.scalar(_OTHERS_AT_WORK, asked) is not None
+def hosts_at_work(
+    connection: Connection, study_id: str, *, host_class: str | None, now: float
+) -> set[str]:
+    """Return the hosts of a class that work on a study now."""
+    asked = {"of_study": study_id, "now": now, "of_class": host_class}
+    return set(connection.scalars(_HOSTS_AT_WORK, asked))
 
 
 def heard_from(connection: Connection, worker: str, *, done: int = 0, now: float) -> None:

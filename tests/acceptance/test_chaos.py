@@ -29,6 +29,8 @@ ROUNDS = int(os.environ.get("REHYB_SOAK_ROUNDS", "2"))
 SHORT = ROUNDS == 2
 STUDY: Json = {"name": "chaos", "model": "ishigami", "method": "saltelli", "seed": 5}
 ROWS = 200 if SHORT else 400
+#: By which a study grows that would be over before everything has gone wrong.
+MORE_ROWS = 50
 SECONDS = 900.0
 BLOWS = (
     "kill worker",
@@ -58,6 +60,19 @@ def lab(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Lab]:
     lab = Lab(tmp_path, url, seed=number)
     yield lab
     lab.close()
+
+
+@pytest.fixture(scope="module")
+def totals() -> Iterator[Counter[str]]:
+    """What all rounds together came to; said at their end."""
+    totals: Counter[str] = Counter()
+    began = time.monotonic()
+    yield totals
+    if totals:
+        print(
+            f"\n{totals['rounds']} of {ROUNDS} rounds in {time.monotonic() - began:.0f} s: "
+            f"{totals['faults']} faults, {totals['lost']} of {totals['instances']} instances lost"
+        )
 
 
 def title(number: int) -> str:
@@ -94,31 +109,38 @@ def torment(lab: Lab, blow: str, rng: random.Random) -> None:
 
 @pytest.mark.parametrize("lab", range(1, ROUNDS + 1), indirect=True, ids=title)
 def test_whatever_goes_wrong_every_instance_counts_once_and_the_bits_are_the_same(
-    lab: Lab, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+    lab: Lab,
+    request: pytest.FixtureRequest,
+    capsys: pytest.CaptureFixture[str],
+    totals: Counter[str],
 ) -> None:
-    rng = random.Random(request.node.callspec.params["lab"])
+    number = request.node.callspec.params["lab"]
+    began = time.monotonic()
+    rng = random.Random(number)
     # Any number of coordinators may serve one PostgreSQL.
     blows = [b for b in BLOWS if "second" not in b or lab.database.startswith("sqlite")]
     faults: Counter[str] = Counter()
     done: Json = {}
     with Client(lab.url, TOKEN) as client:
         study = client.submit({**STUDY, "rows": ROWS})
-        for number, settings in enumerate(
+        for machine, settings in enumerate(
             [{}, {"CLOCK_OFFSET": str(HOUR)}, {"CLOCK_OFFSET": str(-HOUR), "SMALL_DISK": "yes"}], 1
         ):
-            lab.add_worker(f"worker-{number}", **settings)
+            lab.add_worker(f"worker-{machine}", **settings)
             faults["worker's clock off by an hour"] += "CLOCK_OFFSET" in settings
         lab.until(lambda: client.progress(study["id"])["ok"] > 0)
         deadline = time.monotonic() + SECONDS
         with Adversary(lab.url, TOKEN, lab.database, study) as adversary:
             while time.monotonic() < deadline:
                 with suppress(RehybError):
-                    done = client.indices(study["id"])
-                    if done["rows_complete"] == ROWS:
-                        break
+                    study, done = client.study(study["id"]), client.indices(study["id"])
                     struck = sum(faults[blow] for blow in blows)
-                    left = client.progress(study["id"])["pending"]
-                    if left > 50 and struck < MOST_BLOWS:
+                    if done["rows_complete"] == study["rows"] and struck >= len(blows):
+                        break
+                    if client.progress(study["id"])["pending"] <= 50 and struck < len(blows):
+                        # The workers were faster than the blows.
+                        client.extend(study["id"], study["rows"] + MORE_ROWS)
+                    if client.progress(study["id"])["pending"] > 50 and struck < MOST_BLOWS:
                         # Each once first, then any.
                         blow = blows[struck] if struck < len(blows) else rng.choice(blows)
                         faults[blow] += 1
@@ -136,10 +158,12 @@ def test_whatever_goes_wrong_every_instance_counts_once_and_the_bits_are_the_sam
         faults += Counter({f"{source}: {kind}": count for kind, count in found.items()})
     lost = study["instances"] - progress["ok"]
     with capsys.disabled():
-        print(f"\n{title(request.node.callspec.params['lab'])}: {sum(faults.values())} faults")
+        seconds = time.monotonic() - began
+        print(f"\n{title(number)} of {ROUNDS}: {sum(faults.values())} faults in {seconds:.0f} s")
         print(f"injected: {dict(sorted(faults.items()))}")
         print(f"{sum(found.agreed for found in standings.values()) // 2} results compared")
         print(f"{lost} instances lost", flush=True)
+    totals.update(rounds=1, faults=sum(faults.values()), lost=lost, instances=study["instances"])
     assert {*blows, "instance: crash", "instance: hang", "spool: disk full"} <= set(faults)
     assert lab.network.faults and adversary.faults
     assert adversary.wrong == []

@@ -95,13 +95,15 @@ def test_only_rivals_that_lack_nothing_are_compared_with() -> None:
         Rival(name="safe", batch=1, throughput=throughput(500.0)),
         Rival(name="forgetful", batch=1, throughput=throughput(9000.0), lacks="what it forgets"),
         Rival(name="slow", batch=1, throughput=throughput(20.0)),
+        Rival(name="greedy", batch=100, throughput=throughput(3000.0)),
     ]
-    first, second, *others = targets(
+    strict, first, second, *others = targets(
         {1: throughput(100.0), 10: throughput(1500.0)},
         rivals,
         {"with work": [0.010] * 99 + [0.3]},
         Million(submit_seconds=0.1, progress_seconds=[0.005], peak_mb=501.0),
     )
+    assert (strict.figure, strict.met) == (0.5, False)
     assert (first.figure, first.met) == (3.0, True)
     assert (second.figure, second.met) == (1500.0, False)
     assert [(other.figure, other.met) for other in others] == [

@@ -4,6 +4,7 @@ import gzip
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import httpx2
 import pytest
@@ -131,6 +132,26 @@ def test_verdicts_come_back_even_when_some_results_are_refused() -> None:
         lease="l", fence=1, worker="w", results=[{"instance": "i"}]
     )
     assert answered == verdicts
+
+
+def test_an_exchange_posts_results_and_asks_for_more_in_one_request() -> None:
+    asked: list[Any] = []
+
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        asked.append((request.url.path, json.loads(request.content)))
+        told = {"verdicts": [], "next": None, "misfit": "begun with MuJoCo 3"}
+        return httpx2.Response(409, json=told, headers={"Retry-After": "7"})
+
+    wish = {"worker": {"id": "w"}, "models": ["ishigami"], "max_instances": 4}
+    talking = client(answer)
+    said = {"lease": "l", "fence": 1, "worker": "w", "results": [{"instance": "i"}]}
+    assert talking.exchange(**said, wish=wish) == {
+        "verdicts": [],
+        "next": None,
+        "misfit": "begun with MuJoCo 3",
+    }
+    assert asked == [("/v1/results", {**said, "next": wish})]
+    assert talking.retry_after == 7.0
 
 
 def test_waiting_ends_with_the_study_and_reports_on_the_way() -> None:

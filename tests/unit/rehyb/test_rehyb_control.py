@@ -108,6 +108,8 @@ def test_failures_are_read_to_the_last_page(
         "state=failed&after=1%3A2&limit=500",
     ]
     assert "no grip" in run(monkeypatch, capsys, "study failures s1")[1]
+    run(monkeypatch, capsys, "study failures s1 --quarantined")
+    assert "state=quarantined&limit=500" in coordinator.asked[-2]
 
 
 def test_a_bundle_is_written_for_a_replay_which_reads_its_parameters(

@@ -13,7 +13,6 @@ from sqlalchemy.engine import Engine
 from server.app import create_app
 from server.logic.study import Plan, draw_up
 from server.logic.verdicts import Report
-from server.routes.common import moment
 from server.settings import Settings
 from server.store import create_engine, upgrade
 
@@ -62,14 +61,13 @@ def app(url: str, clock: Clock) -> FastAPI:
         database_url=url, token=SecretStr(TOKEN), lease_seconds=60.0, session_bytes=3_000_000
     )
     app = create_app(settings)
-    app.dependency_overrides[moment] = clock
+    app.state.clock = clock
     return app
 
 
 @pytest.fixture
-def client(app: FastAPI, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestClient]:
+def client(app: FastAPI) -> Iterator[TestClient]:
     """A client that bears the token."""
-    monkeypatch.setattr("server.app.clock", clock)
     headers = {"Authorization": f"Bearer {TOKEN}"}
     with TestClient(app, headers=headers, raise_server_exceptions=False) as client:
         yield client

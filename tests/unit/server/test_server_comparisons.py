@@ -25,7 +25,7 @@ from server.store import (
     studies,
     upgrade,
 )
-from server.store.queue import Grant
+from server.store.offers import Grant
 
 Drawing = Callable[..., Plan]
 Reporting = Callable[..., Report]

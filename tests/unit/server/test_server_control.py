@@ -14,7 +14,7 @@ from server.logic.study import Plan, Study, for_analysis, instance_id
 from server.logic.verdicts import Report
 from server.store import control, queue, reruns, results, studies
 from server.store.engine import reading
-from server.store.queue import Grant
+from server.store.offers import Grant
 from server.store.result_log import StoreResultLog
 from server.store.schema import metadata, superseded
 

@@ -11,7 +11,7 @@ from server.logic.hosts import host_class, identity
 from server.logic.study import Plan, instance_id
 from server.logic.verdicts import Report
 from server.store import queue, reruns, results, studies
-from server.store.queue import Grant
+from server.store.offers import Grant
 
 Drawing = Callable[..., Plan]
 Reporting = Callable[..., Report]

@@ -16,7 +16,7 @@ from server.logic.study import Plan, Study, instance_id
 from server.logic.verdicts import Report, Verdict
 from server.store import queue, results, studies, workers
 from server.store.engine import reading
-from server.store.queue import Grant
+from server.store.offers import Grant
 from server.store.schema import instances as instances_table
 from server.store.schema import results as results_table
 

@@ -45,6 +45,7 @@ def test_rows_are_freed_only_by_who_has_listened_for_that_long(
     monkeypatch.setattr(app.reruns, "free_stranded_rows", free)
     engine: Any = None
     with pytest.raises(asyncio.CancelledError):
-        asyncio.run(app._reap_for_ever(engine, Metrics(engine, lambda: now[0]), 60.0, 100.0))
+        measures = Metrics(engine, lambda: now[0])
+        asyncio.run(app._reap_for_ever(engine, measures, lambda: now[0], ttl=60.0, patience=100.0))
     # Looks every 15 s, from 1000 on; the first after 100 s is at 1105.
     assert freed_at == [1105.0, 1120.0, 1135.0, 1150.0, 1165.0, 1180.0, 1195.0]

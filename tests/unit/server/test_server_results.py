@@ -11,7 +11,7 @@ from server.logic.table import header, lines
 from server.logic.verdicts import Report, Verdict
 from server.store import queue, results, studies
 from server.store.engine import reading
-from server.store.queue import Grant
+from server.store.offers import Grant
 from server.store.schema import conflicts
 
 Reporting = Callable[..., Report]

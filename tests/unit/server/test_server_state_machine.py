@@ -29,6 +29,7 @@ from server.store import (
     comparisons,
     control,
     create_engine,
+    offers,
     queue,
     reruns,
     results,
@@ -36,7 +37,7 @@ from server.store import (
     upgrade,
 )
 from server.store.engine import writing
-from server.store.queue import Grant
+from server.store.offers import Grant
 from server.store.schema import metadata
 
 TTL = 60.0
@@ -98,7 +99,7 @@ class Queue(RuleBasedStateMachine):
             **asked,  # type: ignore[arg-type]
         )
 
-    def _post(self, grant: Grant, words: str) -> None:
+    def _said(self, grant: Grant, words: str) -> results.Post:
         held = grant.lease
         said = {"outcome": "ok", "outputs": {"y": 1.5}, **SAID[words]}
         reports = [
@@ -111,17 +112,18 @@ class Queue(RuleBasedStateMachine):
             )
             for place in held.instances
         ]
-        results.post(
-            self.engine,
-            reports,
-            lease_id=held.id,
+        return results.Post(
+            reports=reports,
+            lease=held.id,
             fence=held.fence,
             worker=held.worker,
-            now=self.now,
-            ttl=TTL,
             share=0.5,
             tolerance=1e-3,
         )
+
+    def _post(self, grant: Grant, words: str) -> None:
+        with writing(self.engine) as connection:
+            results.take(connection, self._said(grant, words), now=self.now, ttl=TTL)
 
     @rule(host=st.sampled_from(list(HOSTS)), n=st.integers(1, 6))
     def lease(self, host: str, n: int) -> None:
@@ -133,6 +135,27 @@ class Queue(RuleBasedStateMachine):
     @rule(number=st.integers(0, 9), words=WORDS)
     def post(self, number: int, words: str) -> None:
         self._post(self.grants[-1 - number % len(self.grants)], words)
+
+    @precondition(lambda self: self.grants)
+    @rule(
+        number=st.integers(0, 9),
+        words=WORDS,
+        host=st.sampled_from(list(HOSTS)),
+        n=st.integers(1, 6),
+    )
+    def post_and_lease(self, number: int, words: str, host: str, n: int) -> None:
+        said = self._said(self.grants[-1 - number % len(self.grants)], words)
+        wish = offers.Wish(
+            worker=f"of-{host}",
+            host=host,
+            versions=HOSTS[host],
+            models=["ishigami"],
+            max_instances=n,
+        )
+        with writing(self.engine) as connection:
+            _, found = results.exchange(connection, said, wish, now=self.now, ttl=TTL)
+        if isinstance(found, Grant):
+            self.grants.append(found)
 
     @precondition(lambda self: self.grants)
     @rule(number=st.integers(0, 9))

@@ -1,182 +1,15 @@
 """What a worker promises its coordinator, whatever becomes of either."""
 
-import json
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from random import Random
 from typing import Any
 
-import httpx2
 import pytest
+from fake_coordinator import Work
 
-from rehyb.client import Client
 from rehyb.errors import Unauthorized
-from worker.agent import TRIES, Agent
+from worker.agent import TRIES
 from worker.pool import Finished
-from worker.spool import Spool
-
-
-class Coordinator:
-    """As much of a coordinator as a worker can see, on the other end of a mock transport."""
-
-    def __init__(self, batches: list[list[str]]) -> None:
-        self.batches = batches
-        self.ttl = 60.0
-        self.calls: list[str] = []
-        self.results: dict[str, dict[str, Any]] = {}
-        self.renewals: list[str] = []
-        self.released: list[str] = []
-        self.away = 0
-        self.refuse_renewals = False
-        self.unusable: set[str] = set()
-        self.refused: set[str] = set()
-        self.poison: set[str] = set()
-        self.sick = 0
-        self.status: int | None = None
-        self.misfits = 0
-        self.sizes: list[int] = []
-
-    def __call__(self, request: httpx2.Request) -> httpx2.Response:
-        path = request.url.path
-        self.calls.append(path)
-        if self.away:
-            self.away -= 1
-            raise httpx2.ConnectError("connection refused")
-        if self.status:
-            return httpx2.Response(self.status, json={"title": "no", "detail": "not this token"})
-        body = json.loads(request.content)
-        if path == "/v1/leases":
-            return self._lease(body)
-        if path.endswith("/renew"):
-            self.renewals.append(path.split("/")[-2])
-            if self.refuse_renewals:
-                return httpx2.Response(409, json={"detail": "expired"})
-            return httpx2.Response(200, json={"ttl_seconds": self.ttl})
-        if path.endswith("/release"):
-            self.released.append(path.split("/")[-2])
-            return httpx2.Response(200, json={})
-        return self._results(body)
-
-    def _lease(self, body: Mapping[str, Any]) -> httpx2.Response:
-        self.sizes.append(body["max_instances"])
-        if self.misfits:
-            self.misfits -= 1
-            return httpx2.Response(409, json={"detail": "this study was begun with MuJoCo 3"})
-        if not self.batches:
-            return httpx2.Response(204, headers={"Retry-After": "0"})
-        instances = [
-            {"id": name, "model": "ishigami", "parameters": {"x1": 0.0}}
-            for name in self.batches.pop(0)
-        ]
-        lease = f"lease-of-{instances[0]['id']}"
-        answer = {"id": lease, "fence": 7, "ttl_seconds": self.ttl, "instances": instances}
-        return httpx2.Response(201, json=answer)
-
-    def _results(self, body: Mapping[str, Any]) -> httpx2.Response:
-        names = [result["instance"] for result in body["results"]]
-        if self.sick or self.poison & set(names):
-            self.sick -= self.sick > 0
-            return httpx2.Response(500, json={"status": 500, "detail": "its log says why"})
-        if self.unusable & set(names):
-            return httpx2.Response(422, json={"detail": "one of them is malformed"})
-        verdicts = []
-        for result in body["results"]:
-            verdict = "conflict" if result["instance"] in self.refused else "accepted"
-            verdicts.append({"instance": result["instance"], "verdict": verdict, "detail": ""})
-            if verdict == "accepted":
-                self.results[result["instance"]] = {**result, "lease": body["lease"]}
-        return httpx2.Response(409 if self.refused else 200, json={"verdicts": verdicts})
-
-
-class InstantPool:
-    """A pool whose instances finish when they are looked at, unless told to take for ever."""
-
-    def __init__(self, processes: int) -> None:
-        self.processes = processes
-        self.endless: set[str] = set()
-        self.started: list[str] = []
-        self.killed = False
-        self._busy: list[tuple[Mapping[str, Any], Any]] = []
-
-    @property
-    def free(self) -> int:
-        return self.processes - len(self._busy)
-
-    @property
-    def running(self) -> int:
-        return len(self._busy)
-
-    def start(self, instance: Mapping[str, Any], ticket: Any) -> None:
-        self.started.append(instance["id"])
-        self._busy.append((instance, ticket))
-
-    def wait(self, seconds: float) -> list[Finished]:
-        time.sleep(0.001)
-        done = [(i, t) for i, t in self._busy if i["id"] not in self.endless]
-        self._busy = [(i, t) for i, t in self._busy if i["id"] in self.endless]
-        return [
-            Finished(
-                ticket=t,
-                result={
-                    "instance": i["id"],
-                    "outcome": "ok",
-                    "outputs": {"y": 0.5},
-                    "wall_seconds": 0.001,
-                },
-            )
-            for i, t in done
-        ]
-
-    def kill(self) -> None:
-        self.killed = True
-        self._busy.clear()
-
-
-class Work:
-    """A worker with its coordinator, its pool and its spool folder."""
-
-    def __init__(
-        self,
-        folder: Path,
-        batches: list[list[str]],
-        processes: int = 1,
-        max_idle: float | None = 0.05,
-    ) -> None:
-        self.coordinator = Coordinator(batches)
-        self.pool = InstantPool(processes)
-        self.folder = folder
-        self.max_idle = max_idle
-        self.agent = self.new_agent()
-
-    def new_agent(self, name: str = "w1", max_instances: int | None = None) -> Agent:
-        return Agent(
-            client=Client("http://c", "t", transport=httpx2.MockTransport(self.coordinator)),
-            pool=self.pool,  # type: ignore[arg-type]
-            spool=Spool(self.folder, name),
-            worker={"id": name, "host": "h", "versions": {}},
-            models=("ishigami",),
-            batch=10,
-            max_idle=self.max_idle,
-            rng=Random(1),
-            max_instances=max_instances,
-        )
-
-    def run_until(self, agent: Agent, done: Callable[[], bool]) -> None:
-        """Run a worker that leaves when `done`, however long it has to wait meanwhile."""
-        finish = self.pool.wait
-
-        def look(seconds: float) -> list[Finished]:
-            if done():
-                agent.stop()
-            return finish(seconds)
-
-        self.pool.wait = look  # type: ignore[method-assign]
-        agent.run()
-        self.pool.wait = finish  # type: ignore[method-assign]
-
-    def spooled(self) -> int:
-        return len(list(self.folder.glob("*.spool")))
 
 
 @pytest.fixture(autouse=True)
@@ -380,3 +213,38 @@ def test_a_worker_leaves_after_as_many_instances_as_it_was_to_do(tmp_path: Path)
     assert set(work.coordinator.results) == {"a", "b", "c"}
     assert work.coordinator.sizes == [2, 1]
     assert work.coordinator.released == []
+
+
+def test_the_next_work_comes_with_the_acknowledgement_of_the_last(tmp_path: Path) -> None:
+    work = Work(tmp_path, [["a"], ["b"], ["c"]], processes=1)
+    work.new_agent("w2", max_instances=3).run()
+    assert set(work.coordinator.results) == {"a", "b", "c"}
+    assert work.coordinator.calls == ["/v1/leases", *["/v1/results"] * 3]
+
+
+def test_an_older_coordinator_that_takes_no_wishes_gets_the_results_all_the_same(
+    tmp_path: Path,
+) -> None:
+    work = Work(tmp_path, [["a"], ["b"]], processes=1)
+    work.coordinator.old = True
+    work.new_agent("w2", max_instances=2).run()
+    assert set(work.coordinator.results) == {"a", "b"}
+    assert work.coordinator.calls.count("/v1/leases") == 2
+
+
+def test_a_misfit_that_comes_with_verdicts_is_logged_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    work = Work(tmp_path, [["a"], ["b"]], processes=1)
+    agent = work.new_agent("w2", max_instances=2)
+    work.coordinator.misfits = 0
+
+    def grant_then_refuse(body: Mapping[str, Any]) -> dict[str, Any] | None:
+        work.coordinator.misfits = 3 if len(work.coordinator.batches) == 2 else 0
+        return grant(body)
+
+    grant = work.coordinator._grant
+    work.coordinator._grant = grant_then_refuse  # type: ignore[method-assign]
+    agent.run()
+    assert set(work.coordinator.results) == {"a", "b"}
+    assert caplog.text.count("begun with MuJoCo 3") == 1

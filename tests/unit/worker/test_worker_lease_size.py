@@ -2,7 +2,7 @@
 
 import pytest
 
-from worker.agent import lease_size
+from worker.leases import lease_size
 
 
 @pytest.mark.parametrize(

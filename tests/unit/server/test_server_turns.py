@@ -1,0 +1,123 @@
+"""Transactions that wait for their turn together share one, and none spoils the others."""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+from sqlalchemy import event
+from sqlalchemy.engine import Connection, Engine
+
+from server.store.engine import reading
+from server.store.turns import Turns, together
+
+TABLE = sa.table("told", sa.column("word"))
+
+
+@pytest.fixture
+def told(engine: Engine) -> Callable[[], list[str]]:
+    """A table that jobs write into; returns what is in it."""
+    with engine.begin() as connection:
+        connection.exec_driver_sql("CREATE TABLE told (word TEXT)")
+
+    def read() -> list[str]:
+        with reading(engine) as connection:
+            return sorted(connection.scalars(sa.select(TABLE.c.word)))
+
+    return read
+
+
+def tell(word: str) -> Callable[[Connection], str]:
+    """A job that writes a word and returns it."""
+
+    def job(connection: Connection) -> str:
+        connection.execute(sa.insert(TABLE).values(word=word))
+        return word.upper()
+
+    return job
+
+
+def fail(connection: Connection) -> str:
+    """A job that writes and then cannot go on."""
+    connection.execute(sa.insert(TABLE).values(word="half"))
+    raise ZeroDivisionError
+
+
+def run(engine: Engine, ask: Callable[[Turns], Coroutine[Any, Any, Any]]) -> Any:
+    """Return what a coroutine makes of turns on a database."""
+    turns = Turns(engine)
+    try:
+        return asyncio.run(ask(turns))
+    finally:
+        turns.close()
+
+
+async def all_at_once(turns: Turns, jobs: list[Callable[[Connection], str]]) -> list[Any]:
+    return list(await asyncio.gather(*map(turns, jobs), return_exceptions=True))
+
+
+def test_each_gets_its_own_answer_when_its_work_is_committed(
+    engine: Engine, told: Callable[[], list[str]]
+) -> None:
+    words = [f"word {number:02d}" for number in range(20)]
+
+    async def ask(turns: Turns) -> list[str]:
+        async def one(word: str) -> str:
+            said: str = await turns(tell(word))
+            assert word in await asyncio.to_thread(told)
+            return said
+
+        return list(await asyncio.gather(*map(one, words)))
+
+    assert run(engine, ask) == [word.upper() for word in words]
+    assert told() == words
+
+
+def test_what_fails_leaves_nothing_and_spoils_nobody_else(
+    engine: Engine, told: Callable[[], list[str]]
+) -> None:
+    jobs = [tell("a"), fail, tell("b"), fail, tell("c")]
+    answers = run(engine, lambda turns: all_at_once(turns, jobs))
+    assert [str(a) for a in answers if not isinstance(a, ZeroDivisionError)] == ["A", "B", "C"]
+    assert told() == ["a", "b", "c"]
+
+
+def test_on_sqlite_those_that_wait_share_a_commit(engine: Engine, told: Any) -> None:
+    commits: list[Connection] = []
+    event.listen(engine, "commit", commits.append)
+    run(engine, lambda turns: all_at_once(turns, [tell(str(n)) for n in range(10)]))
+    # Whoever comes first waits for nobody.
+    assert len(commits) <= 2 if engine.dialect.name == "sqlite" else len(commits) == 10
+    assert len(told()) == 10
+
+
+def test_nobody_is_told_that_it_is_done_if_the_commit_fails(engine: Engine, told: Any) -> None:
+    def refuse(_connection: Connection) -> None:
+        raise OSError("the disk is full")
+
+    event.listen(engine, "commit", refuse)
+    answers = run(engine, lambda turns: all_at_once(turns, [tell("a"), tell("b"), tell("c")]))
+    event.remove(engine, "commit", refuse)
+    assert [str(answer) for answer in answers] == ["the disk is full"] * 3
+    assert told() == []
+
+
+def test_a_transaction_that_fails_is_tried_again_job_by_job(engine: Engine, told: Any) -> None:
+    outcomes = together(engine, [tell("a"), fail, tell("b")])
+    assert [result for result, _ in outcomes] == ["A", None, "B"]
+    assert isinstance(outcomes[1][1], ZeroDivisionError)
+    assert told() == ["a", "b"]
+
+
+def test_who_stops_waiting_does_not_keep_the_others_from_their_answers(
+    engine: Engine, told: Any
+) -> None:
+    async def ask(turns: Turns) -> list[Any]:
+        impatient = asyncio.ensure_future(turns(tell("impatient")))
+        others = asyncio.ensure_future(all_at_once(turns, [tell("a"), tell("b")]))
+        await asyncio.sleep(0)
+        impatient.cancel()
+        return await others
+
+    assert run(engine, ask) == ["A", "B"]
