@@ -1,7 +1,7 @@
 """How right the indices are, how honest their intervals, and how fast they stream.
 
 `make bench-analysis`, or `python -m benchmarks.analysis [SEEDS] [SEEDS WITH RIVALS]`; 1000 seeds,
-of which SALib and SciPy get 300, take some 10 minutes of two idle cores. OpenBLAS must have one
+of which SALib and SciPy get 300, take some 8 minutes of two idle cores. OpenBLAS must have one
 thread (the target says so): several processes with several threads each wait for each other.
 """
 

@@ -1,4 +1,4 @@
-"""What `benchmarks.coverage` finds, as tables: honesty of intervals, their widths, and errors.
+"""What `benchmarks.coverage` finds, as tables of Markdown: honesty and width of intervals, errors.
 
 Of 1000 seeds an exactly honest interval at 90 % holds the truth in 0.88 to 0.92 of 19 cells in 20
 (binomial error 0.0095), of 300 seeds in 0.87 to 0.93 of nine in ten (0.017).
@@ -29,53 +29,62 @@ from benchmarks.coverage import (
 from benchmarks.functions import KNOWN
 
 HONEST = (0.87, 0.93)
+SYMBOLS = {"first_order": "S", "total_order": "ST", "mu": "mu", "mu_star": "mu*", "sigma": "sigma"}
 #: An index or effect below this is that of an idle factor, which is exactly 0.
 IDLE = 1e-6
 
 
-def print_coverage_and_errors(seeds: int, with_rivals: int) -> None:
+def print_coverage_and_errors(seeds: int, whole: int) -> None:
     """Print coverage of 90 % intervals, and errors with the slope of their fall.
 
     Args:
         seeds: how many.
-        with_rivals: how many of them, the first ones, SALib and SciPy get too.
+        whole: how many of them, the first ones, SALib, SciPy, screening and the designs that
+            nobody else gets are shown on.
     """
     numbers = range(FIRST_SEED, FIRST_SEED + seeds)
-    asked = [number < FIRST_SEED + with_rivals for number in numbers]
+    asked = [number < FIRST_SEED + whole for number in numbers]
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         effects = pool.submit(true_effects)
         every = list(pool.map(one_seed, numbers, asked, chunksize=4))
-        screening = stacked(list(pool.map(screened, numbers[:with_rivals], chunksize=4)))
+        screening = stacked(list(pool.map(screened, numbers[:whole], chunksize=4)))
         of_effects = effects.result()
     found, truth = stacked(every), truths()
-    print(
-        f"\nSeeds {numbers[0]} to {numbers[-1]}; SALib, SciPy and screening: the first "
-        f"{with_rivals} of them."
-    )
-    print(f"Share of {LEVEL:.0%} intervals that hold the truth: mean over the functions and the")
-    print(
-        "factors that matter (worst factor), share of these cells within "
-        f"{HONEST[0]} to {HONEST[1]}."
-    )
+    print(f"\nShare of {LEVEL:.0%} intervals that hold the truth: mean over the functions and the")
+    print("factors that matter (worst factor), share of these cells within 0.87 to 0.93.")
     print("'u1 > 0.8': truth of the range that succeeds, in brackets of the whole range, which is")
     print("not promised. Half width: median, without failures.")
-    print(f"{'':37s}half width" + "".join(f"{name:>23s}" for name in FAILURES))
-    for key in found:
-        if key[0] in ("rehyb", "Martinez"):
-            print_lines(key, found[key], truth, INDICES)
-    print(f"\nThe first {with_rivals} seeds, all on the same samples, without failures")
+    print(f"Seeds from {numbers[0]} on, {seeds} of them; {whole} where others are shown too.")
+    for who in ("rehyb", "Martinez"):
+        head(who, FAILURES)
+        for key in found:
+            if key[0] == who:
+                print_lines(key, found[key], truth, INDICES)
+    head(f"The first {whole} seeds, all on the same samples", FAILURES[:1])
     for sampling in SHARED:
         for rows in SIZES:
             for who in ("rehyb", "SALib", "SciPy"):
-                first = found[who, sampling, rows][:with_rivals, :, :, :1]
+                first = found[who, sampling, rows][:whole, :, :, :1]
                 print_lines((who, sampling, rows), first, truth[:, :1], INDICES)
-    print("\nElementary effects, without failures")
+    head("Elementary effects", FAILURES[:1])
     for key, estimates in screening.items():
         print_lines(key, estimates, of_effects, EFFECTS)
     ours = {key: share for key, share in found.items() if key[0] == "rehyb"}
     print_functions(ours, truth)
     print_few_rows(found, truth)
     print_errors({key: one for key, one in found.items() if key[0] != "rests on"}, truth)
+
+
+def head(title: str, kinds: Sequence[str]) -> None:
+    """Print a title and the head of a table of `print_lines`."""
+    print(f"\n{title}\n")
+    row("Who", "Base points", "N", "Index", "Half width", *kinds)
+    row(*["---"] * (5 + len(kinds)))
+
+
+def row(*cells: object) -> None:
+    """Print a line of a table."""
+    print("| " + " | ".join(map(str, cells)) + " |")
 
 
 def stacked(every: Sequence[Found]) -> Found:
@@ -92,13 +101,13 @@ def print_lines(
     active = np.abs(truth[1]) > IDLE
     for i, name in enumerate(names):
         share = coverage(estimates[:, :, i], truth[i, :kinds])
-        cells = [f"{described(share[k][active[k]]):>23s}" for k in range(kinds)]
+        cells = [described(share[k][active[k]]) for k in range(kinds)]
         if kinds > 2:
             whole = coverage(estimates[:, :, i, 2], truth[i, 0])
             cells[2] += f" [{whole[active[0]].mean():.2f}]"
         widths = (estimates[:, 2, i, 0] - estimates[:, 1, i, 0])[:, active[0]]
-        width = f"{0.5 * np.nanmedian(widths, axis=0).mean():9.4f}"
-        print(f"{who:9s}{sampling:16s}{rows:5d} {name[:7]:7s}{width}" + "".join(cells))
+        half = 0.5 * np.nanmedian(widths, axis=0).mean()
+        row(who, f"`{sampling}`", rows, SYMBOLS[name], f"{half:.4f}", *cells)
 
 
 def coverage(found: Array, truth: Array) -> Array:
@@ -122,43 +131,42 @@ def described(share: Array) -> str:
 def print_functions(found: Mapping[tuple[str, str, int], Array], truth: Array) -> None:
     """Print coverage by function: mean over its factors that matter (worst factor)."""
     active = truth[1] > IDLE
-    print("\nThe same by function")
-    print(f"{'':46s}" + "".join(f"{name:>15s}" for name in KNOWN))
+    print("\nThe same by function\n")
+    row("Base points", "N", "Index", "Failures", *KNOWN)
+    row(*["---"] * (4 + len(KNOWN)))
     for (_, sampling, rows), estimates in found.items():
         for i, name in enumerate(INDICES):
             for k, kind in enumerate(FAILURES):
                 share = coverage(estimates[:, :, i, k], truth[i, k])
                 cells = [share[f][active[k, f]] for f in range(len(KNOWN))]
-                print(
-                    f"{sampling:16s}{rows:5d} {name[:5]:9s}{kind:15s}"
-                    + "".join(f"{f'{c.mean():.3f} ({c.min():.2f})':>15s}" for c in cells)
-                )
+                means = [f"{cell.mean():.3f} ({cell.min():.2f})" for cell in cells]
+                row(f"`{sampling}`", rows, SYMBOLS[name], kind, *means)
 
 
 def print_few_rows(found: Found, truth: Array) -> None:
-    """Print how honest the intervals of ST are where a study would say that few rows make it up."""
+    """Print how honest intervals of ST are where a study would say that few rows make it up."""
     print(
-        f"\nIntervals of ST where it rests on fewer than {FEWEST_ROWS:g} rows, as remarks have it"
+        f"\nIntervals of ST that rest on fewer than {FEWEST_ROWS:g} rows, of which remarks warn\n"
     )
+    row("Base points", "N", "Share of the indices", "Of which hold the truth")
+    row(*["---"] * 4)
     for (who, sampling, rows), behind in found.items():
         if who != "rests on":
             continue
         estimates = found["rehyb", sampling, rows][:, :, 1]
         held = (estimates[:, 1] <= truth[1]) & (truth[1] <= estimates[:, 2])
         few = behind < FEWEST_ROWS
-        there = few.sum() > 0
-        print(
-            f"{sampling:16s}{rows:5d}  {few[:, truth[1] > IDLE].mean():6.2%} of the indices"
-            + (f", of which {held[few].mean():.2f} hold the truth" if there else "")
-        )
+        share = few[:, truth[1] > IDLE].mean()
+        row(f"`{sampling}`", rows, f"{share:.2%}", f"{held[few].mean():.2f}" if few.any() else "–")
 
 
 def print_errors(found: Found, truth: Array) -> None:
     """Print root mean square errors without failures, and the power of N that they follow."""
     active = truth[1, 0] > IDLE
     print("\nRoot mean square error, mean over the factors that matter, without failures, and the")
-    print("power of N that it follows. SciPy's values are ours, and so is SALib's ST.")
-    print(f"{'':48s}" + "".join(f"{n:>8d}" for n in SIZES) + f"{'slope':>8s}")
+    print("power of N that it follows. SciPy's values are ours, and so is SALib's ST.\n")
+    row("Function", "Index", "Who", "Base points", *(f"N = {n}" for n in SIZES), "slope")
+    row(*["---"] * (5 + len(SIZES)))
     for f, function in enumerate(KNOWN):
         for i, index in enumerate(INDICES):
             for who, sampling in dict.fromkeys((who, sampling) for who, sampling, _ in found):
@@ -167,8 +175,5 @@ def print_errors(found: Found, truth: Array) -> None:
                 off = [found[who, sampling, n][:, 0, i, 0, f] - truth[i, 0, f] for n in SIZES]
                 errors = [np.sqrt(np.mean(one**2, axis=0))[active[f]].mean() for one in off]
                 slope = np.polyfit(np.log(SIZES), np.log(errors), 1)[0]
-                print(
-                    f"{who:9s}{sampling:16s}{function:14s}{index[:5]:9s}"
-                    + "".join(f"{error:8.4f}" for error in errors)
-                    + f"{slope:8.2f}"
-                )
+                cells = [f"{error:.4f}" for error in errors]
+                row(function, SYMBOLS[index], who, f"`{sampling}`", *cells, f"{slope:.2f}")

@@ -66,14 +66,16 @@ def test_a_discrete_distribution_is_taken(client: TestClient) -> None:
     assert study["factors"] == [{"name": "x1", "distribution": discrete}]
 
 
-def test_effects_are_scaled_per_unit_of_factors_of_any_distribution(client: TestClient) -> None:
+def test_effects_have_a_scale_per_unit_by_the_distribution_that_the_study_says(
+    client: TestClient,
+) -> None:
     normal = {"name": "x2", "distribution": {"kind": "normal", "mean": 0.0, "sd": 1.0}}
     body = {**STUDY, "method": "morris", "factors": [{"name": "x1", "range": [0, 2.5]}, normal]}
     study = client.post("/v1/studies", json=body).json()
     shown = client.get(f"/v1/studies/{study['id']}/indices").json()["outputs"]["y"]["factors"]
-    for name in ("x1", "x2"):
-        assert set(shown[name]["per_unit"]) == {"mu", "mu_star", "sigma", "scale"}
-    assert shown["x1"]["per_unit"]["scale"]["width"] == 2.5
+    assert set(shown["x1"]["per_unit"]) == {"mu", "mu_star", "sigma", "scale"}
+    assert shown["x1"]["per_unit"]["scale"] == {"width": 2.5, "by": "range"}
+    assert shown["x2"]["per_unit"]["scale"]["by"] == "quantiles"
 
 
 def test_a_repeated_submission_makes_no_second_study(client: TestClient) -> None:
