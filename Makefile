@@ -29,7 +29,7 @@ bench: .venv/.rivals  ## Print the figures that README and docs quote, and rival
 	$(BIN)/python -m benchmarks.table_1
 	$(BIN)/python -m benchmarks.side_by_side
 
-bench-sim: $(READY)  ## Print what an assessment costs and how the fidelities agree (10 minutes)
+bench-sim: $(READY)  ## Print what an assessment costs and how the fidelities agree (8 minutes)
 	$(BIN)/python -m benchmarks.simulation
 
 curves: $(READY)  ## Draw what each factor does alone (docs/one_at_a_time.png)

@@ -13,6 +13,12 @@ from scipy.stats import qmc
 from benchmarks.machine import describe_machine
 from sim.assessment import assess
 from sim.factors import TABLE_1
+from sim.validation.isometric import (
+    ANGLES_DEG,
+    MEASURED,
+    co_contraction_stiffness,
+    run_isometric_test,
+)
 
 SEED = 7
 #: Estimate and truth of the authors' nominal trial, Nm/rad (their model, each form's regression).
@@ -50,6 +56,31 @@ def print_differences() -> None:
         print(f"  {label:50s} {outputs['stiffness_error_authors']:6.2f} Nm/rad")
 
 
+def print_co_contraction() -> None:
+    """Show what the isometric torques say of the sign of K_h."""
+    print("\nSlope of the isometric torque at an activation of 0.4, elbow at 20 to 110 degrees")
+    rows = [
+        (
+            d.source,
+            *(np.array(x, dtype=float) for x in (d.angles_deg, d.flexion_nm, d.extension_nm)),
+        )
+        for d in MEASURED
+    ]
+    for name, wrapped in (("triceps straight", False), ("triceps wrapped", True)):
+        test = run_isometric_test(wrapped=wrapped)
+        rows.append((name, ANGLES_DEG, test.flexion_nm, test.extension_nm))
+    for name, angles, flexion, extension in rows:
+        none = np.zeros(len(angles))
+        slopes = [
+            co_contraction_stiffness(angles, f, e, 0.4)
+            for f, e in ((flexion, none), (none, extension), (flexion, extension))
+        ]
+        print(
+            f"  {name:22s} flexors {slopes[0]:6.2f}  extensors {slopes[1]:6.2f}  "
+            f"both {slopes[2]:6.2f} Nm/rad"
+        )
+
+
 def print_table_1(points: int) -> None:
     unit = qmc.LatinHypercube(len(TABLE_1), rng=np.random.default_rng(SEED)).random(points)
     low, high = (np.array([getattr(f, end) for f in TABLE_1]) for end in ("low", "high"))
@@ -77,4 +108,5 @@ if __name__ == "__main__":
     print(describe_machine())
     print_nominal()
     print_differences()
+    print_co_contraction()
     print_table_1(int(sys.argv[1]) if len(sys.argv) > 1 else 100)

@@ -73,13 +73,16 @@ def fit(
         columns.append(np.ones_like(angle))
     matrix = np.column_stack(columns)
     scale = np.linalg.norm(matrix, axis=0)
-    if not np.all(scale > 0.0) or np.linalg.cond(matrix / scale) > MAX_CONDITION:
+    known = np.all(scale > 0.0)
+    if known:
+        left, values, right = np.linalg.svd(matrix / scale, full_matrices=False)
+        known = values[0] <= MAX_CONDITION * values[-1]
+    if not known:
         raise IllConditionedError(
             "the movement does not tell stiffness from the other regressors: "
             "it must change angle and velocity"
         )
-    solution, *_ = np.linalg.lstsq(matrix / scale, torque, rcond=None)
-    solution = solution / scale
+    solution = right.T @ (left.T @ torque / values) / scale
     residual = torque - matrix @ solution
     total = torque - torque.mean() if constant else torque
     return Fit(

@@ -6,7 +6,7 @@ a file needs. Those in the folder `devices` have names; any other is named by it
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import mujoco
@@ -78,6 +78,10 @@ class Device:
 
     def spec(self) -> mujoco.MjSpec:
         """Return its links, joints and motors alone, to be attached."""
+        return self._spec.copy()
+
+    @cached_property
+    def _spec(self) -> mujoco.MjSpec:
         spec = mujoco.MjSpec.from_file(str(self.path))
         marks = [site for site in spec.sites if site.name in CUFF_SITES]
         for part in (*spec.keys, *spec.numerics, *marks):

@@ -26,6 +26,9 @@ class Fidelity:
     particle_inertia: float
     #: Stiffness of friction over that of the normal: where it is low a limb creeps under load.
     impratio: float = 1.0
+    #: Impedance (0 to 1) of a contact that begins, and the depth at which it has grown to 0.99, m:
+    #: contacts that begin abruptly make stiffness jump where they do so a step earlier or later.
+    onset: tuple[float, float] = (0.93, 0.001)
 
     @property
     def elements(self) -> int:
@@ -44,12 +47,12 @@ SCREENING = Fidelity(
 )
 CAMPAIGN = Fidelity(
     name="campaign",
-    step=0.0125,
+    step=0.015,
     rings=12,
     per_ring=8,
     strap_rows=2,
     strap_across=6,
-    particle_inertia=6.0,
+    particle_inertia=9.0,
 )
 REFERENCE = Fidelity(
     name="reference",
@@ -60,6 +63,7 @@ REFERENCE = Fidelity(
     strap_across=8,
     particle_inertia=10.0,
     impratio=20.0,
+    onset=(0.95, 0.002),
 )
 FIDELITIES: Mapping[str, Fidelity] = MappingProxyType(
     {fidelity.name: fidelity for fidelity in (SCREENING, CAMPAIGN, REFERENCE)}

@@ -35,7 +35,8 @@ class Film:
     def watch(self, system: System, data: mujoco.MjData) -> None:
         """Take a frame if it is time for one."""
         self._system = system
-        if data.time * self.rate >= len(self) - 1e-6 and np.isfinite(data.qpos).all():
+        begun = self._times[0] if self._times else data.time
+        if (data.time - begun) * self.rate >= len(self) - 1e-6 and np.isfinite(data.qpos).all():
             self._times.append(float(data.time))
             self._positions.append(data.qpos.copy())
 

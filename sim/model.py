@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import radians
+from math import asin, atan2, cos, radians, sin
 
 import mujoco
 import numpy as np
-from scipy.optimize import brentq
 
 from sim.carried import CarriedEffects, add_undeclared
 from sim.conditions import DEFAULT_CONDITIONS, Conditions
@@ -22,7 +21,8 @@ from sim.interface import (
     cuffs,
     segment_names,
 )
-from sim.muscles import add_muscles
+from sim.muscles import FOREARM_ROTATORS, SHOULDER_MUSCLES, add_muscles
+from sim.sensors import add_interface_sensors, add_torque_sensors
 from sim.skeleton import (
     ELBOW,
     HUMAN_JOINTS,
@@ -32,7 +32,7 @@ from sim.skeleton import (
     empty_spec,
     upper_arm_point,
 )
-from sim.soft_tissue import Sleeve, add_soft_tissue, element_name, set_contacts, sleeves
+from sim.soft_tissue import Sleeve, add_soft_tissue, set_contacts, sleeves
 from sim.solver import let_the_solver_reorder, set_solver
 from sim.target import ELBOW_TARGET, Target
 from sim.wearer import Wearer
@@ -130,8 +130,13 @@ class System:
 
     @cached_property
     def locks(self) -> np.ndarray:
-        """Equality index of the lock on each exoskeleton joint."""
-        return np.array([self.model.equality(f"lock_{joint}").id for joint in self.device.joints])
+        """Equality index of the lock on each exoskeleton joint; none without contact."""
+        kind, names = (
+            mujoco.mjtObj.mjOBJ_EQUALITY,
+            (f"lock_{joint}" for joint in self.device.joints),
+        )
+        locks = np.array([mujoco.mj_name2id(self.model, kind, name) for name in names])
+        return locks[locks >= 0]
 
     @cached_property
     def straps(self) -> np.ndarray:
@@ -139,15 +144,6 @@ class System:
         return np.array(
             [self.model.tendon(name).id for cuff in self.cuffs for name in segment_names(cuff)]
         )
-
-    @cached_property
-    def limb_of_geom(self) -> np.ndarray:
-        """For each geom the number of the sleeve it is an element of, or -1; shape (ngeom,)."""
-        limb = np.full(self.model.ngeom, -1)
-        for number, sleeve in enumerate(self.sleeves):
-            for ring, index in sleeve.places:
-                limb[self.model.geom(element_name(sleeve, ring, index)).id] = number
-        return limb
 
     @cached_property
     def exo_range(self) -> tuple[float, float]:
@@ -175,15 +171,22 @@ def base_spec(
     device: Device,
     *,
     step: float,
+    whole: bool = True,
 ) -> mujoco.MjSpec:
-    """Return arm, muscles and locked exoskeleton, with nothing yet to hold one in the other."""
+    """Return arm, muscles and locked exoskeleton, with nothing yet to hold one in the other.
+
+    Without `whole` there is no pronation and no lock, and of the muscles that do not cross the
+    elbow only those that co-contract.
+    """
     spec = empty_spec()
     set_solver(spec, step)
     add_torso(spec)
-    add_arm(spec, wearer)
+    add_arm(spec, wearer, pronates=whole)
     if conditions.extension_stop > 0.0:
         add_extension_stop(spec, conditions.extension_stop)
-    add_muscles(spec, wearer, wrapped=conditions.triceps_wrapping >= 0.5)
+    wrapped = conditions.triceps_wrapping >= 0.5
+    others = SHOULDER_MUSCLES + FOREARM_ROTATORS if whole else target.muscles
+    add_muscles(spec, wearer, wrapped=wrapped, others=others)
     add_exoskeleton(
         spec,
         gains,
@@ -191,12 +194,14 @@ def base_spec(
         joint=JOINTS[target.joint],
         device=device,
     )
+    add_torque_sensors(spec, device.joints, HUMAN_JOINTS[target.joint])
     add_undeclared(spec, conditions, gains, JOINTS[target.joint], HUMAN_JOINTS[target.joint])
     if conditions.cuff_compliance > 0.0:
         add_slide(spec, device.cuffs[1], conditions.cuff_compliance)
     start = device.start(target.name)
     for joint, zero, angle in zip(device.joints, device.zero, start.angles, strict=True):
-        _add_lock(spec, joint, angle - zero)
+        if whole:
+            _add_lock(spec, joint, angle - zero)
     _set_the_scene(spec)
     return spec
 
@@ -230,12 +235,13 @@ def build_system(
     spec = base_spec(wearer, gains, conditions, target, device, step=fidelity.step)
     spec.option.impratio = fidelity.impratio
     let_the_solver_reorder(spec)
-    set_contacts(spec, conditions.cuff_friction)
+    set_contacts(spec, conditions.cuff_friction, fidelity)
     for cuff, sleeve in zip(holders, parts, strict=True):
         add_soft_tissue(spec, sleeve)
         add_cuff(spec, cuff)
         add_strap(spec, cuff)
         add_contacts(spec, cuff, sleeve)
+    add_interface_sensors(spec, holders, parts)
     return System(
         wearer=wearer,
         conditions=conditions,
@@ -284,17 +290,16 @@ def seated_elbow_angle(wearer: Wearer, sleeve: Sleeve, cuff: Cuff, exo_angle: fl
     at `exo_angle`. When no angle does (an arm too long for it), the closest within reach.
     """
     elbow = upper_arm_point(wearer, ELBOW)[[0, 2]]
-    centre = forearm_cuff_centre(cuff, exo_angle)
-
-    def miss(flexion: float) -> float:
-        """Distance of the cuff's centre from the forearm's axis, m."""
-        across = direction(flexion + np.pi / 2)
-        return float(across @ (centre - elbow)) - sleeve.axis_z
-
-    low, high = exo_angle - SEAT_REACH, min(exo_angle + SEAT_REACH, radians(143.0))
-    if miss(low) * miss(high) > 0.0:
-        return low if abs(miss(low)) < abs(miss(high)) else high
-    return float(brentq(miss, low, high, xtol=1e-12))
+    along, across = forearm_cuff_centre(cuff, exo_angle) - elbow
+    distance, low = float(np.hypot(along, across)), exo_angle - SEAT_REACH
+    high = min(exo_angle + SEAT_REACH, radians(143.0))
+    if abs(sleeve.axis_z) <= distance:
+        angle = atan2(across, along) - asin(sleeve.axis_z / distance)
+        if low <= angle <= high:
+            return angle
+    # How far the cuff's centre lies from the forearm's axis at both ends.
+    misses = [abs(across * cos(end) - along * sin(end) - sleeve.axis_z) for end in (low, high)]
+    return low if misses[0] < misses[1] else high
 
 
 def forearm_cuff_centre(cuff: Cuff, exo_angle: float) -> np.ndarray:
@@ -352,8 +357,8 @@ def _set_the_scene(spec: mujoco.MjSpec) -> None:
         builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=[1.0, 1.0, 1.0],
         rgb2=[0.86, 0.89, 0.93],
-        width=64,
-        height=64,
+        width=16,
+        height=16,
     )
     spec.worldbody.add_light(
         pos=[0.5, -1.0, 1.5],

@@ -7,6 +7,7 @@ authors to the isometric torques of Amis et al. 1980 and Buchanan et al. 1998;
 `sim.validation.isometric` checks them here.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from math import radians
@@ -203,13 +204,20 @@ _TENDON_COLOURS = {
 }
 
 
-def add_muscles(spec: mujoco.MjSpec, wearer: Wearer, *, wrapped: bool = False) -> None:
-    """Add all 26 muscles to a spec that has torso and arm; their input is activation, 0 to 1.
+def add_muscles(
+    spec: mujoco.MjSpec,
+    wearer: Wearer,
+    *,
+    wrapped: bool = False,
+    others: tuple[Muscle, ...] = SHOULDER_MUSCLES + FOREARM_ROTATORS,
+) -> None:
+    """Add muscles to a spec that has torso and arm, 26 in all; their input is activation, 0 to 1.
 
     Args:
         spec: the model under construction.
         wearer: whose arm it is.
         wrapped: whether the triceps wraps round the elbow (`sim.triceps`) or is straight lines.
+        others: muscles beside the elbow's.
     """
     extensors: tuple[Muscle, ...] = ELBOW_EXTENSORS
     extensor_scale = EXTENSOR_FORCE_SCALE
@@ -218,11 +226,12 @@ def add_muscles(spec: mujoco.MjSpec, wearer: Wearer, *, wrapped: bool = False) -
 
         extensors, extensor_scale = WRAPPED_EXTENSORS, FORCE_SCALE
         add_trochlea(spec, wearer)
+    beside = tuple(muscle for muscle in others if muscle.length_range)
     ranges = elbow_length_ranges(wearer, wrapped=wrapped)
     for group, muscles, scale, operating_range in (
         ("flexor", ELBOW_FLEXORS, FLEXOR_FORCE_SCALE, FLEXOR_RANGE),
         ("extensor", extensors, extensor_scale, EXTENSOR_RANGE),
-        ("other", SHOULDER_MUSCLES + FOREARM_ROTATORS, 1.0, DEFAULT_RANGE),
+        ("other", beside, 1.0, DEFAULT_RANGE),
     ):
         for muscle in muscles:
             _add_path(spec, muscle, wearer, _TENDON_COLOURS[group])
@@ -261,32 +270,94 @@ def _swept_ranges(
             "forearm_length": forearm_length,
         }
     )
-    spec = empty_spec()
-    add_torso(spec)
-    add_arm(spec, wearer)
     muscles: tuple[Muscle, ...] = ELBOW_FLEXORS + ELBOW_EXTENSORS
     if wrapped:
-        from sim.triceps import WRAPPED_EXTENSORS, add_trochlea
+        from sim.triceps import WRAPPED_EXTENSORS
 
         muscles = ELBOW_FLEXORS + WRAPPED_EXTENSORS
-        add_trochlea(spec, wearer)
-    for muscle in muscles:
-        _add_path(spec, muscle, wearer, _TENDON_COLOURS["other"])
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    elbow = model.joint(HUMAN_JOINTS[3]).qposadr[0]
-    data.qpos[model.joint(HUMAN_JOINTS[1]).qposadr[0]] = radians(-90.0)
-    lengths = np.empty((len(SWEEP), model.ntendon))
-    for i, angle in enumerate(SWEEP):
-        data.qpos[elbow] = angle
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_tendon(model, data)
-        lengths[i] = data.ten_length
+    lengths = np.empty((len(SWEEP), len(muscles)))
+    straight = [i for i, muscle in enumerate(muscles) if not muscle.wraps]
+    lengths[:, straight] = _straight_lengths(wearer, [muscles[i] for i in straight])
+    round_the_elbow = [i for i, muscle in enumerate(muscles) if muscle.wraps]
+    if round_the_elbow:
+        lengths[:, round_the_elbow] = _wrapped_lengths(
+            wearer, [muscles[i] for i in round_the_elbow]
+        )
     return tuple(
         (m.name, (float(lengths[:, i].min()), float(lengths[:, i].max())))
         for i, m in enumerate(muscles)
     )
+
+
+def _straight_lengths(wearer: Wearer, muscles: list[Muscle]) -> np.ndarray:
+    """Return the lengths of straight paths over SWEEP, m, shape (angles, muscles).
+
+    A model need not be compiled for them: bones keep their directions when an arm is scaled.
+    """
+    places = {}
+    for bone, (place, frame) in _nominal_poses().items():
+        if bone == "ulna":
+            place = wearer.upper_arm_scale * place
+        elif bone == "radius":
+            ulna = _nominal_poses()["ulna"][0]
+            place = wearer.upper_arm_scale * ulna + wearer.forearm_scale * (place - ulna)
+        places[bone] = place, frame
+    lengths = np.empty((len(SWEEP), len(muscles)))
+    for i, muscle in enumerate(muscles):
+        path = np.stack(
+            [places[b][0] + places[b][1] @ on_wearer(b, p, wearer) for b, p in muscle.path], axis=1
+        )
+        lengths[:, i] = np.linalg.norm(np.diff(path, axis=1), axis=2).sum(axis=1)
+    return lengths
+
+
+@cache
+def _nominal_poses() -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return place (angles, 3) and axes (angles, 3, 3) of the nominal bones over SWEEP."""
+    model = _bare_arm(NOMINAL_WEARER).compile()
+    data = mujoco.MjData(model)
+    bones = {bone: model.body(bone).id for bone in ("scapula", "humerus", "ulna", "radius")}
+    poses = {bone: (np.empty((len(SWEEP), 3)), np.empty((len(SWEEP), 3, 3))) for bone in bones}
+    for i in _sweep(model, data):
+        for bone, number in bones.items():
+            poses[bone][0][i] = data.xpos[number]
+            poses[bone][1][i] = data.xmat[number].reshape(3, 3)
+    return poses
+
+
+def _wrapped_lengths(wearer: Wearer, muscles: list[Muscle]) -> np.ndarray:
+    """Return the lengths of paths round the trochlea over SWEEP, m, shape (angles, muscles)."""
+    from sim.triceps import add_trochlea
+
+    spec = _bare_arm(wearer)
+    add_trochlea(spec, wearer)
+    for muscle in muscles:
+        _add_path(spec, muscle, wearer, _TENDON_COLOURS["other"])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    lengths = np.empty((len(SWEEP), model.ntendon))
+    for i in _sweep(model, data):
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_tendon(model, data)
+        lengths[i] = data.ten_length
+    return lengths
+
+
+def _bare_arm(wearer: Wearer) -> mujoco.MjSpec:
+    spec = empty_spec()
+    add_torso(spec)
+    add_arm(spec, wearer)
+    return spec
+
+
+def _sweep(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[int]:
+    """Bend the elbow through SWEEP with the shoulder flexed; yield the number of each angle."""
+    elbow = model.joint(HUMAN_JOINTS[3]).qposadr[0]
+    data.qpos[model.joint(HUMAN_JOINTS[1]).qposadr[0]] = radians(-90.0)
+    for i, angle in enumerate(SWEEP):
+        data.qpos[elbow] = angle
+        mujoco.mj_kinematics(model, data)
+        yield i
 
 
 def _add_path(

@@ -5,11 +5,12 @@ and motors. The arm's segments ride rigidly on the links that carry their cuffs,
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import mujoco
 import numpy as np
 
+from sim.chain import RigidChain, rigid_chain
 from sim.control import Gains
 from sim.exoskeleton import ELBOW_JOINT, NESM, Device, add_exoskeleton
 from sim.interface import STRAP_MASS
@@ -51,13 +52,42 @@ class NominalModel:
         Returns:
             Torque at the joint in Nm, shape (n,).
         """
+        of = self._by_recursion if self._is_rigid_chain else self._by_engine
+        return of(position, velocity, acceleration, joint)
+
+    @cached_property
+    def _chain(self) -> RigidChain:
+        return rigid_chain(self.model)
+
+    @cached_property
+    def _is_rigid_chain(self) -> bool:
+        """Whether the recursion finds what MuJoCo does: a device may have springs, say."""
+        position, velocity, acceleration = np.random.default_rng(0).normal(
+            size=(3, 8, self.model.nv)
+        )
+        recursion, engine = (
+            [of(position, velocity, acceleration, joint) for joint in range(self.model.nv)]
+            for of in (self._by_recursion, self._by_engine)
+        )
+        return np.allclose(recursion, engine, rtol=1e-9, atol=1e-9)
+
+    def _by_recursion(
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, joint: int
+    ) -> np.ndarray:
+        torque = self._chain.torque(position, velocity, acceleration, joint)
+        torque += self.model.dof_armature[joint] * acceleration[:, joint]
+        torque += self.model.dof_damping[joint] * velocity[:, joint]
+        return torque
+
+    def _by_engine(
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, joint: int
+    ) -> np.ndarray:
         data = mujoco.MjData(self.model)
-        qpos, qvel, qacc, inverse = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
         torque = np.empty(len(position))
         for i in range(len(position)):
-            qpos[:], qvel[:], qacc[:] = position[i], velocity[i], acceleration[i]
+            data.qpos, data.qvel, data.qacc = position[i], velocity[i], acceleration[i]
             mujoco.mj_inverse(self.model, data)
-            torque[i] = inverse[joint]
+            torque[i] = data.qfrc_inverse[joint]
         return torque
 
     def bias(self, position: np.ndarray, velocity: np.ndarray, joint: int = 3) -> np.ndarray:

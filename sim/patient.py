@@ -20,8 +20,8 @@ from sim.estimation import fit
 from sim.exoskeleton import JOINTS, NESM
 from sim.fidelity import CAMPAIGN, Fidelity
 from sim.model import reset_to_start
-from sim.protocol import Motion
 from sim.record import Record
+from sim.steps import Motion
 from sim.target import ELBOW_TARGET
 
 #: The sigmoid's half width in its rates: at that distance from its centre it has hardly begun.

@@ -5,19 +5,17 @@ comes to rest in the locked robot; then the controllers take over and move the j
 sigmoid.
 """
 
+from functools import partial
+
 import mujoco
 import numpy as np
 
-from sim.activation import ActivationPattern
 from sim.carried import CarriedEffects
-from sim.contact import InterfaceGauge
-from sim.control import DURATION, extension_reference
 from sim.model import System, close_straps, slacken_straps
-from sim.record import Record, Recorder
-from sim.validity import FailedError, Failure, Posture, check_posture, check_start
-
-#: Time (s) and the moved joint's desired angle (rad) and velocity (rad/s), shape (n,) each.
-Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
+from sim.record import Record, record_of
+from sim.sensors import contact_forces, seats
+from sim.steps import Motion, follow, movement
+from sim.validity import FailedError, Failure, Postures, check_start
 
 #: Straps are pulled and the muscles' activation ramps up for so long, s.
 DONNING = 0.3
@@ -42,21 +40,10 @@ def run_protocol(system: System, data: mujoco.MjData, motion: Motion | None = No
     """
     carried = system.carried()
     _don_and_hold(system, data, carried)
-    return _follow(system, data, carried, movement(system) if motion is None else motion)
-
-
-def movement(system: System) -> Motion:
-    """Return the sigmoid of an assessment."""
-    target, conditions = system.target, system.conditions
-    time = np.arange(round(DURATION / system.fidelity.step)) * system.fidelity.step
-    reference, velocity = extension_reference(
-        time,
-        start=float(system.start[system.moved]),
-        amplitude=target.reach * conditions.movement_amplitude,
-        rate=conditions.movement_rate,
-        direction=target.direction,
-    )
-    return time, reference, velocity
+    motion = movement(system) if motion is None else motion
+    states, sensed = follow(system, data, carried, motion, partial(_postures, system))
+    forces = contact_forces(system.model, sensed, system.sleeves)
+    return record_of(system, *motion[:2], states, sensed, *forces)
 
 
 def _don_and_hold(system: System, data: mujoco.MjData, carried: CarriedEffects) -> None:
@@ -95,43 +82,18 @@ def _don_and_hold(system: System, data: mujoco.MjData, carried: CarriedEffects) 
             data.act[integral] = torque / system.gains.ki
 
 
-def _follow(system: System, data: mujoco.MjData, carried: CarriedEffects, motion: Motion) -> Record:
-    """Let the controllers follow the reference and record every step."""
-    model, moved = system.model, system.moved
-    time, reference, velocity = motion
-    steps = len(time)
-    position_input = model.actuator_ctrladr[system.motors]
-    gauge, recorder = InterfaceGauge(system), Recorder(system, steps)
-    pattern = ActivationPattern(system, data, reference)
-    data.ctrl[position_input] = system.start
-    data.ctrl[position_input + 1] = 0.0
-    for step in range(steps):
-        data.ctrl[position_input[moved]] = reference[step]
-        data.ctrl[position_input[moved] + 1] = velocity[step]
-        recorder.before_step(data, reference[step])
-        exo_angle = float(data.qpos[system.exo_qpos[moved]])
-        human_angle = float(data.qpos[system.human_qpos[system.target.joint]])
-        if pattern.varies:
-            pattern.velocity[step] = data.qvel[system.human_dof[system.target.joint]]
-            data.ctrl[system.contraction_inputs] = pattern.activations(step, 1)[0]
-        _step(system, data, carried, "movement")
-        resultant, normal_force = gauge.forces(data)
-        penetration, overhang = gauge.seats(data)
-        recorder.after_step(data, resultant, normal_force)
-        failure = check_posture(
-            Posture(
-                exo_angle=exo_angle,
-                human_angle=human_angle,
-                exo_range=system.exo_range,
-                human_range=system.human_range,
-                penetration=penetration,
-                overhang=overhang,
-                normal_force=normal_force,
-            )
-        )
-        if failure:
-            raise FailedError(failure, "movement")
-    return recorder.record()
+def _postures(system: System, states: np.ndarray, sensed: np.ndarray) -> Postures:
+    """Return what the detectors look at, from states before each step and sensors."""
+    penetration, overhang = seats(system.model, sensed, system.cuffs, system.sleeves)
+    return Postures(
+        exo_angle=states[:, 1 + system.exo_qpos[system.moved]],
+        human_angle=states[:, 1 + system.human_qpos[system.target.joint]],
+        exo_range=system.exo_range,
+        human_range=system.human_range,
+        penetration=penetration,
+        overhang=overhang,
+        normal_force=contact_forces(system.model, sensed, system.sleeves)[1],
+    )
 
 
 def _step(system: System, data: mujoco.MjData, carried: CarriedEffects, phase: str) -> None:

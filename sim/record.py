@@ -3,7 +3,6 @@
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from sim.model import System
@@ -44,67 +43,47 @@ class Record:
             np.savez_compressed(file, **{f.name: getattr(self, f.name) for f in fields(self)})
 
 
-class Recorder:
-    """Collects one movement; every sample holds quantities of one and the same instant."""
+def record_of(
+    system: System,
+    time: np.ndarray,
+    reference: np.ndarray,
+    states: np.ndarray,
+    sensed: np.ndarray,
+    contact_force: np.ndarray,
+    normal_force: np.ndarray,
+) -> Record:
+    """Return the record of a movement of n steps.
 
-    def __init__(self, system: System, steps: int) -> None:
-        self._system = system
-        self._step = system.fidelity.step
-        joints = len(system.device.joints)
-        self._count = 0
-        self._arrays = {
-            name: np.empty((steps, *shape))
-            for name, shape in (
-                ("time", ()),
-                ("reference", ()),
-                ("theta", (joints,)),
-                ("theta_velocity", (joints,)),
-                ("motor_torque", (joints,)),
-                ("q", (4,)),
-                ("q_velocity", (4,)),
-                ("muscle_torque", ()),
-                ("contact_force", (2,)),
-                ("normal_force", ()),
-            )
-        }
-        self._final_velocity = np.zeros(joints)
-
-    def before_step(self, data: mujoco.MjData, reference: float) -> None:
-        """Note the state and the desired elbow angle (rad) that the coming step starts from."""
-        arrays, system, i = self._arrays, self._system, self._count
-        arrays["time"][i] = i * self._step
-        arrays["reference"][i] = reference
-        arrays["theta"][i] = data.qpos[system.exo_qpos]
-        arrays["theta_velocity"][i] = data.qvel[system.exo_dof]
-        arrays["q"][i] = data.qpos[system.human_qpos]
-        arrays["q_velocity"][i] = data.qvel[system.human_dof]
-
-    def after_step(
-        self, data: mujoco.MjData, contact_force: np.ndarray, normal_force: float
-    ) -> None:
-        """Note the forces that acted in the state `before_step` saw."""
-        arrays, system, i = self._arrays, self._system, self._count
-        arrays["motor_torque"][i] = data.actuator_force[system.motors] / system.motor_gain
-        arrays["muscle_torque"][i] = data.qfrc_actuator[system.human_dof[system.target.joint]]
-        arrays["contact_force"][i] = contact_force
-        arrays["normal_force"][i] = normal_force
-        self._final_velocity = data.qvel[system.exo_dof].copy()
-        self._count += 1
-
-    def record(self) -> Record:
-        """Return the finished record; accelerations are those the steps really made."""
-        velocity = np.vstack([self._arrays["theta_velocity"], self._final_velocity])
-        acceleration = np.diff(velocity, axis=0) / self._step
-        self._arrays["motor_torque"] = acting_torque(
-            self._system, self._arrays["motor_torque"], acceleration
-        )
-        return Record(
-            device=self._system.device.name,
-            joint=self._system.target.joint,
-            exo_joint=self._system.moved,
-            theta_acceleration=acceleration,
-            **self._arrays,
-        )
+    Args:
+        system: that moved.
+        time: seconds since the movement began, shape (n,).
+        reference: the moved joint's desired angle, rad, shape (n,).
+        states: before each step and after the last, shape (n + 1, nstate).
+        sensed: sensors of each step, shape (n, nsensordata), the torques first (`sim.sensors`).
+        contact_force: N, shape (n, 2).
+        normal_force: N, shape (n,).
+    """
+    position, velocity = np.split(states[:, 1:], [system.model.nq], axis=1)
+    exo_velocity = velocity[:, system.exo_dof]
+    # Those the steps really made.
+    acceleration = np.diff(exo_velocity, axis=0) / system.fidelity.step
+    motors = len(system.motors)
+    return Record(
+        device=system.device.name,
+        joint=system.target.joint,
+        exo_joint=system.moved,
+        time=time,
+        reference=reference,
+        theta=position[:-1, system.exo_qpos],
+        theta_velocity=exo_velocity[:-1],
+        theta_acceleration=acceleration,
+        motor_torque=acting_torque(system, sensed[:, :motors] / system.motor_gain, acceleration),
+        q=position[:-1, system.human_qpos],
+        q_velocity=velocity[:-1, system.human_dof],
+        muscle_torque=sensed[:, motors].copy(),
+        contact_force=contact_force,
+        normal_force=normal_force,
+    )
 
 
 def acting_torque(system: System, torque: np.ndarray, acceleration: np.ndarray) -> np.ndarray:

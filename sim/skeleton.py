@@ -91,8 +91,10 @@ def add_torso(spec: mujoco.MjSpec) -> None:
     _bone(scapula, "scapula", np.zeros(3), np.array([0.0439, -0.002, -0.023]))
 
 
-def add_arm(spec: mujoco.MjSpec, wearer: Wearer) -> None:
+def add_arm(spec: mujoco.MjSpec, wearer: Wearer, *, pronates: bool = True) -> None:
     """Add humerus, ulna, radius and hand with their five joints, angles in rad.
+
+    Without `pronates` the radius is rigid on the ulna: four joints, and no grip to hold the fifth.
 
     The shoulder's joints are named after the exoskeleton axis they lie on; at the paper's start
     pose (0, -90, 0, 110) degrees both chains share their angles when the wearer is aligned.
@@ -104,6 +106,8 @@ def add_arm(spec: mujoco.MjSpec, wearer: Wearer) -> None:
     ulna = fill_upper_arm(humerus, wearer)
     _hinge(ulna, HUMAN_JOINTS[3], (0, -1, 0), tuple(np.degrees(ELBOW_RANGE)))
     radius = fill_forearm(ulna, wearer)
+    if not pronates:
+        return
     _hinge(radius, PRONATION, (-1, 0, 0), (-175.0, 5.0))
     # The hand holds the exoskeleton's handle: during an assessment the forearm does not pronate.
     grip = spec.add_equality(

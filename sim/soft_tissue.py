@@ -134,13 +134,14 @@ def element_name(sleeve: Sleeve, ring: int, index: int) -> str:
     return f"{sleeve.name}_tissue_{ring}_{index}"
 
 
-def set_contacts(spec: mujoco.MjSpec, friction: float) -> None:
+def set_contacts(spec: mujoco.MjSpec, friction: float, fidelity: Fidelity = CAMPAIGN) -> None:
     """Give contacts of elements, which are added afterwards, their stiffness and friction."""
     pair = spec.default.pair
     pair.condim = 3
     pair.friction[:2] = friction
     pair.solref = [0.02, 1.0]
-    pair.solimp = [0.95, 0.99, 0.002, 0.5, 2.0]
+    onset, depth = fidelity.onset
+    pair.solimp = [onset, 0.99, depth, 0.5, 2.0]
 
 
 def add_soft_tissue(spec: mujoco.MjSpec, sleeve: Sleeve) -> None:

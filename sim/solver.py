@@ -16,6 +16,8 @@ def set_solver(spec: mujoco.MjSpec, step: float) -> None:
     option.iterations = 50
     # On a NaN MuJoCo would reset state and time and go on; a failure must stay visible.
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    # Arm and exoskeleton in contact are one island, which need not be found anew at every step.
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
 
 
 def let_the_solver_reorder(spec: mujoco.MjSpec) -> None:

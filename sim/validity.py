@@ -139,6 +139,56 @@ def check_posture(posture: Posture) -> Failure | None:
     return None
 
 
+@dataclass(frozen=True, kw_only=True)
+class Postures:
+    """A movement of n steps as the detectors look at it: `Posture` with steps along axis 0."""
+
+    exo_angle: np.ndarray
+    human_angle: np.ndarray
+    exo_range: tuple[float, float]
+    human_range: tuple[float, float]
+    #: Shape (n, 2), as is overhang.
+    penetration: np.ndarray
+    overhang: np.ndarray
+    normal_force: np.ndarray
+
+    def at(self, step: int) -> Posture:
+        """Return one step."""
+        return Posture(
+            exo_angle=float(self.exo_angle[step]),
+            human_angle=float(self.human_angle[step]),
+            exo_range=self.exo_range,
+            human_range=self.human_range,
+            penetration=self.penetration[step],
+            overhang=self.overhang[step],
+            normal_force=float(self.normal_force[step]),
+        )
+
+    def extremes(self) -> set[int]:
+        """Return the steps at which any quantity that a detector looks at is at its worst."""
+        worst = [
+            np.abs(self.human_angle - self.exo_angle),
+            self.normal_force,
+            *self.penetration.T,
+            *self.overhang.T,
+        ]
+        for angle in (self.exo_angle, self.human_angle):
+            worst += [angle, -angle]
+        # A value that is not finite is found as well: argmax takes a NaN for the largest.
+        return {int(np.argmax(values)) for values in worst}
+
+
+def first_failure(postures: Postures) -> tuple[int, Failure] | None:
+    """Return the first step of a movement that a detector fires at, and the failure."""
+    if all(check_posture(postures.at(step)) is None for step in postures.extremes()):
+        return None
+    for step in range(len(postures.exo_angle)):
+        failure = check_posture(postures.at(step))
+        if failure:
+            return step, failure
+    return None
+
+
 def check_outcome(*, tracking_rmse: float, r_squared: float) -> Failure | None:
     """Judge the whole trial: tracking error in rad and the affine regression's r squared."""
     if tracking_rmse > MAX_TRACKING_RMSE:

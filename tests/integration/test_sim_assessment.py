@@ -247,7 +247,8 @@ def test_a_reflex_acts_in_contact_as_the_threshold_says(nominal: Assessment) -> 
     reflex = assess({"reflex_gain": 0.2})
     assert reflex.record is not None and nominal.record is not None
     fast = int(np.argmax(-nominal.record.q_velocity[:, 3] > 0.5))
-    before = slice(0, fast + 5)
+    # Three steps of 15 ms are the delay, and it takes one more until muscles pull.
+    before = slice(0, fast + 4)
     assert np.array_equal(reflex.record.muscle_torque[before], nominal.record.muscle_torque[before])
     assert reflex.outputs["damping_estimate"] < nominal.outputs["damping_estimate"] - 2.0
 

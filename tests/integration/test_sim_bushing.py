@@ -3,14 +3,20 @@
 from dataclasses import replace
 from itertools import product
 
+import mujoco
 import numpy as np
 import pytest
 
 from sim import bushing
 from sim.assessment import assess
+from sim.bushing import build_bushings, run_bushings
 from sim.catalogue import ASSESSMENTS, ELBOW_BUSHING, MODELS
+from sim.conditions import DEFAULT_CONDITIONS
+from sim.control import PID
 from sim.evaluation import evaluate
 from sim.factors import TABLE_1
+from sim.model import reset_to_start
+from sim.wearer import NOMINAL_WEARER
 
 
 def at(unit: float | np.ndarray) -> dict[str, float]:
@@ -51,6 +57,22 @@ def test_the_response_is_smooth() -> None:
     ]
     assert np.abs(np.diff(estimates, 2)).max() < 1e-4
     assert np.abs(np.diff(estimates)).max() < 0.01
+
+
+def test_the_arm_begins_at_rest() -> None:
+    """Newton's method finds the same start as waiting in the locked robot for a long time."""
+    system = build_bushings(NOMINAL_WEARER, PID, DEFAULT_CONDITIONS)
+    record = run_bushings(system, reset_to_start(system))
+    data = reset_to_start(system)
+    data.act[system.model.actuator_actadr[system.contracted]] = system.activation
+    data.ctrl[system.contraction_inputs] = system.activation
+    for _ in range(1500):
+        data.qpos[system.exo_qpos], data.qvel[system.exo_dof] = system.start, 0.0
+        mujoco.mj_step(system.model, data)
+    assert record.q[0] == pytest.approx(data.qpos[system.human_qpos], abs=1e-5)
+    assert record.theta[0] == pytest.approx(system.start, abs=1e-12)
+    # The controllers carry the arm from the first step on.
+    assert np.abs(record.q_velocity[1]).max() < 0.01
 
 
 def test_halving_the_step_hardly_matters(monkeypatch: pytest.MonkeyPatch) -> None:

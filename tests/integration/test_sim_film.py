@@ -20,11 +20,13 @@ def filmed(values: dict[str, float], fidelity: str = "bushing") -> tuple[Film, A
     return film, assess(values, fidelity=fidelity, watch=film.watch)
 
 
-@pytest.mark.parametrize("fidelity", ["bushing", "screening"])
-def test_watching_changes_nothing_and_sees_the_whole_assessment(fidelity: str) -> None:
+@pytest.mark.parametrize(("fidelity", "seconds"), [("bushing", 6.0), ("screening", 7.5)])
+def test_watching_changes_nothing_and_sees_the_whole_assessment(
+    fidelity: str, seconds: float
+) -> None:
     film, assessment = filmed({}, fidelity)
     assert assessment.outputs == assess({}, fidelity=fidelity).outputs
-    assert len(film) == 7.5 * RATE
+    assert len(film) == seconds * RATE
 
 
 def test_a_film_shows_the_arm_moving(tmp_path: Path) -> None:
@@ -46,8 +48,10 @@ def test_a_film_shows_the_arm_moving(tmp_path: Path) -> None:
 
 
 def test_a_failed_assessment_is_filmed_up_to_its_failure() -> None:
-    film, assessment = filmed({"forearm_length": 0.18}, "screening")
-    assert assessment.outcome == "penetrated"
+    film, assessment = filmed({"forearm_length": 0.48}, "screening")
+    assert assessment.outcome == "human_joint_limit"
+    assert assessment.state is not None
+    assert len(film) == int(assessment.state["time"] * RATE) + 1
     assert 0 < len(film) < 7.5 * RATE
 
 

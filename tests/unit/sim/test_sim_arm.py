@@ -8,8 +8,16 @@ import pytest
 
 from sim.factors import TISSUE_COUPLING
 from sim.fidelity import FIDELITIES
-from sim.muscles import elbow_length_ranges
-from sim.skeleton import HAND_MASS, HUMAN_JOINTS, PRONATION, add_arm, add_extension_stop, empty_spec
+from sim.muscles import add_muscles, elbow_length_ranges
+from sim.skeleton import (
+    HAND_MASS,
+    HUMAN_JOINTS,
+    PRONATION,
+    add_arm,
+    add_extension_stop,
+    add_torso,
+    empty_spec,
+)
 from sim.soft_tissue import add_soft_tissue, element_name, sleeves
 from sim.validation.isometric import run_isometric_test
 from sim.wearer import NOMINAL_WEARER, Wearer
@@ -69,6 +77,28 @@ def test_muscles_scale_with_the_bones() -> None:
     insertion = elbow_length_ranges(longer)["brachialis"]
     nominal = elbow_length_ranges(NOMINAL_WEARER)["brachialis"]
     assert insertion[0] < nominal[0] < nominal[1] < insertion[1]
+
+
+@pytest.mark.parametrize("upper", [0.2728, 0.3778])
+def test_length_ranges_are_those_of_a_compiled_arm(upper: float) -> None:
+    wearer = replace(NOMINAL_WEARER, upper_arm_length=upper, forearm_length=0.3)
+    spec = empty_spec()
+    add_torso(spec)
+    add_arm(spec, wearer)
+    add_muscles(spec, wearer, others=())
+    model = spec.compile()
+    data, lengths = mujoco.MjData(model), []
+    data.joint("shoulder_flexion").qpos = np.radians(-90.0)
+    for angle in np.radians(np.linspace(0.0, 120.0, 25)):
+        data.joint("elbow_flexion").qpos = angle
+        mujoco.mj_forward(model, data)
+        lengths.append(data.ten_length.copy())
+    ranges = elbow_length_ranges(wearer)
+    assert len(ranges) == model.ntendon == 8
+    for tendon in range(model.ntendon):
+        swept = np.array(lengths)[:, tendon]
+        expected = (swept.min(), swept.max())
+        assert ranges[model.tendon(tendon).name] == pytest.approx(expected, abs=1e-12)
 
 
 def test_isometric_peaks_are_those_of_the_papers_figure_3() -> None:

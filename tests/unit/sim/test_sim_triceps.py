@@ -7,7 +7,12 @@ import pytest
 from sim.muscles import ELBOW_EXTENSORS, add_muscles
 from sim.skeleton import HUMAN_JOINTS, add_arm, add_torso, empty_spec
 from sim.triceps import EXCURSION, FIBRE_LENGTHS, TROCHLEA_RADIUS
-from sim.validation.isometric import MEASURED, run_isometric_test
+from sim.validation.isometric import (
+    ANGLES_DEG,
+    MEASURED,
+    co_contraction_stiffness,
+    run_isometric_test,
+)
 from sim.wearer import NOMINAL_WEARER
 
 ANGLES = np.radians(np.arange(0.0, 131.0, 5.0))
@@ -64,6 +69,28 @@ def test_wrapped_isometric_peaks_lie_within_both_data_sets_of_figure_3() -> None
         assert torque == pytest.approx(expected, rel=0.05)
         first, last = sorted(data.peak_angle_deg(name) for data in MEASURED)
         assert first <= angle <= last
+
+
+def test_the_measured_torques_ask_for_a_wrapped_triceps_stiffness() -> None:
+    """Co-contraction at 0.4: one data set says it resists a movement, the other that it hardly
+    pushes on. Straight lines push on three times as hard."""
+    measured = sorted(
+        co_contraction_stiffness(data.angles_deg, data.flexion_nm, data.extension_nm, 0.4)
+        for data in MEASURED
+    )
+    straight, wrapped = (
+        co_contraction_stiffness(ANGLES_DEG, test.flexion_nm, test.extension_nm, 0.4)
+        for test in (run_isometric_test(), run_isometric_test(wrapped=True))
+    )
+    assert measured == pytest.approx([-4.0, 2.1], abs=0.1)
+    assert measured[0] < wrapped < measured[1]
+    assert straight > 3.0 * measured[1]
+
+
+def test_a_line_is_its_own_co_contraction_stiffness() -> None:
+    slope = 3.0 / np.radians(100.0)
+    found = co_contraction_stiffness([20.0, 120.0], [10.0, 20.0], [-5.0, -12.0], 0.5)
+    assert found == pytest.approx(0.5 * slope)
 
 
 def test_wrapping_halves_the_distance_to_the_measured_torques_and_leaves_flexion_alone() -> None:

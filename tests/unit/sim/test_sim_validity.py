@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.validity import FAILURES, Posture, check_outcome, check_posture, check_start
+from sim.validity import (
+    FAILURES,
+    Posture,
+    Postures,
+    check_outcome,
+    check_posture,
+    check_start,
+    first_failure,
+)
 
 GOOD = Posture(
     exo_angle=np.radians(60.0),
@@ -68,3 +76,39 @@ def test_a_trial_that_explains_nothing_is_no_number(
     failure = check_outcome(tracking_rmse=rmse, r_squared=r_squared)
     assert failure is not None
     assert failure.name == name
+
+
+def movement(**changes: np.ndarray) -> Postures:
+    """Ten steps of the good posture, some of them changed."""
+    steps = 10
+    values = {
+        name: np.repeat(np.asarray(getattr(GOOD, name))[None], steps, axis=0)
+        for name in ("exo_angle", "human_angle", "penetration", "overhang", "normal_force")
+    }
+    return Postures(exo_range=GOOD.exo_range, human_range=GOOD.human_range, **(values | changes))
+
+
+def test_a_movement_fails_at_the_first_step_that_a_detector_fires_at() -> None:
+    assert first_failure(movement()) is None
+    force = np.full(10, 500.0)
+    force[[4, 7]] = 2001.0, 9000.0
+    angle = np.radians(np.linspace(60.0, 65.0, 10))
+    angle[6] = np.nan
+    found = first_failure(movement(normal_force=force, human_angle=angle))
+    assert found is not None
+    assert (found[0], found[1].name) == (4, "jammed")
+    found = first_failure(movement(human_angle=angle))
+    assert found is not None
+    assert (found[0], found[1].name) == (6, "diverged")
+
+
+@pytest.mark.parametrize("limb", [0, 1])
+@pytest.mark.parametrize(
+    ("name", "outcome"), [("penetration", "penetrated"), ("overhang", "slipped")]
+)
+def test_either_limb_can_end_a_movement(limb: int, name: str, outcome: str) -> None:
+    values = np.full((10, 2), -0.02)
+    values[3, limb] = 0.03
+    found = first_failure(movement(**{name: values}))
+    assert found is not None
+    assert (found[0], found[1].name) == (3, outcome)
