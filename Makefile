@@ -28,6 +28,7 @@ soak: $(READY)  ## Disturb studies in every way, twenty times over; half an hour
 bench: .venv/.rivals  ## Print the figures that README and docs quote, and rivals beside them
 	$(BIN)/python -m benchmarks.table_1
 	$(BIN)/python -m benchmarks.side_by_side
+	$(BIN)/python -m benchmarks.cycle
 
 bench-sim: $(READY)  ## Print what an assessment costs and how the fidelities agree (8 minutes)
 	$(BIN)/python -m benchmarks.simulation

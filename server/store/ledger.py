@@ -11,8 +11,8 @@ from sqlalchemy.engine import Connection
 from server.logic.slots import Result, Slot, may_try
 from server.logic.study import Study, drained
 from server.store import studies
-from server.store.bulk import Bulk
 from server.store.engine import JSON
+from server.store.prepared import Prepared
 from server.store.schema import instances, results
 
 #: (row, position) of an instance in its study.
@@ -54,7 +54,7 @@ _TRIED_HERE = sa.and_(
 )
 _NEW_HERE = _WAITING.where(sa.not_(_TRIED_HERE))
 _AGAIN_HERE = _WAITING.where(_TRIED_HERE)
-#: Columns of the bulks.
+#: Columns of what is written often.
 _SLOT = ("study_id", "row", "position", "state", "lease_id", "attempts", "host_class", "avoid")
 _RESULT = (
     "study_id",
@@ -74,9 +74,9 @@ _UPDATE = sa.update(instances).where(
     instances.c.row == sa.bindparam("at_row"),
     instances.c.position == sa.bindparam("at_position"),
 )
-_INSERT = Bulk(sa.insert(instances), _SLOT)
+_INSERT = Prepared(sa.insert(instances), _SLOT)
 #: Most of what workers post changes no more than this.
-_MOVE = Bulk(
+_MOVE = Prepared(
     _UPDATE.values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")),
     ("of_study", "at_row", "at_position", "to_state", "to_lease"),
 )
@@ -89,7 +89,7 @@ _BIND = (
     )
     .values(host_class=sa.bindparam("to_class"))
 )
-_APPEND = Bulk(sa.insert(results), _RESULT)
+_APPEND = Prepared(sa.insert(results), _RESULT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,7 +172,7 @@ def hand_out(
         unbound: those of their rows that any kind of machine could have taken.
         host_class: the kind of machine that all rows concerned now belong to.
     """
-    _INSERT(connection, [_row(study, slot) for slot in begun])
+    _INSERT.execute_many(connection, [_row(study, slot) for slot in begun])
     update(connection, study, again)
     for rows in chunks(unbound):
         connection.execute(_BIND, {"of_study": study.id, "rows": rows, "to_class": host_class})
@@ -236,7 +236,7 @@ def settle(
 
 def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: float) -> None:
     """Append final results to the study's log."""
-    _APPEND(
+    _APPEND.execute_many(
         connection,
         [
             (
@@ -276,7 +276,7 @@ def _write_changes(
             moved.append((study.id, slot.row, slot.position, slot.state, slot.lease))
         else:
             other.append(slot)
-    _MOVE(connection, moved)
+    _MOVE.execute_many(connection, moved)
     update(connection, study, other)
 
 

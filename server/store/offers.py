@@ -13,10 +13,25 @@ from server.logic.leases import Lease, expiry
 from server.logic.slots import Slot
 from server.logic.study import Study
 from server.store import comparisons, ledger, studies, workers
+from server.store.engine import JSON
+from server.store.prepared import Prepared
 from server.store.schema import leases
 
 # Built once: see `server.store.ledger`.
-_FILE = sa.insert(leases).returning(leases.c.fence)
+_FILE = Prepared(
+    sa.insert(leases).returning(leases.c.fence),
+    (
+        "id",
+        "worker_id",
+        "study_id",
+        "state",
+        "granted_at",
+        "expires_at",
+        "instances",
+        "host_class",
+        "compares",
+    ),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,9 +234,9 @@ def _file(connection: Connection, lease: Lease, now: float) -> Lease:
         "state": lease.state,
         "granted_at": now,
         "expires_at": lease.expires_at,
-        "instances": lease.instances,
+        "instances": JSON.encode(lease.instances),
         "host_class": lease.host_class,
         "compares": lease.compares,
     }
-    fence = connection.scalar(_FILE, values)
-    return replace(lease, fence=int(fence or 0))
+    (fence,) = _FILE.execute(connection, values).fetchone()
+    return replace(lease, fence=int(fence))

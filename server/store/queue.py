@@ -17,6 +17,7 @@ from server.logic.slots import Slot, after_attempt, handed_back
 from server.logic.study import Study
 from server.store import comparisons, ledger, offers, studies, workers
 from server.store.engine import reading, writing
+from server.store.prepared import Prepared
 from server.store.schema import leases
 from server.store.schema import workers as workers_table
 
@@ -26,19 +27,21 @@ _LEASES = sa.select(leases, workers_table.c.host).join(
 )
 _FIND = _LEASES.where(leases.c.id == sa.bindparam("of_lease"))
 _FIND_LOCKED = _FIND.with_for_update(of=leases)
-_EXTEND = (
+_EXTEND = Prepared(
     sa.update(leases)
     .where(
         leases.c.id == sa.bindparam("of_lease"),
         leases.c.state == "open",
         leases.c.expires_at > sa.bindparam("now"),
     )
-    .values(expires_at=sa.bindparam("until"))
+    .values(expires_at=sa.bindparam("until")),
+    ("of_lease", "now", "until"),
 )
-_END = (
+_END = Prepared(
     sa.update(leases)
     .where(leases.c.id == sa.bindparam("of_lease"), leases.c.state == "open")
-    .values(state=sa.bindparam("to_state"))
+    .values(state=sa.bindparam("to_state")),
+    ("of_lease", "to_state"),
 )
 _CONCERNED_BY_EXPIRY = (
     sa.select(leases.c.study_id)
@@ -167,13 +170,13 @@ def find(connection: Connection, lease_id: str, *, lock: bool = False) -> Lease 
 def extend(connection: Connection, lease: Lease, *, now: float, ttl: float) -> None:
     """Let a lease last `ttl` seconds from `now`, unless it has ended."""
     until = expiry(now, ttl)
-    connection.execute(_EXTEND, {"of_lease": lease.id, "now": now, "until": until})
+    _EXTEND.execute(connection, {"of_lease": lease.id, "now": now, "until": until})
 
 
 def end(connection: Connection, lease: Lease, state: str) -> bool:
     """Close a lease; False if it was closed before."""
-    closed = connection.execute(_END, {"of_lease": lease.id, "to_state": state})
-    return closed.rowcount == 1
+    closed = _END.execute(connection, {"of_lease": lease.id, "to_state": state})
+    return int(closed.rowcount) == 1
 
 
 def _lose(

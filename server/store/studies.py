@@ -14,7 +14,8 @@ from analysis.distributions import Distribution
 from server.errors import ConflictError, NotFoundError
 from server.logic.progress import block_ends, window_start
 from server.logic.study import Plan, Study
-from server.store.engine import insert, reading, writing
+from server.store.engine import JSON, insert, reading, writing
+from server.store.prepared import Prepared
 from server.store.schema import leases, results, studies
 
 # Built once: see `server.store.ledger`.
@@ -32,7 +33,25 @@ _WITH_WORK = (
     )
     .order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
 )
-_SAVE = sa.update(studies).where(studies.c.id == sa.bindparam("of_study"))
+#: The columns that change while a study runs.
+_COURSE = (
+    "state",
+    "finished_at",
+    "handed_out",
+    "leased",
+    "result_count",
+    "ok_count",
+    "rows_complete",
+    "failures",
+    "rows",
+    "instances",
+    "priority",
+    "identity",
+    "edition",
+)
+_SAVE = Prepared(
+    sa.update(studies).where(studies.c.id == sa.bindparam("of_study")), ("of_study", *_COURSE)
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,7 +211,10 @@ def with_work(connection: Connection, models: Sequence[str]) -> list[Study]:
 
 def save(connection: Connection, study: Study) -> None:
     """Write back how far a study is, which was read, locked, in the same transaction."""
-    connection.execute(_SAVE, {"of_study": study.id, **_course(study)})
+    course = _course(study)
+    for name in ("failures", "identity"):
+        course[name] = None if course[name] is None else JSON.encode(course[name])
+    _SAVE.execute(connection, {"of_study": study.id, **course})
 
 
 def _row(study: Study) -> dict[str, Any]:
@@ -215,7 +237,7 @@ def _row(study: Study) -> dict[str, Any]:
 
 
 def _course(study: Study) -> dict[str, Any]:
-    """Return the columns that change while a study runs."""
+    """Return the values of `_COURSE`."""
     return {
         "state": study.state,
         "finished_at": study.finished_at,

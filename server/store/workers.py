@@ -8,7 +8,8 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection, Engine
 
 from server.logic.hosts import host_class
-from server.store.engine import reading
+from server.store.engine import JSON, reading
+from server.store.prepared import Prepared
 from server.store.schema import leases, workers
 
 # Built once: see `server.store.ledger`.
@@ -23,26 +24,28 @@ _HOSTS_AT_WORK = (
     )
     .distinct()
 )
+#: What a worker tells each time.
+_TOLD = ("host", "versions", "host_class", "tags", "last_seen")
 _INTRODUCE = {
-    dialect: statement.on_conflict_do_update(
-        index_elements=["id"],
-        set_={
-            name: statement.excluded[name]
-            for name in ("host", "versions", "host_class", "tags", "last_seen")
-        },
+    dialect: Prepared(
+        statement.on_conflict_do_update(
+            index_elements=["id"], set_={name: statement.excluded[name] for name in _TOLD}
+        ),
+        ("id", "instances_done", *_TOLD),
     )
     for dialect, statement in (
         ("sqlite", sqlite.insert(workers)),
         ("postgresql", postgresql.insert(workers)),
     )
 }
-_HEARD_FROM = (
+_HEARD_FROM = Prepared(
     sa.update(workers)
     .where(workers.c.id == sa.bindparam("of_worker"))
     .values(
         last_seen=sa.bindparam("now"),
         instances_done=workers.c.instances_done + sa.bindparam("done"),
-    )
+    ),
+    ("of_worker", "now", "done"),
 )
 
 
@@ -85,12 +88,12 @@ def introduce(
         "id": worker,
         "instances_done": 0,
         "host": host,
-        "versions": dict(versions),
+        "versions": JSON.encode(dict(versions)),
         "host_class": host_class(versions),
-        "tags": list(tags),
+        "tags": JSON.encode(list(tags)),
         "last_seen": now,
     }
-    connection.execute(_INTRODUCE[connection.dialect.name], told)
+    _INTRODUCE[connection.dialect.name].execute(connection, told)
 
 
 def hosts_at_work(
@@ -103,4 +106,4 @@ def hosts_at_work(
 
 def heard_from(connection: Connection, worker: str, *, done: int = 0, now: float) -> None:
     """Note that a worker was in touch and how many final results it brought."""
-    connection.execute(_HEARD_FROM, {"of_worker": worker, "now": now, "done": done})
+    _HEARD_FROM.execute(connection, {"of_worker": worker, "now": now, "done": done})

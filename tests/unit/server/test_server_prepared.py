@@ -1,0 +1,84 @@
+"""Statements compiled once write what SQLAlchemy would, and fail as it would."""
+
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+from sqlalchemy.engine import Engine
+from sqlalchemy.exc import DBAPIError
+
+from server.store.engine import reading, writing
+from server.store.prepared import Prepared
+
+TABLE = sa.Table(
+    "things",
+    sa.MetaData(),
+    sa.Column("id", sa.Integer, primary_key=True),
+    sa.Column("row", sa.BigInteger),
+    sa.Column("what", sa.JSON),
+    sa.Column("state", sa.String(16)),
+)
+INSERT = Prepared(sa.insert(TABLE), ("id", "row", "what", "state"))
+#: A condition that is always the same, between parameters that are not.
+CLOSE = Prepared(
+    sa.update(TABLE)
+    .where(TABLE.c.state == "open", TABLE.c.row == sa.bindparam("at_row"))
+    .values(state=sa.bindparam("to_state")),
+    ("at_row", "to_state"),
+)
+
+
+@pytest.fixture
+def things(engine: Engine) -> Engine:
+    """A database with a table of things."""
+    with writing(engine) as connection:
+        TABLE.create(connection)
+    return engine
+
+
+def rows(engine: Engine) -> list[tuple[Any, ...]]:
+    with reading(engine) as connection:
+        return [tuple(row) for row in connection.execute(sa.select(TABLE).order_by(TABLE.c.id))]
+
+
+def test_what_is_written_once_or_often_is_read_as_it_was_meant(things: Engine) -> None:
+    with writing(things) as connection:
+        INSERT.execute_many(connection, [(1, 10, '{"x": [1, 2]}', "open"), (2, 2**40, None, None)])
+        INSERT.execute(connection, {"state": "it's %s ?", "id": 3, "what": '"ü"', "row": 10})
+    assert rows(things) == [
+        (1, 10, {"x": [1, 2]}, "open"),
+        (2, 2**40, None, None),
+        (3, 10, "ü", "it's %s ?"),
+    ]
+
+
+def test_nothing_at_all_may_be_written_often(things: Engine) -> None:
+    with writing(things) as connection:
+        INSERT.execute_many(connection, [])
+    assert rows(things) == []
+
+
+def test_a_constant_of_a_statement_keeps_its_place_among_the_parameters(things: Engine) -> None:
+    with writing(things) as connection:
+        INSERT.execute_many(
+            connection, [(1, 7, None, "open"), (2, 7, None, "shut"), (3, 8, None, "open")]
+        )
+        closed = CLOSE.execute(connection, {"at_row": 7, "to_state": "closed"})
+        assert closed.rowcount == 1
+        CLOSE.execute_many(connection, [(8, "gone"), (9, "never")])
+    assert [row[3] for row in rows(things)] == ["closed", "shut", "gone"]
+
+
+def test_it_returns_what_the_statement_returns(things: Engine) -> None:
+    add = Prepared(sa.insert(TABLE).returning(TABLE.c.id), ("row",))
+    with writing(things) as connection:
+        found = [add.execute(connection, {"row": number}).fetchone()[0] for number in (5, 6)]
+    assert found == [row[0] for row in rows(things)]
+
+
+def test_what_the_database_refuses_is_an_error_that_everybody_knows(things: Engine) -> None:
+    values = {"id": 1, "row": 1, "what": None, "state": None}
+    with pytest.raises(DBAPIError), writing(things) as connection:
+        INSERT.execute(connection, values)
+        INSERT.execute(connection, values)
+    assert rows(things) == []
