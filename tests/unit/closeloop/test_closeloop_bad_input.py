@@ -127,6 +127,10 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "one file by two names": (copied("", "./a.csv"), "listed twice"),
     "one file by a link": (copied("b.csv", "b.csv"), "listed twice"),
     "a role of nothing": (words(trials=[{"file": "a.csv", "role": []}]), "'fit' or 'holdout'"),
+    "a label of half a letter": (
+        words(trials=[{"file": "a.csv", "label": "\ud800"}]),
+        "label and group must be text",
+    ),
     "a filter of zero": (words(effort_filter_hz=0), "effort_filter_hz must be more than 0"),
     "a filter beyond numbers": (words(effort_filter_hz=10**400), "must be a finite number"),
     "a height in centimetres": (words(subject={"height_m": 175}), "at most 2.5"),
