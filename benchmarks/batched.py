@@ -72,10 +72,13 @@ def print_rates() -> None:
     """Print what processes, threads and the engine's batches make of two cores."""
     print("\nAssessments per second (nominal wearer)")
     for fidelity in (CAMPAIGN.name, "bushing"):
-        for kind, pools in (("process(es)", get_context("spawn").Pool), ("thread(s)", ThreadPool)):
-            for workers in (1, 2):
+        for kinds, pools in (
+            (("1 process", "2 processes"), get_context("spawn").Pool),
+            (("1 thread", "2 threads"), ThreadPool),
+        ):
+            for workers, kind in enumerate(kinds, start=1):
                 found = rate(fidelity, pools, workers)
-                print(f"  {fidelity:10s} {workers} {kind:12s} {found:7.2f}", flush=True)
+                print(f"  {fidelity:10s} {kind:12s} {found:7.2f}", flush=True)
     print(
         f"Batched: mujoco.rollout over {WEARERS} wearers, the engine's part of an assessment alone"
     )

@@ -9,7 +9,6 @@ and an assessment takes milliseconds; `docs/simulation.md` says how far it agree
 """
 
 from dataclasses import replace
-from functools import partial
 
 import mujoco
 import numpy as np
@@ -136,8 +135,14 @@ def run_bushings(system: System, data: mujoco.MjData, motion: Motion | None = No
         if model.actuator_actadr[motor] >= 0:
             data.act[model.actuator_actadr[motor]] = torque / system.gains.ki
     motion = movement(system) if motion is None else motion
-    states, sensed = follow(system, data, carried, motion, partial(_postures, system))
-    forces = _cuff_forces(system, sensed)
+    pieces: list[np.ndarray] = []
+
+    def look(states: np.ndarray, sensed: np.ndarray) -> Postures:
+        pieces.append(_cuff_forces(system, sensed))
+        return _postures(system, states, sensed, pieces[-1])
+
+    states, sensed = follow(system, data, carried, motion, look)
+    forces = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
     return record_of(
         system,
         *motion[:2],
@@ -292,8 +297,10 @@ def _cuff_forces(system: System, sensed: np.ndarray) -> np.ndarray:
     return np.stack([tension[:, :, 4], opening, wall], axis=2)
 
 
-def _postures(system: System, states: np.ndarray, sensed: np.ndarray) -> Postures:
-    """Return what the detectors look at, from states before each step and sensors."""
+def _postures(
+    system: System, states: np.ndarray, sensed: np.ndarray, forces: np.ndarray
+) -> Postures:
+    """Return what the detectors look at: states before each step, sensors, forces in the cuffs."""
     displacement = (_rods(system, sensed)[0] - ROD).reshape(-1, 2, len(RODS))
     across = np.hypot(displacement[:, :, :2].mean(axis=2), displacement[:, :, 2:4].mean(axis=2))
     room = np.array([cuff.radius - BONE_CLEARANCE for cuff in system.cuffs])
@@ -304,7 +311,7 @@ def _postures(system: System, states: np.ndarray, sensed: np.ndarray) -> Posture
         human_range=system.human_range,
         penetration=across - room,
         overhang=np.full_like(across, -np.inf),
-        normal_force=_normal_force(_cuff_forces(system, sensed)),
+        normal_force=_normal_force(forces),
     )
 
 

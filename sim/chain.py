@@ -43,32 +43,29 @@ class RigidChain:
             joint: number of the joint.
         """
         steps = len(position)
-        frame = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, steps))
+        # Axes: row, step, column, so that what is turned is one product of two matrices.
+        frame = np.repeat(np.eye(3)[:, None, :], steps, axis=1)
         omega, alpha = np.zeros((3, steps)), np.zeros((3, steps))
         # Falling upwards is gravity.
         linear = np.repeat(-self.gravity[:, None], steps, axis=1)
         place, before = np.zeros((3, steps)), np.zeros(3)
         torque = np.zeros(steps)
         for k in range(len(self.mass)):
-            reach = _turn(frame, self.anchor[k] - before)
+            reach = frame @ (self.anchor[k] - before)
             linear = linear + _swing(omega, alpha, reach)
             place, before = place + reach, self.anchor[k]
-            axis = _turn(frame, self.axis[k])
+            axis = frame @ self.axis[k]
             alpha = alpha + axis * acceleration[:, k] + _cross(omega, axis) * velocity[:, k]
             omega = omega + axis * velocity[:, k]
-            angle, skew = position[:, k] - self.zero[k], _skew(self.axis[k])
-            across = np.einsum("ijn,jk->ikn", frame, skew)
-            frame = (
-                frame
-                + np.sin(angle) * across
-                + (1.0 - np.cos(angle)) * np.einsum("ijn,jk->ikn", across, skew)
-            )
+            angle, skew = (position[:, k] - self.zero[k])[:, None], _skew(self.axis[k])
+            across = _times(frame, skew)
+            frame = frame + np.sin(angle) * across + (1.0 - np.cos(angle)) * _times(across, skew)
             if k == joint:
                 own_axis, own_place = axis, place
             if k >= joint:
-                centre = _turn(frame, self.centre[k] - self.anchor[k])
+                centre = frame @ (self.centre[k] - self.anchor[k])
                 force = self.mass[k] * (linear + _swing(omega, alpha, centre))
-                turned = np.einsum("ijn,jk->ikn", frame, self.inertia[k])
+                turned = _times(frame, self.inertia[k])
                 moment = _about(turned, frame, alpha) + _cross(omega, _about(turned, frame, omega))
                 moment += _cross(place + centre - own_place, force)
                 torque += (own_axis * moment).sum(axis=0)
@@ -104,16 +101,16 @@ def rigid_chain(model: mujoco.MjModel) -> RigidChain:
     )
 
 
-def _turn(frame: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Return a vector of the reference pose, shape (3,), turned by frames (3, 3, n)."""
-    turned: np.ndarray = np.einsum("ijn,j->in", frame, vector)
-    return turned
+def _times(frame: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Return frames, shape (3, n, 3), times one matrix (3, 3)."""
+    product: np.ndarray = (frame.reshape(-1, 3) @ matrix).reshape(frame.shape)
+    return product
 
 
 def _about(turned: np.ndarray, frame: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Return inertia times a vector, both in world axes; `turned` is frame x inertia."""
-    within: np.ndarray = np.einsum("ijn,in->jn", frame, vector)
-    product: np.ndarray = np.einsum("ijn,jn->in", turned, within)
+    within = (frame * vector[:, :, None]).sum(axis=0)
+    product: np.ndarray = (turned * within).sum(axis=2)
     return product
 
 
