@@ -53,9 +53,7 @@ def print_coverage_and_errors(seeds: int, with_rivals: int) -> None:
     print("factors that matter (worst factor), share of these cells within 0.87 to 0.93.")
     print("'u1 > 0.8': truth of the range that succeeds, in brackets of the whole range, which is")
     print("not promised. Half width: median, without failures.")
-    print(
-        f"Seeds from {numbers[0]} on, {seeds} of them; SALib, SciPy and screening get {with_rivals}."
-    )
+    print(f"Seeds from {numbers[0]} on, {seeds} of them, {with_rivals} where others are shown too.")
     for who in ("rehyb", "Martinez"):
         head(who, FAILURES)
         for key in found:
