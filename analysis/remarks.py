@@ -9,8 +9,8 @@ from typing import Any
 from analysis.screening import SHARE_OF_LARGEST
 from analysis.stopping import advise
 
-#: Intervals of an index that rests on fewer rows than this hold the truth less often than they
-#: say: `benchmarks.coverage` prints how often.
+#: Intervals of an index that rests on fewer rows than this may hold the truth less often than they
+#: say: half of them, of a rare event in 64 rows (`tests/unit/analysis/test_analysis_tails.py`).
 FEWEST_ROWS = 2.0
 
 

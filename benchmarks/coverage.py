@@ -54,11 +54,11 @@ def values_of(points: Points, seed: int) -> Array:
     )
 
 
-def one_seed(seed: int, whole: bool = True) -> Found:
-    """Return what everyone makes of one seed; if not `whole`, only ours, of samples in `SHARED`."""
+def one_seed(seed: int, rivals: bool = True) -> Found:
+    """Return what everyone makes of one seed; SALib and SciPy only if `rivals`, for their time."""
     found: Found = {}
     shape = (3, 2, len(FAILURES), len(KNOWN), FACTORS)
-    for sampling in SAMPLINGS if whole else SHARED:
+    for sampling in SAMPLINGS:
         rows = max(SIZES)
         points = np.stack(
             [unit_row("saltelli", sampling, seed, row, FACTORS) for row in range(rows)]
@@ -79,7 +79,7 @@ def one_seed(seed: int, whole: bool = True) -> Found:
             tail = estimator.statistics()["total_order"].tail
             assert tail is not None
             found["rests on", sampling, stop] = tail.rows.reshape(shape[2:])
-            if whole and sampling in SHARED:
+            if rivals and sampling in SHARED:
                 plain = values[:stop, :, : len(KNOWN)]
                 found["SALib", sampling, stop] = salib(plain, seed)[:, :, None]
                 found["SciPy", sampling, stop] = scipy(plain, seed)[:, :, None]

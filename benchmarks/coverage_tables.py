@@ -34,37 +34,36 @@ SYMBOLS = {"first_order": "S", "total_order": "ST", "mu": "mu", "mu_star": "mu*"
 IDLE = 1e-6
 
 
-def print_coverage_and_errors(seeds: int, whole: int) -> None:
+def print_coverage_and_errors(seeds: int, with_rivals: int) -> None:
     """Print coverage of 90 % intervals, and errors with the slope of their fall.
 
     Args:
         seeds: how many.
-        whole: how many of them, the first ones, SALib, SciPy, screening and the designs that
-            nobody else gets are shown on.
+        with_rivals: how many of them, the first ones, SALib, SciPy and screening get too.
     """
     numbers = range(FIRST_SEED, FIRST_SEED + seeds)
-    asked = [number < FIRST_SEED + whole for number in numbers]
+    asked = [number < FIRST_SEED + with_rivals for number in numbers]
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         effects = pool.submit(true_effects)
         every = list(pool.map(one_seed, numbers, asked, chunksize=4))
-        screening = stacked(list(pool.map(screened, numbers[:whole], chunksize=4)))
+        screening = stacked(list(pool.map(screened, numbers[:with_rivals], chunksize=4)))
         of_effects = effects.result()
     found, truth = stacked(every), truths()
     print(f"\nShare of {LEVEL:.0%} intervals that hold the truth: mean over the functions and the")
     print("factors that matter (worst factor), share of these cells within 0.87 to 0.93.")
     print("'u1 > 0.8': truth of the range that succeeds, in brackets of the whole range, which is")
     print("not promised. Half width: median, without failures.")
-    print(f"Seeds from {numbers[0]} on, {seeds} of them; {whole} where others are shown too.")
+    print(f"Seeds from {numbers[0]} on, {seeds} of them, {with_rivals} where others are shown too.")
     for who in ("rehyb", "Martinez"):
         head(who, FAILURES)
         for key in found:
             if key[0] == who:
                 print_lines(key, found[key], truth, INDICES)
-    head(f"The first {whole} seeds, all on the same samples", FAILURES[:1])
+    head(f"The first {with_rivals} seeds, all on the same samples", FAILURES[:1])
     for sampling in SHARED:
         for rows in SIZES:
             for who in ("rehyb", "SALib", "SciPy"):
-                first = found[who, sampling, rows][:whole, :, :, :1]
+                first = found[who, sampling, rows][:with_rivals, :, :, :1]
                 print_lines((who, sampling, rows), first, truth[:, :1], INDICES)
     head("Elementary effects", FAILURES[:1])
     for key, estimates in screening.items():

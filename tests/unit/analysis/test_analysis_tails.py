@@ -7,6 +7,7 @@ from scipy import integrate, special, stats
 
 from analysis.estimators.intervals import satterthwaite
 from analysis.estimators.tails import BEND, Tail, tail
+from analysis.remarks import FEWEST_ROWS
 
 BLOCKS = 8
 Array = NDArray[np.float64]
@@ -102,3 +103,18 @@ def test_intervals_of_the_mean_square_of_a_product_hold_the_truth_where_they_did
     ]
     assert held[0] < 0.86
     assert held[1] == pytest.approx(0.9, abs=0.03)
+
+
+def test_a_rare_event_is_told_by_the_number_of_rows_where_no_interval_is_honest() -> None:
+    """Squares of what a normal number exceeds 2 by, which 1 in 44 does: 64 rows, where any does."""
+    size = np.maximum(np.random.default_rng(4).normal(size=(64, 6000)) - 2.0, 0.0) ** 2
+    size = size[:, size.any(axis=0)]
+    truth = integrate.quad(lambda x: (x - 2.0) ** 4 * stats.norm.pdf(x), 2.0, 12.0)[0]
+    blocks = (size**2).reshape(BLOCKS, 8, -1).mean(axis=1)
+    value, without = blocks.mean(axis=0), (blocks.sum(axis=0) - blocks) / (BLOCKS - 1)
+    tails = tail_of(size)
+    there = np.ones(blocks.shape, dtype=np.bool_)
+    found = satterthwaite(value, without, there, 0.9, stretch=tails.stretch)
+    few = tails.rows < FEWEST_ROWS
+    assert np.mean(few) > 0.9
+    assert np.mean(((found.low <= truth) & (truth <= found.high))[few]) < 0.7
