@@ -93,25 +93,35 @@ def answers(client: Client) -> bool:
 
 
 def work(url: str, name: str, acknowledged: set[str], stop: threading.Event) -> None:
-    """Lease and post until told to stop; note what was acknowledged."""
+    """Post and lease until told to stop; note what was acknowledged."""
     who = {"id": name, "host": name, "versions": {}}
+    wish = {"worker": who, "models": ["ishigami"], "max_instances": 5}
+    lease = None
     with Client(url, TOKEN, timeout=5.0) as client:
         while not stop.is_set():
             try:
-                lease = client.lease(worker=who, models=["ishigami"], max_instances=5)
+                lease = lease or client.lease(**wish)  # type: ignore[arg-type]
                 if lease is None:
                     continue
                 results: list[Any] = [
                     {"instance": instance["id"], "outcome": "ok", "outputs": {"y": 1.0}}
                     for instance in lease["instances"]
                 ]
-                verdicts = client.post_results(
-                    lease=lease["id"], fence=lease["fence"], worker=name, results=results
+                answer = client.exchange(
+                    lease=lease["id"],
+                    fence=lease["fence"],
+                    worker=name,
+                    results=results,
+                    wish=wish,
                 )
             except RehybError:
+                lease = None
                 stop.wait(0.02)
                 continue
-            acknowledged.update(v["instance"] for v in verdicts if v["verdict"] == "accepted")
+            acknowledged.update(
+                v["instance"] for v in answer["verdicts"] if v["verdict"] == "accepted"
+            )
+            lease = answer["next"]
 
 
 def test_a_coordinator_killed_twenty_times_under_fifty_workers_loses_nothing_it_acknowledged(
