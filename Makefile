@@ -29,6 +29,7 @@ bench: .venv/.rivals  ## Print the figures that README and docs quote, and rival
 	$(BIN)/python -m benchmarks.table_1
 	$(BIN)/python -m benchmarks.side_by_side
 	$(BIN)/python -m benchmarks.cycle
+	$(MAKE) bench-analysis
 
 bench-sim: $(READY)  ## Print what an assessment costs and how the fidelities agree (8 minutes)
 	$(BIN)/python -m benchmarks.simulation
