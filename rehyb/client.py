@@ -14,6 +14,9 @@ from rehyb.connection import Json as Json
 from rehyb.connection import body_of, error_of
 from rehyb.sessions import Sessions
 
+#: How long the analysis may be behind a complete study, many times what it is (docs/analysis.md).
+ANALYSIS_SECONDS = 10.0
+
 
 class Client(Sessions):
     """A connection to one coordinator.
@@ -170,14 +173,21 @@ class Client(Sessions):
     ) -> Json:
         """Block until a study is complete or cancelled and return its last progress.
 
-        One that has a wanted precision is complete when it is extended no more.
+        One that has a wanted precision is complete when it is extended no more. Its indices are of
+        all results then, unless no analysis follows them within `ANALYSIS_SECONDS`.
         """
         while True:
             progress = self.progress(study_id)
             on_progress(progress)
             if _is_over(progress):
-                return progress
+                break
             time.sleep(poll_seconds)
+        patience = time.monotonic() + ANALYSIS_SECONDS
+        while progress["state"] == "complete" and time.monotonic() < patience:
+            if self.indices(study_id)["rows_complete"] >= progress["rows"]:
+                break
+            time.sleep(min(poll_seconds, 0.2))
+        return progress
 
     # Workers
 

@@ -154,14 +154,30 @@ def test_an_exchange_posts_results_and_asks_for_more_in_one_request() -> None:
     assert talking.retry_after == 7.0
 
 
-def test_waiting_ends_with_the_study_and_reports_on_the_way() -> None:
-    states = iter(["running", "running", "complete"])
+def test_waiting_ends_with_the_study_and_its_indices_and_reports_on_the_way() -> None:
+    states, rows = iter(["running", "running", "complete"]), iter([3, 7, 8])
     seen: list[str] = []
-    last = client(lambda request: httpx2.Response(200, json={"state": next(states)})).wait(
+
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        if request.url.path.endswith("/indices"):
+            return httpx2.Response(200, json={"rows_complete": next(rows)})
+        return httpx2.Response(200, json={"state": next(states), "rows": 8})
+
+    last = client(answer).wait(
         "s1", poll_seconds=0.0, on_progress=lambda progress: seen.append(progress["state"])
     )
-    assert last == {"state": "complete"}
+    assert last == {"state": "complete", "rows": 8}
     assert seen == ["running", "running", "complete"]
+    assert list(rows) == []
+
+
+def test_waiting_for_indices_ends_where_no_analysis_follows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("rehyb.client.ANALYSIS_SECONDS", 0.01)
+    stale = {"state": "complete", "rows": 8, "rows_complete": 0}
+    last = client(always(200, json=stale)).wait("s1", poll_seconds=0.0)
+    assert last["state"] == "complete"
 
 
 def test_results_are_downloaded_to_a_file(tmp_path: Path) -> None:
