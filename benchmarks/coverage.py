@@ -10,6 +10,7 @@ is computed here.
 """
 
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,11 +55,11 @@ def values_of(points: Points, seed: int) -> Array:
     )
 
 
-def one_seed(seed: int, rivals: bool = True) -> Found:
+def one_seed(seed: int, samplings: Sequence[str] = SAMPLINGS, rivals: bool = True) -> Found:
     """Return what everyone makes of one seed; SALib and SciPy only if `rivals`, for their time."""
     found: Found = {}
     shape = (3, 2, len(FAILURES), len(KNOWN), FACTORS)
-    for sampling in SAMPLINGS:
+    for sampling in samplings:
         rows = max(SIZES)
         points = np.stack(
             [unit_row("saltelli", sampling, seed, row, FACTORS) for row in range(rows)]

@@ -23,6 +23,8 @@ T = TypeVar("T")
 
 POLL_SECONDS = 0.5
 MANIFEST = "campaign.json"
+#: The folder of every figure of the page as PNG.
+FIGURES = "figures"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -291,7 +293,7 @@ class Campaign:
             failures=failures,
             instances=phase1["progress"]["instances"] + phase2["progress"]["instances"],
             seconds=self._seconds(),
-            files=(page, picture, *(self._directory / name for name in names)),
+            files=(page, self._directory / FIGURES, picture, *map(self._directory.joinpath, names)),
         )
         self._manifest["failures"] = failures
         self._manifest["instances"] = report.instances
@@ -319,6 +321,7 @@ class Campaign:
                 f"Phase 2 holds {decision['fixed']} at its nominal {fixed_at:g}{unit}.",
                 *([self._manifest["precision"]] if "precision" in self._manifest else []),
             ],
+            folders={"png": self._directory / FIGURES},
         )
 
     def _seconds(self) -> float:

@@ -108,6 +108,9 @@ def test_a_campaign_finds_what_matters_and_says_where_it_is_written(directory: P
     for path in report["files"]:
         assert Path(path).stat().st_size > 0
     assert {Path(path).name for path in report["files"]} >= {"campaign.png", "phase2.csv"}
+    figures = [path.name for path in sorted((directory / "figures").iterdir())]
+    assert [name.split("-")[1] for name in figures] == ["morris"] * 5 + ["saltelli"] * 5
+    assert all((directory / "figures" / name).read_bytes()[:4] == b"\x89PNG" for name in figures)
     assert (directory / "token").stat().st_mode & 0o777 == 0o600
     assert "failures: none" in words
 

@@ -126,8 +126,8 @@ def test_an_interval_that_is_one_number_holds_the_truth_to_twelve_digits() -> No
     assert coverage(seeds, np.array([4.0 + 1e-9])) == 0.0
 
 
-def test_a_cell_says_mean_worst_and_how_much_is_honest() -> None:
-    assert described(np.array([0.80, 0.87, 0.90, 0.93])) == "0.875 (0.80)  75%"
+def test_a_cell_says_mean_range_and_how_much_is_honest() -> None:
+    assert described(np.array([0.80, 0.87, 0.90, 0.93])) == "0.875 (0.800 to 0.930)  75%"
 
 
 def test_results_arrive_at_their_rate_and_every_commit_knows_how_long_it_kept_them() -> None:
