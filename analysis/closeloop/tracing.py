@@ -25,6 +25,7 @@ from analysis.closeloop.regression import (
     Rows,
     Score,
     compare,
+    rank_z,
     select_rows,
 )
 
@@ -46,8 +47,8 @@ MIN_LATER_SHARE = 0.005
 #: than that is what smoothing, or a joint that is not quite held, does to the declared torque.
 MIN_TORQUE = 0.008
 #: A gain that a few moments carry (inertia, at the ends of a ramp) has a large error of its own:
-#: one of this share is real too if it exceeds fewer errors but comes back in several folds, and
-#: those that lose by it lose next to nothing.
+#: one of this share is real too if it exceeds fewer errors but comes back in several folds, or wins
+#: nearly every block, and those folds that lose by it lose next to nothing.
 LARGE_GAIN, LARGE_Z, LARGE_FOLDS, LARGE_LOST = 0.25, 2.5, 3, 0.05
 
 
@@ -147,7 +148,8 @@ def _judged(found: Trace) -> Trace:
     remains = left.model_loss - left.ceiling_loss
     rows = found.rows
     matters = MIN_TORQUE**2 * min(rows.effort_power(joint) for joint in rows.samples)
-    real = left.z > MIN_Z and remains > max(MIN_GAIN * left.model_loss, matters)
+    steady = left.rank_z > MIN_Z and remains > LARGE_GAIN * left.model_loss
+    real = (left.z > MIN_Z or steady) and remains > max(MIN_GAIN * left.model_loss, matters)
     if not found.steps and _once(found.rows):
         return replace(found, verdict="not_identifiable", notes=(ONE_WAY,))
     if not found.steps:
@@ -264,12 +266,10 @@ def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
         return True
     folds = np.bincount(rows.fold_of_block, current.losses - option.score.losses)
     won, lost = float(folds[folds > 0].sum()), float(-folds[folds < 0].sum())
-    return (
-        option.gain > LARGE_GAIN * current.loss
-        and option.z > LARGE_Z
-        and int((folds > LARGE_LOST * won).sum()) >= LARGE_FOLDS
-        and lost < LARGE_LOST * won
-    )
+    if option.gain <= LARGE_GAIN * current.loss or lost >= LARGE_LOST * won:
+        return False
+    several = int((folds > LARGE_LOST * won).sum()) >= LARGE_FOLDS
+    return (option.z > LARGE_Z and several) or rank_z(current.losses, option.score.losses) > MIN_Z
 
 
 def _nested(option: Option, taken: Option) -> bool:
