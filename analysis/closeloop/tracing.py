@@ -87,26 +87,14 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     rows = rows.reweighted(ceiling(declared, rows).noise)
     before = evaluate(declared, rows)
     ceiling_before = ceiling(declared, rows)
-    model, current, steps = declared, before, list[Step]()
-    while len(steps) < MAX_EFFECTS:
-        progress(f"candidates for effect {len(steps) + 1}")
-        rungs = ladder(model, rows, current)
-        least = _least_later(current, before) if steps else MIN_GAIN * current.loss
-        step = _choose(rungs, model, current, rows, least)
-        if step is None:
-            break
-        if step.taken.refused:
-            if not steps:
-                return _unnamed(rows, declared, before, step, ceiling_before)
-            break
-        model, current = refined(step.taken, rows)
-        active = {candidate.key for candidate in model.effects}
-        # A richer friction replaces the plain one that an earlier step added.
-        steps = [s for s in steps if s.taken.candidate.key in active]
-        steps.append(replace(step, taken=replace(step.taken, model=model, score=current)))
-    if len(steps) > 1:
-        progress("each effect again, beside the others")
-        model, current, steps = _retested(model, current, steps, rows, before)
+    found, refused = _grown(Found(declared, before, ()), rows, before, progress)
+    if refused is not None:
+        return _unnamed(rows, declared, before, refused, ceiling_before)
+    for begun in _simpler_starts(found, rows, before):
+        again, _ = _grown(begun, rows, before, progress)
+        if _better(again, found):
+            found = again
+    model, current, steps = found.model, found.score, found.steps
     ceiling_after = ceiling(model, rows) if steps else ceiling_before
     return _with_rests(
         _judged(
@@ -123,6 +111,81 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
             )
         )
     )
+
+
+@dataclass(frozen=True)
+class Found:
+    """A model that effects were added to, and how."""
+
+    model: Model
+    score: Score
+    steps: tuple[Step, ...]
+
+
+def _grown(
+    found: Found, rows: Rows, before: Score, progress: Callable[[str], None]
+) -> tuple[Found, Step | None]:
+    """Add effects one at a time, then try each again beside the others.
+
+    Returns the model with its effects, and the first step if it is one that nothing may name.
+    """
+    model, current, steps = found.model, found.score, list(found.steps)
+    while len(steps) < MAX_EFFECTS:
+        progress(f"candidates for effect {len(steps) + 1}")
+        rungs = ladder(model, rows, current)
+        least = _least_later(current, before) if steps else MIN_GAIN * current.loss
+        step = _choose(rungs, model, current, rows, least)
+        if step is None:
+            break
+        if step.taken.refused:
+            if not steps:
+                return found, step
+            break
+        model, current = refined(step.taken, rows)
+        active = {candidate.key for candidate in model.effects}
+        # A richer friction replaces the plain one that an earlier step added.
+        steps = [s for s in steps if s.taken.candidate.key in active]
+        steps.append(replace(step, taken=replace(step.taken, model=model, score=current)))
+    if len(steps) > 1:
+        progress("each effect again, beside the others")
+        model, current, steps = _retested(model, current, steps, rows, before)
+    return Found(model, current, tuple(steps)), None
+
+
+def _simpler_starts(found: Found, rows: Rows, before: Score) -> list[Found]:
+    """Return the simpler forms that the first effect contains, alone, as far as they are worth it.
+
+    A second effect that is missing yet may be taken for what makes a form rich: a reflex that
+    resists one direction for an asymmetry of friction.
+    """
+    starts = []
+    for first in found.steps[:1]:
+        for option in first.ladder:
+            own = option.candidate
+            if (
+                own.joint != first.taken.candidate.joint
+                or own.effect.name not in first.taken.candidate.effect.includes
+                or option.refused
+            ):
+                continue
+            terms = tuple(t for t in option.model.terms if t.candidate in (None, own))
+            alone = replace(option.model, terms=terms, channels=())
+            model, score = refined(replace(option, model=alone, score=evaluate(alone, rows)), rows)
+            gain, error = compare(before.losses, score.losses)
+            taken = replace(option, model=model, score=score, gain=gain, z=gain / error)
+            if taken.z > MIN_Z:
+                step = replace(first, taken=taken, equals=(), before=before.loss)
+                starts.append(Found(model, score, (step,)))
+    return starts
+
+
+def _better(again: Found, found: Found) -> bool:
+    """Whether effects that were found from another start predict better, and by enough."""
+    gain, error = compare(found.score.losses, again.score.losses)
+    if len(again.steps) <= len(found.steps):
+        return gain > error
+    sure = gain > MIN_Z * error or rank_z(found.score.losses, again.score.losses) > MIN_Z
+    return sure and gain > MIN_LATER_GAIN * found.score.loss
 
 
 def _with_rests(found: Trace) -> Trace:
