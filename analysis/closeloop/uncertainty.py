@@ -17,7 +17,8 @@ Bias reduction in standard errors for linear regression with multi-stage samples
 is nothing on average where nothing comes back. A misfit that is smooth is shared by neighbouring
 places, which calls for few and large ones (Bester, Conley and Hansen 2011, Inference with dependent
 data using cluster covariance estimators); one that follows the direction, as friction does, for
-both directions apart. So the range is cut in several ways, and the one that shows most counts.
+both directions apart; one that follows speed, for parts of the velocity's range. So the range is
+cut in several ways, and the one that shows most counts.
 Student's t has the degrees of freedom of Satterthwaite (1946) for the sum, each part having one
 less than its clusters.
 
@@ -40,8 +41,9 @@ from analysis.closeloop.regression import Rows, solve
 CONFIDENCE = 0.9
 #: Trials from which on whole trials are left out; below, one-second blocks.
 MIN_TRIALS = 4
-#: Ways to cut the range into places: how many parts, and whether either direction is on its own.
-CUTS = ((8, True), (5, False), (3, False))
+#: Ways to cut the range into places: of which signal, how many parts, and whether either direction
+#: is on its own.
+CUTS = (("position", 8, True), ("position", 3, False), ("velocity", 3, False))
 #: Parameters of the grid that are choices, not numbers to have an interval.
 CHOICES = {"side", "power", "load", "viscous", "smooth", "width", "offset"}
 
@@ -208,13 +210,13 @@ def partitions(rows: Rows) -> list[np.ndarray]:
     return found
 
 
-def places(rows: Rows, count: int, directed: bool) -> np.ndarray:
+def places(rows: Rows, signal: str, count: int, directed: bool) -> np.ndarray:
     """Return each row's joint, part of that joint's range and direction as one number, (r,)."""
     found = []
     for joint, samples in rows.samples.items():
-        position = rows.recording.position[samples, joint]
-        low, high = (position.min(), position.max()) if len(position) else (0.0, 0.0)
-        part = ((position - low) / max(high - low, 1e-300) * count).astype(int)
+        values = getattr(rows.recording, signal)[samples, joint]
+        low, high = (values.min(), values.max()) if len(values) else (0.0, 0.0)
+        part = ((values - low) / max(high - low, 1e-300) * count).astype(int)
         part = joint * count + np.minimum(part, count - 1)
         forward = rows.recording.velocity[samples, joint] > 0
         found.append(part * 2 + forward if directed else part)
