@@ -13,7 +13,15 @@ import numpy as np
 from analysis.closeloop.model import Model, evaluate
 from analysis.closeloop.passage import with_declared_passages
 from analysis.closeloop.recording import Recording
-from analysis.closeloop.regression import Rows, Score, Variant, compare, keep_independent, score
+from analysis.closeloop.regression import (
+    Rows,
+    Score,
+    Variant,
+    compare,
+    keep_independent,
+    rank_z,
+    score,
+)
 
 FOLDS = 5
 KNOTS = 8
@@ -28,6 +36,8 @@ class Ceiling:
     ceiling_loss: float
     #: Gain over its standard error.
     z: float
+    #: The same by ranks, whatever share of the gain a few blocks hold.
+    rank_z: float
     #: Signals that explain most of it, best first, with their share of the gain.
     depends_on: tuple[tuple[str, float], ...]
     #: Root mean square per joint that the ceiling leaves (low-passed, in the joint's unit).
@@ -142,6 +152,7 @@ def ceiling(model: Model, rows: Rows) -> Ceiling:
         model_loss=plain.loss,
         ceiling_loss=min(full.loss, plain.loss),
         z=gain / error,
+        rank_z=rank_z(plain.losses, full.losses),
         depends_on=tuple(sorted(shares, key=lambda pair: -pair[1])[:3]),
         noise=noise,
     )

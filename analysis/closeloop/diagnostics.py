@@ -171,6 +171,9 @@ def _coherence(recording: Recording, joint: int, residual: np.ndarray) -> dict[s
         ("acceleration", recording.acceleration[:, joint]),
         ("command", recording.effort[:, joint]),
     ):
+        if not np.ptp(signal[longest]):
+            # A joint that is held has no spectrum to be coherent with.
+            continue
         frequency, value = coherence(
             signal[longest], residual[longest], recording.rate, nperseg=window
         )

@@ -25,6 +25,7 @@ from analysis.closeloop.regression import (
     Rows,
     Score,
     compare,
+    rank_z,
     select_rows,
 )
 
@@ -46,8 +47,8 @@ MIN_LATER_SHARE = 0.005
 #: than that is what smoothing, or a joint that is not quite held, does to the declared torque.
 MIN_TORQUE = 0.008
 #: A gain that a few moments carry (inertia, at the ends of a ramp) has a large error of its own:
-#: one of this share is real too if it exceeds fewer errors but comes back in several folds, and
-#: those that lose by it lose next to nothing.
+#: one of this share is real too if it exceeds fewer errors but comes back in several folds, or wins
+#: nearly every block, and those folds that lose by it lose next to nothing.
 LARGE_GAIN, LARGE_Z, LARGE_FOLDS, LARGE_LOST = 0.25, 2.5, 3, 0.05
 
 
@@ -86,26 +87,14 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     rows = rows.reweighted(ceiling(declared, rows).noise)
     before = evaluate(declared, rows)
     ceiling_before = ceiling(declared, rows)
-    model, current, steps = declared, before, list[Step]()
-    while len(steps) < MAX_EFFECTS:
-        progress(f"candidates for effect {len(steps) + 1}")
-        rungs = ladder(model, rows, current)
-        least = _least_later(current, before) if steps else MIN_GAIN * current.loss
-        step = _choose(rungs, model, current, rows, least)
-        if step is None:
-            break
-        if step.taken.refused:
-            if not steps:
-                return _unnamed(rows, declared, before, step, ceiling_before)
-            break
-        model, current = refined(step.taken, rows)
-        active = {candidate.key for candidate in model.effects}
-        # A richer friction replaces the plain one that an earlier step added.
-        steps = [s for s in steps if s.taken.candidate.key in active]
-        steps.append(replace(step, taken=replace(step.taken, model=model, score=current)))
-    if len(steps) > 1:
-        progress("each effect again, beside the others")
-        model, current, steps = _retested(model, current, steps, rows, before)
+    found, refused = _grown(Found(declared, before, ()), rows, before, progress)
+    if refused is not None:
+        return _unnamed(rows, declared, before, refused, ceiling_before)
+    for begun in _simpler_starts(found, rows, before):
+        again, _ = _grown(begun, rows, before, progress)
+        if _better(again, found):
+            found = again
+    model, current, steps = found.model, found.score, found.steps
     ceiling_after = ceiling(model, rows) if steps else ceiling_before
     return _with_rests(
         _judged(
@@ -122,6 +111,81 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
             )
         )
     )
+
+
+@dataclass(frozen=True)
+class Found:
+    """A model that effects were added to, and how."""
+
+    model: Model
+    score: Score
+    steps: tuple[Step, ...]
+
+
+def _grown(
+    found: Found, rows: Rows, before: Score, progress: Callable[[str], None]
+) -> tuple[Found, Step | None]:
+    """Add effects one at a time, then try each again beside the others.
+
+    Returns the model with its effects, and the first step if it is one that nothing may name.
+    """
+    model, current, steps = found.model, found.score, list(found.steps)
+    while len(steps) < MAX_EFFECTS:
+        progress(f"candidates for effect {len(steps) + 1}")
+        rungs = ladder(model, rows, current)
+        least = _least_later(current, before) if steps else MIN_GAIN * current.loss
+        step = _choose(rungs, model, current, rows, least)
+        if step is None:
+            break
+        if step.taken.refused:
+            if not steps:
+                return found, step
+            break
+        model, current = refined(step.taken, rows)
+        active = {candidate.key for candidate in model.effects}
+        # A richer friction replaces the plain one that an earlier step added.
+        steps = [s for s in steps if s.taken.candidate.key in active]
+        steps.append(replace(step, taken=replace(step.taken, model=model, score=current)))
+    if len(steps) > 1:
+        progress("each effect again, beside the others")
+        model, current, steps = _retested(model, current, steps, rows, before)
+    return Found(model, current, tuple(steps)), None
+
+
+def _simpler_starts(found: Found, rows: Rows, before: Score) -> list[Found]:
+    """Return the simpler forms that the first effect contains, alone, as far as they are worth it.
+
+    A second effect that is missing yet may be taken for what makes a form rich: a reflex that
+    resists one direction for an asymmetry of friction.
+    """
+    starts = []
+    for first in found.steps[:1]:
+        for option in first.ladder:
+            own = option.candidate
+            if (
+                own.joint != first.taken.candidate.joint
+                or own.effect.name not in first.taken.candidate.effect.includes
+                or option.refused
+            ):
+                continue
+            terms = tuple(t for t in option.model.terms if t.candidate in (None, own))
+            alone = replace(option.model, terms=terms, channels=())
+            model, score = refined(replace(option, model=alone, score=evaluate(alone, rows)), rows)
+            gain, error = compare(before.losses, score.losses)
+            taken = replace(option, model=model, score=score, gain=gain, z=gain / error)
+            if taken.z > MIN_Z:
+                step = replace(first, taken=taken, equals=(), before=before.loss)
+                starts.append(Found(model, score, (step,)))
+    return starts
+
+
+def _better(again: Found, found: Found) -> bool:
+    """Whether effects that were found from another start predict better, and by enough."""
+    gain, error = compare(found.score.losses, again.score.losses)
+    if len(again.steps) <= len(found.steps):
+        return gain > error
+    sure = gain > MIN_Z * error or rank_z(found.score.losses, again.score.losses) > MIN_Z
+    return sure and gain > MIN_LATER_GAIN * found.score.loss
 
 
 def _with_rests(found: Trace) -> Trace:
@@ -147,7 +211,8 @@ def _judged(found: Trace) -> Trace:
     remains = left.model_loss - left.ceiling_loss
     rows = found.rows
     matters = MIN_TORQUE**2 * min(rows.effort_power(joint) for joint in rows.samples)
-    real = left.z > MIN_Z and remains > max(MIN_GAIN * left.model_loss, matters)
+    steady = left.rank_z > MIN_Z and remains > LARGE_GAIN * left.model_loss
+    real = (left.z > MIN_Z or steady) and remains > max(MIN_GAIN * left.model_loss, matters)
     if not found.steps and _once(found.rows):
         return replace(found, verdict="not_identifiable", notes=(ONE_WAY,))
     if not found.steps:
@@ -264,12 +329,10 @@ def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
         return True
     folds = np.bincount(rows.fold_of_block, current.losses - option.score.losses)
     won, lost = float(folds[folds > 0].sum()), float(-folds[folds < 0].sum())
-    return (
-        option.gain > LARGE_GAIN * current.loss
-        and option.z > LARGE_Z
-        and int((folds > LARGE_LOST * won).sum()) >= LARGE_FOLDS
-        and lost < LARGE_LOST * won
-    )
+    if option.gain <= LARGE_GAIN * current.loss or lost >= LARGE_LOST * won:
+        return False
+    several = int((folds > LARGE_LOST * won).sum()) >= LARGE_FOLDS
+    return (option.z > LARGE_Z and several) or rank_z(current.losses, option.score.losses) > MIN_Z
 
 
 def _nested(option: Option, taken: Option) -> bool:

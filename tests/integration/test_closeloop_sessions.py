@@ -84,6 +84,14 @@ def test_two_effects_are_both_found(tmp_path: Path) -> None:
     )
 
 
+def test_what_a_reflex_adds_is_not_taken_for_an_asymmetry_of_friction(tmp_path: Path) -> None:
+    report, _ = closed(tmp_path, "coulomb_friction", "stretch_reflex")
+    assert {effect["name"] for effect in report["effects"]} == {
+        "coulomb_friction",
+        "stretch_reflex",
+    }
+
+
 def test_an_effect_without_a_native_element_runs_as_an_applied_torque(tmp_path: Path) -> None:
     report, _ = closed(tmp_path, "torque_ripple")
     assert report["effects"][0]["name"] == "torque_ripple"
