@@ -1,8 +1,10 @@
 """The instances of a study and its counters, which change together or not at all."""
 
+import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import sqlalchemy as sa
@@ -12,7 +14,7 @@ from server.logic.slots import Result, Slot, may_try
 from server.logic.study import Study, drained
 from server.store import studies
 from server.store.engine import JSON
-from server.store.prepared import Prepared
+from server.store.prepared import Prepared, text
 from server.store.schema import instances, results
 
 #: (row, position) of an instance in its study.
@@ -20,21 +22,29 @@ Place = tuple[int, int]
 
 #: In a column of attempts, ends the names of lists of hosts.
 _ON = "_on"
+#: ... which holds this text if nothing has gone wrong.
+_NONE = "{}"
 #: Values in one IN list: well under what any SQLite takes.
 _IN_LIST = 500
 
 # Statements that every lease and every post executes are built once: building one takes SQLAlchemy
 # longer than executing it takes the database.
-_SLOTS = sa.select(instances).where(
+SLOTS = sa.select(
+    instances.c.row,
+    instances.c.position,
+    instances.c.state,
+    instances.c.lease_id,
+    text(instances.c.attempts),
+    instances.c.host_class,
+    instances.c.avoid,
+)
+_ARE_HELD = sa.select(instances.c.row).where(
     instances.c.study_id == sa.bindparam("of_study"),
     instances.c.row.in_(sa.bindparam("rows", expanding=True)),
-)
-_ARE_HELD = _SLOTS.with_only_columns(instances.c.row).where(
-    instances.c.lease_id == sa.bindparam("of_lease")
+    instances.c.lease_id == sa.bindparam("of_lease"),
 )
 _WAITING = (
-    sa.select(instances)
-    .where(
+    SLOTS.where(
         instances.c.study_id == sa.bindparam("of_study"),
         instances.c.state == "pending",
         sa.or_(
@@ -74,11 +84,15 @@ _UPDATE = sa.update(instances).where(
     instances.c.row == sa.bindparam("at_row"),
     instances.c.position == sa.bindparam("at_position"),
 )
-_INSERT = Prepared(sa.insert(instances), _SLOT)
+_INSERT = Prepared(sa.insert(instances), *_SLOT)
 #: Most of what workers post changes no more than this.
 _MOVE = Prepared(
     _UPDATE.values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")),
-    ("of_study", "at_row", "at_position", "to_state", "to_lease"),
+    "of_study",
+    "at_row",
+    "at_position",
+    "to_state",
+    "to_lease",
 )
 _BIND = (
     sa.update(instances)
@@ -89,7 +103,7 @@ _BIND = (
     )
     .values(host_class=sa.bindparam("to_class"))
 )
-_APPEND = Prepared(sa.insert(results), _RESULT)
+_APPEND = Prepared(sa.insert(results), *_RESULT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,9 +118,18 @@ def rows(connection: Connection, study: Study, places: Iterable[Place]) -> dict[
     """Return where all instances of the rows in which `places` lie stand, if they were begun."""
     found: dict[Place, Slot] = {}
     for chunk in chunks({row for row, _ in places}):
-        for row in connection.execute(_SLOTS, {"of_study": study.id, "rows": chunk}):
-            found[row.row, row.position] = slot_of(row)
+        for row in _of_rows(len(chunk)).execute(connection, study.id, *chunk):
+            found[row[0], row[1]] = slot_of(row)
     return found
+
+
+@cache
+def _of_rows(count: int) -> Prepared:
+    """Return what finds the slots of so many rows."""
+    names = [f"row_{number}" for number in range(count)]
+    here = instances.c.row.in_([sa.bindparam(name) for name in names])
+    of_study = instances.c.study_id == sa.bindparam("of_study")
+    return Prepared(SLOTS.where(of_study, here), "of_study", *names)
 
 
 def held(slots: Mapping[Place, Slot], *, lease: str) -> dict[Place, Slot]:
@@ -312,16 +335,18 @@ def _row(study: Study, slot: Slot) -> tuple[Any, ...]:
     )
 
 
-def slot_of(row: Any) -> Slot:
-    attempts, hosts = attempts_in(row.attempts)
+def slot_of(row: Sequence[Any]) -> Slot:
+    """Return the slot that a row of `SLOTS` holds."""
+    number, position, state, lease, stored, host_class, avoid = row
+    attempts, hosts = attempts_in(json.loads(stored)) if stored != _NONE else ({}, {})
     return Slot(
-        row=row.row,
-        position=row.position,
-        state=row.state,
-        lease=row.lease_id,
+        row=number,
+        position=position,
+        state=state,
+        lease=lease,
         attempts=attempts,
-        host_class=row.host_class,
-        avoid=row.avoid,
+        host_class=host_class,
+        avoid=avoid,
         hosts=hosts,
     )
 

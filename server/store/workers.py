@@ -31,7 +31,9 @@ _INTRODUCE = {
         statement.on_conflict_do_update(
             index_elements=["id"], set_={name: statement.excluded[name] for name in _TOLD}
         ),
-        ("id", "instances_done", *_TOLD),
+        "id",
+        "instances_done",
+        *_TOLD,
     )
     for dialect, statement in (
         ("sqlite", sqlite.insert(workers)),
@@ -45,7 +47,9 @@ _HEARD_FROM = Prepared(
         last_seen=sa.bindparam("now"),
         instances_done=workers.c.instances_done + sa.bindparam("done"),
     ),
-    ("of_worker", "now", "done"),
+    "of_worker",
+    "now",
+    "done",
 )
 
 
@@ -84,16 +88,16 @@ def introduce(
     now: float,
 ) -> None:
     """Remember a worker, or what it now says of itself."""
-    told = {
-        "id": worker,
-        "instances_done": 0,
-        "host": host,
-        "versions": JSON.encode(dict(versions)),
-        "host_class": host_class(versions),
-        "tags": JSON.encode(list(tags)),
-        "last_seen": now,
-    }
-    _INTRODUCE[connection.dialect.name].execute(connection, told)
+    _INTRODUCE[connection.dialect.name].execute(
+        connection,
+        worker,
+        0,
+        host,
+        JSON.encode(dict(versions)),
+        host_class(versions),
+        JSON.encode(list(tags)),
+        now,
+    )
 
 
 def hosts_at_work(
@@ -106,4 +110,4 @@ def hosts_at_work(
 
 def heard_from(connection: Connection, worker: str, *, done: int = 0, now: float) -> None:
     """Note that a worker was in touch and how many final results it brought."""
-    _HEARD_FROM.execute(connection, {"of_worker": worker, "now": now, "done": done})
+    _HEARD_FROM.execute(connection, worker, now, done)
