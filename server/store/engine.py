@@ -5,7 +5,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
 import sqlalchemy as sa
@@ -59,14 +59,58 @@ def writing(engine: Engine) -> Iterator[Connection]:
     SQLite has one writer at a time. The threads of this process queue on a lock, which wakes the
     next one at once; SQLite's own busy handler sleeps and polls, and is left for other processes.
     """
-    sqlite_only = engine.dialect.name == "sqlite"
-    turn = engine.get_execution_options()["writer"] if sqlite_only else nullcontext()
-    with turn, engine.connect() as connection:
+    with _turn(engine), engine.connect() as connection:
         connection = connection.execution_options(immediate=True)
-        with connection.begin():
-            # It takes the write lock now and need never start again.
-            _begin(connection, "BEGIN IMMEDIATE")
+        with _writing_on(connection):
             yield connection
+
+
+class Writer:
+    """Opens transactions as `writing` does, one after the other on one connection of its own.
+
+    To take a connection from the pool, look whether it is well and put it back costs as much as a
+    short transaction. For one thread.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._connection: Connection | None = None
+
+    @contextmanager
+    def __call__(self) -> Iterator[Connection]:
+        """Open a transaction; it is committed unless an exception leaves the block."""
+        with _turn(self._engine):
+            if self._connection is None:
+                self._connection = self._engine.connect().execution_options(immediate=True)
+            try:
+                with _writing_on(self._connection):
+                    yield self._connection
+            except Exception:
+                # Whatever went wrong, the next one begins with a sound connection.
+                self.close()
+                raise
+
+    def close(self) -> None:
+        """Give the connection back."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+
+def _turn(engine: Engine) -> AbstractContextManager[Any]:
+    """Return what a thread that writes must hold."""
+    if engine.dialect.name != "sqlite":
+        return nullcontext()
+    writer: threading.Lock = engine.get_execution_options()["writer"]
+    return writer
+
+
+@contextmanager
+def _writing_on(connection: Connection) -> Iterator[None]:
+    with connection.begin():
+        # It takes the write lock now and need never start again.
+        _begin(connection, "BEGIN IMMEDIATE")
+        yield
 
 
 def insert(connection: Connection, table: sa.Table) -> postgresql.Insert | sqlite.Insert:
