@@ -233,26 +233,24 @@ def settle(
     if not after:
         return study
     _write_changes(connection, study, before, after)
-    let_go = sum(before[place].state == "leased" for place in after)
-    study = replace(study, leased=study.leased - let_go)
-    if filed:
-        _append(connection, study, filed, now)
-        outcomes = Counter(item.result.outcome for item in filed)
-        ok = outcomes.pop("ok", 0)
-        done = study.result_count + len(filed)
-        finished = done == study.plan.instances and study.state != "cancelled"
-        study = replace(
+    _append(connection, study, filed, now)
+    done = study.result_count + len(filed)
+    failed = [item.result.outcome for item in filed if item.result.outcome != "ok"]
+    finished = bool(filed) and done == study.plan.instances and study.state != "cancelled"
+    study = drained(
+        replace(
             study,
+            leased=study.leased - sum(before[place].state == "leased" for place in after),
             result_count=done,
-            ok_count=study.ok_count + ok,
-            failures=dict(Counter(study.failures) + outcomes),
+            ok_count=study.ok_count + len(filed) - len(failed),
+            failures=dict(Counter(study.failures) + Counter(failed)) if failed else study.failures,
             # A row is complete with the last of its results, so no row is counted twice.
             rows_complete=study.rows_complete
             + _complete({**before, **after}, {item.result.row for item in filed}),
             state="complete" if finished else study.state,
             finished_at=now if finished else study.finished_at,
         )
-    study = drained(study)
+    )
     studies.save(connection, study)
     return study
 
@@ -329,7 +327,7 @@ def _row(study: Study, slot: Slot) -> tuple[Any, ...]:
         slot.position,
         slot.state,
         slot.lease,
-        JSON.encode(_attempts(slot)),
+        JSON.encode(_attempts(slot)) if slot.attempts else _NONE,
         slot.host_class,
         slot.avoid,
     )

@@ -57,33 +57,39 @@ class Prepared:
     def _run(self, connection: Connection, how: str, text: str, values: Sequence[Any]) -> Any:
         driver: Any = connection.connection.dbapi_connection
         cursor = driver.cursor()
-        kind = connection.dialect.loaded_dbapi.Error
         try:
             getattr(cursor, how)(text, values)
-        except kind as error:
+        except Exception as error:
+            kind = connection.dialect.loaded_dbapi.Error
+            if not isinstance(error, kind):
+                raise
             raise DBAPIError.instance(
                 text, values, error, kind, dialect=connection.dialect
             ) from error
         return cursor
 
     def _in_words_of(self, dialect: Dialect) -> _Compiled:
-        if dialect.name not in self._compiled:
-            by_place: Any = "qmark" if dialect.name == "sqlite" else "format"
-            kind: type[DefaultDialect] = type(dialect)  # type: ignore[assignment]
-            writes = not isinstance(self._statement, sa.Select)
-            found = self._statement.compile(
-                dialect=kind(paramstyle=by_place), column_keys=self._names if writes else None
-            )
-            assert isinstance(found, SQLCompiler)
-            places = found.positiontup or ()
-            # The values of those that are always the same follow those that are given.
-            constants = {name: found.params[name] for name in places if name not in self._names}
-            every = (*self._names, *constants)
-            self._compiled[dialect.name] = _Compiled(
-                text=found.string,
-                arrange=_arranging([every.index(name) for name in places], [*constants.values()]),
-            )
-        return self._compiled[dialect.name]
+        known = self._compiled.get(dialect.name)
+        if known is None:
+            known = self._compiled[dialect.name] = self._compile(dialect)
+        return known
+
+    def _compile(self, dialect: Dialect) -> _Compiled:
+        by_place: Any = "qmark" if dialect.name == "sqlite" else "format"
+        kind: type[DefaultDialect] = type(dialect)  # type: ignore[assignment]
+        writes = not isinstance(self._statement, sa.Select)
+        found = self._statement.compile(
+            dialect=kind(paramstyle=by_place), column_keys=self._names if writes else None
+        )
+        assert isinstance(found, SQLCompiler)
+        places = found.positiontup or ()
+        # The values of those that are always the same follow those that are given.
+        constants = {name: found.params[name] for name in places if name not in self._names}
+        every = (*self._names, *constants)
+        return _Compiled(
+            text=found.string,
+            arrange=_arranging([every.index(name) for name in places], [*constants.values()]),
+        )
 
 
 def text(column: sa.Column[Any]) -> sa.ColumnElement[str]:
