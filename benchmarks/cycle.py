@@ -24,7 +24,7 @@ from server.logic.study import draw_up, parameters
 from server.logic.verdicts import Report
 from server.settings import Settings
 from server.store import offers, results, studies, upgrade
-from server.store.engine import Writer
+from server.store.engine import Impatient
 
 BATCH = 10
 #: Cycles in a block; blocks.
@@ -69,7 +69,7 @@ def application(url: str) -> FastAPI:
 
 async def transactions(app: FastAPI) -> float:
     """Return what the transaction of a cycle takes, ms: statements, and what is decided."""
-    begin = Writer(app.state.engine)
+    begin = Impatient(app.state.engine)
     wish = offers.Wish(
         worker="w", host="here", versions={}, models=["ishigami"], max_instances=BATCH
     )

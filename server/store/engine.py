@@ -5,7 +5,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import sqlalchemy as sa
@@ -59,17 +59,22 @@ def writing(engine: Engine) -> Iterator[Connection]:
     SQLite has one writer at a time. The threads of this process queue on a lock, which wakes the
     next one at once; SQLite's own busy handler sleeps and polls, and is left for other processes.
     """
-    with _turn(engine), engine.connect() as connection:
+    sqlite_only = engine.dialect.name == "sqlite"
+    turn = engine.get_execution_options()["writer"] if sqlite_only else nullcontext()
+    with turn, engine.connect() as connection:
         connection = connection.execution_options(immediate=True)
-        with _writing_on(connection):
+        with connection.begin():
+            # It takes the write lock now and need never start again.
+            _begin(connection, "BEGIN IMMEDIATE")
             yield connection
 
 
-class Writer:
-    """Opens transactions as `writing` does, one after the other on one connection of its own.
+class Impatient:
+    """Opens transactions as `writing` does, but waits for nobody and nothing; for one thread.
 
-    To take a connection from the pool, look whether it is well and put it back costs as much as a
-    short transaction. For one thread.
+    It keeps a connection of its own: to take one from the pool and put it back costs as much as a
+    short transaction. Its commits leave SQLite's log to others, since to copy it into the file is
+    to wait for the disk.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -78,39 +83,42 @@ class Writer:
 
     @contextmanager
     def __call__(self) -> Iterator[Connection]:
-        """Open a transaction; it is committed unless an exception leaves the block."""
-        with _turn(self._engine):
-            if self._connection is None:
-                self._connection = self._engine.connect().execution_options(immediate=True)
-            try:
-                with _writing_on(self._connection):
-                    yield self._connection
-            except Exception:
-                # Whatever went wrong, the next one begins with a sound connection.
-                self.close()
-                raise
+        """Open a transaction; it is committed unless an exception leaves the block.
+
+        Raises:
+            BlockingIOError: another thread of this process writes.
+            sqlite3.OperationalError: another process does.
+        """
+        turn: threading.Lock = self._engine.get_execution_options()["writer"]
+        if not turn.acquire(blocking=False):
+            raise BlockingIOError("another thread writes")
+        try:
+            connection = self._connected()
+            with connection.begin():
+                _begin(connection, "BEGIN IMMEDIATE")
+                yield connection
+        except BaseException:
+            # A transaction whose commit failed would still be open.
+            self.close()
+            raise
+        finally:
+            turn.release()
 
     def close(self) -> None:
-        """Give the connection back."""
+        """Close its connection."""
         if self._connection is not None:
+            # Not to the pool: it is not what others expect.
+            self._connection.invalidate()
             self._connection.close()
             self._connection = None
 
-
-def _turn(engine: Engine) -> AbstractContextManager[Any]:
-    """Return what a thread that writes must hold."""
-    if engine.dialect.name != "sqlite":
-        return nullcontext()
-    writer: threading.Lock = engine.get_execution_options()["writer"]
-    return writer
-
-
-@contextmanager
-def _writing_on(connection: Connection) -> Iterator[None]:
-    with connection.begin():
-        # It takes the write lock now and need never start again.
-        _begin(connection, "BEGIN IMMEDIATE")
-        yield
+    def _connected(self) -> Connection:
+        if self._connection is None:
+            self._connection = self._engine.connect().execution_options(immediate=True)
+            driver: Any = self._connection.connection.dbapi_connection
+            driver.execute("PRAGMA busy_timeout = 0")
+            driver.execute("PRAGMA wal_autocheckpoint = 0")
+        return self._connection
 
 
 def insert(connection: Connection, table: sa.Table) -> postgresql.Insert | sqlite.Insert:

@@ -9,7 +9,7 @@ import sqlalchemy as sa
 from sqlalchemy import event
 from sqlalchemy.engine import Connection, Engine
 
-from server.store.engine import reading, writing
+from server.store.engine import reading
 from server.store.turns import Turns, together
 
 TABLE = sa.table("told", sa.column("word"))
@@ -104,7 +104,7 @@ def test_nobody_is_told_that_it_is_done_if_the_commit_fails(engine: Engine, told
 
 
 def test_a_transaction_that_fails_is_tried_again_job_by_job(engine: Engine, told: Any) -> None:
-    outcomes = together(lambda: writing(engine), [tell("a"), fail, tell("b")])
+    outcomes = together(engine, [tell("a"), fail, tell("b")])
     assert [result for result, _ in outcomes] == ["A", None, "B"]
     assert isinstance(outcomes[1][1], ZeroDivisionError)
     assert told() == ["a", "b"]
