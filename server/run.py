@@ -59,7 +59,7 @@ def _serve(settings: Settings) -> None:
         raise SystemExit(1)
 
 
-class _WholeAnswers:
+class WholeAnswers:
     """A transport that sends head and body of an answer in one packet: uvicorn writes them apart.
 
     Two would cost the coordinator a system call more, and wake the worker twice.
@@ -93,11 +93,11 @@ class _WholeAnswers:
 
 
 class _AnsweringAtOnce(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
-    """Uvicorn's HTTP with `_WholeAnswers`."""
+    """Uvicorn's HTTP with `WholeAnswers`."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:
         """Begin to serve a connection."""
-        super().connection_made(_WholeAnswers(transport))
+        super().connection_made(WholeAnswers(transport))
 
 
 class _AnnouncingServer(uvicorn.Server):
