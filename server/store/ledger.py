@@ -8,6 +8,7 @@ from functools import cache
 from typing import Any
 
 import sqlalchemy as sa
+from pydantic_core import to_json
 from sqlalchemy.engine import Connection
 
 from server.logic.slots import Result, Slot, may_try
@@ -279,7 +280,8 @@ def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: f
 
 
 def _json(value: Mapping[str, Any] | None) -> str | None:
-    return None if value is None else JSON.encode(value)
+    # What may be stored was looked through: nothing in it is infinite or no number.
+    return None if value is None else to_json(value).decode()
 
 
 def _complete(slots: Mapping[Place, Slot], rows: Collection[int]) -> int:
