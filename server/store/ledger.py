@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from operator import itemgetter
 from typing import Any
 
 import sqlalchemy as sa
@@ -44,17 +45,6 @@ _ARE_HELD = sa.select(instances.c.row).where(
     instances.c.row.in_(sa.bindparam("rows", expanding=True)),
     instances.c.lease_id == sa.bindparam("of_lease"),
 )
-_WAITING = (
-    SLOTS.where(
-        instances.c.study_id == sa.bindparam("of_study"),
-        instances.c.state == "pending",
-        sa.or_(
-            instances.c.host_class.is_(None), instances.c.host_class == sa.bindparam("asking_class")
-        ),
-    )
-    .order_by(instances.c.row, instances.c.position)
-    .limit(sa.bindparam("most"))
-)
 _TRIED_HERE = sa.and_(
     instances.c.avoid.is_not(None),
     sa.or_(
@@ -63,8 +53,31 @@ _TRIED_HERE = sa.and_(
         sa.cast(instances.c.attempts, sa.Text).contains(sa.bindparam("as_json"), escape="\x1f"),
     ),
 )
-_NEW_HERE = _WAITING.where(sa.not_(_TRIED_HERE))
-_AGAIN_HERE = _WAITING.where(_TRIED_HERE)
+
+
+def _waiting(*conditions: sa.ColumnElement[bool]) -> tuple[Prepared, Prepared]:
+    """Return what finds waiting instances of one kind of machine, and of none.
+
+    Both at once would be beyond the index: all instances ever begun would be looked through.
+    """
+    found = SLOTS.where(
+        instances.c.study_id == sa.bindparam("of_study"),
+        # As the index has it: a plan that is made once cannot rely on a parameter.
+        instances.c.state == sa.literal_column("'pending'"),
+        *conditions,
+    )
+    found = found.order_by(instances.c.row, instances.c.position).limit(sa.bindparam("most"))
+    names = ("of_study", "asking_class", "most", "asking_host", "as_json")
+    mine = instances.c.host_class == sa.bindparam("asking_class")
+    none = instances.c.host_class.is_(None)
+    return (
+        Prepared(found.where(mine), *names, index="instances_returned"),
+        Prepared(found.where(none), *names, index="instances_returned"),
+    )
+
+
+_WAITING = _waiting()
+_NEW_HERE, _AGAIN_HERE = _waiting(sa.not_(_TRIED_HERE)), _waiting(_TRIED_HERE)
 #: Columns of what is written often.
 _SLOT = ("study_id", "row", "position", "state", "lease_id", "attempts", "host_class", "avoid")
 _RESULT = (
@@ -94,6 +107,13 @@ _MOVE = Prepared(
     "at_position",
     "to_state",
     "to_lease",
+)
+_REWRITE = Prepared(
+    _UPDATE.values({name: sa.bindparam(f"to_{name}") for name in _SLOT[3:]}),
+    "of_study",
+    "at_row",
+    "at_position",
+    *(f"to_{name}" for name in _SLOT[3:]),
 )
 _BIND = (
     sa.update(instances)
@@ -166,14 +186,18 @@ def waiting(
         at_work: the hosts of its kind that work on the study now.
         limit: how many.
     """
-    asked: dict[str, Any] = {"of_study": study.id, "asking_class": host_class, "most": limit}
+
+    def find(statements: tuple[Prepared, Prepared], most: int) -> list[Slot]:
+        values = (study.id, host_class, most, host, JSON.encode(host))
+        rows = [row for query in statements for row in query.execute(connection, *values)]
+        return [slot_of(row) for row in sorted(rows, key=itemgetter(0, 1))[:most]]
+
     if not set(at_work) - {host}:
-        return [slot_of(row) for row in connection.execute(_WAITING, asked)]
-    asked |= {"asking_host": host, "as_json": JSON.encode(host)}
-    found = [slot_of(row) for row in connection.execute(_NEW_HERE, asked)]
+        return find(_WAITING, limit)
+    found = find(_NEW_HERE, limit)
     if len(found) < limit:
-        again = connection.execute(_AGAIN_HERE, asked | {"most": _IN_LIST})
-        found += [slot for slot in map(slot_of, again) if may_try(slot, host, at_work)]
+        again = find(_AGAIN_HERE, _IN_LIST)
+        found += [slot for slot in again if may_try(slot, host, at_work)]
     return found[:limit]
 
 
@@ -305,21 +329,8 @@ def _write_changes(
 
 def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> None:
     """Write slots that exist already."""
-    values = [
-        {
-            "of_study": study.id,
-            "at_row": slot.row,
-            "at_position": slot.position,
-            "state": slot.state,
-            "lease_id": slot.lease,
-            "attempts": _attempts(slot),
-            "host_class": slot.host_class,
-            "avoid": slot.avoid,
-        }
-        for slot in changed
-    ]
-    if values:
-        connection.execute(_UPDATE, values)
+    rows = [_row(study, slot) for slot in changed]
+    _REWRITE.execute_many(connection, rows)
 
 
 def _row(study: Study, slot: Slot) -> tuple[Any, ...]:

@@ -32,11 +32,19 @@ class Prepared:
     Args:
         statement: what to do; of a column of JSON it selects the `text`.
         names: of its parameters, in the order in which values are given.
+        index: by which SQLite is to find what is selected from the one table. It keeps no
+            statistics by itself, and may choose one that finds far too much.
     """
 
-    def __init__(self, statement: sa.Insert | sa.Update | sa.Select[Any], *names: str) -> None:
+    def __init__(
+        self,
+        statement: sa.Insert | sa.Update | sa.Select[Any],
+        *names: str,
+        index: str | None = None,
+    ) -> None:
         self._statement = statement
         self._names = names
+        self._index = index
         self._compiled: dict[str, _Compiled] = {}
 
     def execute(self, connection: Connection, *values: Any) -> Any:
@@ -86,8 +94,11 @@ class Prepared:
         # The values of those that are always the same follow those that are given.
         constants = {name: found.params[name] for name in places if name not in self._names}
         every = (*self._names, *constants)
+        words = found.string
+        if self._index is not None and dialect.name == "sqlite":
+            words = words.replace("\nWHERE", f"INDEXED BY {self._index}\nWHERE", 1)
         return _Compiled(
-            text=found.string,
+            text=words,
             arrange=_arranging([every.index(name) for name in places], [*constants.values()]),
         )
 

@@ -13,16 +13,19 @@ from server.store.prepared import Prepared
 from server.store.schema import leases, workers
 
 # Built once: see `server.store.ledger`.
-_HOSTS_AT_WORK = (
+_HOSTS_AT_WORK = Prepared(
     sa.select(workers.c.host)
     .select_from(leases.join(workers, workers.c.id == leases.c.worker_id))
     .where(
-        leases.c.state == "open",
+        leases.c.state == sa.literal_column("'open'"),
         leases.c.study_id == sa.bindparam("of_study"),
         leases.c.expires_at > sa.bindparam("now"),
         workers.c.host_class == sa.bindparam("of_class"),
     )
-    .distinct()
+    .distinct(),
+    "of_study",
+    "now",
+    "of_class",
 )
 #: What a worker tells each time.
 _TOLD = ("host", "versions", "host_class", "tags", "last_seen")
@@ -104,8 +107,8 @@ def hosts_at_work(
     connection: Connection, study_id: str, *, host_class: str | None, now: float
 ) -> set[str]:
     """Return the hosts of a class that work on a study now."""
-    asked = {"of_study": study_id, "now": now, "of_class": host_class}
-    return set(connection.scalars(_HOSTS_AT_WORK, asked))
+    found = _HOSTS_AT_WORK.execute(connection, study_id, now, host_class)
+    return {host for (host,) in found}
 
 
 def heard_from(connection: Connection, worker: str, *, done: int = 0, now: float) -> None:
