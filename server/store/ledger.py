@@ -221,7 +221,7 @@ def hand_out(
         host_class: the kind of machine that all rows concerned now belong to.
     """
     _INSERT.execute_many(connection, [_row(study, slot) for slot in begun])
-    update(connection, study, again)
+    _MOVE.execute_many(connection, [_moved(study, slot) for slot in again])
     for rows in chunks(unbound):
         connection.execute(_BIND, {"of_study": study.id, "rows": rows, "to_class": host_class})
     study = replace(
@@ -320,11 +320,15 @@ def _write_changes(
     moved, other = [], []
     for place, slot in after.items():
         if slot.attempts == before[place].attempts:
-            moved.append((study.id, slot.row, slot.position, slot.state, slot.lease))
+            moved.append(_moved(study, slot))
         else:
             other.append(slot)
     _MOVE.execute_many(connection, moved)
     update(connection, study, other)
+
+
+def _moved(study: Study, slot: Slot) -> tuple[Any, ...]:
+    return study.id, slot.row, slot.position, slot.state, slot.lease
 
 
 def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> None:

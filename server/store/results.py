@@ -139,7 +139,11 @@ def _file(
         posted.reports,
         places=places,
         slots=dict(before),
-        stored=_stored(connection, study, before),
+        stored=_at(
+            connection,
+            study,
+            {p for p, slot in before.items() if slot.state == "done" and p in named},
+        ),
         lease=lease.id,
         outputs=study.plan.outputs,
         host=lease.host,
@@ -239,13 +243,6 @@ def _keep_or_end(connection: Connection, lease: Lease, holds: bool, now: float, 
 
 def _to_all(reports: Sequence[Report], verdict: str, detail: str) -> list[Verdict]:
     return [Verdict(instance=r.instance, verdict=verdict, detail=detail) for r in reports]
-
-
-def _stored(
-    connection: Connection, study: Study, slots: dict[ledger.Place, Slot]
-) -> dict[ledger.Place, Result]:
-    """Return the final results of those slots that have one."""
-    return _at(connection, study, {p for p, slot in slots.items() if slot.state == "done"})
 
 
 def _at(
