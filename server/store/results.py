@@ -139,11 +139,7 @@ def _file(
         posted.reports,
         places=places,
         slots=dict(before),
-        stored=_at(
-            connection,
-            study,
-            {p for p, slot in before.items() if slot.state == "done" and p in named},
-        ),
+        stored=_at(connection, study, {place for place in named if _is_done(before.get(place))}),
         lease=lease.id,
         outputs=study.plan.outputs,
         host=lease.host,
@@ -243,6 +239,10 @@ def _keep_or_end(connection: Connection, lease: Lease, holds: bool, now: float, 
 
 def _to_all(reports: Sequence[Report], verdict: str, detail: str) -> list[Verdict]:
     return [Verdict(instance=r.instance, verdict=verdict, detail=detail) for r in reports]
+
+
+def _is_done(slot: Slot | None) -> bool:
+    return slot is not None and slot.state == "done"
 
 
 def _at(

@@ -8,7 +8,7 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
 from server.store.engine import reading, writing
-from server.store.prepared import Prepared
+from server.store.prepared import Prepared, text
 
 TABLE = sa.Table(
     "things",
@@ -82,3 +82,30 @@ def test_what_the_database_refuses_is_an_error_that_everybody_knows(things: Engi
         INSERT.execute(connection, 1, 1, None, None)
         INSERT.execute(connection, 1, 1, None, None)
     assert rows(things) == []
+
+
+def test_rows_are_read_as_tuples_and_json_as_text(things: Engine) -> None:
+    find = Prepared(
+        sa.select(TABLE.c.id, text(TABLE.c.what))
+        .where(TABLE.c.row == sa.bindparam("of_row"), TABLE.c.state == "open")
+        .order_by(TABLE.c.id),
+        "of_row",
+    )
+    with writing(things) as connection:
+        INSERT.execute_many(
+            connection, [(2, 7, "[1]", "open"), (1, 7, None, "open"), (3, 7, "2", "shut")]
+        )
+        assert find.execute(connection, 7).fetchall() == [(1, None), (2, "[1]")]
+        assert find.execute(connection, 8).fetchall() == []
+
+
+def test_sqlite_takes_the_index_it_is_told_to(things: Engine) -> None:
+    of_row = sa.select(TABLE.c.id).where(TABLE.c.row == sa.bindparam("of_row"))
+    find = Prepared(of_row, "of_row", index="things_by_row")
+    with writing(things) as connection:
+        INSERT.execute(connection, 1, 7, None, None)
+        if connection.dialect.name == "sqlite":
+            with pytest.raises(DBAPIError, match="no such index: things_by_row"):
+                find.execute(connection, 7)
+        connection.exec_driver_sql("CREATE INDEX things_by_row ON things (row)")
+        assert find.execute(connection, 7).fetchall() == [(1,)]
