@@ -26,7 +26,7 @@ Waiting = tuple[Job[Any], asyncio.Future[Any]]
 
 #: So often a transaction is one in which SQLite may copy its log into the file, which waits for the
 #: disk.
-UPKEEP = 500
+UPKEEP = 100
 
 
 class Turns:
