@@ -71,7 +71,8 @@ class Distribution(ABC):
     def ppf(self, u: ArrayLike) -> NDArray[np.float64]:
         """Return the quantiles of probabilities `u`, elementwise; ValueError unless 0 < u < 1."""
         probabilities = np.asarray(u, dtype=np.float64)
-        if not bool(np.all((probabilities > 0.0) & (probabilities < 1.0))):
+        # A probability that is no number is not above 0 either.
+        if probabilities.size and not (probabilities.min() > 0.0 and probabilities.max() < 1.0):
             raise ValueError("a probability must lie strictly between 0 and 1")
         return self._quantile(probabilities)
 
@@ -118,7 +119,7 @@ class Uniform(Distribution):
         return Scale(width=self.high - self.low, by="range")
 
     def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.clip(self.low + u * (self.high - self.low), self.low, self.high)
+        return _clipped(self.low + u * (self.high - self.low), self.low, self.high)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +154,7 @@ class TruncatedNormal(Distribution):
     def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         a, b = (self.low - self.mean) / self.sd, (self.high - self.mean) / self.sd
         x = truncnorm.ppf(u, a, b, loc=self.mean, scale=self.sd)
-        return np.clip(np.asarray(x, dtype=np.float64), self.low, self.high)
+        return _clipped(np.asarray(x, dtype=np.float64), self.low, self.high)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +178,7 @@ class Triangular(Distribution):
             self.low + np.sqrt(u * width * rise),
             self.high - np.sqrt((1.0 - u) * width * fall),
         )
-        return np.clip(x, self.low, self.high)
+        return _clipped(x, self.low, self.high)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,7 +195,7 @@ class LogUniform(Distribution):
 
     def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         x = np.exp(log(self.low) + u * (log(self.high) - log(self.low)))
-        return np.clip(x, self.low, self.high)
+        return _clipped(x, self.low, self.high)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -272,6 +273,11 @@ _KINDS: tuple[type[Distribution], ...] = (
     LogUniform,
     Discrete,
 )
+
+
+def _clipped(x: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
+    """Return `x` within [low, high]; `np.clip` takes several times as long for a row's few."""
+    return np.minimum(np.maximum(x, low), high)
 
 
 def _ordered(kind: str, low: float, high: float) -> None:

@@ -24,7 +24,7 @@ from server.logic.study import draw_up, parameters
 from server.logic.verdicts import Report
 from server.settings import Settings
 from server.store import offers, results, studies, upgrade
-from server.store.engine import writing
+from server.store.engine import Impatient
 
 BATCH = 10
 #: Cycles in a block; blocks.
@@ -69,11 +69,11 @@ def application(url: str) -> FastAPI:
 
 async def transactions(app: FastAPI) -> float:
     """Return what the transaction of a cycle takes, ms: statements, and what is decided."""
-    engine = app.state.engine
+    begin = Impatient(app.state.engine)
     wish = offers.Wish(
         worker="w", host="here", versions={}, models=["ishigami"], max_instances=BATCH
     )
-    with writing(engine) as connection:
+    with begin() as connection:
         held: Any = offers.offer(connection, wish, now=time.time(), ttl=60.0)
 
     async def cycle() -> None:
@@ -97,10 +97,12 @@ async def transactions(app: FastAPI) -> float:
             share=0.01,
             tolerance=1e-3,
         )
-        with writing(engine) as connection:
+        with begin() as connection:
             _, held = results.exchange(connection, posted, wish, now=time.time(), ttl=60.0)
 
-    return await quickest(cycle)
+    spent = await quickest(cycle)
+    begin.close()
+    return spent
 
 
 async def points(app: FastAPI) -> float:

@@ -1,9 +1,12 @@
 """Run a coordinator in this process."""
 
+import asyncio
 import signal
 import socket
+from typing import Any
 
 import uvicorn
+from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
 from server.app import create_app
 from server.logs import configure
@@ -39,6 +42,7 @@ def _serve(settings: Settings) -> None:
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         config = uvicorn.Config(
             create_app(settings),
+            http=_AnsweringAtOnce,
             access_log=False,
             log_config=None,
             ssl_certfile=settings.tls_certificate,
@@ -53,6 +57,47 @@ def _serve(settings: Settings) -> None:
         server.run(sockets=[listener])
     if not server.started:
         raise SystemExit(1)
+
+
+class WholeAnswers:
+    """A transport that sends head and body of an answer in one packet: uvicorn writes them apart.
+
+    Two would cost the coordinator a system call more, and wake the worker twice.
+    """
+
+    def __init__(self, transport: asyncio.Transport) -> None:
+        self._transport = transport
+        self._held = b""
+
+    def write(self, data: bytes) -> None:
+        """Send `data` with what comes next, which must come before the event loop goes on."""
+        if self._held:
+            self._held += data
+            self._send()
+        elif data:
+            self._held = data
+            asyncio.get_running_loop().call_soon(self._send)
+
+    def close(self) -> None:
+        """Close the connection when everything is sent."""
+        self._send()
+        self._transport.close()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._transport, name)
+
+    def _send(self) -> None:
+        held, self._held = self._held, b""
+        if held and not self._transport.is_closing():
+            self._transport.write(held)
+
+
+class _AnsweringAtOnce(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
+    """Uvicorn's HTTP with `WholeAnswers`."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:
+        """Begin to serve a connection."""
+        super().connection_made(WholeAnswers(transport))
 
 
 class _AnnouncingServer(uvicorn.Server):

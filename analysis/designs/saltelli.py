@@ -21,12 +21,14 @@ def saltelli_row(point: NDArray[np.float64], *, second_order: bool = False) -> N
     Returns:
         Shape (k + 2, k), or (2 k + 2, k) for the second order.
     """
-    a, b = np.split(point, 2)
-    row = np.tile(a, (a.size + 2, 1))
+    factors = point.size // 2
+    a, b = point[:factors], point[factors:]
+    # A coordinator lays out rows all the time: NumPy's own tile and fill_diagonal take longer.
+    row = np.empty((2 * factors + 2 if second_order else factors + 2, factors))
+    row[: factors + 2] = a
     row[1] = b
-    np.fill_diagonal(row[2:], b)
-    if not second_order:
-        return row
-    mirrored = np.tile(b, (a.size, 1))
-    np.fill_diagonal(mirrored, a)
-    return np.concatenate([row, mirrored])
+    row[2 : factors + 2].reshape(-1)[:: factors + 1] = b
+    if second_order:
+        row[factors + 2 :] = b
+        row[factors + 2 :].reshape(-1)[:: factors + 1] = a
+    return row

@@ -30,9 +30,14 @@ def up(
         typer.Option(min=0, help="Workers to run on this machine. Default: one per core."),
     ] = None,
     host: Annotated[
-        str, typer.Option(help="Address to listen on; 0.0.0.0 admits other machines.")
+        str,
+        typer.Option(
+            envvar="REHYB_HOST", help="Address to listen on; 0.0.0.0 admits other machines."
+        ),
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any free port.")] = 8787,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, envvar="REHYB_PORT", help="0 takes any free port.")
+    ] = 8787,
     as_json: AsJson = False,
 ) -> None:
     """Run everything on this machine until Ctrl-C.

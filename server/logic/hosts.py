@@ -8,6 +8,7 @@ one class of machines.
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 from server.logic.study import Study
 
@@ -25,8 +26,12 @@ def identity(versions: Mapping[str, str]) -> dict[str, str]:
 
 def host_class(versions: Mapping[str, str]) -> str:
     """Name the class of machines that a worker belongs to, 16 hexadecimal digits."""
-    known = {name: versions[name] for name in HOST_CLASS if name in versions}
-    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:16]
+    return _class_of(tuple((name, versions[name]) for name in HOST_CLASS if name in versions))
+
+
+@lru_cache(maxsize=1024)
+def _class_of(known: tuple[tuple[str, str], ...]) -> str:
+    return hashlib.sha256(json.dumps(dict(known), sort_keys=True).encode()).hexdigest()[:16]
 
 
 def objection_to_worker(

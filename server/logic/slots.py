@@ -64,7 +64,17 @@ class Result:
 
 def settled(slot: Slot) -> Slot:
     """Return the slot with its final result in."""
-    return replace(slot, state="done", lease=None)
+    # As `replace` would, in half the time: every result comes by here.
+    return Slot(
+        row=slot.row,
+        position=slot.position,
+        state="done",
+        lease=None,
+        attempts=slot.attempts,
+        host_class=slot.host_class,
+        avoid=slot.avoid,
+        hosts=slot.hosts,
+    )
 
 
 def handed_back(slot: Slot) -> Slot:

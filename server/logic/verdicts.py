@@ -180,6 +180,8 @@ def _is_finite(value: Any) -> bool:
 
 def _fault_in_state(state: Any) -> str | None:
     """Say in a sentence why a parsed value cannot be stored as JSON; None if it can."""
+    if state is None:
+        return None
     left = [(state, 0)]
     while left:
         value, depth = left.pop()

@@ -1,8 +1,7 @@
 """What the routes share: where they find the store and the time, and how strictly they read."""
 
-import json
 import time
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Annotated, Any, get_type_hints
 
@@ -10,12 +9,12 @@ from fastapi import Depends, Path, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
+from pydantic_core import to_json
 from sqlalchemy.engine import Engine
+from starlette.types import Receive, Scope, Send
 
 from server.metrics import Metrics
 from server.settings import Settings
-
-_ENCODER = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 
 
 class Body(BaseModel):
@@ -75,15 +74,16 @@ class Direct(APIRoute):
     its body is read without a detour by plain values: that takes longer than all else.
     """
 
-    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """Return what answers a request."""
-        kind = get_type_hints(self.endpoint)["body"]
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        kind, endpoint = get_type_hints(self.endpoint)["body"], self.endpoint
 
-        async def answer(request: Request) -> Response:
-            response: Response = await self.endpoint(await _read(request, kind), request)
-            return response
+        async def answer(scope: Scope, receive: Receive, send: Send) -> None:
+            request = Request(scope, receive)
+            response: Response = await endpoint(await _read(request, kind), request)
+            await response(scope, receive, send)
 
-        return answer
+        self.app = answer
 
 
 def as_json(
@@ -92,7 +92,8 @@ def as_json(
     headers: Mapping[str, str] | None = None,
 ) -> Response:
     """Return an answer of plain values as it is: FastAPI would look through every one of them."""
-    return Response(_ENCODER.encode(content), status, headers, media_type="application/json")
+    body = to_json(content, inf_nan_mode="null")
+    return Response(body, status, headers, media_type="application/json")
 
 
 Store = Annotated[Engine, Depends(_engine)]

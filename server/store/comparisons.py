@@ -25,6 +25,7 @@ from server.logic.verdicts import Report, Verdict, as_result, fault_in
 from server.store import studies
 from server.store.engine import reading, writing
 from server.store.ledger import Place
+from server.store.prepared import Prepared
 from server.store.schema import comparisons
 from server.store.schema import studies as studies_table
 
@@ -35,8 +36,11 @@ _OF_OTHERS = sa.or_(
     comparisons.c.first_host < sa.bindparam("host"), comparisons.c.first_host > sa.bindparam("host")
 )
 #: Built once: every worker that asks for work asks this.
-_STUDIES_WAITING = (
-    sa.select(comparisons.c.study_id).where(comparisons.c.state == "waiting", _OF_OTHERS).distinct()
+_STUDIES_WAITING = Prepared(
+    sa.select(comparisons.c.study_id)
+    .where(comparisons.c.state == "waiting", _OF_OTHERS)
+    .distinct(),
+    "host",
 )
 
 
@@ -72,8 +76,8 @@ def ask(
 def studies_waiting(connection: Connection, models: Sequence[str], *, host: str) -> list[Study]:
     """Return the studies of `models` in which a second opinion of `host` is wanted."""
     # First the few that are waiting, so that asking costs nothing while there are none.
-    wanted = connection.scalars(_STUDIES_WAITING, {"host": host}).all()
-    found = [studies.find(connection, study_id) for study_id in wanted]
+    wanted = _STUDIES_WAITING.execute(connection, host).fetchall()
+    found = [studies.find(connection, study_id) for (study_id,) in wanted]
     return [
         study
         for study in found

@@ -16,6 +16,9 @@ from sqlalchemy.engine import Connection, Engine
 JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 #: Seconds a transaction waits for another process to finish writing.
 BUSY_SECONDS = 30
+#: Pages (of 4 kB) of SQLite's write-ahead log. With its own 1000 a busy coordinator would wait for
+#: the disk every hundredth transaction.
+LOG_PAGES = 10_000
 
 
 def create_engine(url: str) -> Engine:
@@ -66,6 +69,58 @@ def writing(engine: Engine) -> Iterator[Connection]:
             yield connection
 
 
+class Impatient:
+    """Opens transactions as `writing` does, but waits for nobody and nothing; for one thread.
+
+    It keeps a connection of its own: to take one from the pool and put it back costs as much as a
+    short transaction. Its commits leave SQLite's log to others, since to copy it into the file is
+    to wait for the disk.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._connection: Connection | None = None
+
+    @contextmanager
+    def __call__(self) -> Iterator[Connection]:
+        """Open a transaction; it is committed unless an exception leaves the block.
+
+        Raises:
+            BlockingIOError: another thread of this process writes.
+            sqlite3.OperationalError: another process does.
+        """
+        turn: threading.Lock = self._engine.get_execution_options()["writer"]
+        if not turn.acquire(blocking=False):
+            raise BlockingIOError("another thread writes")
+        try:
+            connection = self._connected()
+            with connection.begin():
+                _begin(connection, "BEGIN IMMEDIATE")
+                yield connection
+        except BaseException:
+            # A transaction whose commit failed would still be open.
+            self.close()
+            raise
+        finally:
+            turn.release()
+
+    def close(self) -> None:
+        """Close its connection."""
+        if self._connection is not None:
+            # Not to the pool: it is not what others expect.
+            self._connection.invalidate()
+            self._connection.close()
+            self._connection = None
+
+    def _connected(self) -> Connection:
+        if self._connection is None:
+            self._connection = self._engine.connect().execution_options(immediate=True)
+            driver: Any = self._connection.connection.dbapi_connection
+            driver.execute("PRAGMA busy_timeout = 0")
+            driver.execute("PRAGMA wal_autocheckpoint = 0")
+        return self._connection
+
+
 def insert(connection: Connection, table: sa.Table) -> postgresql.Insert | sqlite.Insert:
     """Return an INSERT that has `on_conflict_do_nothing` and `on_conflict_do_update`."""
     if connection.dialect.name == "sqlite":
@@ -81,6 +136,8 @@ def _open_sqlite(connection: Any, _record: Any) -> None:
     _use_write_ahead_log(connection)
     # Losing power may lose the last commits, never consistency: their instances are leased again.
     connection.execute("PRAGMA synchronous = NORMAL")
+    # The log is copied into the file, and the disk waited for, when it has so many pages.
+    connection.execute(f"PRAGMA wal_autocheckpoint = {LOG_PAGES}")
     connection.execute("PRAGMA foreign_keys = ON")
 
 

@@ -1,18 +1,22 @@
 """The instances of a study and its counters, which change together or not at all."""
 
+import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from operator import itemgetter
 from typing import Any
 
 import sqlalchemy as sa
+from pydantic_core import to_json
 from sqlalchemy.engine import Connection
 
 from server.logic.slots import Result, Slot, may_try
 from server.logic.study import Study, drained
 from server.store import studies
 from server.store.engine import JSON
-from server.store.prepared import Prepared
+from server.store.prepared import Prepared, text
 from server.store.schema import instances, results
 
 #: (row, position) of an instance in its study.
@@ -20,29 +24,26 @@ Place = tuple[int, int]
 
 #: In a column of attempts, ends the names of lists of hosts.
 _ON = "_on"
+#: ... which holds this text if nothing has gone wrong.
+_NONE = "{}"
 #: Values in one IN list: well under what any SQLite takes.
 _IN_LIST = 500
 
 # Statements that every lease and every post executes are built once: building one takes SQLAlchemy
 # longer than executing it takes the database.
-_SLOTS = sa.select(instances).where(
+SLOTS = sa.select(
+    instances.c.row,
+    instances.c.position,
+    instances.c.state,
+    instances.c.lease_id,
+    text(instances.c.attempts),
+    instances.c.host_class,
+    instances.c.avoid,
+)
+_ARE_HELD = sa.select(instances.c.row).where(
     instances.c.study_id == sa.bindparam("of_study"),
     instances.c.row.in_(sa.bindparam("rows", expanding=True)),
-)
-_ARE_HELD = _SLOTS.with_only_columns(instances.c.row).where(
-    instances.c.lease_id == sa.bindparam("of_lease")
-)
-_WAITING = (
-    sa.select(instances)
-    .where(
-        instances.c.study_id == sa.bindparam("of_study"),
-        instances.c.state == "pending",
-        sa.or_(
-            instances.c.host_class.is_(None), instances.c.host_class == sa.bindparam("asking_class")
-        ),
-    )
-    .order_by(instances.c.row, instances.c.position)
-    .limit(sa.bindparam("most"))
+    instances.c.lease_id == sa.bindparam("of_lease"),
 )
 _TRIED_HERE = sa.and_(
     instances.c.avoid.is_not(None),
@@ -52,8 +53,31 @@ _TRIED_HERE = sa.and_(
         sa.cast(instances.c.attempts, sa.Text).contains(sa.bindparam("as_json"), escape="\x1f"),
     ),
 )
-_NEW_HERE = _WAITING.where(sa.not_(_TRIED_HERE))
-_AGAIN_HERE = _WAITING.where(_TRIED_HERE)
+
+
+def _waiting(*conditions: sa.ColumnElement[bool]) -> tuple[Prepared, Prepared]:
+    """Return what finds waiting instances of one kind of machine, and of none.
+
+    Both at once would be beyond the index: all instances ever begun would be looked through.
+    """
+    found = SLOTS.where(
+        instances.c.study_id == sa.bindparam("of_study"),
+        # As the index has it: a plan that is made once cannot rely on a parameter.
+        instances.c.state == sa.literal_column("'pending'"),
+        *conditions,
+    )
+    found = found.order_by(instances.c.row, instances.c.position).limit(sa.bindparam("most"))
+    names = ("of_study", "asking_class", "most", "asking_host", "as_json")
+    mine = instances.c.host_class == sa.bindparam("asking_class")
+    none = instances.c.host_class.is_(None)
+    return (
+        Prepared(found.where(mine), *names, index="instances_returned"),
+        Prepared(found.where(none), *names, index="instances_returned"),
+    )
+
+
+_WAITING = _waiting()
+_NEW_HERE, _AGAIN_HERE = _waiting(sa.not_(_TRIED_HERE)), _waiting(_TRIED_HERE)
 #: Columns of what is written often.
 _SLOT = ("study_id", "row", "position", "state", "lease_id", "attempts", "host_class", "avoid")
 _RESULT = (
@@ -74,11 +98,22 @@ _UPDATE = sa.update(instances).where(
     instances.c.row == sa.bindparam("at_row"),
     instances.c.position == sa.bindparam("at_position"),
 )
-_INSERT = Prepared(sa.insert(instances), _SLOT)
+_INSERT = Prepared(sa.insert(instances), *_SLOT)
 #: Most of what workers post changes no more than this.
 _MOVE = Prepared(
     _UPDATE.values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")),
-    ("of_study", "at_row", "at_position", "to_state", "to_lease"),
+    "of_study",
+    "at_row",
+    "at_position",
+    "to_state",
+    "to_lease",
+)
+_REWRITE = Prepared(
+    _UPDATE.values({name: sa.bindparam(f"to_{name}") for name in _SLOT[3:]}),
+    "of_study",
+    "at_row",
+    "at_position",
+    *(f"to_{name}" for name in _SLOT[3:]),
 )
 _BIND = (
     sa.update(instances)
@@ -89,7 +124,7 @@ _BIND = (
     )
     .values(host_class=sa.bindparam("to_class"))
 )
-_APPEND = Prepared(sa.insert(results), _RESULT)
+_APPEND = Prepared(sa.insert(results), *_RESULT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,9 +139,18 @@ def rows(connection: Connection, study: Study, places: Iterable[Place]) -> dict[
     """Return where all instances of the rows in which `places` lie stand, if they were begun."""
     found: dict[Place, Slot] = {}
     for chunk in chunks({row for row, _ in places}):
-        for row in connection.execute(_SLOTS, {"of_study": study.id, "rows": chunk}):
-            found[row.row, row.position] = slot_of(row)
+        for row in _of_rows(len(chunk)).execute(connection, study.id, *chunk):
+            found[row[0], row[1]] = slot_of(row)
     return found
+
+
+@cache
+def _of_rows(count: int) -> Prepared:
+    """Return what finds the slots of so many rows."""
+    names = [f"row_{number}" for number in range(count)]
+    here = instances.c.row.in_([sa.bindparam(name) for name in names])
+    of_study = instances.c.study_id == sa.bindparam("of_study")
+    return Prepared(SLOTS.where(of_study, here), "of_study", *names)
 
 
 def held(slots: Mapping[Place, Slot], *, lease: str) -> dict[Place, Slot]:
@@ -142,14 +186,18 @@ def waiting(
         at_work: the hosts of its kind that work on the study now.
         limit: how many.
     """
-    asked: dict[str, Any] = {"of_study": study.id, "asking_class": host_class, "most": limit}
+
+    def find(statements: tuple[Prepared, Prepared], most: int) -> list[Slot]:
+        values = (study.id, host_class, most, host, JSON.encode(host))
+        rows = [row for query in statements for row in query.execute(connection, *values)]
+        return [slot_of(row) for row in sorted(rows, key=itemgetter(0, 1))[:most]]
+
     if not set(at_work) - {host}:
-        return [slot_of(row) for row in connection.execute(_WAITING, asked)]
-    asked |= {"asking_host": host, "as_json": JSON.encode(host)}
-    found = [slot_of(row) for row in connection.execute(_NEW_HERE, asked)]
+        return find(_WAITING, limit)
+    found = find(_NEW_HERE, limit)
     if len(found) < limit:
-        again = connection.execute(_AGAIN_HERE, asked | {"most": _IN_LIST})
-        found += [slot for slot in map(slot_of, again) if may_try(slot, host, at_work)]
+        again = find(_AGAIN_HERE, _IN_LIST)
+        found += [slot for slot in again if may_try(slot, host, at_work)]
     return found[:limit]
 
 
@@ -173,7 +221,7 @@ def hand_out(
         host_class: the kind of machine that all rows concerned now belong to.
     """
     _INSERT.execute_many(connection, [_row(study, slot) for slot in begun])
-    update(connection, study, again)
+    _MOVE.execute_many(connection, [_moved(study, slot) for slot in again])
     for rows in chunks(unbound):
         connection.execute(_BIND, {"of_study": study.id, "rows": rows, "to_class": host_class})
     study = replace(
@@ -210,26 +258,24 @@ def settle(
     if not after:
         return study
     _write_changes(connection, study, before, after)
-    let_go = sum(before[place].state == "leased" for place in after)
-    study = replace(study, leased=study.leased - let_go)
-    if filed:
-        _append(connection, study, filed, now)
-        outcomes = Counter(item.result.outcome for item in filed)
-        ok = outcomes.pop("ok", 0)
-        done = study.result_count + len(filed)
-        finished = done == study.plan.instances and study.state != "cancelled"
-        study = replace(
+    _append(connection, study, filed, now)
+    done = study.result_count + len(filed)
+    failed = [item.result.outcome for item in filed if item.result.outcome != "ok"]
+    finished = bool(filed) and done == study.plan.instances and study.state != "cancelled"
+    study = drained(
+        replace(
             study,
+            leased=study.leased - sum(before[place].state == "leased" for place in after),
             result_count=done,
-            ok_count=study.ok_count + ok,
-            failures=dict(Counter(study.failures) + outcomes),
+            ok_count=study.ok_count + len(filed) - len(failed),
+            failures=dict(Counter(study.failures) + Counter(failed)) if failed else study.failures,
             # A row is complete with the last of its results, so no row is counted twice.
             rows_complete=study.rows_complete
             + _complete({**before, **after}, {item.result.row for item in filed}),
             state="complete" if finished else study.state,
             finished_at=now if finished else study.finished_at,
         )
-    study = drained(study)
+    )
     studies.save(connection, study)
     return study
 
@@ -258,7 +304,8 @@ def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: f
 
 
 def _json(value: Mapping[str, Any] | None) -> str | None:
-    return None if value is None else JSON.encode(value)
+    # What may be stored was looked through: nothing in it is infinite or no number.
+    return None if value is None else to_json(value).decode()
 
 
 def _complete(slots: Mapping[Place, Slot], rows: Collection[int]) -> int:
@@ -273,30 +320,21 @@ def _write_changes(
     moved, other = [], []
     for place, slot in after.items():
         if slot.attempts == before[place].attempts:
-            moved.append((study.id, slot.row, slot.position, slot.state, slot.lease))
+            moved.append(_moved(study, slot))
         else:
             other.append(slot)
     _MOVE.execute_many(connection, moved)
     update(connection, study, other)
 
 
+def _moved(study: Study, slot: Slot) -> tuple[Any, ...]:
+    return study.id, slot.row, slot.position, slot.state, slot.lease
+
+
 def update(connection: Connection, study: Study, changed: Iterable[Slot]) -> None:
     """Write slots that exist already."""
-    values = [
-        {
-            "of_study": study.id,
-            "at_row": slot.row,
-            "at_position": slot.position,
-            "state": slot.state,
-            "lease_id": slot.lease,
-            "attempts": _attempts(slot),
-            "host_class": slot.host_class,
-            "avoid": slot.avoid,
-        }
-        for slot in changed
-    ]
-    if values:
-        connection.execute(_UPDATE, values)
+    rows = [_row(study, slot) for slot in changed]
+    _REWRITE.execute_many(connection, rows)
 
 
 def _row(study: Study, slot: Slot) -> tuple[Any, ...]:
@@ -306,22 +344,24 @@ def _row(study: Study, slot: Slot) -> tuple[Any, ...]:
         slot.position,
         slot.state,
         slot.lease,
-        JSON.encode(_attempts(slot)),
+        JSON.encode(_attempts(slot)) if slot.attempts else _NONE,
         slot.host_class,
         slot.avoid,
     )
 
 
-def slot_of(row: Any) -> Slot:
-    attempts, hosts = attempts_in(row.attempts)
+def slot_of(row: Sequence[Any]) -> Slot:
+    """Return the slot that a row of `SLOTS` holds."""
+    number, position, state, lease, stored, host_class, avoid = row
+    attempts, hosts = attempts_in(json.loads(stored)) if stored != _NONE else ({}, {})
     return Slot(
-        row=row.row,
-        position=row.position,
-        state=row.state,
-        lease=row.lease_id,
+        row=number,
+        position=position,
+        state=state,
+        lease=lease,
         attempts=attempts,
-        host_class=row.host_class,
-        avoid=row.avoid,
+        host_class=host_class,
+        avoid=avoid,
         hosts=hosts,
     )
 

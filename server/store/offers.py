@@ -20,17 +20,15 @@ from server.store.schema import leases
 # Built once: see `server.store.ledger`.
 _FILE = Prepared(
     sa.insert(leases).returning(leases.c.fence),
-    (
-        "id",
-        "worker_id",
-        "study_id",
-        "state",
-        "granted_at",
-        "expires_at",
-        "instances",
-        "host_class",
-        "compares",
-    ),
+    "id",
+    "worker_id",
+    "study_id",
+    "state",
+    "granted_at",
+    "expires_at",
+    "instances",
+    "host_class",
+    "compares",
 )
 
 
@@ -227,16 +225,16 @@ def _new_rows(study: Study, lease_id: str, host_class: str, count: int) -> list[
 
 def _file(connection: Connection, lease: Lease, now: float) -> Lease:
     """Store a new lease and return it with its fence."""
-    values = {
-        "id": lease.id,
-        "worker_id": lease.worker,
-        "study_id": lease.study,
-        "state": lease.state,
-        "granted_at": now,
-        "expires_at": lease.expires_at,
-        "instances": JSON.encode(lease.instances),
-        "host_class": lease.host_class,
-        "compares": lease.compares,
-    }
-    (fence,) = _FILE.execute(connection, values).fetchone()
+    (fence,) = _FILE.execute(
+        connection,
+        lease.id,
+        lease.worker,
+        lease.study,
+        lease.state,
+        now,
+        lease.expires_at,
+        JSON.encode(lease.instances),
+        lease.host_class,
+        lease.compares,
+    ).fetchone()
     return replace(lease, fence=int(fence))

@@ -1,10 +1,11 @@
 """Statements that every request of a worker executes, without what SQLAlchemy does each time.
 
-To look at a statement, its parameters and their types takes SQLAlchemy longer than executing it
-takes SQLite. These are compiled once for each kind of database, and JSON goes in as text.
+To look at a statement, its parameters, its rows and their types takes SQLAlchemy many times longer
+than executing it takes SQLite. These are compiled once for each kind of database; JSON goes in and
+comes out as text, and rows are plain tuples.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
@@ -21,67 +22,99 @@ class _Compiled:
     """A statement in the words of one kind of database."""
 
     text: str
-    #: Its parameters in the order of their places in the text.
-    names: tuple[str, ...]
-    #: The values of those that are always the same.
-    constants: Mapping[str, Any]
     #: Puts the values of a tuple, which come in the order of `Prepared`, in their places.
     arrange: Callable[[tuple[Any, ...]], tuple[Any, ...]]
 
 
 class Prepared:
-    """A statement that writes, to be executed often.
+    """A statement to be executed often.
 
     Args:
-        statement: what to do.
-        names: of its parameters.
+        statement: what to do; of a column of JSON it selects the `text`.
+        names: of its parameters, in the order in which values are given.
+        index: by which SQLite is to find what is selected from the one table. It keeps no
+            statistics by itself, and may choose one that finds far too much.
     """
 
-    def __init__(self, statement: sa.Insert | sa.Update, names: Sequence[str]) -> None:
+    def __init__(
+        self,
+        statement: sa.Insert | sa.Update | sa.Select[Any],
+        *names: str,
+        index: str | None = None,
+    ) -> None:
         self._statement = statement
-        self._names = tuple(names)
+        self._names = names
+        self._index = index
         self._compiled: dict[str, _Compiled] = {}
 
-    def execute(self, connection: Connection, values: Mapping[str, Any]) -> Any:
+    def execute(self, connection: Connection, *values: Any) -> Any:
         """Execute it once, within a transaction; return the driver's cursor.
 
         Raises:
             sqlalchemy.exc.DBAPIError: the database refuses.
         """
         known = self._in_words_of(connection.dialect)
-        given = {**known.constants, **values}
-        ordered = [given[name] for name in known.names]
-        driver: Any = connection.connection.dbapi_connection
-        kind = connection.dialect.loaded_dbapi.Error
-        try:
-            return driver.execute(known.text, ordered)
-        except kind as error:
-            raise DBAPIError.instance(
-                known.text, ordered, error, kind, dialect=connection.dialect
-            ) from error
+        return self._run(connection, "execute", known.text, known.arrange(values))
 
     def execute_many(self, connection: Connection, rows: Sequence[tuple[Any, ...]]) -> None:
         """Execute it with each of `rows`: values of the parameters in their order."""
         if rows:
             known = self._in_words_of(connection.dialect)
-            connection.exec_driver_sql(known.text, [known.arrange(row) for row in rows])
+            self._run(connection, "executemany", known.text, list(map(known.arrange, rows)))
+
+    def _run(self, connection: Connection, how: str, text: str, values: Sequence[Any]) -> Any:
+        driver: Any = connection.connection.dbapi_connection
+        cursor = driver.cursor()
+        try:
+            getattr(cursor, how)(text, values)
+        except Exception as error:
+            kind = connection.dialect.loaded_dbapi.Error
+            if not isinstance(error, kind):
+                raise
+            raise DBAPIError.instance(
+                text, values, error, kind, dialect=connection.dialect
+            ) from error
+        return cursor
 
     def _in_words_of(self, dialect: Dialect) -> _Compiled:
-        if dialect.name not in self._compiled:
-            by_place: Any = "qmark" if dialect.name == "sqlite" else "format"
-            kind: type[DefaultDialect] = type(dialect)  # type: ignore[assignment]
-            found = self._statement.compile(
-                dialect=kind(paramstyle=by_place), column_keys=self._names
-            )
-            assert isinstance(found, SQLCompiler)
-            names = tuple(found.positiontup or ())
-            constants = {name: found.params[name] for name in names if name not in self._names}
-            every = (*self._names, *constants)
-            places = itemgetter(*(every.index(name) for name in names))
-            self._compiled[dialect.name] = _Compiled(
-                text=found.string,
-                names=names,
-                constants=constants,
-                arrange=lambda row: places((*row, *constants.values())),
-            )
-        return self._compiled[dialect.name]
+        known = self._compiled.get(dialect.name)
+        if known is None:
+            known = self._compiled[dialect.name] = self._compile(dialect)
+        return known
+
+    def _compile(self, dialect: Dialect) -> _Compiled:
+        by_place: Any = "qmark" if dialect.name == "sqlite" else "format"
+        kind: type[DefaultDialect] = type(dialect)  # type: ignore[assignment]
+        writes = not isinstance(self._statement, sa.Select)
+        found = self._statement.compile(
+            dialect=kind(paramstyle=by_place), column_keys=self._names if writes else None
+        )
+        assert isinstance(found, SQLCompiler)
+        places = found.positiontup or ()
+        # The values of those that are always the same follow those that are given.
+        constants = {name: found.params[name] for name in places if name not in self._names}
+        every = (*self._names, *constants)
+        words = found.string
+        if self._index is not None and dialect.name == "sqlite":
+            words = words.replace("\nWHERE", f"INDEXED BY {self._index}\nWHERE", 1)
+        return _Compiled(
+            text=words,
+            arrange=_arranging([every.index(name) for name in places], [*constants.values()]),
+        )
+
+
+def text(column: sa.Column[Any]) -> sa.ColumnElement[str]:
+    """Return a column of JSON as the text that is stored, to be selected under its own name."""
+    return sa.cast(column, sa.Text).label(column.name)
+
+
+def _arranging(
+    places: Sequence[int], constants: Sequence[Any]
+) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
+    """Return what takes from a tuple, followed by `constants`, the values at `places`."""
+    if len(places) < 2:
+        return lambda values: tuple((*values, *constants)[place] for place in places)
+    pick = itemgetter(*places)
+    if not constants:
+        return pick
+    return lambda values: pick((*values, *constants))

@@ -1,5 +1,6 @@
 """Leases: granting and keeping them, and taking back what nobody works on any more."""
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,16 +18,28 @@ from server.logic.slots import Slot, after_attempt, handed_back
 from server.logic.study import Study
 from server.store import comparisons, ledger, offers, studies, workers
 from server.store.engine import reading, writing
-from server.store.prepared import Prepared
+from server.store.prepared import Prepared, text
 from server.store.schema import leases
 from server.store.schema import workers as workers_table
 
 # Built once: see `server.store.ledger`.
-_LEASES = sa.select(leases, workers_table.c.host).join(
-    workers_table, workers_table.c.id == leases.c.worker_id
+_LEASES = sa.select(
+    leases.c.id,
+    leases.c.fence,
+    leases.c.worker_id,
+    leases.c.study_id,
+    leases.c.state,
+    leases.c.expires_at,
+    text(leases.c.instances),
+    leases.c.host_class,
+    workers_table.c.host,
+    leases.c.compares,
+).join(workers_table, workers_table.c.id == leases.c.worker_id)
+_ONE = _LEASES.where(leases.c.id == sa.bindparam("of_lease"))
+_FIND, _FIND_LOCKED = (
+    Prepared(_ONE, "of_lease"),
+    Prepared(_ONE.with_for_update(of=leases), "of_lease"),
 )
-_FIND = _LEASES.where(leases.c.id == sa.bindparam("of_lease"))
-_FIND_LOCKED = _FIND.with_for_update(of=leases)
 _EXTEND = Prepared(
     sa.update(leases)
     .where(
@@ -35,13 +48,16 @@ _EXTEND = Prepared(
         leases.c.expires_at > sa.bindparam("now"),
     )
     .values(expires_at=sa.bindparam("until")),
-    ("of_lease", "now", "until"),
+    "of_lease",
+    "now",
+    "until",
 )
 _END = Prepared(
     sa.update(leases)
     .where(leases.c.id == sa.bindparam("of_lease"), leases.c.state == "open")
     .values(state=sa.bindparam("to_state")),
-    ("of_lease", "to_state"),
+    "of_lease",
+    "to_state",
 )
 _CONCERNED_BY_EXPIRY = (
     sa.select(leases.c.study_id)
@@ -163,19 +179,18 @@ def excuse_silence(engine: Engine, *, now: float, ttl: float) -> None:
 def find(connection: Connection, lease_id: str, *, lock: bool = False) -> Lease | None:
     """Return a lease within a transaction; None if there is none of that id."""
     query = _FIND_LOCKED if lock else _FIND
-    row = connection.execute(query, {"of_lease": lease_id}).one_or_none()
+    row = query.execute(connection, lease_id).fetchone()
     return None if row is None else _lease(row)
 
 
 def extend(connection: Connection, lease: Lease, *, now: float, ttl: float) -> None:
     """Let a lease last `ttl` seconds from `now`, unless it has ended."""
-    until = expiry(now, ttl)
-    _EXTEND.execute(connection, {"of_lease": lease.id, "now": now, "until": until})
+    _EXTEND.execute(connection, lease.id, now, expiry(now, ttl))
 
 
 def end(connection: Connection, lease: Lease, state: str) -> bool:
     """Close a lease; False if it was closed before."""
-    closed = _END.execute(connection, {"of_lease": lease.id, "to_state": state})
+    closed = _END.execute(connection, lease.id, state)
     return int(closed.rowcount) == 1
 
 
@@ -200,16 +215,18 @@ def _lose(
     return ledger.settle(connection, study, before=before, after=after, filed=filed, now=now)
 
 
-def _lease(row: Any) -> Lease:
+def _lease(row: Sequence[Any]) -> Lease:
+    """Return the lease that a row of `_LEASES` holds."""
+    lease_id, fence, worker, study, state, expires_at, instances, host_class, host, compares = row
     return Lease(
-        id=row.id,
-        fence=row.fence,
-        worker=row.worker_id,
-        study=row.study_id,
-        state=row.state,
-        expires_at=row.expires_at,
-        instances=tuple((place[0], place[1]) for place in row.instances),
-        host_class=row.host_class,
-        host=row.host,
-        compares=row.compares,
+        id=lease_id,
+        fence=fence,
+        worker=worker,
+        study=study,
+        state=state,
+        expires_at=expires_at,
+        instances=tuple(map(tuple, json.loads(instances))),
+        host_class=host_class,
+        host=host,
+        compares=bool(compares),
     )

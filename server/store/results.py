@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
 from typing import Any
 
 import sqlalchemy as sa
@@ -126,24 +125,26 @@ def _file(
     places = {instance_id(study.id, *place): place for place in lease.instances}
     named = [places[report.instance] for report in posted.reports if report.instance in places]
     before = ledger.rows(connection, study, named)
+    hosts: set[str] | None = None
+
+    def at_work() -> set[str]:
+        """Return the hosts of the lease's class that work on the study, asked for once."""
+        nonlocal hosts
+        if hosts is None:
+            of_class = lease.host_class
+            hosts = workers.hosts_at_work(connection, study.id, host_class=of_class, now=now)
+        return hosts
+
     judgements = _judge(
         posted.reports,
         places=places,
         slots=dict(before),
-        stored=_stored(connection, study, before),
+        stored=_at(connection, study, {place for place in named if _is_done(before.get(place))}),
         lease=lease.id,
         outputs=study.plan.outputs,
         host=lease.host,
         host_class=lease.host_class,
-        at_work=cache(
-            partial(
-                workers.hosts_at_work,
-                connection,
-                study.id,
-                host_class=lease.host_class,
-                now=now,
-            )
-        ),
+        at_work=at_work,
     )
     final = [j.result for j in judgements if j.result is not None]
     after = {(j.slot.row, j.slot.position): j.slot for j in judgements if j.slot is not None}
@@ -240,11 +241,8 @@ def _to_all(reports: Sequence[Report], verdict: str, detail: str) -> list[Verdic
     return [Verdict(instance=r.instance, verdict=verdict, detail=detail) for r in reports]
 
 
-def _stored(
-    connection: Connection, study: Study, slots: dict[ledger.Place, Slot]
-) -> dict[ledger.Place, Result]:
-    """Return the final results of those slots that have one."""
-    return _at(connection, study, {p for p, slot in slots.items() if slot.state == "done"})
+def _is_done(slot: Slot | None) -> bool:
+    return slot is not None and slot.state == "done"
 
 
 def _at(

@@ -15,23 +15,45 @@ from server.errors import ConflictError, NotFoundError
 from server.logic.progress import block_ends, window_start
 from server.logic.study import Plan, Study
 from server.store.engine import JSON, insert, reading, writing
-from server.store.prepared import Prepared
+from server.store.prepared import Prepared, text
 from server.store.schema import leases, results, studies
 
 # Built once: see `server.store.ledger`.
-_FIND = sa.select(studies).where(studies.c.id == sa.bindparam("of_study"))
-_FIND_LOCKED = _FIND.with_for_update()
+_EVERY = sa.select(
+    studies.c.id,
+    studies.c.name,
+    studies.c.model,
+    studies.c.method,
+    studies.c.sampling,
+    studies.c.rows,
+    studies.c.seed,
+    text(studies.c.distributions),
+    text(studies.c.fixed),
+    text(studies.c.outputs),
+    studies.c.state,
+    studies.c.created_at,
+    studies.c.finished_at,
+    studies.c.handed_out,
+    studies.c.leased,
+    studies.c.result_count,
+    studies.c.ok_count,
+    studies.c.rows_complete,
+    text(studies.c.failures),
+    studies.c.priority,
+    text(studies.c.tags),
+    text(studies.c.identity),
+    studies.c.edition,
+)
+_ONE = _EVERY.where(studies.c.id == sa.bindparam("of_study"))
+_FIND, _FIND_LOCKED = Prepared(_ONE, "of_study"), Prepared(_ONE.with_for_update(), "of_study")
 _TAKEN = studies.c.result_count + studies.c.leased
-_WITH_WORK = (
-    sa.select(studies)
-    .where(
-        studies.c.model.in_(sa.bindparam("models", expanding=True)),
+_WITH_WORK = Prepared(
+    _EVERY.where(
         sa.or_(
             sa.and_(studies.c.state == "running", studies.c.instances > _TAKEN),
             sa.and_(studies.c.state == "draining", studies.c.handed_out > _TAKEN),
         ),
-    )
-    .order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
+    ).order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
 )
 #: The columns that change while a study runs.
 _COURSE = (
@@ -50,7 +72,7 @@ _COURSE = (
     "edition",
 )
 _SAVE = Prepared(
-    sa.update(studies).where(studies.c.id == sa.bindparam("of_study")), ("of_study", *_COURSE)
+    sa.update(studies).where(studies.c.id == sa.bindparam("of_study")), "of_study", *_COURSE
 )
 
 
@@ -119,8 +141,11 @@ def create(
         if connection.scalar(statement.returning(studies.c.id)) is not None:
             within(connection, study.id)
             return study, True
-        first = connection.execute(sa.select(studies).where(studies.c.idempotency_key == key)).one()
-    if first.request_digest != digest:
+        of_key = _EVERY.add_columns(studies.c.request_digest).where(
+            studies.c.idempotency_key == key
+        )
+        *first, first_digest = connection.execute(of_key).one()
+    if first_digest != digest:
         raise ConflictError(f"the idempotency key {key!r} was used for a different study")
     return _study(first), False
 
@@ -134,7 +159,7 @@ def get(engine: Engine, study_id: str) -> Study:
 def every(engine: Engine) -> list[Study]:
     """Return all studies, oldest first."""
     with reading(engine) as connection:
-        found = connection.execute(sa.select(studies).order_by(studies.c.created_at, studies.c.id))
+        found = connection.execute(_EVERY.order_by(studies.c.created_at, studies.c.id))
         return [_study(row) for row in found]
 
 
@@ -190,7 +215,7 @@ def find(connection: Connection, study_id: str, *, lock: bool = False) -> Study:
         lock: make every other transaction that locks this study wait until this one ends.
     """
     query = _FIND_LOCKED if lock else _FIND
-    row = connection.execute(query, {"of_study": study_id}).one_or_none()
+    row = query.execute(connection, study_id).fetchone()
     if row is None:
         raise NotFoundError(f"there is no study {study_id!r}")
     return _study(row)
@@ -206,7 +231,8 @@ def locked(connection: Connection, study: Study) -> Study:
 
 def with_work(connection: Connection, models: Sequence[str]) -> list[Study]:
     """Return the running studies of `models` with something to hand out, first to serve first."""
-    return [_study(row) for row in connection.execute(_WITH_WORK, {"models": list(models)})]
+    found = map(_study, _WITH_WORK.execute(connection))
+    return [study for study in found if study.plan.model in models]
 
 
 def save(connection: Connection, study: Study) -> None:
@@ -214,7 +240,7 @@ def save(connection: Connection, study: Study) -> None:
     course = _course(study)
     for name in ("failures", "identity"):
         course[name] = None if course[name] is None else JSON.encode(course[name])
-    _SAVE.execute(connection, {"of_study": study.id, **course})
+    _SAVE.execute(connection, study.id, *course.values())
 
 
 def _row(study: Study) -> dict[str, Any]:
@@ -255,37 +281,65 @@ def _course(study: Study) -> dict[str, Any]:
     }
 
 
-@lru_cache(maxsize=1024)
-def _distribution(text: str) -> Distribution:
-    """Return a stored distribution; checking one takes longer than all else of reading a study."""
-    return Distribution.from_json(json.loads(text))
-
-
-def _study(row: Any) -> Study:
+def _study(row: Sequence[Any]) -> Study:
+    """Return the study that a row of `_EVERY` holds."""
+    (
+        study_id,
+        *described,
+        state,
+        created_at,
+        finished_at,
+        handed_out,
+        leased,
+        result_count,
+        ok_count,
+        rows_complete,
+        failures,
+        priority,
+        tags,
+        identity,
+        edition,
+    ) = row
     return Study(
-        id=row.id,
-        plan=Plan(
-            name=row.name,
-            model=row.model,
-            method=row.method,
-            sampling=row.sampling,
-            rows=row.rows,
-            seed=row.seed,
-            distributions={n: _distribution(json.dumps(d)) for n, d in row.distributions},
-            fixed=row.fixed,
-            outputs=tuple(row.outputs),
-        ),
-        state=row.state,
-        created_at=row.created_at,
-        finished_at=row.finished_at,
-        handed_out=row.handed_out,
-        leased=row.leased,
-        result_count=row.result_count,
-        ok_count=row.ok_count,
-        rows_complete=row.rows_complete,
-        failures=row.failures,
-        priority=row.priority,
-        tags=tuple(row.tags),
-        identity=row.identity,
-        edition=row.edition,
+        id=study_id,
+        plan=_plan(*described),
+        state=state,
+        created_at=created_at,
+        finished_at=finished_at,
+        handed_out=handed_out,
+        leased=leased,
+        result_count=result_count,
+        ok_count=ok_count,
+        rows_complete=rows_complete,
+        failures=json.loads(failures),
+        priority=priority,
+        tags=tuple(json.loads(tags)),
+        identity=None if identity is None else json.loads(identity),
+        edition=edition,
+    )
+
+
+@lru_cache(maxsize=256)
+def _plan(
+    name: str,
+    model: str,
+    method: str,
+    sampling: str,
+    rows: int,
+    seed: int,
+    distributions: str,
+    fixed: str,
+    outputs: str,
+) -> Plan:
+    """Return a stored plan; to check its distributions takes longer than all else of reading it."""
+    return Plan(
+        name=name,
+        model=model,
+        method=method,
+        sampling=sampling,
+        rows=rows,
+        seed=seed,
+        distributions={n: Distribution.from_json(d) for n, d in json.loads(distributions)},
+        fixed=json.loads(fixed),
+        outputs=tuple(json.loads(outputs)),
     )

@@ -1,8 +1,9 @@
 """Transactions of the many workers: those that wait for their turn together share one.
 
-A transaction on SQLite costs more than what most requests do in it, and handing it from thread to
-thread as much again. So one thread does all of them, and a commit acknowledges all that it holds.
-On PostgreSQL, where every transaction waits for the server most of the time, each has a thread.
+A transaction on SQLite takes less time than handing it to another thread, where it would get back
+the interpreter's lock from the event loop at every statement. So the event loop does it itself,
+unless it would have to wait for somebody, and a commit acknowledges all that it holds. On
+PostgreSQL, where every transaction waits for the server most of the time, each has a thread.
 """
 
 import asyncio
@@ -12,23 +13,34 @@ from typing import Any, TypeVar
 
 from sqlalchemy.engine import Connection, Engine
 
-from server.store.engine import writing
+from server.store.engine import Impatient, writing
 
 T = TypeVar("T")
 
 #: What is to be done in a transaction; done again in another one if that one fails.
 Job = Callable[[Connection], T]
+#: What a job returned, or what it raised.
+Outcome = tuple[Any, None] | tuple[None, Exception]
+#: A job and what waits for its outcome.
+Waiting = tuple[Job[Any], asyncio.Future[Any]]
+
+#: So often a transaction is one in which SQLite may copy its log into the file, which waits for the
+#: disk.
+UPKEEP = 100
 
 
 class Turns:
-    """Does jobs in transactions that write, off the event loop that asks for them."""
+    """Does jobs in transactions that write, for an event loop that must not be kept waiting."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._shared = engine.dialect.name == "sqlite"
-        self._thread = ThreadPoolExecutor(1 if self._shared else None, "turns")
-        self._waiting: list[tuple[Job[Any], asyncio.Future[Any]]] = []
-        self._serving: asyncio.Task[None] | None = None
+        self._threads = ThreadPoolExecutor(thread_name_prefix="turns")
+        self._at_once = Impatient(engine)
+        self._waiting: list[Waiting] = []
+        #: Whether somebody will see to what waits.
+        self._seen_to = False
+        self._count = 0
 
     async def __call__(self, job: Job[T]) -> T:
         """Do a job in a transaction; return what it returned, or raise what it raised.
@@ -37,36 +49,50 @@ class Turns:
         """
         loop = asyncio.get_running_loop()
         if not self._shared:
-            return await loop.run_in_executor(self._thread, _alone, self._engine, job)
+            return await loop.run_in_executor(self._threads, _alone, self._engine, job)
         done: asyncio.Future[T] = loop.create_future()
         self._waiting.append((job, done))
-        if self._serving is None or self._serving.done():
-            self._serving = loop.create_task(self._serve())
+        if not self._seen_to:
+            self._seen_to = True
+            # After all requests that have arrived by now.
+            loop.call_soon(self._serve, loop)
         return await done
 
     def close(self) -> None:
         """Wait for what is under way; nothing can be done afterwards."""
-        self._thread.shutdown()
+        self._threads.shutdown()
+        self._at_once.close()
 
-    async def _serve(self) -> None:
-        """Do what waits, until nothing does."""
-        loop = asyncio.get_running_loop()
-        while self._waiting:
-            turn, self._waiting = self._waiting, []
-            jobs = [job for job, _ in turn]
-            outcomes = await loop.run_in_executor(self._thread, together, self._engine, jobs)
-            for (_, done), (result, error) in zip(turn, outcomes, strict=True):
-                if done.cancelled():
-                    continue
-                if error is None:
-                    done.set_result(result)
-                else:
-                    done.set_exception(error)
+    def _serve(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Do what waits; in a thread if it does not work out at once, or may take long."""
+        turn, self._waiting = self._waiting, []
+        jobs = [job for job, _ in turn]
+        self._count += 1
+        if self._count % UPKEEP:
+            try:
+                with self._at_once() as connection:
+                    outcomes: list[Outcome] = [(job(connection), None) for job in jobs]
+            except Exception:
+                # Somebody else writes, or a job fails: nothing of the turn is in the database.
+                pass
+            else:
+                self._seen_to = False
+                _answer(turn, outcomes)
+                return
+        later = loop.run_in_executor(self._threads, together, self._engine, jobs)
+        later.add_done_callback(lambda done: self._resume(loop, turn, done.result()))
+
+    def _resume(
+        self, loop: asyncio.AbstractEventLoop, turn: Sequence[Waiting], outcomes: Sequence[Outcome]
+    ) -> None:
+        """Answer a turn that a thread has done, and see to what came meanwhile."""
+        _answer(turn, outcomes)
+        self._seen_to = bool(self._waiting)
+        if self._waiting:
+            loop.call_soon(self._serve, loop)
 
 
-def together(
-    engine: Engine, jobs: Sequence[Job[Any]]
-) -> list[tuple[Any, None] | tuple[None, Exception]]:
+def together(engine: Engine, jobs: Sequence[Job[Any]]) -> list[Outcome]:
     """Do jobs in one transaction; if it fails, each in its own, so that none spoils the others.
 
     Returns:
@@ -79,6 +105,16 @@ def together(
         if len(jobs) == 1:
             return [(None, error)]
     return [outcome for job in jobs for outcome in together(engine, [job])]
+
+
+def _answer(turn: Sequence[Waiting], outcomes: Sequence[Outcome]) -> None:
+    for (_, done), (result, error) in zip(turn, outcomes, strict=True):
+        if done.cancelled():
+            continue
+        if error is None:
+            done.set_result(result)
+        else:
+            done.set_exception(error)
 
 
 def _alone(engine: Engine, job: Job[T]) -> T:

@@ -13,16 +13,19 @@ from server.store.prepared import Prepared
 from server.store.schema import leases, workers
 
 # Built once: see `server.store.ledger`.
-_HOSTS_AT_WORK = (
+_HOSTS_AT_WORK = Prepared(
     sa.select(workers.c.host)
     .select_from(leases.join(workers, workers.c.id == leases.c.worker_id))
     .where(
-        leases.c.state == "open",
+        leases.c.state == sa.literal_column("'open'"),
         leases.c.study_id == sa.bindparam("of_study"),
         leases.c.expires_at > sa.bindparam("now"),
         workers.c.host_class == sa.bindparam("of_class"),
     )
-    .distinct()
+    .distinct(),
+    "of_study",
+    "now",
+    "of_class",
 )
 #: What a worker tells each time.
 _TOLD = ("host", "versions", "host_class", "tags", "last_seen")
@@ -31,7 +34,9 @@ _INTRODUCE = {
         statement.on_conflict_do_update(
             index_elements=["id"], set_={name: statement.excluded[name] for name in _TOLD}
         ),
-        ("id", "instances_done", *_TOLD),
+        "id",
+        "instances_done",
+        *_TOLD,
     )
     for dialect, statement in (
         ("sqlite", sqlite.insert(workers)),
@@ -45,7 +50,9 @@ _HEARD_FROM = Prepared(
         last_seen=sa.bindparam("now"),
         instances_done=workers.c.instances_done + sa.bindparam("done"),
     ),
-    ("of_worker", "now", "done"),
+    "of_worker",
+    "now",
+    "done",
 )
 
 
@@ -84,26 +91,26 @@ def introduce(
     now: float,
 ) -> None:
     """Remember a worker, or what it now says of itself."""
-    told = {
-        "id": worker,
-        "instances_done": 0,
-        "host": host,
-        "versions": JSON.encode(dict(versions)),
-        "host_class": host_class(versions),
-        "tags": JSON.encode(list(tags)),
-        "last_seen": now,
-    }
-    _INTRODUCE[connection.dialect.name].execute(connection, told)
+    _INTRODUCE[connection.dialect.name].execute(
+        connection,
+        worker,
+        0,
+        host,
+        JSON.encode(dict(versions)),
+        host_class(versions),
+        JSON.encode(list(tags)),
+        now,
+    )
 
 
 def hosts_at_work(
     connection: Connection, study_id: str, *, host_class: str | None, now: float
 ) -> set[str]:
     """Return the hosts of a class that work on a study now."""
-    asked = {"of_study": study_id, "now": now, "of_class": host_class}
-    return set(connection.scalars(_HOSTS_AT_WORK, asked))
+    found = _HOSTS_AT_WORK.execute(connection, study_id, now, host_class)
+    return {host for (host,) in found}
 
 
 def heard_from(connection: Connection, worker: str, *, done: int = 0, now: float) -> None:
     """Note that a worker was in touch and how many final results it brought."""
-    _HEARD_FROM.execute(connection, {"of_worker": worker, "now": now, "done": done})
+    _HEARD_FROM.execute(connection, worker, now, done)

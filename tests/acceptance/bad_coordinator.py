@@ -42,8 +42,8 @@ class BadMachine:
         """Return an engine that suffers from it."""
         engine = SOUND(url)
         if engine.dialect.name == "sqlite":
-            sa.event.listen(engine, "checkout", self._free)
-        sa.event.listen(engine, "before_cursor_execute", self._refuse)
+            sa.event.listen(engine, "begin", self._free)
+        sa.event.listen(engine, "commit", self._refuse)
         sa.event.listen(engine, "commit", self._die)
         return engine
 
@@ -53,11 +53,12 @@ class BadMachine:
     def _doom(self) -> None:
         self._doomed = True
 
-    def _free(self, connection: Any, _record: Any, _proxy: Any) -> None:
-        connection.execute(f"PRAGMA max_page_count = {2**30}")
+    def _free(self, connection: Connection) -> None:
+        driver: Any = connection.connection.dbapi_connection
+        driver.execute(f"PRAGMA max_page_count = {2**30}")
 
-    def _refuse(self, connection: Connection, cursor: Any, statement: str, *_: Any) -> None:
-        if self._full and statement.startswith("INSERT"):
+    def _refuse(self, connection: Connection) -> None:
+        if self._full and connection.get_execution_options().get("immediate"):
             if connection.dialect.name == "sqlite":
                 # No fewer than there are, but no more either.
                 connection.exec_driver_sql("PRAGMA max_page_count = 1")

@@ -21,10 +21,11 @@ def test_results_that_find_no_room_are_taken_when_there_is_some(tmp_path: Path) 
     app = create_app(Settings(database_url=url, token=SecretStr("t")))
     room = [2**30]
 
-    def limit(connection: Any, _record: Any, _proxy: Any) -> None:
-        connection.execute(f"PRAGMA max_page_count = {room[0]}")
+    def limit(connection: sa.Connection) -> None:
+        driver: Any = connection.connection.dbapi_connection
+        driver.execute(f"PRAGMA max_page_count = {room[0]}")
 
-    sa.event.listen(app.state.engine, "checkout", limit)
+    sa.event.listen(app.state.engine, "begin", limit)
     headers = {"Authorization": "Bearer t"}
     with TestClient(app, headers=headers, raise_server_exceptions=False) as client:
         study = client.post("/v1/studies", json=STUDY).json()["id"]

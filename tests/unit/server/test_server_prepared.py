@@ -8,7 +8,7 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
 from server.store.engine import reading, writing
-from server.store.prepared import Prepared
+from server.store.prepared import Prepared, text
 
 TABLE = sa.Table(
     "things",
@@ -18,13 +18,14 @@ TABLE = sa.Table(
     sa.Column("what", sa.JSON),
     sa.Column("state", sa.String(16)),
 )
-INSERT = Prepared(sa.insert(TABLE), ("id", "row", "what", "state"))
+INSERT = Prepared(sa.insert(TABLE), "id", "row", "what", "state")
 #: A condition that is always the same, between parameters that are not.
 CLOSE = Prepared(
     sa.update(TABLE)
     .where(TABLE.c.state == "open", TABLE.c.row == sa.bindparam("at_row"))
     .values(state=sa.bindparam("to_state")),
-    ("at_row", "to_state"),
+    "at_row",
+    "to_state",
 )
 
 
@@ -44,7 +45,7 @@ def rows(engine: Engine) -> list[tuple[Any, ...]]:
 def test_what_is_written_once_or_often_is_read_as_it_was_meant(things: Engine) -> None:
     with writing(things) as connection:
         INSERT.execute_many(connection, [(1, 10, '{"x": [1, 2]}', "open"), (2, 2**40, None, None)])
-        INSERT.execute(connection, {"state": "it's %s ?", "id": 3, "what": '"ü"', "row": 10})
+        INSERT.execute(connection, 3, 10, '"ü"', "it's %s ?")
     assert rows(things) == [
         (1, 10, {"x": [1, 2]}, "open"),
         (2, 2**40, None, None),
@@ -63,22 +64,48 @@ def test_a_constant_of_a_statement_keeps_its_place_among_the_parameters(things: 
         INSERT.execute_many(
             connection, [(1, 7, None, "open"), (2, 7, None, "shut"), (3, 8, None, "open")]
         )
-        closed = CLOSE.execute(connection, {"at_row": 7, "to_state": "closed"})
+        closed = CLOSE.execute(connection, 7, "closed")
         assert closed.rowcount == 1
         CLOSE.execute_many(connection, [(8, "gone"), (9, "never")])
     assert [row[3] for row in rows(things)] == ["closed", "shut", "gone"]
 
 
 def test_it_returns_what_the_statement_returns(things: Engine) -> None:
-    add = Prepared(sa.insert(TABLE).returning(TABLE.c.id), ("row",))
+    add = Prepared(sa.insert(TABLE).returning(TABLE.c.id), "row")
     with writing(things) as connection:
-        found = [add.execute(connection, {"row": number}).fetchone()[0] for number in (5, 6)]
+        found = [add.execute(connection, number).fetchone()[0] for number in (5, 6)]
     assert found == [row[0] for row in rows(things)]
 
 
 def test_what_the_database_refuses_is_an_error_that_everybody_knows(things: Engine) -> None:
-    values = {"id": 1, "row": 1, "what": None, "state": None}
     with pytest.raises(DBAPIError), writing(things) as connection:
-        INSERT.execute(connection, values)
-        INSERT.execute(connection, values)
+        INSERT.execute(connection, 1, 1, None, None)
+        INSERT.execute(connection, 1, 1, None, None)
     assert rows(things) == []
+
+
+def test_rows_are_read_as_tuples_and_json_as_text(things: Engine) -> None:
+    find = Prepared(
+        sa.select(TABLE.c.id, text(TABLE.c.what))
+        .where(TABLE.c.row == sa.bindparam("of_row"), TABLE.c.state == "open")
+        .order_by(TABLE.c.id),
+        "of_row",
+    )
+    with writing(things) as connection:
+        INSERT.execute_many(
+            connection, [(2, 7, "[1]", "open"), (1, 7, None, "open"), (3, 7, "2", "shut")]
+        )
+        assert find.execute(connection, 7).fetchall() == [(1, None), (2, "[1]")]
+        assert find.execute(connection, 8).fetchall() == []
+
+
+def test_sqlite_takes_the_index_it_is_told_to(things: Engine) -> None:
+    of_row = sa.select(TABLE.c.id).where(TABLE.c.row == sa.bindparam("of_row"))
+    find = Prepared(of_row, "of_row", index="things_by_row")
+    with writing(things) as connection:
+        INSERT.execute(connection, 1, 7, None, None)
+        if connection.dialect.name == "sqlite":
+            with pytest.raises(DBAPIError, match="no such index: things_by_row"):
+                find.execute(connection, 7)
+        connection.exec_driver_sql("CREATE INDEX things_by_row ON things (row)")
+        assert find.execute(connection, 7).fetchall() == [(1,)]

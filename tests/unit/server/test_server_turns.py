@@ -1,7 +1,9 @@
 """Transactions that wait for their turn together share one, and none spoils the others."""
 
 import asyncio
+import threading
 from collections.abc import Callable, Coroutine
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,7 +11,7 @@ import sqlalchemy as sa
 from sqlalchemy import event
 from sqlalchemy.engine import Connection, Engine
 
-from server.store.engine import reading
+from server.store.engine import create_engine, reading, writing
 from server.store.turns import Turns, together
 
 TABLE = sa.table("told", sa.column("word"))
@@ -121,3 +123,48 @@ def test_who_stops_waiting_does_not_keep_the_others_from_their_answers(
         return await others
 
     assert run(engine, ask) == ["A", "B"]
+
+
+def test_who_writes_for_long_keeps_no_event_loop_waiting(
+    engine: Engine, told: Callable[[], list[str]]
+) -> None:
+    entered, leave = threading.Event(), threading.Event()
+
+    def write_for_long() -> None:
+        with writing(engine) as connection:
+            tell("long")(connection)
+            entered.set()
+            leave.wait(20.0)
+
+    async def ask(turns: Turns) -> str:
+        other = asyncio.create_task(asyncio.to_thread(write_for_long))
+        await asyncio.to_thread(entered.wait, 20.0)
+        mine = asyncio.create_task(turns(tell("mine")))
+        # The loop goes on, whoever waits for the database.
+        await asyncio.sleep(0.05)
+        leave.set()
+        await other
+        return await mine
+
+    assert run(engine, ask) == "MINE"
+    assert told() == ["long", "mine"]
+
+
+def test_sqlite_s_log_is_copied_into_the_file_now_and_then(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("server.store.engine.LOG_PAGES", 20)
+    monkeypatch.setattr("server.store.turns.UPKEEP", 10)
+    engine = create_engine(f"sqlite:///{tmp_path}/told.sqlite3")
+    with writing(engine) as connection:
+        connection.exec_driver_sql("CREATE TABLE told (word TEXT)")
+
+    async def ask(turns: Turns) -> None:
+        for _ in range(60):
+            await turns(tell("x" * 4000))
+
+    run(engine, ask)
+    # 60 transactions write two pages or more each; the log begins anew when it was copied.
+    log = (tmp_path / "told.sqlite3-wal").stat().st_size
+    engine.dispose()
+    assert 0 < log < 60 * 4096

@@ -1,0 +1,74 @@
+"""An answer leaves in one piece, whatever uvicorn writes it in."""
+
+import asyncio
+from collections.abc import Callable
+
+from server.run import WholeAnswers
+
+
+class Wire:
+    """A transport that keeps what is written to it."""
+
+    def __init__(self) -> None:
+        self.packets: list[bytes] = []
+        self.closed = False
+
+    def write(self, data: bytes) -> None:
+        self.packets.append(data)
+
+    def is_closing(self) -> bool:
+        return self.closed
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def sent(speak: Callable[[WholeAnswers], None]) -> Wire:
+    """Return the wire after `speak` wrote to it, and the event loop went on."""
+    wire = Wire()
+
+    async def serve() -> None:
+        speak(WholeAnswers(wire))  # type: ignore[arg-type]
+        await asyncio.sleep(0)
+
+    asyncio.run(serve())
+    return wire
+
+
+def test_head_and_body_are_one_packet() -> None:
+    def speak(transport: WholeAnswers) -> None:
+        transport.write(b"head ")
+        transport.write(b"body")
+
+    assert sent(speak).packets == [b"head body"]
+
+
+def test_what_nothing_follows_is_sent_all_the_same() -> None:
+    assert sent(lambda transport: transport.write(b"event")).packets == [b"event"]
+
+
+def test_a_long_answer_keeps_its_order_and_is_not_kept_back() -> None:
+    def speak(transport: WholeAnswers) -> None:
+        for part in (b"1", b"2", b"", b"3", b"4", b"5"):
+            transport.write(part)
+        assert transport.is_closing() is False
+
+    assert b"".join(sent(speak).packets) == b"12345"
+
+
+def test_closing_sends_what_is_held() -> None:
+    def speak(transport: WholeAnswers) -> None:
+        transport.write(b"last word")
+        transport.close()
+
+    wire = sent(speak)
+    assert wire.packets == [b"last word"]
+    assert wire.closed
+
+
+def test_nothing_is_sent_to_who_has_gone() -> None:
+    def speak(transport: WholeAnswers) -> None:
+        transport.write(b"lost")
+        transport.__getattr__("close")()
+
+    assert sent(speak).packets == []
