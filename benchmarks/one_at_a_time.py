@@ -1,6 +1,6 @@
 """Each factor of Table 1 alone over its range, the others nominal: curves and what they are like.
 
-`python -m benchmarks.one_at_a_time FILE.png`
+`python -m benchmarks.one_at_a_time FILE.png [CONDITION=VALUE ...]`
 """
 
 import sys
@@ -18,9 +18,8 @@ POINTS = 21
 QUANTITIES = ("stiffness_error", "stiffness_estimate", "stiffness_true")
 
 
-def run(job: tuple[str, float]) -> list[float]:
-    name, value = job
-    outputs = assess({name: value}).outputs
+def run(values: dict[str, float]) -> list[float]:
+    outputs = assess(values).outputs
     return [outputs.get(quantity, np.nan) for quantity in QUANTITIES]
 
 
@@ -41,10 +40,10 @@ def linearity(x: np.ndarray, curve: np.ndarray) -> float:
     return float(np.corrcoef(x, curve)[0, 1] ** 2)
 
 
-def main(path: Path) -> None:
+def main(path: Path, conditions: dict[str, float]) -> None:
     print(describe_machine())
     grids = {f.name: np.linspace(f.low, f.high, POINTS) for f in TABLE_1}
-    jobs = [(name, float(x)) for name, grid in grids.items() for x in grid]
+    jobs = [{**conditions, name: float(x)} for name, grid in grids.items() for x in grid]
     with get_context("spawn").Pool(2) as pool:
         results = np.array(pool.map(run, jobs, chunksize=1)).reshape(len(grids), POINTS, -1)
     print("stiffness_error, Nm/rad     low    high   range  r2 of a line  roughness")
@@ -63,7 +62,7 @@ def main(path: Path) -> None:
             axes.plot(grid, curves[:, j], "o-", color=colour, markersize=3, label=quantity)
         axes.axvline(factor.nominal, color="0.8", zorder=0)
         axes.set_xlabel(f"{factor.name.replace('_', ' ')} ({factor.unit})")
-        axes.set_ylim(-7.0, 9.0)
+        axes.set_ylim(-7.0, max(9.0, 0.5 + np.nanmax(results)))
         if i % 3 == 0:
             axes.set_ylabel("Nm/rad")
         if i == 0:
@@ -73,6 +72,7 @@ def main(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        sys.exit("usage: python -m benchmarks.one_at_a_time FILE.png")
-    main(Path(sys.argv[1]))
+    if len(sys.argv) < 2:
+        sys.exit("usage: python -m benchmarks.one_at_a_time FILE.png [CONDITION=VALUE ...]")
+    chosen = (argument.split("=") for argument in sys.argv[2:])
+    main(Path(sys.argv[1]), {name: float(value) for name, value in chosen})

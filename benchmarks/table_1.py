@@ -6,16 +6,20 @@
 import sys
 import time
 from collections import Counter
+from itertools import product
 
 import numpy as np
 from scipy.stats import qmc
 
 from benchmarks.machine import describe_machine
 from sim.assessment import assess
-from sim.factors import TABLE_1
+from sim.elbow_muscles import PAPER_MUSCLES, REFITTED_MUSCLES
+from sim.factors import NOMINAL, TABLE_1
 from sim.validation.isometric import (
     ANGLES_DEG,
+    COMMON_DEG,
     MEASURED,
+    IsometricTest,
     co_contraction_stiffness,
     run_isometric_test,
 )
@@ -26,15 +30,23 @@ AUTHORS = {"affine": (4.54, 6.0), "paper": (8.47, 9.68), "authors": (6.20, 6.10)
 
 
 def print_nominal() -> None:
-    outputs = assess({}).outputs
-    print("Nominal wearer, Nm/rad           ours                 authors' model")
-    print("form       estimate    true   error   estimate    true   error")
+    outputs, refitted = assess({}).outputs, assess({"refitted_muscles": 1.0}).outputs
+    print(
+        "Nominal wearer, Nm/rad           ours                authors' model      refitted muscles"
+    )
+    print(
+        "form       estimate    true   error   estimate    true   error   estimate    true   error"
+    )
     for form, (estimate, true) in AUTHORS.items():
         suffix = "" if form == "affine" else f"_{form}"
-        ours = [outputs[f"stiffness_{name}{suffix}"] for name in ("estimate", "true", "error")]
+        ours, anew = (
+            [values[f"stiffness_{name}{suffix}"] for name in ("estimate", "true", "error")]
+            for values in (outputs, refitted)
+        )
         print(
             f"{form:10s} {ours[0]:8.2f} {ours[1]:7.2f} {ours[2]:7.2f} "
-            f"{estimate:10.2f} {true:7.2f} {estimate - true:7.2f}"
+            f"{estimate:10.2f} {true:7.2f} {estimate - true:7.2f} "
+            f"{anew[0]:10.2f} {anew[1]:7.2f} {anew[2]:7.2f}"
         )
     for name, unit in (
         ("damping_estimate", "Nm s/rad"),
@@ -56,29 +68,58 @@ def print_differences() -> None:
         print(f"  {label:50s} {outputs['stiffness_error_authors']:6.2f} Nm/rad")
 
 
-def print_co_contraction() -> None:
-    """Show what the isometric torques say of the sign of K_h."""
-    print("\nSlope of the isometric torque at an activation of 0.4, elbow at 20 to 110 degrees")
-    rows = [
-        (
-            d.source,
-            *(np.array(x, dtype=float) for x in (d.angles_deg, d.flexion_nm, d.extension_nm)),
-        )
-        for d in MEASURED
+def distance_of_extension(test: IsometricTest) -> float:
+    """Return how far the extension torque is from both experiments, Nm, root mean square."""
+    gaps = [
+        np.interp(angle, ANGLES_DEG, test.extension_nm) - torque
+        for data in MEASURED
+        for angle, torque in zip(data.angles_deg, data.extension_nm, strict=True)
+        if angle <= ANGLES_DEG[-1]
     ]
-    for name, wrapped in (("triceps straight", False), ("triceps wrapped", True)):
-        test = run_isometric_test(wrapped=wrapped)
+    return float(np.sqrt(np.mean(np.square(gaps))))
+
+
+def print_co_contraction() -> None:
+    """Show what the isometric torques say of the sign and size of K_h, and relaxed muscles do."""
+    print("\nSlope of the isometric torque at an activation of 0.4, elbow at 20 to 110 degrees")
+    rows, relaxed = [], []
+    for flexors in MEASURED:
+        for extensors in MEASURED:
+            both = flexors.source, extensors.source
+            flexion = np.interp(COMMON_DEG, flexors.angles_deg, flexors.flexion_nm)
+            extension = np.interp(COMMON_DEG, extensors.angles_deg, extensors.extension_nm)
+            rows.append((", ".join(dict.fromkeys(both)), COMMON_DEG, flexion, extension))
+    for name, elbow in (
+        ("the paper's muscles, here", PAPER_MUSCLES),
+        ("refitted muscles", REFITTED_MUSCLES),
+    ):
+        test = run_isometric_test(elbow=elbow)
         rows.append((name, ANGLES_DEG, test.flexion_nm, test.extension_nm))
+        relaxed.append((name, test.passive_nm, distance_of_extension(test)))
+    print(f"  {'flexors, extensors':38s} flexors  extensors    both")
     for name, angles, flexion, extension in rows:
         none = np.zeros(len(angles))
         slopes = [
             co_contraction_stiffness(angles, f, e, 0.4)
             for f, e in ((flexion, none), (none, extension), (flexion, extension))
         ]
-        print(
-            f"  {name:22s} flexors {slopes[0]:6.2f}  extensors {slopes[1]:6.2f}  "
-            f"both {slopes[2]:6.2f} Nm/rad"
+        print(f"  {name:38s} {slopes[0]:7.2f}  {slopes[1]:9.2f}  {slopes[2]:6.2f} Nm/rad")
+    for name, passive, distance in relaxed:
+        stiffness = (passive[20] - passive[107]) / np.radians(87.0)
+        print(f"  {name}: extension {distance:.1f} Nm rms from both experiments; relaxed, flexes")
+        print(f"    with at most {passive.max():.1f} Nm, {stiffness:.1f} Nm/rad at 20 to 107 deg")
+
+
+def print_corners() -> None:
+    """Show which corners of Table 1 need an extension stop once the muscles are refitted."""
+    for stop in (0.0, 30.0):
+        conditions = {"refitted_muscles": 1.0, "extension_stop": stop}
+        outcomes = Counter(
+            assess({**dict(zip(NOMINAL, corner, strict=True)), **conditions}).outcome
+            for corner in product(*((factor.low, factor.high) for factor in TABLE_1))
         )
+        found = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
+        print(f"\n64 corners, refitted muscles, extension_stop {stop:g} Nm/rad: {found}")
 
 
 def print_table_1(points: int) -> None:
@@ -109,4 +150,5 @@ if __name__ == "__main__":
     print_nominal()
     print_differences()
     print_co_contraction()
+    print_corners()
     print_table_1(int(sys.argv[1]) if len(sys.argv) > 1 else 100)

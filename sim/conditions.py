@@ -25,7 +25,7 @@ class Conditions:
     reflex_gain: float
     reflex_threshold: float
     reflex_delay: float
-    triceps_wrapping: float
+    refitted_muscles: float
     tissue_coupling: float
     upper_cuff_position: float
     seat_angle: float
@@ -57,7 +57,7 @@ def conditions_of(values: Mapping[str, float]) -> Conditions:
         ("reflex_gain", 0.0, 10.0),
         ("reflex_threshold", 0.0, 20.0),
         ("reflex_delay", 0.0, 1.0),
-        ("triceps_wrapping", 0.0, 1.0),
+        ("refitted_muscles", 0.0, 1.0),
         ("tissue_coupling", 0.0, 10.0),
         ("upper_cuff_position", -0.05, 0.05),
         ("seat_angle", -0.7, 0.25),

@@ -132,7 +132,7 @@ CONDITIONS: tuple[Factor, ...] = (
     _condition("reflex_threshold", "rad/s", 0.25, 0.75, 0.5, "velocity at which the reflex begins"),
     _condition("reflex_delay", "s", 0.02, 0.1, 0.05, "from stretch to the muscles' input"),
     _condition(
-        "triceps_wrapping", "1", 0.0, 1.0, 0.0, "0: straight as in the paper; from 0.5: wraps"
+        "refitted_muscles", "1", 0.0, 1.0, 0.0, "0: the paper's; from 0.5: refitted to its figure 3"
     ),
     _condition(
         "tissue_coupling",

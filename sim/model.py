@@ -10,6 +10,7 @@ import numpy as np
 from sim.carried import CarriedEffects, add_undeclared
 from sim.conditions import DEFAULT_CONDITIONS, Conditions
 from sim.control import Gains
+from sim.elbow_muscles import PAPER_MUSCLES, REFITTED_MUSCLES
 from sim.exoskeleton import ELBOW_JOINT, JOINTS, MOTOR_GROUP, NESM, Device, Start, add_exoskeleton
 from sim.fidelity import CAMPAIGN, Fidelity
 from sim.interface import (
@@ -21,7 +22,8 @@ from sim.interface import (
     cuffs,
     segment_names,
 )
-from sim.muscles import FOREARM_ROTATORS, SHOULDER_MUSCLES, add_muscles
+from sim.muscle_tables import FOREARM_ROTATORS, SHOULDER_MUSCLES
+from sim.muscles import add_muscles
 from sim.sensors import add_interface_sensors, add_torque_sensors
 from sim.skeleton import (
     ELBOW,
@@ -184,9 +186,9 @@ def base_spec(
     add_arm(spec, wearer, pronates=whole)
     if conditions.extension_stop > 0.0:
         add_extension_stop(spec, conditions.extension_stop)
-    wrapped = conditions.triceps_wrapping >= 0.5
+    elbow = REFITTED_MUSCLES if conditions.refitted_muscles >= 0.5 else PAPER_MUSCLES
     others = SHOULDER_MUSCLES + FOREARM_ROTATORS if whole else target.muscles
-    add_muscles(spec, wearer, wrapped=wrapped, others=others)
+    add_muscles(spec, wearer, elbow=elbow, others=others)
     add_exoskeleton(
         spec,
         gains,

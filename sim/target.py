@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from sim.muscles import ELBOW_EXTENSORS, ELBOW_FLEXORS, SHOULDER_MUSCLES, Muscle
+from sim.muscle_tables import ELBOW_EXTENSORS, ELBOW_FLEXORS, SHOULDER_MUSCLES, Muscle
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,18 +10,14 @@ from sim.validation.compression import OGNEVA_CONTRACTED, OGNEVA_RELAXED, Compre
 from sim.validation.isometric import ANGLES_DEG, MEASURED, IsometricTest
 
 
-def isometric_figure(test: IsometricTest, wrapped: IsometricTest, path: Path) -> Path:
+def isometric_figure(test: IsometricTest, refitted: IsometricTest, path: Path) -> Path:
     """Draw both torque curves over the elbow angle beside the measured data; return `path`.
 
-    `wrapped` is the test of an arm whose triceps wraps round the elbow.
+    `refitted` is the test of an arm with `sim.elbow_muscles.REFITTED_MUSCLES`.
     """
     figure = new_figure(width=9.0, height=3.8)
-    for column, (title, curve, attribute, peak) in enumerate(
-        (
-            ("Flexion", test.flexion_nm, "flexion_nm", test.flexion_peak),
-            ("Extension", test.extension_nm, "extension_nm", test.extension_peak),
-        )
-    ):
+    for column, title in enumerate(("Flexion", "Extension")):
+        attribute = f"{title.lower()}_nm"
         axes = figure.add_subplot(1, 2, column + 1)
         for data, marker in zip(MEASURED, ("o", "s"), strict=True):
             axes.plot(
@@ -33,19 +29,21 @@ def isometric_figure(test: IsometricTest, wrapped: IsometricTest, path: Path) ->
                 linewidth=1,
                 label=data.source,
             )
-        axes.plot(ANGLES_DEG, curve, color="tab:blue", linewidth=2, label="this model")
-        if title == "Extension":
-            axes.plot(ANGLES_DEG, wrapped.extension_nm, color="tab:orange", label="wrapped triceps")
-        torque, angle = peak
-        axes.plot([angle], [torque], "o", color="tab:blue")
-        axes.annotate(
-            f"{torque:.0f} Nm at {angle:.0f}°",
-            (angle, torque),
-            textcoords="offset points",
-            xytext=(0, 8 if torque > 0 else -16),
-            ha="center",
-            color="tab:blue",
-        )
+        for arm, colour, label, shift in (
+            (test, "tab:blue", "the paper's muscles (default)", -42),
+            (refitted, "tab:orange", "refitted muscles", 42),
+        ):
+            axes.plot(ANGLES_DEG, getattr(arm, attribute), color=colour, linewidth=2, label=label)
+            torque, angle = getattr(arm, f"{title.lower()}_peak")
+            axes.plot([angle], [torque], "o", color=colour)
+            axes.annotate(
+                f"{torque:.0f} Nm at {angle:.0f}°",
+                (angle, torque),
+                textcoords="offset points",
+                xytext=(shift, 8 if torque > 0 else -22),
+                ha="center",
+                color=colour,
+            )
         axes.margins(y=0.15)
         axes.set_title(f"Isometric {title.lower()}")
         axes.set_xlabel("elbow flexion (degrees)")

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.muscles import ELBOW_EXTENSORS, ELBOW_FLEXORS, Muscle, add_muscles
+from sim.elbow_muscles import PAPER_MUSCLES, ElbowMuscles
+from sim.muscle_tables import Muscle
+from sim.muscles import add_muscles
 from sim.skeleton import HUMAN_JOINTS, add_arm, add_torso, empty_spec
 from sim.wearer import NOMINAL_WEARER, Wearer
 
@@ -56,6 +58,8 @@ class IsometricTest:
 
     flexion_nm: np.ndarray
     extension_nm: np.ndarray
+    #: Of relaxed muscles, which both of the others contain.
+    passive_nm: np.ndarray
 
     @property
     def flexion_peak(self) -> tuple[float, float]:
@@ -92,19 +96,19 @@ def co_contraction_stiffness(
     return float(np.polyfit(np.radians(COMMON_DEG), torque, 1)[0])
 
 
-def run_isometric_test(wearer: Wearer = NOMINAL_WEARER, *, wrapped: bool = False) -> IsometricTest:
-    """Contract flexors, then extensors, fully at every angle, the shoulder locked at 90 degrees.
-
-    `wrapped`: whether the triceps wraps round the elbow or is straight lines.
-    """
+def run_isometric_test(
+    wearer: Wearer = NOMINAL_WEARER, elbow: ElbowMuscles = PAPER_MUSCLES
+) -> IsometricTest:
+    """Contract flexors, then extensors, fully at every angle, the shoulder locked at 90 degrees."""
     spec = empty_spec()
     add_torso(spec)
     add_arm(spec, wearer)
-    add_muscles(spec, wearer, wrapped=wrapped)
+    add_muscles(spec, wearer, elbow=elbow)
     model = spec.compile()
     return IsometricTest(
-        flexion_nm=_torques(model, ELBOW_FLEXORS),
-        extension_nm=_torques(model, ELBOW_EXTENSORS),
+        flexion_nm=_torques(model, elbow.flexors.muscles),
+        extension_nm=_torques(model, elbow.extensors.muscles),
+        passive_nm=_torques(model, ()),
     )
 
 

@@ -11,7 +11,7 @@ from sim.bushing import build_bushings
 from sim.conditions import conditions_of
 from sim.control import PID
 from sim.model import reset_to_start
-from sim.muscles import ELBOW_EXTENSORS, ELBOW_FLEXORS
+from sim.muscle_tables import ELBOW_EXTENSORS, ELBOW_FLEXORS
 from sim.wearer import NOMINAL_WEARER
 
 FLEXORS = [muscle.name for muscle in ELBOW_FLEXORS]

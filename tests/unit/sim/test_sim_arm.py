@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.elbow_muscles import PAPER_MUSCLES, REFITTED_MUSCLES, ElbowMuscles
 from sim.factors import TISSUE_COUPLING
 from sim.fidelity import FIDELITIES
 from sim.muscles import add_muscles, elbow_length_ranges
@@ -79,13 +80,14 @@ def test_muscles_scale_with_the_bones() -> None:
     assert insertion[0] < nominal[0] < nominal[1] < insertion[1]
 
 
+@pytest.mark.parametrize("elbow", [PAPER_MUSCLES, REFITTED_MUSCLES], ids=["paper", "refitted"])
 @pytest.mark.parametrize("upper", [0.2728, 0.3778])
-def test_length_ranges_are_those_of_a_compiled_arm(upper: float) -> None:
+def test_length_ranges_are_those_of_a_compiled_arm(upper: float, elbow: ElbowMuscles) -> None:
     wearer = replace(NOMINAL_WEARER, upper_arm_length=upper, forearm_length=0.3)
     spec = empty_spec()
     add_torso(spec)
     add_arm(spec, wearer)
-    add_muscles(spec, wearer, others=())
+    add_muscles(spec, wearer, elbow=elbow, others=())
     model = spec.compile()
     data, lengths = mujoco.MjData(model), []
     data.joint("shoulder_flexion").qpos = np.radians(-90.0)
@@ -93,7 +95,7 @@ def test_length_ranges_are_those_of_a_compiled_arm(upper: float) -> None:
         data.joint("elbow_flexion").qpos = angle
         mujoco.mj_forward(model, data)
         lengths.append(data.ten_length.copy())
-    ranges = elbow_length_ranges(wearer)
+    ranges = elbow_length_ranges(wearer, elbow)
     assert len(ranges) == model.ntendon == 8
     for tendon in range(model.ntendon):
         swept = np.array(lengths)[:, tendon]
