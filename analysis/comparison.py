@@ -33,7 +33,7 @@ class Compared:
 def rows_of(table: Table, output: str) -> Array:
     """Return an output's values at A, B and A_B^(i), shape (rows, factors + 2).
 
-    nan where no value came.
+    nan where no value came. Rows are those of Saltelli et al. 2010.
     """
     o, factors = table.plan.outputs.index(output), len(table.plan.factors)
     rows = np.full((table.plan.rows, row_width(table.plan.method, factors)), np.nan)
@@ -42,7 +42,7 @@ def rows_of(table: Table, output: str) -> Array:
 
 
 def compare(rows: Array, level: float = 0.9) -> Mapping[str, Compared]:
-    """Return the indices of a Saltelli design by other estimators.
+    """Return indices by Martinez 2011 and, uncentred, by Saltelli et al. 2008.
 
     Args:
         rows: one output's values, shape (rows, factors + 2), nan where a run failed; every pair of

@@ -261,7 +261,7 @@ class Discrete(Distribution):
 
 
 def scales(distributions: Mapping[str, Distribution]) -> dict[str, Scale]:
-    """Return `Distribution.scale` of every factor."""
+    """Return `Distribution.scale` of every factor: what the step of the paper's equation 22 is."""
     return {name: distribution.scale for name, distribution in distributions.items()}
 
 

@@ -52,6 +52,8 @@ def judge(
 ) -> Verdict:
     """Say whether failures depend on the factors, and on which.
 
+    Their indicator as an output is ours; what is usual is to fill in (Sheikholeslami et al. 2019).
+
     Args:
         estimator: of the study; the output `column` is 1 where a run failed and 0 elsewhere.
         names: of the factors.

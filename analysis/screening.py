@@ -81,7 +81,7 @@ class Proposal:
 def propose_fixing(
     snapshot: Mapping[str, Any], output: str, share: float = SHARE_OF_LARGEST
 ) -> Proposal:
-    """Say whether the least influential factor may be fixed.
+    """Say whether the least influential factor may be fixed (paper, section 3.1).
 
     It may if the upper confidence limit of its mu* is below `share` of the largest mu*: then, on
     average, it moves `output` by less than that share of what the most influential factor does.
@@ -112,7 +112,9 @@ def propose_fixing(
 
 
 def least_influential(snapshot: Mapping[str, Any], output: str) -> str | None:
-    """Return the factor closest to the origin of the mu*-sigma plane; None before any estimate.
+    """Return the factor closest to the origin of the mu*-sigma plane (paper, figure 8), or None.
+
+    None before any estimate.
 
     Raises:
         ValueError: as `propose_fixing`.

@@ -41,7 +41,7 @@ class Advice:
 
 
 def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None) -> Advice | None:
-    """Say how many more rows bring every interval of an output to ± `target`.
+    """Say how many more rows bring every interval to ± `target` (Sarrazin et al. 2016).
 
     Args:
         snapshot: of a study.
@@ -115,8 +115,9 @@ def next_step(
 ) -> Step:
     """Decide whether a complete study is extended, and to how many rows.
 
-    It never more than doubles, since a forecast from few rows is a rough one. Sobol sequences grow
-    to powers of two, and Latin hypercubes by whole hypercubes, where they are balanced.
+    By the widths of its intervals, as Sarrazin et al. 2016 judge convergence. It never more than
+    doubles, since a forecast from few rows is a rough one. Sobol sequences grow to powers of two,
+    and Latin hypercubes by whole hypercubes, where they are balanced.
 
     Args:
         snapshot: of a study of which every row is complete.

@@ -93,7 +93,8 @@ class Answer:
 def answer(table: Table, output: str) -> Answer:
     """Fit a Gaussian process and a polynomial chaos to a study's runs and return their indices.
 
-    Uses the first runs of the design, base points before all others.
+    Uses the first runs of the design, base points before all others. Sources: Le Gratiet, Marelli
+    and Sudret 2017; Blatman and Sudret 2011.
 
     Args:
         table: results of a study of either method.

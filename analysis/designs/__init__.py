@@ -60,18 +60,18 @@ def samplings(method: str) -> tuple[str, ...]:
 def family(method: str) -> str:
     """Return "morris" or "saltelli": whose indices of single factors a method has.
 
-    Rows of all methods of the family "saltelli" begin with A, B and A_B^(i).
+    Rows of all methods of the family "saltelli" begin with A, B and A_B^(i) (Saltelli et al. 2010).
     """
     return "morris" if method == "morris" else "saltelli"
 
 
 def fewest_factors(method: str) -> int:
-    """Return how many factors a method must vary: 2 if it looks at pairs."""
+    """Return how many factors a method must vary: 2 if it looks at pairs (Saltelli 2002)."""
     return 2 if method == "saltelli_second_order" else 1
 
 
 def row_width(method: str, factors: int) -> int:
-    """Return how many points a row has.
+    """Return how many points a row has: Campolongo et al. 2011; Saltelli 2002, theorems 1 and 2.
 
     Raises:
         ValueError: the method is unknown, or fewer factors vary than it needs.
@@ -84,7 +84,7 @@ def row_width(method: str, factors: int) -> int:
 
 
 def unit_row(method: str, sampling: str, seed: int, row: int, factors: int) -> NDArray[np.float64]:
-    """Return the points of a row in the unit cube.
+    """Return the points of a row in the unit cube (Campolongo et al. 2011; Saltelli et al. 2010).
 
     Returns:
         Shape (row_width(method, factors), factors), every value strictly between 0 and 1.
@@ -118,7 +118,8 @@ def instance_parameters(
 ) -> list[dict[str, float]]:
     """Return the factor values of every point of a row, in position order, in the factors' units.
 
-    The order of `distributions` decides which coordinate is whose. ValueError as in `unit_row`.
+    By their quantiles (Devroye 1986, section II.2). The order of `distributions` decides which
+    coordinate is whose. ValueError as in `unit_row`.
     """
     unit = unit_row(method, sampling, seed, row, len(distributions))
     columns = [

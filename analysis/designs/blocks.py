@@ -20,7 +20,7 @@ BLOCKS = 8
 
 
 def blocks_of(sampling: str, seed: int, rows: Sequence[int]) -> NDArray[np.intp]:
-    """Return the block of each row, 0 to 7, shape (rows,).
+    """Return the block of each row (L'Ecuyer et al. 2023), 0 to 7, shape (rows,).
 
     Under `sobol_blocks` it is the sequence that the row is a point of. The rows of other designs
     depend on each other across blocks; eight neighbours are dealt to the eight blocks at random.

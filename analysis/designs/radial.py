@@ -18,7 +18,8 @@ def radial_row(point: NDArray[np.float64]) -> NDArray[np.float64]:
     """Lay out one row from a point of the unit cube of twice as many dimensions as factors.
 
     Position 0 is the base, position 1 + i is the base with factor i moved by 0.1 to 0.9 of its
-    range, around the end if need be. If `point` is uniform, so is every position.
+    range, around the end if need be. If `point` is uniform, so is every position (Campolongo et
+    al. 2011).
 
     Args:
         point: shape (2 k,): the base, then where to step.

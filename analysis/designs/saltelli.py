@@ -12,7 +12,8 @@ def saltelli_row(point: NDArray[np.float64], *, second_order: bool = False) -> N
     """Lay out one row from a point of the unit cube of twice as many dimensions as factors.
 
     Position 0 is A, position 1 is B, position 2 + i is A with factor i taken from B, and, for the
-    second order, position 2 + k + i is B with factor i taken from A.
+    second order, position 2 + k + i is B with factor i taken from A. Source: Saltelli et al. 2010,
+    section 4; Saltelli 2002, theorem 2.
 
     Args:
         point: shape (2 k,): A, then B.

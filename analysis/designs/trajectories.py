@@ -23,7 +23,7 @@ CANDIDATES = 40
 
 
 def trajectory_row(seed: int, row: int, factors: int) -> NDArray[np.float64]:
-    """Return trajectory `row` of a study, shape (factors + 1, factors); ValueError as `bits`."""
+    """Return trajectory `row` (Morris 1991), shape (factors + 1, factors); ValueError as `bits`."""
     batch, place = divmod(row, CHOSEN)
     points: NDArray[np.float64] = _batch(seed, batch, factors)[place]
     return points

@@ -23,7 +23,10 @@ __all__ = [
 
 
 def estimator_class(method: str) -> type[Estimator]:
-    """Return the estimator of a method of `analysis.designs.METHODS`; ValueError if unknown."""
+    """Return the estimator of a method of `analysis.designs.METHODS`; ValueError if unknown.
+
+    Morris 1991; Saltelli et al. 2010; Saltelli 2002.
+    """
     for known in (MorrisEstimator, SaltelliEstimator, SecondOrderEstimator):
         if known.method == method:
             return known

@@ -26,7 +26,10 @@ _EDGES = np.floor(
 
 
 def replicate_weights(seed: int, rows: Sequence[int]) -> NDArray[np.float64]:
-    """Return how often each replicate counts each row, shape (REPLICATES, rows)."""
+    """Return how often each replicate counts each row, shape (REPLICATES, rows).
+
+    Source: Hanley and MacGibbon 2006.
+    """
     words = np.stack([bits(seed, Purpose.BOOTSTRAP, row, REPLICATES // 2) for row in rows])
     # As bytes in a fixed order, so that machines of either endianness agree.
     uniform = words.astype("<u8").view("<u4")

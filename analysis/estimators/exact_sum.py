@@ -20,7 +20,7 @@ Integers = NDArray[np.object_]
 
 
 def split(values: NDArray[np.float64]) -> tuple[int, NDArray[np.float64]]:
-    """Cut finite numbers into limbs.
+    """Cut finite numbers into limbs (Demmel and Nguyen 2015).
 
     Returns:
         `(low, limbs)` with `values == sum(limbs[j] * 2.0**(LIMB_BITS * (low + j)))` exactly; limbs
@@ -124,7 +124,10 @@ def square(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def divide(numerators: Integers, denominators: Integers, shift: int = 0) -> NDArray[np.float64]:
-    """Return numerators / (denominators * 2**shift), rounded once; nan where a denominator is 0."""
+    """Return numerators / (denominators * 2**shift), rounded once; nan where a denominator is 0.
+
+    What a long accumulator (Demmel and Nguyen 2015) is read by.
+    """
     scaled = denominators << shift if shift else denominators
     return np.asarray(_divide(numerators, scaled), dtype=np.float64)
 

@@ -38,7 +38,7 @@ def estimate(
     power: int | None,
     stretch: Array | None = None,
 ) -> Estimate:
-    """Return an index with the interval that suits it.
+    """Return an index with the interval that suits it: Tukey 1958, or Satterthwaite 1946.
 
     Args:
         value, without, present, level: as `student`.
@@ -53,7 +53,7 @@ def estimate(
 
 
 def student(value: Array, without: Array, present: NDArray[np.bool_], level: float) -> Estimate:
-    """Return an index that may have either sign, with Student's interval.
+    """Return an index that may have either sign, with Student's interval (Tukey 1958).
 
     Args:
         value: of the index, shape (...).

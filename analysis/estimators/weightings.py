@@ -27,7 +27,8 @@ SQUARED = "_squared"
 def weights(sampling: str, seed: int, rows: Sequence[int]) -> NDArray[np.float64]:
     """Return how often each row counts in what is summed, shape (WEIGHTINGS, rows).
 
-    In the place of all rows but a block's the block itself is summed: fewer terms, as good.
+    For the jackknife (Tukey 1958) and the Poisson bootstrap (Hanley and MacGibbon 2006). In the
+    place of all rows but a block's the block itself is summed: fewer terms, as good.
     """
     once = np.ones((1, len(rows)))
     block = np.arange(BLOCKS)[:, None] == blocks_of(sampling, seed, rows)
