@@ -3,7 +3,7 @@
 import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from operator import itemgetter
 from typing import Any
@@ -12,6 +12,7 @@ import sqlalchemy as sa
 from pydantic_core import to_json
 from sqlalchemy.engine import Connection
 
+from server.logic.records import record
 from server.logic.slots import Result, Slot, may_try
 from server.logic.study import Study, drained
 from server.store import studies
@@ -127,7 +128,7 @@ _BIND = (
 _APPEND = Prepared(sa.insert(results), *_RESULT)
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Filed:
     """A final result and who is to be named for it."""
 

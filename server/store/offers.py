@@ -10,6 +10,7 @@ from sqlalchemy.engine import Connection
 
 from server.logic.hosts import host_class, identity, objection_to_worker
 from server.logic.leases import Lease, expiry
+from server.logic.records import record
 from server.logic.slots import Slot
 from server.logic.study import Study
 from server.store import comparisons, ledger, studies, workers
@@ -32,7 +33,7 @@ _FILE = Prepared(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Wish:
     """Who asks for instances, and for which."""
 
@@ -60,7 +61,7 @@ class Elsewhere(Enum):
 ELSEWHERE = Elsewhere.ELSEWHERE
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Grant:
     """A new lease and the study its instances belong to."""
 

@@ -1,7 +1,6 @@
 """Results: taking them in, and reading them out in order."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import sqlalchemy as sa
@@ -9,6 +8,7 @@ from sqlalchemy.engine import Connection, Engine
 
 from server.errors import NotFoundError
 from server.logic.leases import Lease, objection_to_results
+from server.logic.records import record
 from server.logic.slots import Result, Slot
 from server.logic.study import Study, instance_id
 from server.logic.verdicts import Judgement, Report, Verdict, judge
@@ -21,7 +21,7 @@ from server.store.schema import conflicts, results
 PAGE = 1000
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Post:
     """Results as a worker posts them, and what they are judged by."""
 
