@@ -7,6 +7,8 @@ comes out as text, and rows are plain tuples.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import chain
 from operator import itemgetter
 from typing import Any
 
@@ -15,6 +17,9 @@ from sqlalchemy.engine import Connection, Dialect
 from sqlalchemy.engine.default import DefaultDialect
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.sql.compiler import SQLCompiler
+
+#: Rows of one INSERT: enough to gain by it, few enough to know a statement for each number of them.
+ROWS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +106,40 @@ class Prepared:
             text=words,
             arrange=_arranging([every.index(name) for name in places], [*constants.values()]),
         )
+
+
+class Rows:
+    """Rows to be added to a table often, many with one statement: that halves the time.
+
+    Args:
+        table: which table.
+        names: of its columns, in the order in which values are given.
+    """
+
+    def __init__(self, table: sa.Table, *names: str) -> None:
+        self._table = table
+        self._names = names
+        self._of = cache(self._insert)
+
+    def add(self, connection: Connection, rows: Sequence[tuple[Any, ...]]) -> None:
+        """Add `rows`: values of the columns in their order, of JSON the text.
+
+        Raises:
+            sqlalchemy.exc.DBAPIError: the database refuses.
+        """
+        for start in range(0, len(rows), ROWS):
+            some = rows[start : start + ROWS]
+            self._of(len(some)).execute(connection, *chain.from_iterable(some))
+
+    def _insert(self, count: int) -> Prepared:
+        """Return what adds so many rows."""
+        numbered = [{name: f"{name}_{row}" for name in self._names} for row in range(count)]
+        values = [
+            {name: sa.bindparam(key, type_=self._table.c[name].type) for name, key in row.items()}
+            for row in numbered
+        ]
+        keys = [key for row in numbered for key in row.values()]
+        return Prepared(sa.insert(self._table).values(values), *keys)
 
 
 def text(column: sa.Column[Any]) -> sa.ColumnElement[str]:
