@@ -93,7 +93,7 @@ async def post(body: ResultsBody, request: Request) -> Response:
     answer: dict[str, Any] = {}
     headers: dict[str, str] = {}
     if body.next is None:
-        verdicts, _ = await state.turns(partial(results.take, posted=posted, now=now, ttl=ttl))
+        verdicts = await state.turns(partial(results.take, posted=posted, now=now, ttl=ttl))
     else:
         asked = {"wish": wish_in(body.next), "now": now, "ttl": ttl}
         state.metrics.lost.inc(await state.sweep(state.engine, now=now))

@@ -8,7 +8,6 @@ from operator import itemgetter
 from typing import Any
 
 import sqlalchemy as sa
-from pydantic_core import to_json
 from sqlalchemy.engine import Connection
 
 from server.logic.records import record
@@ -16,7 +15,7 @@ from server.logic.slots import Result, Slot, may_try
 from server.logic.study import Study, drained
 from server.store import studies
 from server.store.engine import JSON
-from server.store.prepared import Prepared, Rows
+from server.store.prepared import Prepared, Rows, as_text
 from server.store.schema import instances, results
 from server.store.slots import COLUMNS, SLOTS, from_row, to_row
 
@@ -232,7 +231,7 @@ def hand_out(
         handed_out=study.handed_out + len(begun),
         leased=study.leased + len(again) + sum(slot.state == "leased" for slot in begun),
     )
-    studies.save(connection, study)
+    studies.save(connection, study, state=False)
     return study
 
 
@@ -262,6 +261,7 @@ def settle(
         return study
     _write_changes(connection, study, before, after)
     _append(connection, study, filed, now)
+    state_before = study.state
     done = study.result_count + len(filed)
     failed = [item.result.outcome for item in filed if item.result.outcome != "ok"]
     finished = bool(filed) and done == study.plan.instances and study.state != "cancelled"
@@ -279,12 +279,12 @@ def settle(
             finished_at=now if finished else study.finished_at,
         )
     )
-    studies.save(connection, study)
+    studies.save(connection, study, state=study.state != state_before)
     return study
 
 
 def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: float) -> None:
-    """Append final results to the study's log."""
+    """Append final results, which were looked through, to the study's log."""
     _APPEND.add(
         connection,
         [
@@ -294,9 +294,9 @@ def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: f
                 item.result.row,
                 item.result.position,
                 item.result.outcome,
-                _json(item.result.outputs),
+                None if item.result.outputs is None else as_text(item.result.outputs),
                 item.result.reason,
-                _json(item.result.state),
+                None if item.result.state is None else as_text(item.result.state),
                 item.result.wall_seconds,
                 item.worker,
                 now,
@@ -304,11 +304,6 @@ def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: f
             for seq, item in enumerate(filed, start=study.result_count + 1)
         ],
     )
-
-
-def _json(value: Mapping[str, Any] | None) -> str | None:
-    # What may be stored was looked through: nothing in it is infinite or no number.
-    return None if value is None else to_json(value).decode()
 
 
 def _complete(slots: Mapping[Place, Slot], rows: Collection[int]) -> int:

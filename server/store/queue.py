@@ -1,10 +1,10 @@
 """Leases: granting and keeping them, and taking back what nobody works on any more."""
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sqlalchemy as sa
+from pydantic_core import from_json
 from sqlalchemy.engine import Connection, Engine
 
 from server.errors import ConflictError
@@ -225,7 +225,7 @@ def _lease(row: Sequence[Any]) -> Lease:
         study=study,
         state=state,
         expires_at=expires_at,
-        instances=tuple(map(tuple, json.loads(instances))),
+        instances=tuple(map(tuple, from_json(instances))),
         host_class=host_class,
         host=host,
         compares=bool(compares),
