@@ -150,9 +150,10 @@ def _note(body: ResultsBody, verdicts: Sequence[Verdict], measures: Metrics) -> 
     for said, count in Counter(verdict.verdict for verdict in verdicts).items():
         measures.verdicts.labels(said).inc(count)
     for result, verdict in zip(body.results, verdicts, strict=True):
-        if verdict.verdict == "accepted" and isinstance(result.wall_seconds, int | float):
-            measures.run_seconds.observe(result.wall_seconds)
-        if verdict.refused:
+        if verdict.verdict == "accepted":
+            if result.wall_seconds is not None:
+                measures.run_seconds.observe(result.wall_seconds)
+        elif verdict.refused:
             log.info(
                 "result refused as %s: %s",
                 verdict.verdict,
