@@ -120,7 +120,8 @@ class Uniform(Distribution):
         return Scale(width=self.high - self.low, by="range")
 
     def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        return _clipped(self.low + u * (self.high - self.low), self.low, self.high)
+        # Rounded it may come out above the highest value, but never below the lowest.
+        return np.minimum(self.low + u * (self.high - self.low), self.high)
 
 
 @dataclass(frozen=True, kw_only=True)
