@@ -10,7 +10,6 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection
 
-from server.logic.records import record
 from server.logic.slots import Result, Slot, may_try
 from server.logic.study import Study, drained
 from server.store import studies
@@ -129,14 +128,6 @@ _BIND = (
 _APPEND = Rows(results, *_RESULT)
 
 
-@record
-class Filed:
-    """A final result and who is to be named for it."""
-
-    result: Result
-    worker: str
-
-
 def rows(connection: Connection, study: Study, places: Iterable[Place]) -> dict[Place, Slot]:
     """Return where all instances of the rows in which `places` lie stand, if they were begun."""
     found: dict[Place, Slot] = {}
@@ -241,7 +232,8 @@ def settle(
     *,
     before: Mapping[Place, Slot],
     after: Mapping[Place, Slot],
-    filed: Sequence[Filed],
+    filed: Sequence[Result],
+    worker: str,
     now: float,
 ) -> Study:
     """Write what became of leased or returned instances.
@@ -252,6 +244,7 @@ def settle(
         before: all slots of the rows concerned as they were.
         after: the slots that changed, as they are now: pending or done.
         filed: the final results, in the order they are to be numbered.
+        worker: who is to be named for them.
         now: seconds, UTC epoch.
 
     Returns:
@@ -260,10 +253,10 @@ def settle(
     if not after:
         return study
     _write_changes(connection, study, before, after)
-    _append(connection, study, filed, now)
+    _append(connection, study, filed, worker, now)
     state_before = study.state
     done = study.result_count + len(filed)
-    failed = [item.result.outcome for item in filed if item.result.outcome != "ok"]
+    failed = [result.outcome for result in filed if result.outcome != "ok"]
     finished = bool(filed) and done == study.plan.instances and study.state != "cancelled"
     study = drained(
         replace(
@@ -274,7 +267,7 @@ def settle(
             failures=dict(Counter(study.failures) + Counter(failed)) if failed else study.failures,
             # A row is complete with the last of its results, so no row is counted twice.
             rows_complete=study.rows_complete
-            + _complete({**before, **after}, {item.result.row for item in filed}),
+            + _complete({**before, **after}, {result.row for result in filed}),
             state="complete" if finished else study.state,
             finished_at=now if finished else study.finished_at,
         )
@@ -283,7 +276,9 @@ def settle(
     return study
 
 
-def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: float) -> None:
+def _append(
+    connection: Connection, study: Study, filed: Sequence[Result], worker: str, now: float
+) -> None:
     """Append final results, which were looked through, to the study's log."""
     _APPEND.add(
         connection,
@@ -291,17 +286,17 @@ def _append(connection: Connection, study: Study, filed: Sequence[Filed], now: f
             (
                 study.id,
                 seq,
-                item.result.row,
-                item.result.position,
-                item.result.outcome,
-                None if item.result.outputs is None else as_text(item.result.outputs),
-                item.result.reason,
-                None if item.result.state is None else as_text(item.result.state),
-                item.result.wall_seconds,
-                item.worker,
+                result.row,
+                result.position,
+                result.outcome,
+                None if result.outputs is None else as_text(result.outputs),
+                result.reason,
+                None if result.state is None else as_text(result.state),
+                result.wall_seconds,
+                worker,
                 now,
             )
-            for seq, item in enumerate(filed, start=study.result_count + 1)
+            for seq, result in enumerate(filed, start=study.result_count + 1)
         ],
     )
 

@@ -168,8 +168,9 @@ def _file(
     )
     final = [j.result for j in judgements if j.result is not None]
     after = {(j.slot.row, j.slot.position): j.slot for j in judgements if j.slot is not None}
-    filed = [ledger.Filed(result=result, worker=posted.worker) for result in final]
-    study = ledger.settle(connection, study, before=before, after=after, filed=filed, now=now)
+    study = ledger.settle(
+        connection, study, before=before, after=after, filed=final, worker=posted.worker, now=now
+    )
     contradictions = [j.conflict for j in judgements if j.conflict is not None]
     _record_conflicts(connection, study, contradictions, worker=posted.worker, now=now)
     comparisons.ask(
