@@ -178,9 +178,7 @@ def _grant_of(
 def _comparisons_of(
     connection: Connection, study: Study, wish: Wish, now: float, ttl: float
 ) -> Grant | None:
-    """Hand out results of other hosts, of a locked study, to be computed again; None if somebody
-    was faster.
-    """
+    """Hand out a locked study's results to be computed again; None if somebody was faster."""
     lease_id = uuid4().hex
     places = comparisons.hand_out(
         connection, study, host=wish.host, lease=lease_id, limit=wish.max_instances

@@ -1,5 +1,6 @@
 """Studies: making, finding and cancelling them."""
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -359,7 +360,7 @@ def _plan(
         sampling=sampling,
         rows=rows,
         seed=seed,
-        distributions={n: Distribution.from_json(d) for n, d in from_json(distributions)},
-        fixed=from_json(fixed),
-        outputs=tuple(from_json(outputs)),
+        distributions={n: Distribution.from_json(d) for n, d in json.loads(distributions)},
+        fixed=json.loads(fixed),
+        outputs=tuple(json.loads(outputs)),
     )
