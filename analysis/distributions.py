@@ -55,7 +55,8 @@ class Distribution(ABC):
         """Raise ValueError if the parameters contradict each other."""
 
     @abstractmethod
-    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the quantiles of probabilities that are known to lie strictly between 0 and 1."""
 
     @property
     def scale(self) -> "Scale":
@@ -74,7 +75,7 @@ class Distribution(ABC):
         # A probability that is no number is not above 0 either.
         if probabilities.size and not (probabilities.min() > 0.0 and probabilities.max() < 1.0):
             raise ValueError("a probability must lie strictly between 0 and 1")
-        return self._quantile(probabilities)
+        return self.quantiles(probabilities)
 
     def to_json(self) -> dict[str, Any]:
         """Return the distribution as `from_json` reads it."""
@@ -118,8 +119,9 @@ class Uniform(Distribution):
         """Its range."""
         return Scale(width=self.high - self.low, by="range")
 
-    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        return _clipped(self.low + u * (self.high - self.low), self.low, self.high)
+    def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        # Rounded it may come out above the highest value, but never below the lowest.
+        return np.minimum(self.low + u * (self.high - self.low), self.high)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +135,7 @@ class Normal(Distribution):
     def _check(self) -> None:
         _positive(self.kind, "sd", self.sd)
 
-    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(self.mean + self.sd * ndtri(u), dtype=np.float64)
 
 
@@ -151,7 +153,7 @@ class TruncatedNormal(Distribution):
         _positive(self.kind, "sd", self.sd)
         _ordered(self.kind, self.low, self.high)
 
-    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         a, b = (self.low - self.mean) / self.sd, (self.high - self.mean) / self.sd
         x = truncnorm.ppf(u, a, b, loc=self.mean, scale=self.sd)
         return _clipped(np.asarray(x, dtype=np.float64), self.low, self.high)
@@ -171,7 +173,7 @@ class Triangular(Distribution):
         if not self.low <= self.mode <= self.high:
             raise ValueError("mode of a triangular distribution must lie from low to high")
 
-    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         width, rise, fall = self.high - self.low, self.mode - self.low, self.high - self.mode
         x = np.where(
             u * width < rise,
@@ -193,7 +195,7 @@ class LogUniform(Distribution):
         _positive(self.kind, "low", self.low)
         _ordered(self.kind, self.low, self.high)
 
-    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         x = np.exp(log(self.low) + u * (log(self.high) - log(self.low)))
         return _clipped(x, self.low, self.high)
 
@@ -248,7 +250,7 @@ class Discrete(Distribution):
         """From its lowest to its highest value: quantiles of few values may coincide."""
         return Scale(width=self.values[-1] - self.values[0], by="range")
 
-    def _quantile(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         edges = np.cumsum(self.probabilities)[:-1]
         return np.asarray(self.values)[np.searchsorted(edges, u, side="left")]
 

@@ -72,7 +72,13 @@ def create_app(settings: Settings) -> FastAPI:
 
     # The interactive documentation loads scripts from elsewhere; a lab may have no internet.
     app = FastAPI(
-        title="rehyb coordinator", version="1", docs_url=None, redoc_url=None, lifespan=lifespan
+        title="rehyb coordinator",
+        version="1",
+        docs_url=None,
+        redoc_url=None,
+        lifespan=lifespan,
+        # `/metrics` is there; to ask whether anybody wants FastAPI's own costs every request.
+        telemetry={"tracing": False, "metrics": False, "logs": False},
     )
     app.state.settings = settings
     app.state.engine = create_engine(settings.database_url)
@@ -87,8 +93,8 @@ def create_app(settings: Settings) -> FastAPI:
     problems.install(app)
     # The first that fits is taken, so what workers ask all the time comes first.
     for noun in (
-        leases,
         results,
+        leases,
         studies,
         precision,
         progress,

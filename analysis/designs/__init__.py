@@ -123,7 +123,8 @@ def instance_parameters(
     """
     unit = unit_row(method, sampling, seed, row, len(distributions))
     columns = [
-        distribution.ppf(unit[:, i]).tolist()
+        # Not `ppf`: that these lie between 0 and 1 need not be looked at.
+        distribution.quantiles(unit[:, i]).tolist()
         for i, distribution in enumerate(distributions.values())
     ]
     return [dict(zip(distributions, values, strict=True)) for values in zip(*columns, strict=True)]

@@ -1,9 +1,9 @@
 """Who may speak for a lease, and how long it lasts. Only the coordinator's clock decides."""
 
-from dataclasses import dataclass
+from server.logic.records import record
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Lease:
     """The right of one worker to evaluate some instances of one study until a moment."""
 

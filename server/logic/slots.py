@@ -8,8 +8,10 @@ final outcome. Where fewer hosts are at work it is tried as often on those there
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
+
+from server.logic.records import record
 
 #: On how many hosts an instance may come back for a cause; after the last one, the cause is its
 #: final outcome.
@@ -18,7 +20,7 @@ BUDGETS: Mapping[str, int] = {"crashed": 3, "timed_out": 3, "invalid": 3, "lost"
 PATIENCE = 2
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Slot:
     """Where one instance stands."""
 
@@ -43,7 +45,7 @@ class Slot:
         return {host for hosts in self.hosts.values() for host in hosts}
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Result:
     """The final result of one instance."""
 

@@ -9,6 +9,7 @@ from analysis.designs import METHODS, fewest_factors, instance_parameters, row_w
 from analysis.distributions import Distribution, scales
 from analysis.records import StudyPlan
 from server.errors import InvalidStudyError
+from server.logic.records import record
 from sim.catalogue import MODELS, Model
 
 #: Sobol points are numbered in 30 bits; a study beyond this would take a fleet a human lifetime.
@@ -55,7 +56,7 @@ class Plan:
         return self.rows * self.width
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Study:
     """A plan and how far it has come."""
 

@@ -2,10 +2,10 @@
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
+from server.logic.records import record
 from server.logic.slots import BUDGETS, Result, Slot, after_attempt, settled
 
 #: Failures a worker may report that say more about the machine than about the simulation.
@@ -20,7 +20,7 @@ STATE_DEPTH = 32
 _OUTCOME = re.compile(r"[a-z_]{1,40}")
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Report:
     """One result as a worker reports it; nothing about its values has been checked."""
 
@@ -32,7 +32,7 @@ class Report:
     wall_seconds: Any
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Verdict:
     """What the worker is told about one result."""
 
@@ -48,7 +48,7 @@ class Verdict:
         return self.verdict in ("conflict", "unknown", "invalid")
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Judgement:
     """A verdict and what the store must do about it."""
 
@@ -134,7 +134,8 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
 
     The outputs of a failure are ignored: they are not numbers anybody may use.
     """
-    if not _OUTCOME.fullmatch(report.outcome):
+    ok = report.outcome == "ok"
+    if not ok and not _OUTCOME.fullmatch(report.outcome):
         return "the outcome must be 'ok' or a failure in 1 to 40 lower-case letters and underscores"
     if report.outcome in RESERVED:
         return f"only the coordinator concludes {report.outcome!r}"
@@ -142,7 +143,7 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
         return "wall_seconds must be a finite number or null"
     if (fault := _fault_in_state(report.state)) is not None:
         return fault
-    if report.outcome != "ok":
+    if not ok:
         return None
     for name in outputs:
         if name not in report.outputs:

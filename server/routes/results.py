@@ -88,26 +88,27 @@ async def post(body: ResultsBody, request: Request) -> Response:
     if there is nothing to do now, and `misfit` says why if there is nothing that the worker fits.
     """
     state = request.app.state
-    now, ttl = state.clock(), state.settings.lease_seconds
-    posted = _posted(body, state.settings)
+    settings, measures = state.settings, state.metrics
+    now, ttl = state.clock(), settings.lease_seconds
+    posted = _posted(body, settings)
     answer: dict[str, Any] = {}
     headers: dict[str, str] = {}
     if body.next is None:
-        verdicts, _ = await state.turns(partial(results.take, posted=posted, now=now, ttl=ttl))
+        verdicts = await state.turns(partial(results.take, posted=posted, now=now, ttl=ttl))
     else:
         asked = {"wish": wish_in(body.next), "now": now, "ttl": ttl}
-        state.metrics.lost.inc(await state.sweep(state.engine, now=now))
-        with state.metrics.lease_seconds.time():
+        measures.lost.inc(await state.sweep(state.engine, now=now))
+        with measures.lease_seconds.time():
             verdicts, found = await state.turns(partial(results.exchange, posted=posted, **asked))
             if found is ELSEWHERE:
                 found = await state.turns(partial(offers.offer, **asked))
         misfit = found.why if isinstance(found, Misfit) else None
-        state.metrics.misfits.inc(misfit is not None)
+        measures.misfits.inc(misfit is not None)
         answer["misfit"] = misfit
-        answer["next"] = granted(found, ttl, state.metrics) if isinstance(found, Grant) else None
+        answer["next"] = granted(found, ttl, measures) if isinstance(found, Grant) else None
         if answer["next"] is None:
             headers["Retry-After"] = str(RETRY_AFTER_SECONDS)
-    _note(body, verdicts, state.metrics)
+    _note(body, verdicts, measures)
     answer["verdicts"] = [
         {"instance": v.instance, "verdict": v.verdict, "detail": v.detail} for v in verdicts
     ]
@@ -150,9 +151,10 @@ def _note(body: ResultsBody, verdicts: Sequence[Verdict], measures: Metrics) -> 
     for said, count in Counter(verdict.verdict for verdict in verdicts).items():
         measures.verdicts.labels(said).inc(count)
     for result, verdict in zip(body.results, verdicts, strict=True):
-        if verdict.verdict == "accepted" and isinstance(result.wall_seconds, int | float):
-            measures.run_seconds.observe(result.wall_seconds)
-        if verdict.refused:
+        if verdict.verdict == "accepted":
+            if result.wall_seconds is not None:
+                measures.run_seconds.observe(result.wall_seconds)
+        elif verdict.refused:
             log.info(
                 "result refused as %s: %s",
                 verdict.verdict,

@@ -25,7 +25,7 @@ from server.logic.verdicts import Report, Verdict, as_result, fault_in
 from server.store import studies
 from server.store.engine import reading, writing
 from server.store.ledger import Place
-from server.store.prepared import Prepared
+from server.store.prepared import Prepared, Rows
 from server.store.schema import comparisons
 from server.store.schema import studies as studies_table
 
@@ -42,6 +42,17 @@ _STUDIES_WAITING = Prepared(
     .distinct(),
     "host",
 )
+_ASK = Rows(
+    comparisons,
+    "study_id",
+    "row",
+    "position",
+    "state",
+    "attempts",
+    "asked_at",
+    "first_host",
+    "first_worker_id",
+)
 
 
 def ask(
@@ -56,21 +67,11 @@ def ask(
 ) -> None:
     """Ask for second opinions on those of a host's new final results that are chosen for it."""
     chosen = [
-        {
-            "study_id": study.id,
-            "row": result.row,
-            "position": result.position,
-            "state": "waiting",
-            "attempts": 0,
-            "asked_at": now,
-            "first_host": host,
-            "first_worker_id": worker,
-        }
+        (study.id, result.row, result.position, "waiting", 0, now, host, worker)
         for result in results
         if is_comparable(result) and is_chosen(study.plan.seed, result.row, result.position, share)
     ]
-    if chosen:
-        connection.execute(sa.insert(comparisons), chosen)
+    _ASK.add(connection, chosen)
 
 
 def studies_waiting(connection: Connection, models: Sequence[str], *, host: str) -> list[Study]:

@@ -11,7 +11,7 @@ from server.errors import NotFoundError
 from server.logic.slots import BUDGETS
 from server.logic.study import Study
 from server.store.engine import reading
-from server.store.ledger import Place, attempts_in
+from server.store.ledger import Place
 from server.store.schema import (
     comparisons,
     conflicts,
@@ -20,6 +20,7 @@ from server.store.schema import (
     superseded,
     workers,
 )
+from server.store.slots import attempts_in
 from server.store.studies import find
 
 #: What a listing can be narrowed to: the states of an instance, and how it ended.

@@ -10,11 +10,11 @@ from sqlalchemy.engine import Connection
 
 from server.logic.hosts import host_class, identity, objection_to_worker
 from server.logic.leases import Lease, expiry
+from server.logic.records import record
 from server.logic.slots import Slot
 from server.logic.study import Study
 from server.store import comparisons, ledger, studies, workers
-from server.store.engine import JSON
-from server.store.prepared import Prepared
+from server.store.prepared import Prepared, as_text
 from server.store.schema import leases
 
 # Built once: see `server.store.ledger`.
@@ -32,7 +32,7 @@ _FILE = Prepared(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Wish:
     """Who asks for instances, and for which."""
 
@@ -60,7 +60,7 @@ class Elsewhere(Enum):
 ELSEWHERE = Elsewhere.ELSEWHERE
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Grant:
     """A new lease and the study its instances belong to."""
 
@@ -69,7 +69,13 @@ class Grant:
 
 
 def offer(
-    connection: Connection, wish: Wish, *, now: float, ttl: float, locked: str | None = None
+    connection: Connection,
+    wish: Wish,
+    *,
+    now: float,
+    ttl: float,
+    locked: Study | None = None,
+    done: int = 0,
 ) -> Grant | Misfit | Elsewhere | None:
     """Lease instances of one running study that the worker fits: highest priority, then oldest.
 
@@ -82,7 +88,8 @@ def offer(
         wish: who asks, and for what.
         now: seconds, UTC epoch.
         ttl: seconds until the lease expires.
-        locked: the study that the transaction has locked; None if there is none.
+        locked: the study that the transaction has locked, as it is now; None if there is none.
+        done: final results that the worker has brought in the transaction.
 
     Returns:
         The lease of 1 to `max_instances` instances; None if there is nothing to do; Misfit if there
@@ -91,23 +98,28 @@ def offer(
     """
     objection: str | None = None
     granted: Grant | None = None
+    elsewhere = False
     waiting = [
         study
         for study in comparisons.studies_waiting(connection, wish.models, host=wish.host)
         if objection_to_worker(study, versions=wish.versions, tags=wish.tags) is None
     ]
     # If another worker is faster with a second opinion, this one asks again.
-    candidates = waiting[:1] or studies.with_work(connection, wish.models)
+    candidates = waiting[:1] or studies.with_work(connection, wish.models, known=locked)
     for candidate in candidates:
         unfit = objection_to_worker(candidate, versions=wish.versions, tags=wish.tags)
         if unfit is not None:
             objection = objection or unfit
             continue
-        if locked not in (None, candidate.id):
-            return ELSEWHERE
-        locked = None
+        if locked is None:
+            study = studies.locked(connection, candidate)
+        elif locked.id == candidate.id:
+            study, locked = locked, None
+        else:
+            elsewhere = True
+            break
         serve = _comparisons_of if waiting else _grant_of
-        granted = serve(connection, candidate, wish, now, ttl)
+        granted = serve(connection, study, wish, now, ttl)
         if granted is not None:
             break
     workers.introduce(
@@ -116,18 +128,20 @@ def offer(
         host=wish.host,
         versions=wish.versions,
         tags=wish.tags,
+        done=done,
         now=now,
     )
+    if elsewhere:
+        return ELSEWHERE
     if granted is not None:
         return replace(granted, lease=_file(connection, granted.lease, now))
     return None if objection is None else Misfit(why=objection)
 
 
 def _grant_of(
-    connection: Connection, candidate: Study, wish: Wish, now: float, ttl: float
+    connection: Connection, study: Study, wish: Wish, now: float, ttl: float
 ) -> Grant | None:
-    """Hand out instances of one study; None if it has none for this kind of machine."""
-    study = studies.locked(connection, candidate)
+    """Hand out instances of a locked study; None if it has none for this kind of machine."""
     mine = host_class(wish.versions)
     if study.state not in ("running", "draining"):
         return None
@@ -162,10 +176,9 @@ def _grant_of(
 
 
 def _comparisons_of(
-    connection: Connection, candidate: Study, wish: Wish, now: float, ttl: float
+    connection: Connection, study: Study, wish: Wish, now: float, ttl: float
 ) -> Grant | None:
-    """Hand out results of other hosts to be computed again; None if somebody was faster."""
-    study = studies.locked(connection, candidate)
+    """Hand out a locked study's results to be computed again; None if somebody was faster."""
     lease_id = uuid4().hex
     places = comparisons.hand_out(
         connection, study, host=wish.host, lease=lease_id, limit=wish.max_instances
@@ -233,7 +246,7 @@ def _file(connection: Connection, lease: Lease, now: float) -> Lease:
         lease.state,
         now,
         lease.expires_at,
-        JSON.encode(lease.instances),
+        as_text(lease.instances),
         lease.host_class,
         lease.compares,
     ).fetchone()

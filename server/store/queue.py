@@ -1,10 +1,10 @@
 """Leases: granting and keeping them, and taking back what nobody works on any more."""
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sqlalchemy as sa
+from pydantic_core import from_json
 from sqlalchemy.engine import Connection, Engine
 
 from server.errors import ConflictError
@@ -14,7 +14,7 @@ from server.logic.leases import (
     objection_to_release,
     objection_to_renewal,
 )
-from server.logic.slots import Slot, after_attempt, handed_back
+from server.logic.slots import Result, Slot, after_attempt, handed_back
 from server.logic.study import Study
 from server.store import comparisons, ledger, offers, studies, workers
 from server.store.engine import reading, writing
@@ -138,7 +138,9 @@ def release(engine: Engine, lease_id: str, *, fence: int, now: float) -> None:
         before = ledger.rows(connection, study, lease.instances)
         given_up = ledger.held(before, lease=lease.id)
         after = {place: handed_back(slot) for place, slot in given_up.items()}
-        ledger.settle(connection, study, before=before, after=after, filed=(), now=now)
+        ledger.settle(
+            connection, study, before=before, after=after, filed=(), worker=lease.worker, now=now
+        )
         workers.heard_from(connection, lease.worker, now=now)
 
 
@@ -203,7 +205,7 @@ def _lose(
 ) -> Study:
     """Count instances as lost once more; returns the study as it is now."""
     after: dict[ledger.Place, Slot] = {}
-    filed: list[ledger.Filed] = []
+    filed: list[Result] = []
     at_work = workers.hosts_at_work(connection, study.id, host_class=lease.host_class, now=now)
     for place, slot in ledger.held(before, lease=lease.id).items():
         reason = f"lost with lease {lease.id} of worker {lease.worker}, which fell silent"
@@ -211,8 +213,10 @@ def _lose(
             slot, cause="lost", reason=reason, host=lease.host, at_work=at_work
         )
         if final is not None:
-            filed.append(ledger.Filed(result=final, worker=lease.worker))
-    return ledger.settle(connection, study, before=before, after=after, filed=filed, now=now)
+            filed.append(final)
+    return ledger.settle(
+        connection, study, before=before, after=after, filed=filed, worker=lease.worker, now=now
+    )
 
 
 def _lease(row: Sequence[Any]) -> Lease:
@@ -225,7 +229,7 @@ def _lease(row: Sequence[Any]) -> Lease:
         study=study,
         state=state,
         expires_at=expires_at,
-        instances=tuple(map(tuple, json.loads(instances))),
+        instances=tuple(map(tuple, from_json(instances))),
         host_class=host_class,
         host=host,
         compares=bool(compares),

@@ -26,6 +26,7 @@ from server.store.schema import (
     workers,
 )
 from server.store.schema import studies as studies_table
+from server.store.slots import SLOTS, from_row
 
 
 def rerun(
@@ -119,7 +120,7 @@ def _reopen(
 ) -> tuple[Study, int]:
     """Reopen instances of a locked study, whether or not they have a result."""
     here = sa.and_(instances.c.study_id == study.id, where)
-    slots = [ledger.slot_of(row) for row in connection.execute(ledger.SLOTS.where(here))]
+    slots = [from_row(row) for row in connection.execute(SLOTS.where(here))]
     ledger.update(connection, study, [reopened(slot, unbound=unbound) for slot in slots])
     taken = _take_back(
         connection, study, {slot.row for slot in slots if slot.state == "done"}, now, why

@@ -1,7 +1,6 @@
 """Results: taking them in, and reading them out in order."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import sqlalchemy as sa
@@ -9,6 +8,7 @@ from sqlalchemy.engine import Connection, Engine
 
 from server.errors import NotFoundError
 from server.logic.leases import Lease, objection_to_results
+from server.logic.records import record
 from server.logic.slots import Result, Slot
 from server.logic.study import Study, instance_id
 from server.logic.verdicts import Judgement, Report, Verdict, judge
@@ -21,7 +21,7 @@ from server.store.schema import conflicts, results
 PAGE = 1000
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class Post:
     """Results as a worker posts them, and what they are judged by."""
 
@@ -58,12 +58,10 @@ def post(
         tolerance=tolerance,
     )
     with writing(engine) as connection:
-        return take(connection, posted, now=now, ttl=ttl)[0]
+        return take(connection, posted, now=now, ttl=ttl)
 
 
-def take(
-    connection: Connection, posted: Post, *, now: float, ttl: float
-) -> tuple[list[Verdict], str | None]:
+def take(connection: Connection, posted: Post, *, now: float, ttl: float) -> list[Verdict]:
     """Judge and file reports, the good ones whatever becomes of the others.
 
     Args:
@@ -73,44 +71,66 @@ def take(
         ttl: seconds the lease lasts from now on, if it still holds anything.
 
     Returns:
-        A verdict for each report, in order; and the study that is locked now, None if none is.
+        A verdict for each report, in order.
     """
-    reports = posted.reports
-    lease = queue.find(connection, posted.lease)
-    if lease is None:
-        return _to_all(reports, "unknown", "there is no such lease"), None
-    objection = objection_to_results(lease, fence=posted.fence, worker=posted.worker)
-    if objection is not None:
-        return _to_all(reports, "invalid", objection), None
-    try:
-        study = studies.find(connection, lease.study, lock=True)
-    except NotFoundError:
-        # Deleted since its lease was read, which took no lock.
-        return _to_all(reports, "unknown", "the study was deleted"), None
-    if lease.compares:
-        verdicts = comparisons.judge(
-            connection,
-            study,
-            reports,
-            lease=lease,
-            stored=_at(connection, study, lease.instances),
-            host=lease.host,
-            tolerance=posted.tolerance,
-            now=now,
-        )
-        _keep_or_end(connection, lease, comparisons.are_held(connection, lease), now, ttl)
-        workers.heard_from(connection, posted.worker, now=now)
-    else:
-        verdicts = _file(connection, posted, study, lease, now, ttl)
-    return verdicts, study.id
+    taken = _take(connection, posted, now, ttl)
+    if taken.study is not None:
+        workers.heard_from(connection, posted.worker, done=taken.done, now=now)
+    return taken.verdicts
 
 
 def exchange(
     connection: Connection, posted: Post, wish: Wish, *, now: float, ttl: float
 ) -> tuple[list[Verdict], Grant | Misfit | Elsewhere | None]:
     """Take in results and lease the next instances: `take` and `offers.offer` at once."""
-    verdicts, locked = take(connection, posted, now=now, ttl=ttl)
-    return verdicts, offers.offer(connection, wish, now=now, ttl=ttl, locked=locked)
+    taken = _take(connection, posted, now, ttl)
+    same = wish.worker == posted.worker
+    if taken.study is not None and not same:
+        workers.heard_from(connection, posted.worker, done=taken.done, now=now)
+    done = taken.done if same else 0
+    found = offers.offer(connection, wish, now=now, ttl=ttl, locked=taken.study, done=done)
+    return taken.verdicts, found
+
+
+@record
+class _Taken:
+    """What became of results."""
+
+    verdicts: list[Verdict]
+    #: The study that is locked, as it is now; None if the lease is not the worker's.
+    study: Study | None = None
+    #: How many of the results are final.
+    done: int = 0
+
+
+def _take(connection: Connection, posted: Post, now: float, ttl: float) -> _Taken:
+    """Do what `take` does but for noting that the worker was in touch."""
+    reports = posted.reports
+    lease = queue.find(connection, posted.lease)
+    if lease is None:
+        return _to_all(reports, "unknown", "there is no such lease")
+    objection = objection_to_results(lease, fence=posted.fence, worker=posted.worker)
+    if objection is not None:
+        return _to_all(reports, "invalid", objection)
+    try:
+        study = studies.find(connection, lease.study, lock=True)
+    except NotFoundError:
+        # Deleted since its lease was read, which took no lock.
+        return _to_all(reports, "unknown", "the study was deleted")
+    if not lease.compares:
+        return _file(connection, posted, study, lease, now, ttl)
+    verdicts = comparisons.judge(
+        connection,
+        study,
+        reports,
+        lease=lease,
+        stored=_at(connection, study, lease.instances),
+        host=lease.host,
+        tolerance=posted.tolerance,
+        now=now,
+    )
+    _keep_or_end(connection, lease, comparisons.are_held(connection, lease), now, ttl)
+    return _Taken(verdicts=verdicts, study=study)
 
 
 def _file(
@@ -120,7 +140,7 @@ def _file(
     lease: Lease,
     now: float,
     ttl: float,
-) -> list[Verdict]:
+) -> _Taken:
     """Judge reports on instances of a study and write what follows."""
     places = {instance_id(study.id, *place): place for place in lease.instances}
     named = [places[report.instance] for report in posted.reports if report.instance in places]
@@ -148,8 +168,9 @@ def _file(
     )
     final = [j.result for j in judgements if j.result is not None]
     after = {(j.slot.row, j.slot.position): j.slot for j in judgements if j.slot is not None}
-    filed = [ledger.Filed(result=result, worker=posted.worker) for result in final]
-    ledger.settle(connection, study, before=before, after=after, filed=filed, now=now)
+    study = ledger.settle(
+        connection, study, before=before, after=after, filed=final, worker=posted.worker, now=now
+    )
     contradictions = [j.conflict for j in judgements if j.conflict is not None]
     _record_conflicts(connection, study, contradictions, worker=posted.worker, now=now)
     comparisons.ask(
@@ -169,8 +190,8 @@ def _file(
         lease=lease.id,
     )
     _keep_or_end(connection, lease, holds, now, ttl)
-    workers.heard_from(connection, posted.worker, done=len(final), now=now)
-    return [judgement.verdict for judgement in judgements]
+    verdicts = [judgement.verdict for judgement in judgements]
+    return _Taken(verdicts=verdicts, study=study, done=len(final))
 
 
 def in_order(engine: Engine, study: Study) -> Iterator[tuple[Result, str]]:
@@ -237,8 +258,10 @@ def _keep_or_end(connection: Connection, lease: Lease, holds: bool, now: float, 
         queue.end(connection, lease, "finished")
 
 
-def _to_all(reports: Sequence[Report], verdict: str, detail: str) -> list[Verdict]:
-    return [Verdict(instance=r.instance, verdict=verdict, detail=detail) for r in reports]
+def _to_all(reports: Sequence[Report], verdict: str, detail: str) -> _Taken:
+    return _Taken(
+        verdicts=[Verdict(instance=r.instance, verdict=verdict, detail=detail) for r in reports]
+    )
 
 
 def _is_done(slot: Slot | None) -> bool:

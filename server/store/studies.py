@@ -8,14 +8,15 @@ from typing import Any
 from uuid import uuid4
 
 import sqlalchemy as sa
+from pydantic_core import from_json
 from sqlalchemy.engine import Connection, Engine
 
 from analysis.distributions import Distribution
 from server.errors import ConflictError, NotFoundError
 from server.logic.progress import block_ends, window_start
 from server.logic.study import Plan, Study
-from server.store.engine import JSON, insert, reading, writing
-from server.store.prepared import Prepared, text
+from server.store.engine import insert, reading, writing
+from server.store.prepared import Prepared, as_text, text
 from server.store.schema import leases, results, studies
 
 # Built once: see `server.store.ledger`.
@@ -71,8 +72,10 @@ _COURSE = (
     "identity",
     "edition",
 )
-_SAVE = Prepared(
-    sa.update(studies).where(studies.c.id == sa.bindparam("of_study")), "of_study", *_COURSE
+_ONE_TO_SAVE = sa.update(studies).where(studies.c.id == sa.bindparam("of_study"))
+_SAVE, _SAVE_BUT_STATE = (
+    Prepared(_ONE_TO_SAVE, "of_study", *_COURSE),
+    Prepared(_ONE_TO_SAVE, "of_study", *_COURSE[1:]),
 )
 
 
@@ -229,18 +232,36 @@ def locked(connection: Connection, study: Study) -> Study:
     return find(connection, study.id, lock=True)
 
 
-def with_work(connection: Connection, models: Sequence[str]) -> list[Study]:
-    """Return the running studies of `models` with something to hand out, first to serve first."""
-    found = map(_study, _WITH_WORK.execute(connection))
+def with_work(
+    connection: Connection, models: Sequence[str], *, known: Study | None = None
+) -> list[Study]:
+    """Return the running studies of `models` with something to hand out, first to serve first.
+
+    Args:
+        connection: a transaction.
+        models: the models that may be asked for.
+        known: a study as it is now, if the transaction knows one.
+    """
+    found = [
+        known if known is not None and row[0] == known.id else _study(row)
+        for row in _WITH_WORK.execute(connection)
+    ]
     return [study for study in found if study.plan.model in models]
 
 
-def save(connection: Connection, study: Study) -> None:
-    """Write back how far a study is, which was read, locked, in the same transaction."""
+def save(connection: Connection, study: Study, *, state: bool = True) -> None:
+    """Write back how far a study is, which was read, locked, in the same transaction.
+
+    `state`: whether its state may have changed; an index is written for it even if it has not.
+    """
     course = _course(study)
     for name in ("failures", "identity"):
-        course[name] = None if course[name] is None else JSON.encode(course[name])
-    _SAVE.execute(connection, study.id, *course.values())
+        course[name] = None if course[name] is None else as_text(course[name])
+    if state:
+        _SAVE.execute(connection, study.id, *course.values())
+    else:
+        _, *others = course.values()
+        _SAVE_BUT_STATE.execute(connection, study.id, *others)
 
 
 def _row(study: Study) -> dict[str, Any]:
@@ -311,10 +332,10 @@ def _study(row: Sequence[Any]) -> Study:
         result_count=result_count,
         ok_count=ok_count,
         rows_complete=rows_complete,
-        failures=json.loads(failures),
+        failures=from_json(failures),
         priority=priority,
-        tags=tuple(json.loads(tags)),
-        identity=None if identity is None else json.loads(identity),
+        tags=tuple(from_json(tags)),
+        identity=None if identity is None else from_json(identity),
         edition=edition,
     )
 

@@ -8,8 +8,8 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection, Engine
 
 from server.logic.hosts import host_class
-from server.store.engine import JSON, reading
-from server.store.prepared import Prepared
+from server.store.engine import reading
+from server.store.prepared import Prepared, as_text
 from server.store.schema import leases, workers
 
 # Built once: see `server.store.ledger`.
@@ -32,7 +32,11 @@ _TOLD = ("host", "versions", "host_class", "tags", "last_seen")
 _INTRODUCE = {
     dialect: Prepared(
         statement.on_conflict_do_update(
-            index_elements=["id"], set_={name: statement.excluded[name] for name in _TOLD}
+            index_elements=["id"],
+            set_={
+                **{name: statement.excluded[name] for name in _TOLD},
+                "instances_done": workers.c.instances_done + statement.excluded.instances_done,
+            },
         ),
         "id",
         "instances_done",
@@ -88,17 +92,18 @@ def introduce(
     host: str,
     versions: Mapping[str, str],
     tags: Sequence[str],
+    done: int = 0,
     now: float,
 ) -> None:
-    """Remember a worker, or what it now says of itself."""
+    """Remember a worker, or what it now says of itself, and how many final results it brought."""
     _INTRODUCE[connection.dialect.name].execute(
         connection,
         worker,
-        0,
+        done,
         host,
-        JSON.encode(dict(versions)),
+        as_text(dict(versions)),
         host_class(versions),
-        JSON.encode(list(tags)),
+        as_text(list(tags)),
         now,
     )
 

@@ -111,6 +111,32 @@ def test_what_comes_twice_is_a_duplicate_and_its_second_lease_another_one(
     assert check.faults(app.state.engine) == []
 
 
+def brought(client: TestClient) -> dict[str, int]:
+    """Return how many final results each worker has brought."""
+    return {w["id"]: w["instances_done"] for w in client.get("/v1/workers").json()["workers"]}
+
+
+def test_a_worker_s_results_count_once_wherever_the_next_lease_comes_from(
+    client: TestClient, lease: Json
+) -> None:
+    following = exchange(client, lease, asking(max_instances=3)).json()["next"]
+    assert brought(client) == {"w": 5}
+    submit(client, name="urgent", priority=5)
+    elsewhere = exchange(client, following, asking(max_instances=1)).json()["next"]
+    assert elsewhere["instances"][0]["study"] != following["instances"][0]["study"]
+    assert brought(client) == {"w": 8}
+    exchange(client, following, asking(max_instances=1))
+    assert brought(client) == {"w": 8}
+
+
+def test_results_count_for_the_worker_that_computed_them_whoever_asks_for_more(
+    client: TestClient, lease: Json
+) -> None:
+    other = {"id": "other", "host": "pc", "versions": {"mujoco": "4.0.1"}}
+    assert exchange(client, lease, asking(worker=other)).json()["next"] is not None
+    assert brought(client) == {"w": 5, "other": 0}
+
+
 def test_a_wish_that_cannot_be_read_says_where(client: TestClient, lease: Json) -> None:
     problem = is_problem(exchange(client, lease, asking(max_instances=0)), 422)
     assert problem["errors"][0]["pointer"] == "/next/max_instances"

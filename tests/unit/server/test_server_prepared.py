@@ -8,7 +8,7 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
 from server.store.engine import reading, writing
-from server.store.prepared import Prepared, text
+from server.store.prepared import ROWS, Prepared, Rows, text
 
 TABLE = sa.Table(
     "things",
@@ -56,6 +56,24 @@ def test_what_is_written_once_or_often_is_read_as_it_was_meant(things: Engine) -
 def test_nothing_at_all_may_be_written_often(things: Engine) -> None:
     with writing(things) as connection:
         INSERT.execute_many(connection, [])
+    assert rows(things) == []
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, ROWS, ROWS + 1, 3 * ROWS])
+def test_rows_are_added_as_they_are_given_however_many(things: Engine, count: int) -> None:
+    add = Rows(TABLE, "state", "id", "row", "what")
+    with writing(things) as connection:
+        add.add(connection, [(None, n, 2**40, f'{{"n": {n}}}') for n in range(count)])
+        add.add(connection, [("it's %s ?", count, None, None)])
+    assert rows(things) == [
+        *((n, 2**40, {"n": n}, None) for n in range(count)),
+        (count, None, None, "it's %s ?"),
+    ]
+
+
+def test_of_rows_one_of_which_is_refused_none_is_added(things: Engine) -> None:
+    with pytest.raises(DBAPIError), writing(things) as connection:
+        Rows(TABLE, "id").add(connection, [(1,), (2,), (1,)])
     assert rows(things) == []
 
 
