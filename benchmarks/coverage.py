@@ -121,6 +121,7 @@ def scipy(values: Array, seed: int) -> Array:
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # its own, on idle factors
+        np.random.seed(seed)  # its bootstrap takes no generator, but NumPy's global one if seeded
         spread = result.bootstrap(confidence_level=LEVEL, n_resamples=200)
     shares = (spread.first_order, spread.total_order)
     return np.stack(
