@@ -193,6 +193,11 @@ class Estimator(ABC):
             )
         return found
 
+    def tails(self) -> dict[str, Tail]:
+        """Return how the means of squares among the indices are made up, where that is known."""
+        sample = self._indices(self._weighted(1), self._weighted_sample())
+        return {name: index.tail for name, index in sample.items() if index.tail is not None}
+
     def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
         """Return indices by other estimators of the same runs: by its name and the index's.
 

@@ -103,7 +103,8 @@ def fieller(
         of_whole = _deviations(relative, present)
         squares = (left**2).sum(axis=0)
         skewed = np.where(squares > 0.0, (left**3).sum(axis=0) / squares, 0.0)
-        shift = -(((count - 1) / count) ** 2) * skewed / 6.0
+        # The third moment without bias (Fisher 1930).
+        shift = -(count - 1) / np.maximum(count - 2, 1) * skewed / 6.0
         scale = _quantile(present, level) ** 2 * (count - 1) / count
         # Fieller's interval has no end where the whole may be 0. What makes it long is let in up to
         # one half; from 64 rows on it is a quarter at most (`benchmarks.functions`, 8000 seeds).

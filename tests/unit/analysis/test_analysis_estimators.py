@@ -186,6 +186,15 @@ def test_an_interval_is_made_of_what_the_index_is_without_each_block(
     np.testing.assert_allclose(found.high, expected.high, rtol=1e-9, atol=1e-12)
 
 
+def test_the_tails_of_a_sample_are_those_of_its_statistics() -> None:
+    estimator = fed(SaltelliEstimator, values_of(SaltelliEstimator, 24))
+    of_statistics = estimator.statistics()["total_order"].tail
+    assert of_statistics is not None and estimator.tails().keys() == {"total_order"}
+    rows = estimator.tails()["total_order"].rows
+    assert np.array_equal(rows, of_statistics.rows, equal_nan=True) and np.any(rows > 2.0)
+    assert empty(MorrisEstimator).tails() == {}
+
+
 @pytest.mark.parametrize("cls", CLASSES)
 @settings(max_examples=15, deadline=None)
 @given(order=st.permutations(range(12)), cuts=st.sets(st.integers(1, 11)), data=st.data())
