@@ -15,7 +15,7 @@ from scipy.special import gammainccinv, gammaincinv, ndtr, stdtrit
 
 Array = NDArray[np.float64]
 
-#: Of Student's t as a tail shortens them: with fewer it has no variance.
+#: Degrees of freedom that a heavy tail leaves of Student's t at least: with two it has no variance.
 LEAST_FREEDOM = 3.0
 
 
@@ -106,8 +106,8 @@ def fieller(
         # The third moment without bias (Fisher 1930).
         shift = -(count - 1) / np.maximum(count - 2, 1) * skewed / 6.0
         scale = _quantile(present, level) ** 2 * (count - 1) / count
-        # Fieller's interval has no end where the whole may be 0. What makes it long is let in up to
-        # one half; from 64 rows on it is a quarter at most (`benchmarks.functions`, 8000 seeds).
+        # Fieller's interval has no end where the whole may be 0. That the whole errs may halve this
+        # and no more, so that an interval has ends; it would do so of a few rows only.
         less = np.maximum(1.0 - scale * (of_whole**2).sum(axis=0), 0.5)
         middle = shift - scale * (left * of_whole).sum(axis=0)
         half = np.sqrt(np.maximum(middle**2 - less * (shift**2 - scale * squares), 0.0))
