@@ -1,9 +1,9 @@
 """How right the indices are, how honest their intervals, and how fast they stream.
 
-`make bench-analysis`, or `python -m benchmarks.analysis [SEEDS] [ALL DESIGNS] [RIVALS]`: 3000 seeds
-for the default base points, of which the other base points get 1000, SALib and SciPy 300, take some
-12 minutes of two idle cores. OpenBLAS must have one thread (the target says so): several processes
-with several threads each wait for each other.
+`make bench-analysis`, or `python -m benchmarks.analysis [SEEDS] [ALL DESIGNS] [RIVALS]`: 10 000
+seeds for the default base points, of which the other base points get 1000, SALib and SciPy 300,
+take a quarter of an hour of two idle cores. OpenBLAS must have one thread (the target says so):
+several processes with several threads each wait for each other.
 """
 
 import sys
@@ -69,7 +69,7 @@ def print_latency() -> None:
 def main() -> None:
     """Print all tables."""
     asked = [int(one) for one in sys.argv[1:]]
-    seeds, all_designs, with_rivals = asked + [3000, 1000, 300][len(asked) :]
+    seeds, all_designs, with_rivals = asked + [10_000, 1000, 300][len(asked) :]
     print(describe_machine())
     print_speed()
     print_latency()

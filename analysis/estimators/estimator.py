@@ -37,9 +37,10 @@ class Index:
     weighted: NDArray[np.float64]
     #: From how many rows, of the same shape.
     count: NDArray[np.int64]
-    #: `Statistic.power` and `Statistic.tail`.
+    #: `Statistic.power`, `Statistic.tail`, and `Statistic.whole` in every weighting.
     power: int | None = None
     tail: Tail | None = None
+    whole: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,11 +69,21 @@ class Statistic:
     power: int | None
     #: How its mean of squares is made up, where that is known; shape (outputs, factors).
     tail: Tail | None = None
+    #: What it is a share of, if it may have either sign, in the sample and without each block; of a
+    #: shape that broadcasts to (1 + BLOCKS, ...).
+    whole: NDArray[np.float64] | None = None
 
     def estimate(self, level: float) -> Estimate:
         """Return it with its interval at `level`; ValueError if that is not between 0 and 1."""
-        stretch = None if self.tail is None else self.tail.stretch
-        return estimate(self.weighted[0], self.without, self.present, level, self.power, stretch)
+        return estimate(
+            self.weighted[0],
+            self.without,
+            self.present,
+            level,
+            power=self.power,
+            stretch=None if self.tail is None else self.tail.stretch,
+            whole=self.whole,
+        )
 
 
 class Estimator(ABC):
@@ -160,6 +171,7 @@ class Estimator(ABC):
                 present=index.count[1:FIRST] < index.count[0],
                 power=index.power,
                 tail=index.tail,
+                whole=None if index.whole is None else index.whole[:FIRST],
             )
             for name, index in self._indices(self._weighted(), self._weighted_sample()).items()
         }
@@ -170,9 +182,21 @@ class Estimator(ABC):
         some = self._indices(self._weighted(FIRST), self._weighted_sample())
         for name, index in some.items():
             values, present = index.weighted, index.count[1:] < index.count[0]
-            stretch = None if index.tail is None else index.tail.stretch
-            found[name] = estimate(values[0], values[1:], present, level, index.power, stretch)
+            found[name] = estimate(
+                values[0],
+                values[1:],
+                present,
+                level,
+                power=index.power,
+                stretch=None if index.tail is None else index.tail.stretch,
+                whole=index.whole,
+            )
         return found
+
+    def tails(self) -> dict[str, Tail]:
+        """Return how the means of squares among the indices are made up, where that is known."""
+        sample = self._indices(self._weighted(1), self._weighted_sample())
+        return {name: index.tail for name, index in sample.items() if index.tail is not None}
 
     def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
         """Return indices by other estimators of the same runs: by its name and the index's.

@@ -58,7 +58,7 @@ class SaltelliEstimator(Estimator):
         chance = 1.0 - share(0.5 * sums.mean("between_squared"), variance)
         firsts, totals = sums.count("product"), sums.count("difference_squared")
         return {
-            "first_order": Index(weighted=first, count=firsts),
+            "first_order": Index(weighted=first, count=firsts, whole=variance[..., None]),
             "total_order": Index(
                 weighted=total,
                 count=totals,
@@ -71,11 +71,15 @@ class SaltelliEstimator(Estimator):
                     n=totals[0],
                 ),
             ),
-            "sum_first_order": Index(weighted=first.sum(axis=-1), count=firsts.min(axis=-1)),
+            "sum_first_order": Index(
+                weighted=first.sum(axis=-1), count=firsts.min(axis=-1), whole=variance
+            ),
             "sum_total_order": Index(
                 weighted=total.sum(axis=-1), count=totals.min(axis=-1), power=1
             ),
-            "dummy_first_order": Index(weighted=chance, count=sums.count("between_squared")),
+            "dummy_first_order": Index(
+                weighted=chance, count=sums.count("between_squared"), whole=variance
+            ),
         }
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:

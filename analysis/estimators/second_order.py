@@ -30,7 +30,9 @@ class SecondOrderEstimator(SaltelliEstimator):
     def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
         """Return what `SaltelliEstimator` does, and "second_order" of every output and pair."""
         variance = sums.variance("value", ddof=0)[..., None]
-        pairs = Index(weighted=share(sums.mean("pair"), variance), count=sums.count("pair"))
+        pairs = Index(
+            weighted=share(sums.mean("pair"), variance), count=sums.count("pair"), whole=variance
+        )
         return {**super()._indices(sums, sample), "second_order": pairs}
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:

@@ -19,7 +19,7 @@ from analysis.estimators import (
     estimator_class,
 )
 from analysis.estimators.bootstrap import replicate_weights
-from analysis.estimators.intervals import satterthwaite, student
+from analysis.estimators.intervals import fieller, satterthwaite, student
 from analysis.estimators.tails import tail
 
 SEED, FACTORS, OUTPUTS = 12, 3, 2
@@ -165,22 +165,34 @@ def test_an_interval_is_made_of_what_the_index_is_without_each_block(
     values[5, 1] = np.nan
     found = fed(cls, values).indices(level=0.8)[name]
     blocks = blocks_of("sobol", SEED, range(24))
-    slow = []
+    slow, wholes = [], [np.nanvar(values[:, :2], axis=(0, 1))]
     for block in range(BLOCKS):
         others = np.flatnonzero(blocks != block)
+        wholes.append(np.nanvar(values[others, :2], axis=(0, 1)))
         without = empty(cls)
         without.add_rows(others.tolist(), values[others])
         slow.append(without.indices()[name].value)
     present = np.ones((BLOCKS, *found.value.shape), dtype=np.bool_)
-    # Of the six indices only the total-order one says more of its spread than its blocks do.
-    stretch = stretch_of(values) if name == "total_order" else None
-    expected = (
-        student(found.value, np.stack(slow), present, 0.8)
-        if power is None
-        else satterthwaite(found.value, np.stack(slow), present, 0.8, power, stretch)
-    )
+    if power is not None:
+        # Of these only the total-order one says more of its spread than its blocks do.
+        stretch = stretch_of(values) if name == "total_order" else None
+        expected = satterthwaite(found.value, np.stack(slow), present, 0.8, power, stretch)
+    elif name == "mu":
+        expected = student(found.value, np.stack(slow), present, 0.8)
+    else:
+        whole = np.stack(wholes).reshape(-1, OUTPUTS, *[1] * (found.value.ndim - 1))
+        expected = fieller(found.value, np.stack(slow), present, 0.8, whole)
     np.testing.assert_allclose(found.low, expected.low, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(found.high, expected.high, rtol=1e-9, atol=1e-12)
+
+
+def test_the_tails_of_a_sample_are_those_of_its_statistics() -> None:
+    estimator = fed(SaltelliEstimator, values_of(SaltelliEstimator, 24))
+    of_statistics = estimator.statistics()["total_order"].tail
+    assert of_statistics is not None and estimator.tails().keys() == {"total_order"}
+    rows = estimator.tails()["total_order"].rows
+    assert np.array_equal(rows, of_statistics.rows, equal_nan=True) and np.any(rows > 2.0)
+    assert empty(MorrisEstimator).tails() == {}
 
 
 @pytest.mark.parametrize("cls", CLASSES)

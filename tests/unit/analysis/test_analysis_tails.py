@@ -118,3 +118,16 @@ def test_a_rare_event_is_told_by_the_number_of_rows_where_no_interval_is_honest(
     few = tails.rows < FEWEST_ROWS
     assert np.mean(few) > 0.9
     assert np.mean(((found.low <= truth) & (truth <= found.high))[few]) < 0.7
+
+
+def test_a_tail_that_bends_more_than_is_taken_for_granted_is_held_less_often() -> None:
+    """Squares of lognormal numbers, 64 rows: what a study of such differences may expect."""
+    size = np.exp(np.random.default_rng(5).normal(size=(64, 4000)))
+    blocks = (size**2).reshape(BLOCKS, 8, -1).mean(axis=1)
+    value, without = blocks.mean(axis=0), (blocks.sum(axis=0) - blocks) / (BLOCKS - 1)
+    found = satterthwaite(
+        value, without, np.ones(blocks.shape, dtype=np.bool_), 0.9, stretch=tail_of(size).stretch
+    )
+    assert np.mean((found.low <= np.exp(2.0)) & (np.exp(2.0) <= found.high)) == pytest.approx(
+        0.80, abs=0.03
+    )
