@@ -30,23 +30,23 @@ AUTHORS = {"affine": (4.54, 6.0), "paper": (8.47, 9.68), "authors": (6.20, 6.10)
 
 
 def print_nominal() -> None:
-    outputs, refitted = assess({}).outputs, assess({"refitted_muscles": 1.0}).outputs
+    outputs, papers = assess({}).outputs, assess({"refitted_muscles": 0.0}).outputs
     print(
-        "Nominal wearer, Nm/rad           ours                authors' model      refitted muscles"
+        "Nominal wearer, Nm/rad           ours                authors' model      paper's muscles"
     )
     print(
         "form       estimate    true   error   estimate    true   error   estimate    true   error"
     )
     for form, (estimate, true) in AUTHORS.items():
         suffix = "" if form == "affine" else f"_{form}"
-        ours, anew = (
+        ours, old = (
             [values[f"stiffness_{name}{suffix}"] for name in ("estimate", "true", "error")]
-            for values in (outputs, refitted)
+            for values in (outputs, papers)
         )
         print(
             f"{form:10s} {ours[0]:8.2f} {ours[1]:7.2f} {ours[2]:7.2f} "
             f"{estimate:10.2f} {true:7.2f} {estimate - true:7.2f} "
-            f"{anew[0]:10.2f} {anew[1]:7.2f} {anew[2]:7.2f}"
+            f"{old[0]:10.2f} {old[1]:7.2f} {old[2]:7.2f}"
         )
     for name, unit in (
         ("damping_estimate", "Nm s/rad"),
@@ -111,15 +111,14 @@ def print_co_contraction() -> None:
 
 
 def print_corners() -> None:
-    """Show which corners of Table 1 need an extension stop once the muscles are refitted."""
+    """Show which corners of Table 1 need an extension stop."""
     for stop in (0.0, 30.0):
-        conditions = {"refitted_muscles": 1.0, "extension_stop": stop}
         outcomes = Counter(
-            assess({**dict(zip(NOMINAL, corner, strict=True)), **conditions}).outcome
+            assess({**dict(zip(NOMINAL, corner, strict=True)), "extension_stop": stop}).outcome
             for corner in product(*((factor.low, factor.high) for factor in TABLE_1))
         )
         found = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
-        print(f"\n64 corners, refitted muscles, extension_stop {stop:g} Nm/rad: {found}")
+        print(f"\n64 corners, extension_stop {stop:g} Nm/rad: {found}")
 
 
 def print_table_1(points: int) -> None:

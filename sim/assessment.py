@@ -170,7 +170,7 @@ def fit_record(record: Record) -> dict[str, tuple[Fit, Fit]]:
         q_velocity=record.q_velocity[:, joint],
         inferred_torque=inferred,
         published_torque=published,
-        muscle_torque=record.muscle_torque,
+        human_torque=record.human_torque,
     )
 
 

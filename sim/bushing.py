@@ -51,8 +51,9 @@ DAMPING_SHARE = 0.5
 #: Axial stiffness, N/m: a misaligned limb slides some centimetres against some tens of newtons of
 #: friction, whatever the tissue; the secant of that.
 AXIAL_STIFFNESS = 1500.0
-#: Torsional stiffness as a share of the radial one.
-TORSIONAL = 0.3
+#: Stiffness of both rods that resist torsion, N/m: friction's too, which holds a limb whatever the
+#: tissue (as a share of the radial one the softest tissue let go of it).
+TORSIONAL_STIFFNESS = 2400.0
 #: The limbs' divisions (which only validity looks at) and the step.
 FIDELITY = replace(CAMPAIGN, name="bushing", step=0.01)
 #: The start: net torque of an arm at rest, Nm; most iterations and longest step of Newton's method,
@@ -193,8 +194,8 @@ def _add_bushing(
         ("radial_3", (lever, 0.0, 0.0), 2, radial / 2),
         ("radial_4", (-lever, 0.0, 0.0), 2, radial / 2),
         ("axial", (0.0, 0.0, 0.0), 0, AXIAL_STIFFNESS),
-        ("torsion_1", (0.0, cuff.radius, 0.0), 2, TORSIONAL * radial / 2),
-        ("torsion_2", (0.0, -cuff.radius, 0.0), 2, TORSIONAL * radial / 2),
+        ("torsion_1", (0.0, cuff.radius, 0.0), 2, TORSIONAL_STIFFNESS),
+        ("torsion_2", (0.0, -cuff.radius, 0.0), 2, TORSIONAL_STIFFNESS),
     ):
         place = np.array(at)
         # Only pressed tissue hardens; friction does not.

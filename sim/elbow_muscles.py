@@ -1,5 +1,5 @@
 """The elbow's muscles, fitted twice to the isometric torques of Amis et al. 1980 and Buchanan et
-al. 1998: by the authors (the default), and anew, with a triceps that passes round the elbow.
+al. 1998: by the authors, and anew (the default), with a triceps that passes round the elbow.
 
 In the authors' model the heads of the triceps are straight lines, whose lever falls from 31 mm to
 nothing between 30 and 130 degrees of flexion, so that extension peaks 25 degrees before the
@@ -45,12 +45,13 @@ _WAY = (
     _near_elbow(-0.0228, 0.0002, -0.0235),
     ("ulna", (-0.0105, -0.0008, -0.0219)),
 )
-#: How far the heads are stretched from 0 to 120 degrees at the nominal wearer, m: in units of their
-#: optimal fibre lengths (Holzbaur et al. 2005, table 1, m) the width of their operating ranges.
+#: How far the heads are stretched from 0 to 120 degrees at the nominal wearer, m, and their optimal
+#: fibre lengths (Holzbaur et al. 2005, table 1, m).
 EXCURSION = 0.0443
 FIBRE_LENGTHS = {"triceps_long": 0.1340, "triceps_medial": 0.1138, "triceps_lateral": 0.1138}
-#: Optimal lengths of the heads at full extension; one of what was fitted anew.
-_SHORTEST = 0.53
+#: Fitted anew: optimal lengths of the heads at full extension, and the share of a stretch that
+#: fibres take; their tendons take the rest.
+_SHORTEST, _FIBRE_SHARE = 0.52, 0.85
 
 
 def _round_the_elbow(muscle: Muscle) -> Muscle:
@@ -58,7 +59,7 @@ def _round_the_elbow(muscle: Muscle) -> Muscle:
     if muscle.name not in FIBRE_LENGTHS:
         return muscle
     (origin,) = (point for point in muscle.path if point[0] != "ulna")
-    longest = _SHORTEST + EXCURSION / FIBRE_LENGTHS[muscle.name]
+    longest = _SHORTEST + _FIBRE_SHARE * EXCURSION / FIBRE_LENGTHS[muscle.name]
     return replace(muscle, path=(origin, *_WAY), operating_range=(_SHORTEST, longest), wraps=True)
 
 
@@ -73,14 +74,14 @@ PAPER_MUSCLES = ElbowMuscles(
 REFITTED_MUSCLES = ElbowMuscles(
     flexors=MuscleGroup(
         muscles=ELBOW_FLEXORS,
-        force_scale=0.759,
-        operating_range=(1.0, 1.2),
+        force_scale=0.749,
+        operating_range=(0.95, 1.2),
         shortest_active=0.25,
         passive_force=0.25,
     ),
     extensors=MuscleGroup(
         muscles=tuple(_round_the_elbow(muscle) for muscle in ELBOW_EXTENSORS),
-        force_scale=1.317,
+        force_scale=1.436,
         operating_range=(0.7, 0.9),
         shortest_active=0.25,
         passive_force=0.25,

@@ -4,7 +4,7 @@ Which regression defines K_h moves it more than most factors of Table 1 do, so a
 computed:
 
 ========== ============================= ============ ==========================
-form       estimate: regressors          torque       truth: muscle torque on
+form       estimate: regressors          torque       truth: human torque on
 ========== ============================= ============ ==========================
 affine     theta, theta', 1              equation 20  q, q', 1
 paper      theta, theta' (equation 21)   equation 20  q, q'
@@ -101,7 +101,7 @@ def estimate_forms(
     q_velocity: np.ndarray,
     inferred_torque: np.ndarray,
     published_torque: np.ndarray,
-    muscle_torque: np.ndarray,
+    human_torque: np.ndarray,
 ) -> dict[str, tuple[Fit, Fit]]:
     """Return for each form its estimate and its truth; all arrays have shape (n,).
 
@@ -113,7 +113,7 @@ def estimate_forms(
         inferred_torque: human torque after equation 20, Nm.
         published_torque: human torque after the authors' code, which subtracts the bias torque of a
             bare arm alone, Nm.
-        muscle_torque: torque of the muscles about the human elbow, Nm.
+        human_torque: torque of muscles and extension stop about the human elbow, Nm.
 
     Raises:
         IllConditionedError: the regressors do not vary independently.
@@ -127,6 +127,6 @@ def estimate_forms(
             damping=damping,
             constant=constant,
         )
-        truth = fit(muscle_torque, q, q_velocity, damping=damping, constant=constant)
+        truth = fit(human_torque, q, q_velocity, damping=damping, constant=constant)
         forms[name] = (estimate, truth)
     return forms

@@ -28,7 +28,7 @@ class Fidelity:
     impratio: float = 1.0
     #: Impedance (0 to 1) of a contact that begins, and the depth at which it has grown to 0.99, m:
     #: contacts that begin abruptly make stiffness jump where they do so a step earlier or later.
-    onset: tuple[float, float] = (0.93, 0.001)
+    onset: tuple[float, float] = (0.85, 0.001)
 
     @property
     def elements(self) -> int:
@@ -50,9 +50,10 @@ CAMPAIGN = Fidelity(
     step=0.015,
     rings=12,
     per_ring=8,
-    strap_rows=2,
+    strap_rows=3,
     strap_across=6,
     particle_inertia=9.0,
+    impratio=2.0,
 )
 REFERENCE = Fidelity(
     name="reference",

@@ -47,17 +47,17 @@ def assessment_figure(assessment: Assessment, path: Path) -> Path:
     angles.set_ylabel("angle (degrees)")
 
     torques.plot(record.time, inferred, color="tab:blue", label="inferred (equation 20)")
-    torques.plot(record.time, record.muscle_torque, color="tab:red", label="muscles")
+    torques.plot(record.time, record.human_torque, color="tab:red", label="human")
     motor = record.motor_torque[:, record.exo_joint]
     torques.plot(record.time, motor, color="0.5", linewidth=1, label="motor")
     torques.set_title("Torque about the joint")
     torques.set_ylabel("torque (Nm)")
 
     scatter.plot(theta, inferred, color="tab:blue", label="inferred against θ")
-    scatter.plot(q, record.muscle_torque, color="tab:red", label="muscles against q")
+    scatter.plot(q, record.human_torque, color="tab:red", label="human against q")
     for fit, angle, torque, colour, name in (
         (estimate, exo_angle, inferred, "tab:blue", "estimate"),
-        (truth, human_angle, record.muscle_torque, "tab:red", "true"),
+        (truth, human_angle, record.human_torque, "tab:red", "true"),
     ):
         ends = np.array([angle.min(), angle.max()])
         line = torque.mean() + fit.stiffness * (ends - angle.mean())

@@ -11,7 +11,7 @@ from math import radians
 import mujoco
 import numpy as np
 
-from sim.elbow_muscles import PAPER_MUSCLES, TROCHLEA, TROCHLEA_RADIUS, ElbowMuscles
+from sim.elbow_muscles import REFITTED_MUSCLES, TROCHLEA, TROCHLEA_RADIUS, ElbowMuscles
 from sim.muscle_tables import FOREARM_ROTATORS, SHOULDER_MUSCLES, Muscle, MuscleGroup
 from sim.skeleton import (
     HUMAN_JOINTS,
@@ -37,7 +37,7 @@ def add_muscles(
     spec: mujoco.MjSpec,
     wearer: Wearer,
     *,
-    elbow: ElbowMuscles = PAPER_MUSCLES,
+    elbow: ElbowMuscles = REFITTED_MUSCLES,
     others: tuple[Muscle, ...] = SHOULDER_MUSCLES + FOREARM_ROTATORS,
 ) -> None:
     """Add muscles to a spec that has torso and arm, 26 in all; their input is activation, 0 to 1.
@@ -77,7 +77,7 @@ def add_muscles(
 
 
 def elbow_length_ranges(
-    wearer: Wearer, elbow: ElbowMuscles = PAPER_MUSCLES
+    wearer: Wearer, elbow: ElbowMuscles = REFITTED_MUSCLES
 ) -> dict[str, tuple[float, float]]:
     """Return each elbow muscle's shortest and longest length (m) over 0 to 120 degrees of flexion.
 

@@ -95,12 +95,12 @@ def record_exercise(
 
 
 def true_impedance(records: list[Record]) -> tuple[float, float]:
-    """Return the muscles' stiffness and damping over all records, in the restoring sense.
+    """Return the human joint's stiffness and damping over all records, in the restoring sense.
 
     Equation 9 with a neutral angle on the human joint's own angle: what no clinic can measure.
     """
     joint = records[0].joint
-    torque = np.concatenate([record.muscle_torque for record in records])
+    torque = np.concatenate([record.human_torque for record in records])
     q, velocity = (
         np.concatenate([getattr(record, name)[:, joint] for record in records])
         for name in ("q", "q_velocity")

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from sim.model import System
+from sim.skeleton import extension_stop_torque
+from sim.target import ELBOW_TARGET
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +32,8 @@ class Record:
     #: Human abduction, flexion, rotation and elbow angles and velocities, shape (n, 4).
     q: np.ndarray
     q_velocity: np.ndarray
-    #: Torque of the muscles about the human joint, shape (n,).
-    muscle_torque: np.ndarray
+    #: What muscles and a passive extension stop do about the human joint, shape (n,).
+    human_torque: np.ndarray
     #: Resultant force of cuff and strap on upper arm and forearm, shape (n, 2).
     contact_force: np.ndarray
     #: Sum of all normal forces between exoskeleton and arm, shape (n,).
@@ -64,6 +66,7 @@ def record_of(
         normal_force: N, shape (n,).
     """
     position, velocity = np.split(states[:, 1:], [system.model.nq], axis=1)
+    q = position[:-1, system.human_qpos]
     exo_velocity = velocity[:, system.exo_dof]
     # Those the steps really made.
     acceleration = np.diff(exo_velocity, axis=0) / system.fidelity.step
@@ -78,12 +81,19 @@ def record_of(
         theta_velocity=exo_velocity[:-1],
         theta_acceleration=acceleration,
         motor_torque=acting_torque(system, sensed[:, :motors] / system.motor_gain, acceleration),
-        q=position[:-1, system.human_qpos],
+        q=q,
         q_velocity=velocity[:-1, system.human_dof],
-        muscle_torque=sensed[:, motors].copy(),
+        human_torque=sensed[:, motors] + _stop_torque(system, q),
         contact_force=contact_force,
         normal_force=normal_force,
     )
+
+
+def _stop_torque(system: System, q: np.ndarray) -> np.ndarray:
+    """Return what an extension stop adds to the moved joint's torque, Nm, shape (n,)."""
+    if system.target.joint != ELBOW_TARGET.joint:
+        return np.zeros(len(q))
+    return extension_stop_torque(q[:, system.target.joint], system.conditions.extension_stop)
 
 
 def acting_torque(system: System, torque: np.ndarray, acceleration: np.ndarray) -> np.ndarray:

@@ -119,8 +119,7 @@ def add_arm(spec: mujoco.MjSpec, wearer: Wearer, *, pronates: bool = True) -> No
 def add_extension_stop(spec: mujoco.MjSpec, stiffness: float) -> None:
     """Add what resists extension beyond STOP_ANGLE passively: ligaments and bone, Nm/rad.
 
-    It hardens as it is stretched, doubling its stiffness after STOP_HARDENING, and acts nowhere
-    else; the muscles' own torque does not contain it.
+    `extension_stop_torque` is what it does.
     """
     stop = spec.add_tendon(
         name="extension_stop",
@@ -128,6 +127,20 @@ def add_extension_stop(spec: mujoco.MjSpec, stiffness: float) -> None:
         springlength=[STOP_ANGLE, 2.0 * ELBOW_RANGE[1]],
     )
     stop.wrap_joint(HUMAN_JOINTS[3], 1.0)
+
+
+def extension_stop_torque(angle: np.ndarray, stiffness: float) -> np.ndarray:
+    """Return the torque of an extension stop, Nm, flexion positive.
+
+    It hardens as it is stretched, doubling its stiffness after STOP_HARDENING, and is nothing at
+    angles above STOP_ANGLE.
+
+    Args:
+        angle: of the human elbow, rad, of any shape.
+        stiffness: at STOP_ANGLE, Nm/rad.
+    """
+    stretch = np.maximum(0.0, STOP_ANGLE - angle)
+    return np.asarray(stiffness * stretch * (1.0 + (stretch / STOP_HARDENING) ** 2))
 
 
 def fill_upper_arm(humerus: mujoco.MjsBody, wearer: Wearer) -> mujoco.MjsBody:

@@ -17,6 +17,12 @@ MAX_GIVEN = 0.25
 GAINS = (0.33, 3.0)
 #: No more than this share of the declared inertia can turn out not to be there.
 MAX_REMOVED = 0.7
+#: Friction that takes more than this share of the load locks a transmission: nobody could move the
+#: robot by hand. What looks like it is Coulomb friction beside something else.
+MAX_LOAD_SHARE = 0.5
+#: Slowest drive, s: a loop closed around a slower one cannot follow a limb. Soft tissue relaxes in
+#: 0.1 to 1 s (viscosity over stiffness, Table 1).
+MAX_LAG = 0.15
 ONE_WAY = (
     "the only trial moves in one direction: friction, damping, stiffness and neutral angle cannot "
     "be told apart"
@@ -75,7 +81,14 @@ def _sharpened(options: list[Option], rows: Rows, current: Score) -> list[Option
             if gain > option.gain:
                 option = replace(option, model=model, score=scored, gain=gain, z=gain / error)
         sharp.append(option)
-    return sorted(sharp, key=lambda option: -option.gain)
+    plausible = [option for option in sharp if not _too_late(option)]
+    return sorted(plausible, key=lambda option: -option.gain)
+
+
+def _too_late(option: Option) -> bool:
+    """Whether what looks like a drive's lag is longer than that of any drive."""
+    channels = [c for c in option.model.channels if c.candidate == option.candidate]
+    return any(abs(c.theta.get("time_constant", 0.0)) > MAX_LAG for c in channels)
 
 
 def _without_included(model: Model, candidate: Candidate) -> Model:
@@ -109,6 +122,8 @@ def _try(
         own = model.recording.own_inertia[rows.samples[candidate.joint], candidate.joint]
         if float(scored.coefficients[-1]) < -MAX_REMOVED * float(own.min()):
             return None
+    if effect.name == "load_dependent_friction" and scored.coefficients[-1] > MAX_LOAD_SHARE:
+        return None
     rubs = effect.name in RUBBING and not _corrects(model, candidate)
     if rubs and _drives(tried, scored, candidate):
         return None

@@ -10,10 +10,10 @@ from sim.validation.compression import OGNEVA_CONTRACTED, OGNEVA_RELAXED, Compre
 from sim.validation.isometric import ANGLES_DEG, MEASURED, IsometricTest
 
 
-def isometric_figure(test: IsometricTest, refitted: IsometricTest, path: Path) -> Path:
+def isometric_figure(test: IsometricTest, papers: IsometricTest, path: Path) -> Path:
     """Draw both torque curves over the elbow angle beside the measured data; return `path`.
 
-    `refitted` is the test of an arm with `sim.elbow_muscles.REFITTED_MUSCLES`.
+    `papers` is the test of an arm with `sim.elbow_muscles.PAPER_MUSCLES`.
     """
     figure = new_figure(width=9.0, height=3.8)
     for column, title in enumerate(("Flexion", "Extension")):
@@ -30,8 +30,8 @@ def isometric_figure(test: IsometricTest, refitted: IsometricTest, path: Path) -
                 label=data.source,
             )
         for arm, colour, label, shift in (
-            (test, "tab:blue", "the paper's muscles (default)", -42),
-            (refitted, "tab:orange", "refitted muscles", 42),
+            (papers, "tab:orange", "the paper's muscles", -42),
+            (test, "tab:blue", "refitted muscles (default)", 42),
         ):
             axes.plot(ANGLES_DEG, getattr(arm, attribute), color=colour, linewidth=2, label=label)
             torque, angle = getattr(arm, f"{title.lower()}_peak")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.elbow_muscles import PAPER_MUSCLES, ElbowMuscles
+from sim.elbow_muscles import REFITTED_MUSCLES, ElbowMuscles
 from sim.muscle_tables import Muscle
 from sim.muscles import add_muscles
 from sim.skeleton import HUMAN_JOINTS, add_arm, add_torso, empty_spec
@@ -97,7 +97,7 @@ def co_contraction_stiffness(
 
 
 def run_isometric_test(
-    wearer: Wearer = NOMINAL_WEARER, elbow: ElbowMuscles = PAPER_MUSCLES
+    wearer: Wearer = NOMINAL_WEARER, elbow: ElbowMuscles = REFITTED_MUSCLES
 ) -> IsometricTest:
     """Contract flexors, then extensors, fully at every angle, the shoulder locked at 90 degrees."""
     spec = empty_spec()

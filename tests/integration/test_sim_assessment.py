@@ -12,7 +12,7 @@ from sim.catalogue import ELBOW
 from sim.control import DURATION, PID
 from sim.evaluation import evaluate
 from sim.exoskeleton import NESM
-from sim.factors import CONDITIONS
+from sim.factors import CONDITIONS, TABLE_1
 from sim.fidelity import CAMPAIGN, FIDELITIES
 from sim.figures import assessment_figure
 from sim.interface import segment_names
@@ -42,13 +42,22 @@ def test_the_nominal_assessment_reports_every_output(nominal: Assessment) -> Non
 def test_nominal_stiffness_lies_where_the_reference_has_it(nominal: Assessment) -> None:
     """Authors' model: affine estimate 4.5, truth about 6; in their form 6.2 and 6.1."""
     outputs = nominal.outputs
+    assert outputs["stiffness_true"] == pytest.approx(6.0, abs=0.7)
+    assert outputs["stiffness_estimate"] == pytest.approx(4.5, abs=0.5)
+    assert outputs["stiffness_true_authors"] == pytest.approx(6.1, abs=0.5)
+    assert abs(outputs["stiffness_error_authors"]) < 0.06 * outputs["stiffness_true_authors"]
+    assert outputs["damping_estimate"] == pytest.approx(
+        nominal.diagnostics["damping_true"], rel=0.05
+    )
+
+
+def test_the_papers_own_muscles_are_a_condition() -> None:
+    """Authors' model: estimate and truth 4.5 and about 6; without a constant 8.5 and 9.7."""
+    outputs = assess({"refitted_muscles": 0.0}).outputs
     assert outputs["stiffness_true"] == pytest.approx(6.5, abs=0.7)
     assert outputs["stiffness_estimate"] == pytest.approx(5.0, abs=0.5)
     assert outputs["stiffness_true_paper"] == pytest.approx(9.2, abs=1.0)
     assert abs(outputs["stiffness_error_authors"]) < 0.06 * outputs["stiffness_true_authors"]
-    assert outputs["damping_estimate"] == pytest.approx(
-        nominal.diagnostics["damping_true"], abs=0.5
-    )
 
 
 def test_every_error_is_estimate_minus_truth_of_the_same_form(nominal: Assessment) -> None:
@@ -96,10 +105,10 @@ def test_wearers_at_the_ends_of_each_range_can_be_assessed(corner: str) -> None:
 @pytest.mark.parametrize(
     ("values", "options", "outcome"),
     [
-        ({"upper_arm_length": 0.48}, {}, "penetrated"),
+        ({"upper_arm_length": 0.50}, {}, "penetrated"),
         ({"forearm_length": 0.18}, {}, "slipped"),
-        ({"upper_arm_length": 0.20}, {}, "start_not_reached"),
-        ({"forearm_length": 0.48}, {}, "human_joint_limit"),
+        ({"upper_arm_length": 0.215}, {}, "start_not_reached"),
+        ({"forearm_length": 0.48, "extension_stop": 0.0}, {}, "human_joint_limit"),
         (
             {
                 "cuff_friction": 2.0,
@@ -110,9 +119,9 @@ def test_wearers_at_the_ends_of_each_range_can_be_assessed(corner: str) -> None:
             {},
             "jammed",
         ),
-        ({"forearm_mass": 40.0}, {}, "tracking_lost"),
+        ({"forearm_mass": 10.0}, {}, "tracking_lost"),
         ({"upper_arm_elasticity": 1e7}, {}, "diverged"),
-        ({}, {"controller": "pd"}, "exo_joint_limit"),
+        ({"refitted_muscles": 0.0}, {"controller": "pd"}, "exo_joint_limit"),
     ],
 )
 def test_what_cannot_be_believed_is_a_named_outcome_with_its_state(
@@ -176,7 +185,7 @@ def test_closed_straps_keep_the_tension_they_were_pulled_with() -> None:
     rest = system.model.tendon_lengthspring[system.straps, 0]
     tension = stiffness * (data.ten_length[system.straps] - rest)
     assert len(tension) == sum(len(segment_names(cuff)) for cuff in NESM.cuffs)
-    assert tension == pytest.approx(15.0, abs=0.1)
+    assert tension == pytest.approx(30.0 / CAMPAIGN.strap_rows, abs=0.1)
 
 
 def test_evaluating_the_elbow_is_one_assessment(nominal: Assessment) -> None:
@@ -192,7 +201,7 @@ def test_a_record_keeps_the_movement_with_named_arrays(nominal: Assessment, tmp_
     with np.load(tmp_path / "trial.npz", allow_pickle=False) as saved:
         assert saved["theta"].shape == (round(DURATION / CAMPAIGN.step), 4)
         assert saved["time"][-1] == pytest.approx(DURATION - CAMPAIGN.step)
-        assert np.array_equal(saved["muscle_torque"], nominal.record.muscle_torque)
+        assert np.array_equal(saved["human_torque"], nominal.record.human_torque)
 
 
 def test_a_recorded_assessment_and_the_system_can_be_looked_at(
@@ -211,10 +220,8 @@ def test_validation_reports_the_papers_figures_3_and_6_with_pictures(tmp_path: P
     rows = {row.quantity: row for row in report.rows}
     assert rows["isometric flexion torque, peak"].agrees
     assert rows["isometric extension torque, peak"].agrees
-    assert not rows["isometric extension torque, angle of peak"].agrees
-    refitted = [row for name, row in rows.items() if "refitted muscles" in name]
-    assert len(refitted) == 4
-    assert all(row.agrees for row in refitted)
+    assert rows["isometric flexion torque, angle of peak"].agrees
+    assert rows["isometric extension torque, angle of peak"].agrees
     assert rows["Young's modulus of the softest tissue at 10% strain"].measured < 30.0
     assert rows["Young's modulus of the stiffest tissue at 10% strain"].measured > 66.0
 
@@ -253,7 +260,7 @@ def test_a_reflex_acts_in_contact_as_the_threshold_says(nominal: Assessment) -> 
     fast = int(np.argmax(-nominal.record.q_velocity[:, 3] > 0.5))
     # Three steps of 15 ms are the delay, and it takes one more until muscles pull.
     before = slice(0, fast + 4)
-    assert np.array_equal(reflex.record.muscle_torque[before], nominal.record.muscle_torque[before])
+    assert np.array_equal(reflex.record.human_torque[before], nominal.record.human_torque[before])
     assert reflex.outputs["damping_estimate"] < nominal.outputs["damping_estimate"] - 2.0
 
 
@@ -269,7 +276,7 @@ LONG_HEAVY_STIFF = {
 @pytest.mark.parametrize("upper_arm_mass", [0.3, 3.41])
 @pytest.mark.parametrize(
     "condition",
-    [{}, {"extension_stop": 30.0}, {"refitted_muscles": 1.0, "extension_stop": 30.0}],
+    [{}, {"refitted_muscles": 0.0}, {"refitted_muscles": 0.0, "extension_stop": 0.0}],
 )
 def test_long_heavy_arms_are_kept_from_hyperextension(
     condition: dict[str, float], upper_arm_mass: float
@@ -279,32 +286,45 @@ def test_long_heavy_arms_are_kept_from_hyperextension(
 
 
 def test_refitted_muscles_need_the_stop_that_keeps_long_heavy_arms_from_hyperextension() -> None:
-    corner = {**LONG_HEAVY_STIFF, "upper_arm_mass": 3.41, "refitted_muscles": 1.0}
+    corner = {**LONG_HEAVY_STIFF, "upper_arm_mass": 3.41, "extension_stop": 0.0}
     assert assess(corner).outcome == "human_joint_limit"
 
 
-def test_an_extension_stop_acts_on_nobody_who_does_not_reach_it(nominal: Assessment) -> None:
-    assert assess({"extension_stop": 60.0}).outputs == nominal.outputs
+def test_an_extension_stop_acts_on_nobody_who_does_not_reach_it() -> None:
+    short = {"forearm_length": 0.2827}
+    assert assess({**short, "extension_stop": 60.0}).outputs == assess(short).outputs
 
 
-def test_refitted_muscles_push_on_as_in_the_paper() -> None:
-    """Authors' model: about 6 Nm/rad under affine, 6.1 in their own form, and +0.10 of error."""
-    outputs = assess({"refitted_muscles": 1.0}).outputs
-    assert outputs["stiffness_true"] == pytest.approx(6.0, abs=0.7)
-    assert outputs["stiffness_estimate"] == pytest.approx(4.5, abs=0.5)
-    assert outputs["stiffness_true_authors"] == pytest.approx(6.1, abs=0.5)
-    assert abs(outputs["stiffness_error_authors"]) < 0.06 * outputs["stiffness_true_authors"]
+def errors_over(name: str, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return values of a factor over its range, the others nominal, and their errors."""
+    (factor,) = (factor for factor in TABLE_1 if factor.name == name)
+    values = np.linspace(factor.low, factor.high, points)
+    return values, np.array([assess({name: x}).outputs["stiffness_error"] for x in values])
 
 
-def test_refitted_muscles_leave_upper_arm_mass_a_tenth_of_what_forearm_mass_does() -> None:
-    spans = []
-    for name, low, high in (("upper_arm_mass", 0.3, 3.41), ("forearm_mass", 0.1, 1.82)):
-        errors = [
-            assess({name: float(mass), "refitted_muscles": 1.0}).outputs["stiffness_error"]
-            for mass in np.linspace(low, high, 5)
-        ]
-        spans.append(np.ptp(errors))
-    assert spans[0] < 0.1 * spans[1]
+def test_one_factor_at_a_time_behaves_as_the_paper_reports() -> None:
+    """Upper arm mass next to nothing, lines over the forearm's, a bend over long upper arms."""
+    masses, of_mass = errors_over("forearm_mass", 5)
+    assert np.corrcoef(masses, of_mass)[0, 1] ** 2 > 0.98
+    lengths, of_length = errors_over("forearm_length", 7)
+    assert np.corrcoef(lengths, of_length)[0, 1] ** 2 > 0.9
+    assert np.ptp(errors_over("upper_arm_mass", 5)[1]) < 0.1 * np.ptp(of_mass)
+    of_upper_arm = errors_over("upper_arm_length", 5)[1]
+    assert of_upper_arm[-1] < of_upper_arm[-2] < of_upper_arm[2]
+    assert np.ptp(errors_over("forearm_elasticity", 5)[1]) < 0.1 * np.ptp(of_upper_arm)
+
+
+def test_the_true_stiffness_holds_what_the_extension_stop_adds() -> None:
+    """An arm that is stretched beyond the stop's angle is stiffer, and the estimate says so too."""
+    long = {"forearm_length": 0.3455}
+    free, stopped = (assess({**long, "extension_stop": stop}) for stop in (0.0, 30.0))
+    assert free.record is not None and stopped.record is not None
+    assert stopped.record.q[:, 3].min() < np.radians(5.0)
+    for quantity in ("stiffness_true", "stiffness_estimate"):
+        assert stopped.outputs[quantity] < free.outputs[quantity] - 0.1
+    assert stopped.outputs["stiffness_error"] == pytest.approx(
+        free.outputs["stiffness_error"], abs=0.15
+    )
 
 
 def test_straps_closed_elsewhere_move_to_the_start_and_leave_a_mark(nominal: Assessment) -> None:

@@ -44,7 +44,7 @@ def test_a_record_has_a_column_for_each_of_the_devices_joints(
 
 def test_contact_and_bushings_agree_on_another_device(nominal: Assessment) -> None:
     bushing = assess({}, device="elbow_orthosis", fidelity="bushing")
-    for name in ("stiffness_true", "stiffness_estimate"):
+    for name in ("stiffness_true", "stiffness_error"):
         assert bushing.outputs[name] == pytest.approx(nominal.outputs[name], abs=0.8)
 
 

@@ -80,9 +80,9 @@ def test_a_reflex_raises_the_muscles_torque_only_after_the_threshold_was_passed(
     fast = int(np.argmax(-plain.q_velocity[:, plain.joint] > 0.5))
     assert fast > 50
     before = slice(0, fast + 5)
-    assert reflex.muscle_torque[before] == pytest.approx(plain.muscle_torque[before], abs=1e-6)
+    assert reflex.human_torque[before] == pytest.approx(plain.human_torque[before], abs=1e-6)
     at_peak = int(np.argmin(plain.q_velocity[:, plain.joint]))
-    assert reflex.muscle_torque[at_peak] > plain.muscle_torque[at_peak] + 1.0
+    assert reflex.human_torque[at_peak] > plain.human_torque[at_peak] + 1.0
 
 
 def test_a_threshold_that_no_movement_reaches_changes_nothing() -> None:

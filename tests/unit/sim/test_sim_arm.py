@@ -18,6 +18,7 @@ from sim.skeleton import (
     add_extension_stop,
     add_torso,
     empty_spec,
+    extension_stop_torque,
 )
 from sim.soft_tissue import add_soft_tissue, element_name, sleeves
 from sim.validation.isometric import run_isometric_test
@@ -68,7 +69,7 @@ def test_swept_length_ranges_agree_with_the_authors_fitted_formulas() -> None:
         "triceps_medial": (0.1102536 * shrunk - 0.0077232, 0.1147148 * shrunk + 0.0323103),
         "anconeus": (-0.0120683 * shrunk + 0.0306445, 0.0154295 * shrunk + 0.0322079),
     }
-    ranges = elbow_length_ranges(NOMINAL_WEARER)
+    ranges = elbow_length_ranges(NOMINAL_WEARER, PAPER_MUSCLES)
     for name, expected in authors.items():
         assert ranges[name] == pytest.approx(expected, abs=5e-4), name
 
@@ -167,3 +168,4 @@ def test_an_extension_stop_hardens_beyond_its_angle_and_does_nothing_before() ->
         data.qpos[elbow.qposadr[0]] = np.radians(angle)
         mujoco.mj_forward(model, data)
         assert data.qfrc_passive[elbow.dofadr[0]] == pytest.approx(torque, abs=1e-9)
+        assert extension_stop_torque(np.radians(angle), 30.0) == pytest.approx(torque, abs=1e-9)
