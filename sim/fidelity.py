@@ -28,7 +28,7 @@ class Fidelity:
     impratio: float = 1.0
     #: Impedance (0 to 1) of a contact that begins, and the depth at which it has grown to 0.99, m:
     #: contacts that begin abruptly make stiffness jump where they do so a step earlier or later.
-    onset: tuple[float, float] = (0.85, 0.001)
+    onset: tuple[float, float] = (0.83, 0.001)
 
     @property
     def elements(self) -> int:

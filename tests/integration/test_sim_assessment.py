@@ -57,7 +57,7 @@ def test_the_papers_own_muscles_are_a_condition() -> None:
     assert outputs["stiffness_true"] == pytest.approx(6.5, abs=0.7)
     assert outputs["stiffness_estimate"] == pytest.approx(5.0, abs=0.5)
     assert outputs["stiffness_true_paper"] == pytest.approx(9.2, abs=1.0)
-    assert abs(outputs["stiffness_error_authors"]) < 0.06 * outputs["stiffness_true_authors"]
+    assert abs(outputs["stiffness_error_authors"]) < 0.07 * outputs["stiffness_true_authors"]
 
 
 def test_every_error_is_estimate_minus_truth_of_the_same_form(nominal: Assessment) -> None:
