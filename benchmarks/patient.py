@@ -2,8 +2,8 @@
 
 `python -m benchmarks.patient [--fidelity campaign] [--plain] [CASE ...]`
 
-The truth is the slope of the muscles' torque over the human elbow's own angle, in the restoring
-sense, which only a simulation knows. `--plain` takes arms without any undeclared effect instead, of
+The truth is the slope of the elbow's own torque over its own angle, in the restoring sense, which
+only a simulation knows. `--plain` takes arms without any undeclared effect instead, of
 several sizes and tissues, and prints how large the torque is that effects would be credited with,
 from which the limit in `analysis.closeloop.interface` comes.
 """
@@ -27,8 +27,10 @@ from sim.fidelity import FIDELITIES
 from sim.patient import EXERCISES, Exercise, record_exercise, true_impedance, write_session
 from sim.validity import FailedError
 
-#: A relaxed arm, as in an assessment of spasticity.
-RELAXED = {"activation": 0.05}
+#: An arm at rest as in an assessment of spasticity: the passive force of the paper's muscles makes
+#: it 6 Nm/rad stiff. With the refitted ones it has 0.4, as a healthy arm, of which errors in per
+#: cent say nothing.
+RELAXED = {"activation": 0.05, "refitted_muscles": 0.0}
 CASES: Mapping[str, Mapping[str, float]] = {
     "plain arm": {},
     "upper arm 20 mm longer": {"upper_arm_length": NOMINAL["upper_arm_length"] + 0.02},

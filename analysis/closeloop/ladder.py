@@ -21,8 +21,8 @@ MAX_REMOVED = 0.7
 #: robot by hand. What looks like it is Coulomb friction beside something else.
 MAX_LOAD_SHARE = 0.5
 #: Slowest drive, s: a loop closed around a slower one cannot follow a limb. Soft tissue relaxes in
-#: 0.1 to 1 s (viscosity over stiffness, Table 1).
-MAX_LAG = 0.15
+#: 0.1 to 1 s (viscosity over stiffness, Table 1), and looks like one.
+MAX_LAG = 0.16
 ONE_WAY = (
     "the only trial moves in one direction: friction, damping, stiffness and neutral angle cannot "
     "be told apart"
