@@ -37,7 +37,7 @@ def measure(folder: Path) -> list[Rival]:
         with processes(1, work, port, folder / "celery.log") as pids:
             for batch in (1, CHUNK):
                 # Filled before anybody takes from it.
-                app.control.cancel_consumer("celery", reply=True, timeout=5.0)
+                stop_consuming(app)
                 results.flushdb()
                 tasks = TASKS * batch
                 submit(app, task, tasks, batch)
@@ -68,6 +68,18 @@ def queue_at(port: int) -> tuple[Celery, Any]:
 
 def noop(number: int) -> float:
     return 1.0
+
+
+def stop_consuming(app: Celery) -> None:
+    """Let the worker take nothing until it is told to; one that is starting hears it late.
+
+    Raises:
+        TimeoutError: no worker has answered.
+    """
+    deadline = time.monotonic() + START_SECONDS
+    while not app.control.cancel_consumer("celery", reply=True, timeout=1.0):
+        if time.monotonic() > deadline:
+            raise TimeoutError(f"no worker of Celery answered within {START_SECONDS:g} s")
 
 
 def submit(app: Celery, task: Any, tasks: int, batch: int) -> None:
