@@ -6,7 +6,7 @@ the sampling rate, and the sensors quantise, filter, jitter and add coloured noi
 undeclared comes from `tests/closeloop_effects.py`.
 
 The generator of random numbers is seeded by the seed and the effects together, so no two sessions
-share motion or noise. Seeds below 5000 are for developing; 5000 and above are for measuring.
+share motion or noise. Seeds below 6000 are for developing; 6000 and above are for measuring.
 """
 
 import json

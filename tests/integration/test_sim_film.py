@@ -48,7 +48,8 @@ def test_a_film_shows_the_arm_moving(tmp_path: Path) -> None:
 
 
 def test_a_failed_assessment_is_filmed_up_to_its_failure() -> None:
-    film, assessment = filmed({"forearm_length": 0.48}, "screening")
+    beyond = {"forearm_length": 0.48, "extension_stop": 0.0}
+    film, assessment = filmed(beyond, "screening")
     assert assessment.outcome == "human_joint_limit"
     assert assessment.state is not None
     assert len(film) == int(assessment.state["time"] * RATE) + 1
