@@ -70,6 +70,15 @@ def forearm_point(wearer: Wearer, point: object) -> np.ndarray:
     return np.asarray(point, dtype=float) * wearer.forearm_scale
 
 
+def bone_point(wearer: Wearer, bone: str, point: object) -> np.ndarray:
+    """Scale a figure of the authors' frame of any bone (shape (3,), m) to the wearer."""
+    if bone == "humerus":
+        return upper_arm_point(wearer, point)
+    if bone in ("ulna", "radius"):
+        return forearm_point(wearer, point)
+    return np.asarray(point, dtype=float)
+
+
 def add_torso(spec: mujoco.MjSpec) -> None:
     """Add thorax, clavicle and scapula: where the shoulder's and the long muscles begin."""
     thorax = spec.worldbody.add_body(name="thorax", pos=[-0.0157, 0.2097, 0.0231])

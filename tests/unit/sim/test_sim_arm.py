@@ -9,7 +9,8 @@ import pytest
 from sim.elbow_muscles import PAPER_MUSCLES, REFITTED_MUSCLES, ElbowMuscles
 from sim.factors import TISSUE_COUPLING
 from sim.fidelity import FIDELITIES
-from sim.muscles import add_muscles, elbow_length_ranges
+from sim.muscle_lengths import elbow_length_ranges
+from sim.muscles import add_muscles
 from sim.skeleton import (
     HAND_MASS,
     HUMAN_JOINTS,
@@ -82,7 +83,7 @@ def test_muscles_scale_with_the_bones() -> None:
 
 
 @pytest.mark.parametrize("elbow", [PAPER_MUSCLES, REFITTED_MUSCLES], ids=["paper", "refitted"])
-@pytest.mark.parametrize("upper", [0.2728, 0.3778])
+@pytest.mark.parametrize("upper", [0.2728, 0.3101, 0.3778])
 def test_length_ranges_are_those_of_a_compiled_arm(upper: float, elbow: ElbowMuscles) -> None:
     wearer = replace(NOMINAL_WEARER, upper_arm_length=upper, forearm_length=0.3)
     spec = empty_spec()
