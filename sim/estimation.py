@@ -75,14 +75,16 @@ def fit(
     scale = np.linalg.norm(matrix, axis=0)
     known = np.all(scale > 0.0)
     if known:
-        left, values, right = np.linalg.svd(matrix / scale, full_matrices=False)
-        known = values[0] <= MAX_CONDITION * values[-1]
+        # Of the normal equations: their condition is the square of the regressors'.
+        scaled = matrix / scale
+        values, vectors = np.linalg.eigh(scaled.T @ scaled)
+        known = values[-1] <= MAX_CONDITION**2 * values[0]
     if not known:
         raise IllConditionedError(
             "the movement does not tell stiffness from the other regressors: "
             "it must change angle and velocity"
         )
-    solution = right.T @ (left.T @ torque / values) / scale
+    solution = vectors @ (vectors.T @ (torque @ scaled) / values) / scale
     residual = torque - matrix @ solution
     total = torque - torque.mean() if constant else torque
     return Fit(
