@@ -227,12 +227,9 @@ def _add_rod_sensors(spec: mujoco.MjSpec, holders: tuple[Cuff, Cuff]) -> None:
     for kind in (mujoco.mjtSensor.mjSENS_TENDONPOS, mujoco.mjtSensor.mjSENS_TENDONVEL):
         for cuff in holders:
             for rod in RODS:
-                name = f"{cuff.name}_{rod}"
+                # Without a name: to keep one costs more than to measure.
                 spec.add_sensor(
-                    name=f"{kind.name}_{name}",
-                    type=kind,
-                    objtype=mujoco.mjtObj.mjOBJ_TENDON,
-                    objname=name,
+                    type=kind, objtype=mujoco.mjtObj.mjOBJ_TENDON, objname=f"{cuff.name}_{rod}"
                 )
 
 
