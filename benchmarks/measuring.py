@@ -53,6 +53,11 @@ class Target:
         )
 
 
+def middle(found: Sequence[Throughput]) -> Throughput:
+    """Return the one of several measurements whose rate is in the middle."""
+    return sorted(found, key=lambda one: one.per_second)[len(found) // 2]
+
+
 def percentile(values: Sequence[float], percent: float) -> float:
     """Return the smallest value that at least `percent` of all values do not exceed."""
     if not values:

@@ -5,8 +5,8 @@ take tasks, do nothing, and hand in a result, which is stored and outlives the w
 waits for the disk: a power cut may take the last second with it.
 """
 
+import sys
 import tempfile
-from collections.abc import Iterable
 from pathlib import Path
 
 from benchmarks import million, polling, service
@@ -20,42 +20,56 @@ from benchmarks.rivals import (
     pgqueuer_queue,
     procrastinate_queue,
 )
-from benchmarks.table import HEADER, Line, ours, targets, theirs
+from benchmarks.table import HEADER, Round, beside, lines, targets
 
 #: Like SQLite's write-ahead log and Redis's file: commits do not wait for the disk.
 POSTGRESQL = ("synchronous_commit=off", "max_connections=100")
 
 
+#: Each system is measured so often, in turns.
+ROUNDS = 3
+
+
 def main() -> None:
     print(describe_machine())
-    print(f"\nTasks that do nothing, {service.PROCESSES} worker processes, results stored")
+    rounds = [measured(f"round {number} of {ROUNDS}") for number in range(1, ROUNDS + 1)]
+    with tempfile.TemporaryDirectory(prefix="rehyb-bench-") as name:
+        say("waiting, and a study of a million instances")
+        waits = polling.measure(Path(name))
+        study = million.measure(Path(name))
+    print(f"\nTasks that do nothing, {service.PROCESSES} worker processes, results stored;")
+    print(f"the middle of {ROUNDS} rounds, and the least and the most")
     print(HEADER)
+    for line in lines(rounds):
+        print(line)
+    print("\nTargets")
+    for target in targets(rounds, waits, study):
+        print(target.line())
+    for which, found in beside(rounds).items():
+        print(f"  beside the best durable rival, {which}: {', '.join(f'{x:.2f}' for x in found)}")
+
+
+def measured(what: str) -> Round:
+    """Measure every system once, each with a new database."""
+    rivals: list[Rival] = []
     with tempfile.TemporaryDirectory(prefix="rehyb-bench-") as name, serving(POSTGRESQL) as server:
         folder = Path(name)
+        say(f"{what}: rehyb on SQLite")
         on_sqlite = service.measure(f"sqlite:///{folder}/rehyb.sqlite3")
-        _print(ours("rehyb, SQLite", on_sqlite))
-        rivals: list[Rival] = []
+        for on_postgresql_rival in (pgqueuer_queue, procrastinate_queue, optuna_storage):
+            say(f"{what}: {on_postgresql_rival.__name__}")
+            rivals += on_postgresql_rival.measure(server)
         for file_rival in (celery_queue, huey_queue):
-            rivals += _shown(file_rival.measure(folder))
+            say(f"{what}: {file_rival.__name__}")
+            rivals += file_rival.measure(folder)
+        say(f"{what}: rehyb on PostgreSQL")
         on_postgresql = service.measure(server.database("rehyb"), [server.pid])
-        _print(ours("rehyb, PostgreSQL", on_postgresql))
-        for rival in (pgqueuer_queue, procrastinate_queue, optuna_storage):
-            rivals += _shown(rival.measure(server))
-        waits = polling.measure(folder)
-        study = million.measure(folder)
-    print("\nTargets")
-    for target in targets(on_sqlite, rivals, waits, study):
-        print(target.line())
+    return Round(on_sqlite=on_sqlite, on_postgresql=on_postgresql, rivals=rivals)
 
 
-def _shown(found: list[Rival]) -> list[Rival]:
-    _print(theirs(found))
-    return found
-
-
-def _print(lines: Iterable[Line]) -> None:
-    for line in lines:
-        print(line, flush=True)
+def say(text: str) -> None:
+    """Tell whoever waits how far it is; figures go to the standard output."""
+    print(text, file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

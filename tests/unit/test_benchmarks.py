@@ -12,7 +12,7 @@ from benchmarks.latency import lags
 from benchmarks.measuring import Target, Throughput, percentile, watch
 from benchmarks.million import Million
 from benchmarks.rivals import Rival
-from benchmarks.table import Line, targets
+from benchmarks.table import Round, beside, lines, targets
 
 
 def target(figure: float, *, at_least: bool) -> Target:
@@ -90,16 +90,34 @@ def test_work_that_does_not_end_is_an_error() -> None:
         watch(lambda: 3, 10, pids=[], patience=0.0)
 
 
-def test_only_rivals_that_lack_nothing_are_compared_with() -> None:
-    rivals = [
-        Rival(name="safe", batch=1, throughput=throughput(500.0)),
-        Rival(name="forgetful", batch=1, throughput=throughput(9000.0), lacks="what it forgets"),
-        Rival(name="slow", batch=1, throughput=throughput(20.0)),
-        Rival(name="greedy", batch=100, throughput=throughput(3000.0)),
-    ]
+def measured(ours: float, **rivals: float) -> Round:
+    """Return a round with a safe rival that takes one task at a time, and others."""
+    return Round(
+        on_sqlite={1: throughput(100.0), 10: throughput(ours)},
+        on_postgresql={},
+        rivals=[
+            Rival(name="safe", batch=1, throughput=throughput(rivals["safe"])),
+            Rival(name="forgetful", batch=1, throughput=throughput(9000.0), lacks="what it forgot"),
+            Rival(name="slow", batch=1, throughput=throughput(20.0)),
+            Rival(name="greedy", batch=100, throughput=throughput(rivals["greedy"])),
+        ],
+    )
+
+
+ROUNDS = [
+    measured(1500.0, safe=500.0, greedy=3000.0),
+    measured(2000.0, safe=500.0, greedy=4000.0),
+    measured(800.0, safe=400.0, greedy=1000.0),
+]
+
+
+def test_only_rivals_that_lack_nothing_are_compared_with_and_only_in_their_own_round() -> None:
+    assert beside(ROUNDS) == {"any batch": [0.5, 0.5, 0.8], "up to 10": [3.0, 4.0, 2.0]}
+
+
+def test_of_several_rounds_the_middle_is_held_against_the_targets() -> None:
     strict, first, second, *others = targets(
-        {1: throughput(100.0), 10: throughput(1500.0)},
-        rivals,
+        ROUNDS,
         {"with work": [0.010] * 99 + [0.3]},
         Million(submit_seconds=0.1, progress_seconds=[0.005], peak_mb=501.0),
     )
@@ -114,9 +132,11 @@ def test_only_rivals_that_lack_nothing_are_compared_with() -> None:
     ]
 
 
-def test_a_line_of_the_table_says_what_a_rival_lacks() -> None:
-    line = str(Line(name="a queue", batch=10, throughput=throughput(1234.5), remark="(slow)"))
-    assert line.split() == ["a", "queue", "10", "1234", "0.500", "(slow)"]
+def test_a_line_of_the_table_has_the_middle_the_least_and_the_most_and_what_a_rival_lacks() -> None:
+    _, ours, safe, forgetful, *_ = map(str, lines(ROUNDS))
+    assert ours.split()[:7] == ["rehyb,", "SQLite", "10", "1500", "800", "2000", "0.500"]
+    assert safe.split() == ["safe", "1", "500", "400", "500", "0.500"]
+    assert forgetful.endswith("(what it forgot)")
 
 
 def test_an_interval_that_is_one_number_holds_the_truth_to_twelve_digits() -> None:
