@@ -63,7 +63,8 @@ class Cuff:
     @cached_property
     def wall(self) -> np.ndarray:
         """Unit vector towards the upper wall: along x opening."""
-        return np.cross(self.along, self.opening).astype(float)
+        (x, y, z), (u, v, w) = self.along, self.opening
+        return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
 
     def normal(self, angle: float) -> np.ndarray:
         """Unit vector out of the cuff's axis, `angle` rad from the opening to the upper wall."""
