@@ -60,33 +60,27 @@ class Prepared:
             sqlalchemy.exc.DBAPIError: the database refuses.
         """
         known = self._in_words_of(connection.dialect)
-        return self._run(connection, "execute", known.text, known.arrange(values))
+        arranged = known.arrange(values)
+        driver: Any = connection.connection.dbapi_connection
+        try:
+            return driver.execute(known.text, arranged)
+        except connection.dialect.loaded_dbapi.Error as error:
+            raise _failure(error, connection.dialect, known.text, arranged) from error
 
     def execute_many(self, connection: Connection, rows: Sequence[tuple[Any, ...]]) -> None:
         """Execute it with each of `rows`: values of the parameters in their order."""
-        if rows:
-            known = self._in_words_of(connection.dialect)
-            self._run(connection, "executemany", known.text, list(map(known.arrange, rows)))
-
-    def _run(self, connection: Connection, how: str, text: str, values: Sequence[Any]) -> Any:
+        if not rows:
+            return
+        known = self._in_words_of(connection.dialect)
+        arranged = list(map(known.arrange, rows))
         driver: Any = connection.connection.dbapi_connection
-        cursor = driver.cursor()
         try:
-            getattr(cursor, how)(text, values)
-        except Exception as error:
-            kind = connection.dialect.loaded_dbapi.Error
-            if not isinstance(error, kind):
-                raise
-            raise DBAPIError.instance(
-                text, values, error, kind, dialect=connection.dialect
-            ) from error
-        return cursor
+            driver.cursor().executemany(known.text, arranged)
+        except connection.dialect.loaded_dbapi.Error as error:
+            raise _failure(error, connection.dialect, known.text, arranged) from error
 
     def _in_words_of(self, dialect: Dialect) -> _Compiled:
-        known = self._compiled.get(dialect.name)
-        if known is None:
-            known = self._compiled[dialect.name] = self._compile(dialect)
-        return known
+        return self._compiled.get(dialect.name) or self._compile(dialect)
 
     def _compile(self, dialect: Dialect) -> _Compiled:
         by_place: Any = "qmark" if dialect.name == "sqlite" else "format"
@@ -103,10 +97,13 @@ class Prepared:
         words = found.string
         if self._index is not None and dialect.name == "sqlite":
             words = words.replace("\nWHERE", f"INDEXED BY {self._index}\nWHERE", 1)
-        return _Compiled(
+        compiled = self._compiled[dialect.name] = _Compiled(
             text=words,
-            arrange=_arranging([every.index(name) for name in places], [*constants.values()]),
+            arrange=_arranging(
+                [every.index(name) for name in places], [*constants.values()], len(self._names)
+            ),
         )
+        return compiled
 
 
 class Rows:
@@ -157,10 +154,18 @@ def as_text(value: Any) -> str:
     return to_json(value).decode()
 
 
+def _failure(error: Exception, dialect: Dialect, text: str, values: Sequence[Any]) -> Exception:
+    """Return a driver's error as SQLAlchemy has it."""
+    kind = dialect.loaded_dbapi.Error
+    return DBAPIError.instance(text, values, error, kind, dialect=dialect)
+
+
 def _arranging(
-    places: Sequence[int], constants: Sequence[Any]
+    places: Sequence[int], constants: Sequence[Any], count: int
 ) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
-    """Return what takes from a tuple, followed by `constants`, the values at `places`."""
+    """Return what takes the values at `places` from a tuple of `count` and then `constants`."""
+    if [*places] == [*range(count)]:
+        return tuple
     if len(places) < 2:
         return lambda values: tuple((*values, *constants)[place] for place in places)
     pick = itemgetter(*places)

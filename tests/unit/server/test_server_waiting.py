@@ -51,20 +51,21 @@ def finish(engine: Engine, grant: Grant, report: Callable[..., Report]) -> None:
 def effort(engine: Engine, monkeypatch: pytest.MonkeyPatch, do: Callable[[], object]) -> int:
     """Return how many hundreds of steps SQLite takes for what waits, while something is done."""
     steps = 0
-    run = Prepared._run
+    execute = Prepared.execute
 
     def count() -> int:
         nonlocal steps
         steps += 1
         return 0
 
-    def counting(self: Prepared, connection: Any, how: str, text: str, values: Any) -> Any:
+    def counting(self: Prepared, connection: Any, *values: Any) -> Any:
+        text = self._in_words_of(connection.dialect).text
         driver = connection.connection.dbapi_connection
         driver.set_progress_handler(count if "'pending'" in text else None, 100)
-        return run(self, connection, how, text, values)
+        return execute(self, connection, *values)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Prepared, "_run", counting)
+        patch.setattr(Prepared, "execute", counting)
         do()
     return steps
 
