@@ -44,6 +44,14 @@ def to_row(study_id: str, slot: Slot) -> tuple[Any, ...]:
     )
 
 
+def new_row(
+    study_id: str, place: tuple[int, int], lease: str | None, host_class: str
+) -> tuple[Any, ...]:
+    """Return the same for a slot of a row that is begun; `lease`: what holds it, None: nothing."""
+    state = "pending" if lease is None else "leased"
+    return study_id, *place, state, lease, _NONE, host_class, None
+
+
 def from_row(row: Sequence[Any]) -> Slot:
     """Return the slot that a row of `SLOTS` holds."""
     number, position, state, lease, stored, host_class, avoid = row

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from operator import attrgetter
 from typing import Any
 from uuid import uuid4
 
@@ -72,10 +73,13 @@ _COURSE = (
     "identity",
     "edition",
 )
+#: Those of them that count instances; and what takes these from a study.
+_COUNTS = ("handed_out", "leased", "result_count", "ok_count", "rows_complete")
+_COUNTS_OF = attrgetter(*_COUNTS)
 _ONE_TO_SAVE = sa.update(studies).where(studies.c.id == sa.bindparam("of_study"))
-_SAVE, _SAVE_BUT_STATE = (
+_SAVE, _SAVE_COUNTS = (
     Prepared(_ONE_TO_SAVE, "of_study", *_COURSE),
-    Prepared(_ONE_TO_SAVE, "of_study", *_COURSE[1:]),
+    Prepared(_ONE_TO_SAVE, "of_study", *_COUNTS),
 )
 
 
@@ -249,19 +253,19 @@ def with_work(
     return [study for study in found if study.plan.model in models]
 
 
-def save(connection: Connection, study: Study, *, state: bool = True) -> None:
+def save(connection: Connection, study: Study, *, counted: bool = False) -> None:
     """Write back how far a study is, which was read, locked, in the same transaction.
 
-    `state`: whether its state may have changed; an index is written for it even if it has not.
+    `counted`: that nothing has changed but how many of its instances are where. What is the same is
+    not written then, least of all its state, for which an index is written too.
     """
+    if counted:
+        _SAVE_COUNTS.execute(connection, study.id, *_COUNTS_OF(study))
+        return
     course = _course(study)
     for name in ("failures", "identity"):
         course[name] = None if course[name] is None else as_text(course[name])
-    if state:
-        _SAVE.execute(connection, study.id, *course.values())
-    else:
-        _, *others = course.values()
-        _SAVE_BUT_STATE.execute(connection, study.id, *others)
+    _SAVE.execute(connection, study.id, *course.values())
 
 
 def _row(study: Study) -> dict[str, Any]:
