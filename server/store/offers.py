@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
-from uuid import uuid4
+from secrets import token_hex
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection
@@ -147,7 +147,7 @@ def _grant_of(
         return None
     if objection_to_worker(study, versions=wish.versions, tags=study.tags) is not None:
         return None
-    lease_id = uuid4().hex
+    lease_id = _new_id(now)
     again: list[Slot] = []
     if study.returned:
         at_work = workers.hosts_at_work(connection, study.id, host_class=mine, now=now)
@@ -184,13 +184,21 @@ def _comparisons_of(
     connection: Connection, study: Study, wish: Wish, now: float, ttl: float
 ) -> Grant | None:
     """Hand out a locked study's results to be computed again; None if somebody was faster."""
-    lease_id = uuid4().hex
+    lease_id = _new_id(now)
     places = comparisons.hand_out(
         connection, study, host=wish.host, lease=lease_id, limit=wish.max_instances
     )
     if not places:
         return None
     return _granted(study, lease_id, wish, places, expiry(now, ttl), compares=True)
+
+
+def _new_id(now: float) -> str:
+    """Return a lease's id that nobody guesses and that sorts after those of earlier leases.
+
+    So an index has the leases of today on a few pages, which are at hand, and not on any of them.
+    """
+    return f"{int(now * 1e6):016x}{token_hex(8)}"
 
 
 def _granted(
