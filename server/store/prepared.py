@@ -5,6 +5,7 @@ than executing it takes SQLite. These are compiled once for each kind of databas
 comes out as text, and rows are plain tuples.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -21,6 +22,8 @@ from sqlalchemy.sql.compiler import SQLCompiler
 
 #: Rows of one INSERT: enough to gain by it, few enough to know a statement for each number of them.
 ROWS = 20
+#: A parameter as SQLAlchemy numbers it.
+_NUMBER = re.compile(r":(\d+)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +86,8 @@ class Prepared:
         return self._compiled.get(dialect.name) or self._compile(dialect)
 
     def _compile(self, dialect: Dialect) -> _Compiled:
-        by_place: Any = "qmark" if dialect.name == "sqlite" else "format"
+        # By number SQLite is given a value once however often it is used.
+        by_place: Any = "numeric" if dialect.name == "sqlite" else "format"
         kind: type[DefaultDialect] = type(dialect)  # type: ignore[assignment]
         writes = not isinstance(self._statement, sa.Select)
         found = self._statement.compile(
@@ -95,8 +99,11 @@ class Prepared:
         constants = {name: found.params[name] for name in places if name not in self._names}
         every = (*self._names, *constants)
         words = found.string
-        if self._index is not None and dialect.name == "sqlite":
-            words = words.replace("\nWHERE", f"INDEXED BY {self._index}\nWHERE", 1)
+        if dialect.name == "sqlite":
+            # Python takes `:1` for a name.
+            words = _NUMBER.sub(r"?\1", words)
+            if self._index is not None:
+                words = words.replace("\nWHERE", f"INDEXED BY {self._index}\nWHERE", 1)
         compiled = self._compiled[dialect.name] = _Compiled(
             text=words,
             arrange=_arranging(
@@ -111,33 +118,41 @@ class Rows:
 
     Args:
         table: which table.
-        names: of its columns, in the order in which values are given.
+        same: of its columns those of which all rows that are added at once have the same value.
+        each: the others.
     """
 
-    def __init__(self, table: sa.Table, *names: str) -> None:
+    def __init__(self, table: sa.Table, *, same: Sequence[str], each: Sequence[str]) -> None:
         self._table = table
-        self._names = names
+        self._same = same
+        self._each = each
         self._of = cache(self._insert)
 
-    def add(self, connection: Connection, rows: Sequence[tuple[Any, ...]]) -> None:
-        """Add `rows`: values of the columns in their order, of JSON the text.
+    def add(
+        self, connection: Connection, same: tuple[Any, ...], rows: Sequence[tuple[Any, ...]]
+    ) -> None:
+        """Add `rows`; values are in the order of the columns, of JSON the text.
 
         Raises:
             sqlalchemy.exc.DBAPIError: the database refuses.
         """
         for start in range(0, len(rows), ROWS):
             some = rows[start : start + ROWS]
-            self._of(len(some)).execute(connection, *chain.from_iterable(some))
+            self._of(len(some)).execute(connection, *same, *chain.from_iterable(some))
 
     def _insert(self, count: int) -> Prepared:
         """Return what adds so many rows."""
-        numbered = [{name: f"{name}_{row}" for name in self._names} for row in range(count)]
+        same = {name: name for name in self._same}
+        numbered = [{name: f"{name}_{row}" for name in self._each} for row in range(count)]
         values = [
-            {name: sa.bindparam(key, type_=self._table.c[name].type) for name, key in row.items()}
+            {
+                name: sa.bindparam(key, type_=self._table.c[name].type)
+                for name, key in {**same, **row}.items()
+            }
             for row in numbered
         ]
         keys = [key for row in numbered for key in row.values()]
-        return Prepared(sa.insert(self._table).values(values), *keys)
+        return Prepared(sa.insert(self._table).values(values), *same, *keys)
 
 
 def text(column: sa.Column[Any]) -> sa.ColumnElement[str]:
