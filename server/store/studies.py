@@ -1,7 +1,7 @@
 """Studies: making, finding and cancelling them."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from operator import attrgetter
@@ -50,12 +50,14 @@ _ONE = _EVERY.where(studies.c.id == sa.bindparam("of_study"))
 _FIND, _FIND_LOCKED = Prepared(_ONE, "of_study"), Prepared(_ONE.with_for_update(), "of_study")
 _TAKEN = studies.c.result_count + studies.c.leased
 _WITH_WORK = Prepared(
-    _EVERY.where(
+    sa.select(studies.c.id, studies.c.model)
+    .where(
         sa.or_(
             sa.and_(studies.c.state == "running", studies.c.instances > _TAKEN),
             sa.and_(studies.c.state == "draining", studies.c.handed_out > _TAKEN),
-        ),
-    ).order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
+        )
+    )
+    .order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
 )
 #: The columns that change while a study runs.
 _COURSE = (
@@ -238,19 +240,22 @@ def locked(connection: Connection, study: Study) -> Study:
 
 def with_work(
     connection: Connection, models: Sequence[str], *, known: Study | None = None
-) -> list[Study]:
-    """Return the running studies of `models` with something to hand out, first to serve first.
+) -> Iterator[Study]:
+    """Yield the running studies of `models` with something to hand out, first to serve first.
 
     Args:
         connection: a transaction.
         models: the models that may be asked for.
         known: a study as it is now, if the transaction knows one.
     """
-    found = [
-        known if known is not None and row[0] == known.id else _study(row)
-        for row in _WITH_WORK.execute(connection)
-    ]
-    return [study for study in found if study.plan.model in models]
+    for study_id, model in _WITH_WORK.execute(connection).fetchall():
+        if model not in models:
+            continue
+        if known is not None and known.id == study_id:
+            yield known
+        # Only what somebody looks at is read whole, and may be gone by then.
+        elif (row := _FIND.execute(connection, study_id).fetchone()) is not None:
+            yield _study(row)
 
 
 def save(connection: Connection, study: Study, *, counted: bool = False) -> None:
