@@ -6,6 +6,7 @@ comes out as text, and rows are plain tuples.
 """
 
 import re
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -22,6 +23,9 @@ from sqlalchemy.sql.compiler import SQLCompiler
 
 #: Rows of one INSERT: enough to gain by it, few enough to know a statement for each number of them.
 ROWS = 20
+#: How SQLite is given values: by number, each once however often it is used. Early versions of
+#: Python 3.12 take numbers for names, and warn.
+_SQLITE_STYLE = "qmark" if sys.version_info[:2] == (3, 12) else "numeric"
 #: A parameter as SQLAlchemy numbers it.
 _NUMBER = re.compile(r":(\d+)")
 
@@ -86,8 +90,7 @@ class Prepared:
         return self._compiled.get(dialect.name) or self._compile(dialect)
 
     def _compile(self, dialect: Dialect) -> _Compiled:
-        # By number SQLite is given a value once however often it is used.
-        by_place: Any = "numeric" if dialect.name == "sqlite" else "format"
+        by_place: Any = _SQLITE_STYLE if dialect.name == "sqlite" else "format"
         kind: type[DefaultDialect] = type(dialect)  # type: ignore[assignment]
         writes = not isinstance(self._statement, sa.Select)
         found = self._statement.compile(
