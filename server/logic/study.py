@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import isfinite
 from typing import Any
 
@@ -45,12 +46,12 @@ class Plan:
     #: Outputs kept, in the model's order.
     outputs: tuple[str, ...]
 
-    @property
+    @cached_property
     def width(self) -> int:
         """Instances in one row of the design."""
         return row_width(self.method, len(self.distributions))
 
-    @property
+    @cached_property
     def instances(self) -> int:
         """Instances in the whole study."""
         return self.rows * self.width

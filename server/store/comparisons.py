@@ -44,14 +44,8 @@ _STUDIES_WAITING = Prepared(
 )
 _ASK = Rows(
     comparisons,
-    "study_id",
-    "row",
-    "position",
-    "state",
-    "attempts",
-    "asked_at",
-    "first_host",
-    "first_worker_id",
+    same=("study_id", "state", "attempts", "asked_at", "first_host", "first_worker_id"),
+    each=("row", "position"),
 )
 
 
@@ -67,11 +61,11 @@ def ask(
 ) -> None:
     """Ask for second opinions on those of a host's new final results that are chosen for it."""
     chosen = [
-        (study.id, result.row, result.position, "waiting", 0, now, host, worker)
+        (result.row, result.position)
         for result in results
         if is_comparable(result) and is_chosen(study.plan.seed, result.row, result.position, share)
     ]
-    _ASK.add(connection, chosen)
+    _ASK.add(connection, (study.id, "waiting", 0, now, host, worker), chosen)
 
 
 def studies_waiting(connection: Connection, models: Sequence[str], *, host: str) -> list[Study]:

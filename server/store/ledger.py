@@ -16,7 +16,7 @@ from server.store import studies
 from server.store.engine import JSON
 from server.store.prepared import Prepared, Rows, as_text
 from server.store.schema import instances, results
-from server.store.slots import COLUMNS, SLOTS, from_row, to_row
+from server.store.slots import BEGUN, COLUMNS, SLOTS, from_row, of_new_rows, to_row
 
 #: (row, position) of an instance in its study.
 Place = tuple[int, int]
@@ -64,26 +64,12 @@ def _waiting(*conditions: sa.ColumnElement[bool]) -> tuple[Prepared, Prepared]:
 
 _WAITING = _waiting()
 _NEW_HERE, _AGAIN_HERE = _waiting(sa.not_(_TRIED_HERE)), _waiting(_TRIED_HERE)
-#: Columns of what is written often.
-_RESULT = (
-    "study_id",
-    "seq",
-    "row",
-    "position",
-    "outcome",
-    "outputs",
-    "reason",
-    "state",
-    "wall_seconds",
-    "worker_id",
-    "received_at",
-)
 _UPDATE = sa.update(instances).where(
     instances.c.study_id == sa.bindparam("of_study"),
     instances.c.row == sa.bindparam("at_row"),
     instances.c.position == sa.bindparam("at_position"),
 )
-_BEGIN = Rows(instances, *COLUMNS)
+_BEGIN = Rows(instances, same=BEGUN, each=("row", "position"))
 #: Most of what workers post changes no more than this.
 _MOVE = Prepared(
     _UPDATE.values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")),
@@ -125,7 +111,11 @@ _BIND = (
     )
     .values(host_class=sa.bindparam("to_class"))
 )
-_APPEND = Rows(results, *_RESULT)
+_APPEND = Rows(
+    results,
+    same=("study_id", "worker_id", "received_at"),
+    each=("seq", "row", "position", "outcome", "outputs", "reason", "state", "wall_seconds"),
+)
 
 
 def rows(connection: Connection, study: Study, places: Iterable[Place]) -> dict[Place, Slot]:
@@ -198,32 +188,40 @@ def hand_out(
     connection: Connection,
     study: Study,
     *,
-    begun: Sequence[Slot],
+    lease: str,
+    begun: Sequence[Place],
+    fresh: int,
     again: Sequence[Slot],
     unbound: Collection[int],
     host_class: str,
+    identity: Mapping[str, str],
 ) -> Study:
-    """Write leased slots; returns the study as it is now.
+    """Write what a lease holds; returns the study as it is now.
 
     Args:
         connection: a transaction that has locked the study.
         study: as it was.
-        begun: all slots of new rows, leased or pending.
+        lease: the lease.
+        begun: every place in new rows.
+        fresh: so many of them, the first ones, are leased.
         again: slots of rows begun before, now leased.
         unbound: those of their rows that any kind of machine could have taken.
         host_class: the kind of machine that all rows concerned now belong to.
+        identity: the code that begins the study, if none has before.
     """
-    _BEGIN.add(connection, [to_row(study.id, slot) for slot in begun])
+    for places, holder in ((begun[:fresh], lease), (begun[fresh:], None)):
+        _BEGIN.add(connection, of_new_rows(study.id, holder, host_class), places)
     _MOVE.execute_many(connection, [_moved(study, slot) for slot in again])
     for rows in chunks(unbound):
         connection.execute(_BIND, {"of_study": study.id, "rows": rows, "to_class": host_class})
-    study = replace(
+    updated = replace(
         study,
         handed_out=study.handed_out + len(begun),
-        leased=study.leased + len(again) + sum(slot.state == "leased" for slot in begun),
+        leased=study.leased + len(again) + fresh,
+        identity=identity if study.identity is None else study.identity,
     )
-    studies.save(connection, study, state=False)
-    return study
+    studies.save(connection, updated, counted=study.identity is not None)
+    return updated
 
 
 def settle(
@@ -254,11 +252,10 @@ def settle(
         return study
     _write_changes(connection, study, before, after)
     _append(connection, study, filed, worker, now)
-    state_before = study.state
     done = study.result_count + len(filed)
     failed = [result.outcome for result in filed if result.outcome != "ok"]
     finished = bool(filed) and done == study.plan.instances and study.state != "cancelled"
-    study = drained(
+    updated = drained(
         replace(
             study,
             leased=study.leased - sum(before[place].state == "leased" for place in after),
@@ -272,8 +269,9 @@ def settle(
             finished_at=now if finished else study.finished_at,
         )
     )
-    studies.save(connection, study, state=study.state != state_before)
-    return study
+    counted = not failed and updated.state == study.state
+    studies.save(connection, updated, counted=counted)
+    return updated
 
 
 def _append(
@@ -282,9 +280,9 @@ def _append(
     """Append final results, which were looked through, to the study's log."""
     _APPEND.add(
         connection,
+        (study.id, worker, now),
         [
             (
-                study.id,
                 seq,
                 result.row,
                 result.position,
@@ -293,8 +291,6 @@ def _append(
                 result.reason,
                 None if result.state is None else as_text(result.state),
                 result.wall_seconds,
-                worker,
-                now,
             )
             for seq, result in enumerate(filed, start=study.result_count + 1)
         ],

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
-from uuid import uuid4
+from secrets import token_hex
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection
@@ -147,7 +147,7 @@ def _grant_of(
         return None
     if objection_to_worker(study, versions=wish.versions, tags=study.tags) is not None:
         return None
-    lease_id = uuid4().hex
+    lease_id = _new_id(now)
     again: list[Slot] = []
     if study.returned:
         at_work = workers.hosts_at_work(connection, study.id, host_class=mine, now=now)
@@ -162,16 +162,21 @@ def _grant_of(
     unbound = {slot.row for slot in again if slot.host_class is None}
     again = [replace(slot, state="leased", lease=lease_id, host_class=mine) for slot in again]
     wanted = wish.max_instances - len(again) if study.state == "running" else 0
-    begun = _new_rows(study, lease_id, mine, wanted)
-    fresh = [slot for slot in begun if slot.state == "leased"]
+    begun, fresh = _new_rows(study, wanted)
     if not again and not fresh:
         return None
-    if study.identity is None:
-        study = replace(study, identity=identity(wish.versions))
     study = ledger.hand_out(
-        connection, study, begun=begun, again=again, unbound=unbound, host_class=mine
+        connection,
+        study,
+        lease=lease_id,
+        begun=begun,
+        fresh=fresh,
+        again=again,
+        unbound=unbound,
+        host_class=mine,
+        identity=identity(wish.versions),
     )
-    places = [(slot.row, slot.position) for slot in [*again, *fresh]]
+    places = [*((slot.row, slot.position) for slot in again), *begun[:fresh]]
     return _granted(study, lease_id, wish, places, expiry(now, ttl))
 
 
@@ -179,13 +184,21 @@ def _comparisons_of(
     connection: Connection, study: Study, wish: Wish, now: float, ttl: float
 ) -> Grant | None:
     """Hand out a locked study's results to be computed again; None if somebody was faster."""
-    lease_id = uuid4().hex
+    lease_id = _new_id(now)
     places = comparisons.hand_out(
         connection, study, host=wish.host, lease=lease_id, limit=wish.max_instances
     )
     if not places:
         return None
     return _granted(study, lease_id, wish, places, expiry(now, ttl), compares=True)
+
+
+def _new_id(now: float) -> str:
+    """Return a lease's id that nobody guesses and that sorts after those of earlier leases.
+
+    So an index has the leases of today on a few pages, which are at hand, and not on any of them.
+    """
+    return f"{int(now * 1e6):016x}{token_hex(8)}"
 
 
 def _granted(
@@ -213,27 +226,13 @@ def _granted(
     return Grant(lease=lease, study=study)
 
 
-def _new_rows(study: Study, lease_id: str, host_class: str, count: int) -> list[Slot]:
-    """Return every slot of as many new rows as `count` instances take, the first ones leased."""
+def _new_rows(study: Study, count: int) -> tuple[list[ledger.Place], int]:
+    """Return the places in as many new rows as `count` instances take, and how many are wanted."""
     width = study.plan.width
     first = study.handed_out
     count = min(count, study.plan.instances - first)
     whole = -(-count // width) * width
-    slots = []
-    for number in range(first, first + whole):
-        row, position = divmod(number, width)
-        leased = number < first + count
-        slots.append(
-            Slot(
-                row=row,
-                position=position,
-                state="leased" if leased else "pending",
-                lease=lease_id if leased else None,
-                attempts={},
-                host_class=host_class,
-            )
-        )
-    return slots
+    return [divmod(number, width) for number in range(first, first + whole)], count
 
 
 def _file(connection: Connection, lease: Lease, now: float) -> Lease:

@@ -5,6 +5,8 @@ than executing it takes SQLite. These are compiled once for each kind of databas
 comes out as text, and rows are plain tuples.
 """
 
+import re
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -21,6 +23,11 @@ from sqlalchemy.sql.compiler import SQLCompiler
 
 #: Rows of one INSERT: enough to gain by it, few enough to know a statement for each number of them.
 ROWS = 20
+#: How SQLite is given values: by number, each once however often it is used. Early versions of
+#: Python 3.12 take numbers for names, and warn.
+_SQLITE_STYLE = "qmark" if sys.version_info[:2] == (3, 12) else "numeric"
+#: A parameter as SQLAlchemy numbers it.
+_NUMBER = re.compile(r":(\d+)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,36 +67,30 @@ class Prepared:
             sqlalchemy.exc.DBAPIError: the database refuses.
         """
         known = self._in_words_of(connection.dialect)
-        return self._run(connection, "execute", known.text, known.arrange(values))
+        arranged = known.arrange(values)
+        driver: Any = connection.connection.dbapi_connection
+        try:
+            return driver.execute(known.text, arranged)
+        except connection.dialect.loaded_dbapi.Error as error:
+            raise _failure(error, connection.dialect, known.text, arranged) from error
 
     def execute_many(self, connection: Connection, rows: Sequence[tuple[Any, ...]]) -> None:
         """Execute it with each of `rows`: values of the parameters in their order."""
-        if rows:
-            known = self._in_words_of(connection.dialect)
-            self._run(connection, "executemany", known.text, list(map(known.arrange, rows)))
-
-    def _run(self, connection: Connection, how: str, text: str, values: Sequence[Any]) -> Any:
+        if not rows:
+            return
+        known = self._in_words_of(connection.dialect)
+        arranged = list(map(known.arrange, rows))
         driver: Any = connection.connection.dbapi_connection
-        cursor = driver.cursor()
         try:
-            getattr(cursor, how)(text, values)
-        except Exception as error:
-            kind = connection.dialect.loaded_dbapi.Error
-            if not isinstance(error, kind):
-                raise
-            raise DBAPIError.instance(
-                text, values, error, kind, dialect=connection.dialect
-            ) from error
-        return cursor
+            driver.cursor().executemany(known.text, arranged)
+        except connection.dialect.loaded_dbapi.Error as error:
+            raise _failure(error, connection.dialect, known.text, arranged) from error
 
     def _in_words_of(self, dialect: Dialect) -> _Compiled:
-        known = self._compiled.get(dialect.name)
-        if known is None:
-            known = self._compiled[dialect.name] = self._compile(dialect)
-        return known
+        return self._compiled.get(dialect.name) or self._compile(dialect)
 
     def _compile(self, dialect: Dialect) -> _Compiled:
-        by_place: Any = "qmark" if dialect.name == "sqlite" else "format"
+        by_place: Any = _SQLITE_STYLE if dialect.name == "sqlite" else "format"
         kind: type[DefaultDialect] = type(dialect)  # type: ignore[assignment]
         writes = not isinstance(self._statement, sa.Select)
         found = self._statement.compile(
@@ -101,12 +102,18 @@ class Prepared:
         constants = {name: found.params[name] for name in places if name not in self._names}
         every = (*self._names, *constants)
         words = found.string
-        if self._index is not None and dialect.name == "sqlite":
-            words = words.replace("\nWHERE", f"INDEXED BY {self._index}\nWHERE", 1)
-        return _Compiled(
+        if dialect.name == "sqlite":
+            # Python takes `:1` for a name.
+            words = _NUMBER.sub(r"?\1", words)
+            if self._index is not None:
+                words = words.replace("\nWHERE", f"INDEXED BY {self._index}\nWHERE", 1)
+        compiled = self._compiled[dialect.name] = _Compiled(
             text=words,
-            arrange=_arranging([every.index(name) for name in places], [*constants.values()]),
+            arrange=_arranging(
+                [every.index(name) for name in places], [*constants.values()], len(self._names)
+            ),
         )
+        return compiled
 
 
 class Rows:
@@ -114,33 +121,41 @@ class Rows:
 
     Args:
         table: which table.
-        names: of its columns, in the order in which values are given.
+        same: of its columns those of which all rows that are added at once have the same value.
+        each: the others.
     """
 
-    def __init__(self, table: sa.Table, *names: str) -> None:
+    def __init__(self, table: sa.Table, *, same: Sequence[str], each: Sequence[str]) -> None:
         self._table = table
-        self._names = names
+        self._same = same
+        self._each = each
         self._of = cache(self._insert)
 
-    def add(self, connection: Connection, rows: Sequence[tuple[Any, ...]]) -> None:
-        """Add `rows`: values of the columns in their order, of JSON the text.
+    def add(
+        self, connection: Connection, same: tuple[Any, ...], rows: Sequence[tuple[Any, ...]]
+    ) -> None:
+        """Add `rows`; values are in the order of the columns, of JSON the text.
 
         Raises:
             sqlalchemy.exc.DBAPIError: the database refuses.
         """
         for start in range(0, len(rows), ROWS):
             some = rows[start : start + ROWS]
-            self._of(len(some)).execute(connection, *chain.from_iterable(some))
+            self._of(len(some)).execute(connection, *same, *chain.from_iterable(some))
 
     def _insert(self, count: int) -> Prepared:
         """Return what adds so many rows."""
-        numbered = [{name: f"{name}_{row}" for name in self._names} for row in range(count)]
+        same = {name: name for name in self._same}
+        numbered = [{name: f"{name}_{row}" for name in self._each} for row in range(count)]
         values = [
-            {name: sa.bindparam(key, type_=self._table.c[name].type) for name, key in row.items()}
+            {
+                name: sa.bindparam(key, type_=self._table.c[name].type)
+                for name, key in {**same, **row}.items()
+            }
             for row in numbered
         ]
         keys = [key for row in numbered for key in row.values()]
-        return Prepared(sa.insert(self._table).values(values), *keys)
+        return Prepared(sa.insert(self._table).values(values), *same, *keys)
 
 
 def text(column: sa.Column[Any]) -> sa.ColumnElement[str]:
@@ -157,10 +172,18 @@ def as_text(value: Any) -> str:
     return to_json(value).decode()
 
 
+def _failure(error: Exception, dialect: Dialect, text: str, values: Sequence[Any]) -> Exception:
+    """Return a driver's error as SQLAlchemy has it."""
+    kind = dialect.loaded_dbapi.Error
+    return DBAPIError.instance(text, values, error, kind, dialect=dialect)
+
+
 def _arranging(
-    places: Sequence[int], constants: Sequence[Any]
+    places: Sequence[int], constants: Sequence[Any], count: int
 ) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
-    """Return what takes from a tuple, followed by `constants`, the values at `places`."""
+    """Return what takes the values at `places` from a tuple of `count` and then `constants`."""
+    if [*places] == [*range(count)]:
+        return tuple
     if len(places) < 2:
         return lambda values: tuple((*values, *constants)[place] for place in places)
     pick = itemgetter(*places)

@@ -23,6 +23,8 @@ SLOTS = sa.select(
 )
 #: Names of what `to_row` returns.
 COLUMNS = ("study_id", "row", "position", "state", "lease_id", "attempts", "host_class", "avoid")
+#: Those of them that many slots of rows that are begun share.
+BEGUN = tuple(name for name in COLUMNS if name not in ("row", "position"))
 
 #: In a column of attempts, ends the names of lists of hosts.
 _ON = "_on"
@@ -42,6 +44,12 @@ def to_row(study_id: str, slot: Slot) -> tuple[Any, ...]:
         slot.host_class,
         slot.avoid,
     )
+
+
+def of_new_rows(study_id: str, lease: str | None, host_class: str) -> tuple[Any, ...]:
+    """Return the values of `BEGUN` for slots of new rows; `lease`: what holds them, None: none."""
+    state = "pending" if lease is None else "leased"
+    return study_id, state, lease, _NONE, host_class, None
 
 
 def from_row(row: Sequence[Any]) -> Slot:

@@ -1,9 +1,10 @@
 """Studies: making, finding and cancelling them."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from operator import attrgetter
 from typing import Any
 from uuid import uuid4
 
@@ -49,12 +50,14 @@ _ONE = _EVERY.where(studies.c.id == sa.bindparam("of_study"))
 _FIND, _FIND_LOCKED = Prepared(_ONE, "of_study"), Prepared(_ONE.with_for_update(), "of_study")
 _TAKEN = studies.c.result_count + studies.c.leased
 _WITH_WORK = Prepared(
-    _EVERY.where(
+    sa.select(studies.c.id, studies.c.model)
+    .where(
         sa.or_(
             sa.and_(studies.c.state == "running", studies.c.instances > _TAKEN),
             sa.and_(studies.c.state == "draining", studies.c.handed_out > _TAKEN),
-        ),
-    ).order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
+        )
+    )
+    .order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
 )
 #: The columns that change while a study runs.
 _COURSE = (
@@ -72,10 +75,13 @@ _COURSE = (
     "identity",
     "edition",
 )
+#: Those of them that count instances; and what takes these from a study.
+_COUNTS = ("handed_out", "leased", "result_count", "ok_count", "rows_complete")
+_COUNTS_OF = attrgetter(*_COUNTS)
 _ONE_TO_SAVE = sa.update(studies).where(studies.c.id == sa.bindparam("of_study"))
-_SAVE, _SAVE_BUT_STATE = (
+_SAVE, _SAVE_COUNTS = (
     Prepared(_ONE_TO_SAVE, "of_study", *_COURSE),
-    Prepared(_ONE_TO_SAVE, "of_study", *_COURSE[1:]),
+    Prepared(_ONE_TO_SAVE, "of_study", *_COUNTS),
 )
 
 
@@ -234,34 +240,37 @@ def locked(connection: Connection, study: Study) -> Study:
 
 def with_work(
     connection: Connection, models: Sequence[str], *, known: Study | None = None
-) -> list[Study]:
-    """Return the running studies of `models` with something to hand out, first to serve first.
+) -> Iterator[Study]:
+    """Yield the running studies of `models` with something to hand out, first to serve first.
 
     Args:
         connection: a transaction.
         models: the models that may be asked for.
         known: a study as it is now, if the transaction knows one.
     """
-    found = [
-        known if known is not None and row[0] == known.id else _study(row)
-        for row in _WITH_WORK.execute(connection)
-    ]
-    return [study for study in found if study.plan.model in models]
+    for study_id, model in _WITH_WORK.execute(connection).fetchall():
+        if model not in models:
+            continue
+        if known is not None and known.id == study_id:
+            yield known
+        # Only what somebody looks at is read whole, and may be gone by then.
+        elif (row := _FIND.execute(connection, study_id).fetchone()) is not None:
+            yield _study(row)
 
 
-def save(connection: Connection, study: Study, *, state: bool = True) -> None:
+def save(connection: Connection, study: Study, *, counted: bool = False) -> None:
     """Write back how far a study is, which was read, locked, in the same transaction.
 
-    `state`: whether its state may have changed; an index is written for it even if it has not.
+    `counted`: that nothing has changed but how many of its instances are where. What is the same is
+    not written then, least of all its state, for which an index is written too.
     """
+    if counted:
+        _SAVE_COUNTS.execute(connection, study.id, *_COUNTS_OF(study))
+        return
     course = _course(study)
     for name in ("failures", "identity"):
         course[name] = None if course[name] is None else as_text(course[name])
-    if state:
-        _SAVE.execute(connection, study.id, *course.values())
-    else:
-        _, *others = course.values()
-        _SAVE_BUT_STATE.execute(connection, study.id, *others)
+    _SAVE.execute(connection, study.id, *course.values())
 
 
 def _row(study: Study) -> dict[str, Any]:

@@ -54,8 +54,9 @@ class Turns:
         self._waiting.append((job, done))
         if not self._seen_to:
             self._seen_to = True
-            # After all requests that have arrived by now.
-            loop.call_soon(self._serve, loop)
+            # After all requests that have arrived by now: it is between the two calls that the loop
+            # looks who else has sent one.
+            loop.call_soon(loop.call_soon, self._serve, loop)
         return await done
 
     def close(self) -> None:

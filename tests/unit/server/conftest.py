@@ -14,7 +14,8 @@ from server.app import create_app
 from server.logic.study import Plan, draw_up
 from server.logic.verdicts import Report
 from server.settings import Settings
-from server.store import create_engine, upgrade
+from server.store import create_engine, queue, upgrade
+from server.store.offers import Grant
 
 TOKEN = "correct horse"
 
@@ -109,3 +110,24 @@ def report() -> Callable[..., Report]:
         return Report(instance=instance, **{**said, **changes})
 
     return make
+
+
+@pytest.fixture
+def lease(engine: Engine) -> Callable[..., Grant]:
+    """Leases so many instances of the Ishigami function to a worker, of which there are enough."""
+
+    def ask(worker: str, count: int, *, now: float = 0.0) -> Grant:
+        found = queue.grant(
+            engine,
+            worker=worker,
+            host="h",
+            versions={},
+            models=["ishigami"],
+            max_instances=count,
+            now=now,
+            ttl=60.0,
+        )
+        assert found is not None and len(found.lease.instances) == count
+        return found
+
+    return ask

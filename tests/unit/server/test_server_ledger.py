@@ -14,31 +14,18 @@ from server.store.ledger import Place
 from server.store.offers import Grant
 from server.store.schema import instances
 
+Leasing = Callable[..., Grant]
+
 #: Instances in a row of the study.
 WIDTH = 4
 
 
 @pytest.fixture
-def grants(engine: Engine, plan: Callable[..., Plan]) -> tuple[Grant, Grant]:
+def grants(engine: Engine, plan: Callable[..., Plan], lease: Leasing) -> tuple[Grant, Grant]:
     """Leases of two workers in rows 0 to 2: the first one's begins and ends within a row."""
     studies.create(engine, plan(rows=4), key=None, digest="", now=0.0)
-    lease(engine, "early", 1)
-    return lease(engine, "w", 10), lease(engine, "v", 5)
-
-
-def lease(engine: Engine, worker: str, count: int) -> Grant:
-    found = queue.grant(
-        engine,
-        worker=worker,
-        host="h",
-        versions={},
-        models=["ishigami"],
-        max_instances=count,
-        now=0.0,
-        ttl=60.0,
-    )
-    assert found is not None and len(found.lease.instances) == count
-    return found
+    lease("early", 1)
+    return lease("w", 10), lease("v", 5)
 
 
 def standing(engine: Engine, grant: Grant) -> dict[Place, tuple[str, str | None]]:
@@ -109,11 +96,11 @@ def test_what_goes_wrong_waits_again_while_the_others_are_done(
 
 
 def test_late_results_of_two_leases_are_done_and_take_nothing_from_a_third(
-    engine: Engine, grants: tuple[Grant, Grant], report: Callable[..., Report]
+    engine: Engine, grants: tuple[Grant, Grant], lease: Leasing, report: Callable[..., Report]
 ) -> None:
     mine, theirs = grants
     queue.release(engine, mine.lease.id, fence=mine.lease.fence, now=1.0)
-    again = lease(engine, "u", 6)
+    again = lease("u", 6)
     post(engine, mine, report, *mine.lease.instances)
     assert set(standing(engine, mine).values()) == {("done", None)}
     assert set(standing(engine, again).values()) == {("done", None)}
@@ -122,10 +109,10 @@ def test_late_results_of_two_leases_are_done_and_take_nothing_from_a_third(
 
 
 def test_more_than_one_statement_takes_is_written_whole(
-    engine: Engine, plan: Callable[..., Plan], report: Callable[..., Report]
+    engine: Engine, plan: Callable[..., Plan], lease: Leasing, report: Callable[..., Report]
 ) -> None:
     studies.create(engine, plan(rows=30), key=None, digest="", now=0.0)
-    all_of_it = lease(engine, "w", 30 * WIDTH)
+    all_of_it = lease("w", 30 * WIDTH)
     post(engine, all_of_it, report, *all_of_it.lease.instances)
     (study,) = studies.every(engine)
     assert (study.state, study.ok_count, study.rows_complete) == ("complete", 30 * WIDTH, 30)

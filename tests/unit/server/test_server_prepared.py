@@ -61,10 +61,10 @@ def test_nothing_at_all_may_be_written_often(things: Engine) -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 2, ROWS, ROWS + 1, 3 * ROWS])
 def test_rows_are_added_as_they_are_given_however_many(things: Engine, count: int) -> None:
-    add = Rows(TABLE, "state", "id", "row", "what")
+    add = Rows(TABLE, same=("state", "row"), each=("id", "what"))
     with writing(things) as connection:
-        add.add(connection, [(None, n, 2**40, f'{{"n": {n}}}') for n in range(count)])
-        add.add(connection, [("it's %s ?", count, None, None)])
+        add.add(connection, (None, 2**40), [(n, f'{{"n": {n}}}') for n in range(count)])
+        add.add(connection, ("it's %s ?", None), [(count, None)])
     assert rows(things) == [
         *((n, 2**40, {"n": n}, None) for n in range(count)),
         (count, None, None, "it's %s ?"),
@@ -73,7 +73,7 @@ def test_rows_are_added_as_they_are_given_however_many(things: Engine, count: in
 
 def test_of_rows_one_of_which_is_refused_none_is_added(things: Engine) -> None:
     with pytest.raises(DBAPIError), writing(things) as connection:
-        Rows(TABLE, "id").add(connection, [(1,), (2,), (1,)])
+        Rows(TABLE, same=(), each=("id",)).add(connection, (), [(1,), (2,), (1,)])
     assert rows(things) == []
 
 

@@ -90,6 +90,14 @@ def counted(study: Study) -> dict[str, Any]:
 COUNTERS = ["handed_out", "leased", "result_count", "ok_count", "rows_complete"]
 
 
+def test_leases_sort_by_age_and_no_two_are_the_same(engine: Engine, plan: Drawing) -> None:
+    create(engine, plan(rows=100))
+    ids = [leased(engine, n=1, now=now).lease.id for now in (0.0, 0.0, 1e-6, 3.0, 1.8e9, 1.8e9)]
+    assert [one[:16] for one in ids] == sorted(one[:16] for one in ids)
+    assert len({one[:16] for one in ids}) == 4
+    assert len(set(ids)) == 6 and {len(one) for one in ids} == {32}
+
+
 def test_instances_are_handed_out_row_by_row_and_never_twice(engine: Engine, plan: Drawing) -> None:
     create(engine, plan())
     places = [place for _ in range(3) for place in leased(engine).lease.instances]

@@ -15,28 +15,14 @@ from server.store.offers import Grant
 from server.store.schema import conflicts
 
 Reporting = Callable[..., Report]
+Leasing = Callable[..., Grant]
 
 
 @pytest.fixture
-def grant(engine: Engine, plan: Callable[..., Plan]) -> Grant:
+def grant(engine: Engine, plan: Callable[..., Plan], lease: Leasing) -> Grant:
     """A lease of the first of two rows."""
     studies.create(engine, plan(), key=None, digest="", now=0.0)
-    grant = _lease(engine, "w", 4)
-    assert grant is not None
-    return grant
-
-
-def _lease(engine: Engine, worker: str, n: int, now: float = 0.0) -> Grant | None:
-    return queue.grant(
-        engine,
-        worker=worker,
-        host="h",
-        versions={},
-        models=["ishigami"],
-        max_instances=n,
-        now=now,
-        ttl=60.0,
-    )
+    return lease("w", 4)
 
 
 def _post(engine: Engine, grant: Grant, *reports: Report, **changes: object) -> list[Verdict]:
@@ -124,10 +110,9 @@ def test_a_forged_lease_brings_nothing_in(
 
 
 def test_another_s_instances_cannot_be_answered_under_one_s_own_lease(
-    engine: Engine, grant: Grant, report: Reporting
+    engine: Engine, grant: Grant, lease: Leasing, report: Reporting
 ) -> None:
-    other = _lease(engine, "v", 4)
-    assert other is not None
+    other = lease("v", 4)
     assert _verdicts(_post(engine, other, report(_names(grant)[0]))) == ["unknown"]
 
 
@@ -139,11 +124,11 @@ def test_an_instance_nobody_was_given_is_unknown(
 
 
 def test_the_faster_of_two_holders_fills_the_slot(
-    engine: Engine, grant: Grant, report: Reporting
+    engine: Engine, grant: Grant, lease: Leasing, report: Reporting
 ) -> None:
     queue.reap(engine, now=60.0)
-    second = _lease(engine, "v", 4, now=60.0)
-    assert second is not None and second.lease.instances == grant.lease.instances
+    second = lease("v", 4, now=60.0)
+    assert second.lease.instances == grant.lease.instances
     first = _names(grant)[0]
     assert _verdicts(_post(engine, grant, report(first), now=61.0)) == ["accepted"]
     assert studies.get(engine, grant.study.id).leased == 3
@@ -153,23 +138,25 @@ def test_the_faster_of_two_holders_fills_the_slot(
 
 
 def test_nonsense_three_times_is_the_result(
-    engine: Engine, grant: Grant, report: Reporting
+    engine: Engine, grant: Grant, lease: Leasing, report: Reporting
 ) -> None:
-    held: Grant | None = grant
+    held = grant
     for _ in range(3):
-        assert held is not None
         assert _names(held)[0] == _names(grant)[0]
         _post(engine, held, report(_names(held)[0], outputs={}))
         queue.release(engine, held.lease.id, fence=held.lease.fence, now=1.0)
-        held = _lease(engine, "w", 4, now=1.0)
+        held = lease("w", 4, now=1.0)
     assert studies.get(engine, grant.study.id).failures == {"invalid": 1}
 
 
 def test_results_are_read_in_order_of_row_and_position_across_pages(
-    engine: Engine, grant: Grant, report: Reporting, monkeypatch: pytest.MonkeyPatch
+    engine: Engine,
+    grant: Grant,
+    lease: Leasing,
+    report: Reporting,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    second = _lease(engine, "v", 4)
-    assert second is not None
+    second = lease("v", 4)
     _post(engine, second, *(report(name) for name in reversed(_names(second))))
     _post(engine, grant, *(report(name) for name in reversed(_names(grant))))
     for page in (1, 3, 4, 8, 100):

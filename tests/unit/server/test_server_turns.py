@@ -94,6 +94,23 @@ def test_on_sqlite_those_that_wait_share_a_commit(engine: Engine, told: Any) -> 
     assert len(told()) == 10
 
 
+def test_on_sqlite_who_comes_while_a_turn_is_about_to_begin_shares_it(
+    engine: Engine, told: Any
+) -> None:
+    commits: list[Connection] = []
+    event.listen(engine, "commit", commits.append)
+
+    async def ask(turns: Turns) -> list[str]:
+        async def later(word: str) -> str:
+            await asyncio.sleep(0)
+            return await turns(tell(word))
+
+        return await asyncio.gather(turns(tell("a")), later("b"))
+
+    assert run(engine, ask) == ["A", "B"]
+    assert len(commits) == (1 if engine.dialect.name == "sqlite" else 2)
+
+
 def test_nobody_is_told_that_it_is_done_if_the_commit_fails(engine: Engine, told: Any) -> None:
     def refuse(_connection: Connection) -> None:
         raise OSError("the disk is full")

@@ -8,29 +8,12 @@ from sqlalchemy.engine import Engine
 
 from server.logic.study import Plan, instance_id
 from server.logic.verdicts import Report
-from server.store import queue, results, studies
+from server.store import results, studies
 from server.store.engine import reading
 from server.store.offers import Grant
 from server.store.prepared import Prepared
 
 ROWS, WIDTH = 200, 4
-
-
-def lease(engine: Engine, count: int) -> Grant:
-    """Return a lease of as many instances."""
-    found = queue.grant(
-        engine,
-        worker="w",
-        host="h",
-        versions={},
-        models=["ishigami"],
-        max_instances=count,
-        now=0.0,
-        ttl=60.0,
-    )
-    assert found is not None
-    assert len(found.lease.instances) == count
-    return found
 
 
 def finish(engine: Engine, grant: Grant, report: Callable[..., Report]) -> None:
@@ -51,20 +34,21 @@ def finish(engine: Engine, grant: Grant, report: Callable[..., Report]) -> None:
 def effort(engine: Engine, monkeypatch: pytest.MonkeyPatch, do: Callable[[], object]) -> int:
     """Return how many hundreds of steps SQLite takes for what waits, while something is done."""
     steps = 0
-    run = Prepared._run
+    execute = Prepared.execute
 
     def count() -> int:
         nonlocal steps
         steps += 1
         return 0
 
-    def counting(self: Prepared, connection: Any, how: str, text: str, values: Any) -> Any:
+    def counting(self: Prepared, connection: Any, *values: Any) -> Any:
+        text = self._in_words_of(connection.dialect).text
         driver = connection.connection.dbapi_connection
         driver.set_progress_handler(count if "'pending'" in text else None, 100)
-        return run(self, connection, how, text, values)
+        return execute(self, connection, *values)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Prepared, "_run", counting)
+        patch.setattr(Prepared, "execute", counting)
         do()
     return steps
 
@@ -73,14 +57,15 @@ def effort(engine: Engine, monkeypatch: pytest.MonkeyPatch, do: Callable[[], obj
 def test_a_study_with_much_done_is_not_looked_through(
     engine: Engine,
     plan: Callable[..., Plan],
+    lease: Callable[..., Grant],
     report: Callable[..., Report],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     studies.create(engine, plan(rows=ROWS), key=None, digest="", now=0.0)
-    finish(engine, lease(engine, WIDTH * (ROWS - 2)), report)
+    finish(engine, lease("w", WIDTH * (ROWS - 2)), report)
     # Of the last row but one some instances are left over.
-    finish(engine, lease(engine, 1), report)
-    assert effort(engine, monkeypatch, lambda: lease(engine, 2)) < 10
+    finish(engine, lease("w", 1), report)
+    assert effort(engine, monkeypatch, lambda: lease("w", 2)) < 10
     with reading(engine) as connection:
         found = studies.find(connection, studies.every(engine)[0].id)
     assert found.handed_out == WIDTH * (ROWS - 1)
