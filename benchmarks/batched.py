@@ -18,7 +18,8 @@ from sim.assessment import assess, prepare
 from sim.conditions import split
 from sim.exoskeleton import NESM
 from sim.fidelity import CAMPAIGN
-from sim.model import System, reset_to_start
+from sim.model import System
+from sim.seat import reset_to_start
 from sim.target import ELBOW_TARGET
 
 #: Wearers of a batch and steps of each.

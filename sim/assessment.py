@@ -19,10 +19,11 @@ from sim.control import CONTROLLERS, Gains
 from sim.estimation import Fit, IllConditionedError, estimate_forms
 from sim.exoskeleton import NESM, Device, load_device
 from sim.fidelity import CAMPAIGN, FIDELITIES, Fidelity
-from sim.model import System, build_system, reset_to_start
+from sim.model import System, build_system
 from sim.nominal import nominal_model
 from sim.protocol import run_protocol
 from sim.record import Record
+from sim.seat import reset_to_start
 from sim.target import ELBOW_TARGET, TARGETS, Target
 from sim.validity import FailedError, Failure, check_outcome
 from sim.wearer import Wearer

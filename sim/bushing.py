@@ -20,16 +20,10 @@ from sim.control import Gains
 from sim.exoskeleton import NESM, Device
 from sim.fidelity import CAMPAIGN
 from sim.interface import Cuff, cuffs
-from sim.model import (
-    System,
-    base_spec,
-    direction,
-    elbow_angle,
-    forearm_cuff_centre,
-    seated_elbow_angle,
-)
+from sim.model import System, base_spec
 from sim.protocol import HOLD
 from sim.record import Record, record_of
+from sim.seat import direction, elbow_angle, forearm_cuff_centre, seated_elbow_angle
 from sim.skeleton import ELBOW, upper_arm_point
 from sim.soft_tissue import BONE_CLEARANCE, HARDENING, Sleeve, sleeves
 from sim.steps import Motion, follow, movement

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import asin, atan2, cos, radians, sin
 
 import mujoco
 import numpy as np
@@ -11,7 +10,7 @@ from sim.carried import CarriedEffects, add_undeclared
 from sim.conditions import DEFAULT_CONDITIONS, Conditions
 from sim.control import Gains
 from sim.elbow_muscles import PAPER_MUSCLES, REFITTED_MUSCLES
-from sim.exoskeleton import ELBOW_JOINT, JOINTS, MOTOR_GROUP, NESM, Device, Start, add_exoskeleton
+from sim.exoskeleton import ELBOW_JOINT, JOINTS, NESM, Device, add_exoskeleton
 from sim.fidelity import CAMPAIGN, Fidelity
 from sim.interface import (
     Cuff,
@@ -26,13 +25,11 @@ from sim.muscle_tables import FOREARM_ROTATORS, SHOULDER_MUSCLES
 from sim.muscles import add_muscles
 from sim.sensors import add_interface_sensors, add_torque_sensors
 from sim.skeleton import (
-    ELBOW,
     HUMAN_JOINTS,
     add_arm,
     add_extension_stop,
     add_torso,
     empty_spec,
-    upper_arm_point,
 )
 from sim.soft_tissue import Sleeve, add_soft_tissue, set_contacts, sleeves
 from sim.solver import let_the_solver_reorder, set_solver
@@ -47,9 +44,6 @@ if mujoco.__version__ == "4.0.0":
 
 # MuJoCo would append each warning to a file in the working directory; ours are named outcomes.
 mujoco.set_mju_user_warning(lambda message: None)
-
-#: Farthest a seated human elbow may be from the exoskeleton's, rad.
-SEAT_REACH = radians(50.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,97 +249,6 @@ def build_system(
         cuffs=holders,
         model=spec.compile(),
     )
-
-
-def reset_to_start(system: System) -> mujoco.MjData:
-    """Return data with the exoskeleton where the straps are closed, locked, the arm in it.
-
-    That is the start of the movement, but for the condition `seat_angle`; motors are off.
-
-    The human shoulder takes the exoskeleton's angles, and the elbow the angle at which the
-    forearm's axis passes through the centre of its cuff: one start for every wearer, without a
-    history.
-    """
-    data = mujoco.MjData(system.model)
-    start = system.device.start(system.target.name)
-    closed_at = elbow_angle(system.device, start) + system.conditions.seat_angle
-    data.qpos[system.exo_qpos] = start.angles
-    data.qpos[system.exo_qpos[system.elbow]] = closed_at
-    data.qpos[system.human_qpos[:3]] = start.human_shoulder
-    data.qpos[system.human_qpos[3]] = seated_elbow_angle(
-        system.wearer, system.sleeves[1], system.cuffs[1], closed_at
-    )
-    data.eq_active[system.locks] = 1
-    system.model.opt.disableactuator |= 1 << MOTOR_GROUP
-    return data
-
-
-def elbow_angle(device: Device, start: Start) -> float:
-    """Return the angle of the device's elbow at a start, rad."""
-    return start.angles[device.joints.index(ELBOW_JOINT)]
-
-
-def seated_elbow_angle(wearer: Wearer, sleeve: Sleeve, cuff: Cuff, exo_angle: float) -> float:
-    """Return the elbow angle (rad) at which the forearm's axis meets the centre of its cuff.
-
-    Solved in the plane of flexion, in which the upper arms coincide, with the exoskeleton's elbow
-    at `exo_angle`. When no angle does (an arm too long for it), the closest within reach.
-    """
-    elbow = upper_arm_point(wearer, ELBOW)[[0, 2]]
-    along, across = forearm_cuff_centre(cuff, exo_angle) - elbow
-    distance, low = float(np.hypot(along, across)), exo_angle - SEAT_REACH
-    high = min(exo_angle + SEAT_REACH, radians(143.0))
-    if abs(sleeve.axis_z) <= distance:
-        angle = atan2(across, along) - asin(sleeve.axis_z / distance)
-        if low <= angle <= high:
-            return angle
-    # How far the cuff's centre lies from the forearm's axis at both ends.
-    misses = [abs(across * cos(end) - along * sin(end) - sleeve.axis_z) for end in (low, high)]
-    return low if misses[0] < misses[1] else high
-
-
-def forearm_cuff_centre(cuff: Cuff, exo_angle: float) -> np.ndarray:
-    """Return the centre of the forearm's cuff in the flexion plane (along, across the arm), m."""
-    along, _, across = cuff.limb_place
-    return (
-        np.array(cuff.limb_joint)
-        + along * direction(exo_angle)
-        + across * direction(exo_angle + np.pi / 2)
-    )
-
-
-def slacken_straps(system: System, data: mujoco.MjData) -> None:
-    """Pull every strap with a nearly constant tension, as a hand does that closes it."""
-    model, straps = system.model, system.straps
-    mujoco.mj_fwdPosition(model, data)
-    give = 0.1
-    model.tendon_stiffness[straps] = row_tensions(system) / give
-    model.tendon_lengthspring[straps] = (data.ten_length[straps] - give)[:, None]
-
-
-def close_straps(system: System, data: mujoco.MjData, stiffness: np.ndarray) -> None:
-    """Close the buckles: the strap keeps its present tension and regains its stiffness (N/m)."""
-    model, straps = system.model, system.straps
-    mujoco.mj_fwdPosition(model, data)
-    rest = data.ten_length[straps] - row_tensions(system) / stiffness
-    model.tendon_stiffness[straps] = stiffness
-    model.tendon_lengthspring[straps] = rest[:, None]
-
-
-def row_tensions(system: System) -> np.ndarray:
-    """Return the tension of each strap segment when closed, N: rows share a strap's tension."""
-    return np.array(
-        [
-            system.conditions.strap_tension / cuff.rows
-            for cuff in system.cuffs
-            for _ in segment_names(cuff)
-        ]
-    )
-
-
-def direction(angle: float) -> np.ndarray:
-    """Unit vector in the flexion plane (along, across the arm) at `angle` rad of flexion."""
-    return np.array([np.cos(angle), np.sin(angle)])
 
 
 def _set_the_scene(spec: mujoco.MjSpec) -> None:

@@ -19,8 +19,8 @@ from sim.conditions import split
 from sim.estimation import fit
 from sim.exoskeleton import JOINTS, NESM
 from sim.fidelity import CAMPAIGN, Fidelity
-from sim.model import reset_to_start
 from sim.record import Record
+from sim.seat import reset_to_start
 from sim.steps import Motion
 from sim.target import ELBOW_TARGET
 

@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 
 from sim.carried import CarriedEffects
-from sim.model import System, close_straps, slacken_straps
+from sim.model import System
 from sim.record import Record, record_of
+from sim.seat import close_straps, slacken_straps
 from sim.sensors import contact_forces, seats
 from sim.steps import Motion, follow, movement
 from sim.validity import FailedError, Failure, Postures, check_start

@@ -11,7 +11,8 @@ import numpy as np
 
 from sim.control import PID
 from sim.figures import new_figure
-from sim.model import System, build_system, reset_to_start
+from sim.model import System, build_system
+from sim.seat import reset_to_start
 from sim.wearer import NOMINAL_WEARER
 
 #: Picture size, pixels.

@@ -16,8 +16,9 @@ from sim.factors import CONDITIONS, TABLE_1
 from sim.fidelity import CAMPAIGN, FIDELITIES
 from sim.figures import assessment_figure
 from sim.interface import segment_names
-from sim.model import build_system, close_straps, reset_to_start, slacken_straps
+from sim.model import build_system
 from sim.rendering import draw_system
+from sim.seat import close_straps, reset_to_start, slacken_straps
 from sim.validation import validate
 from sim.validation.compression import (
     OGNEVA_CONTRACTED,

@@ -15,7 +15,7 @@ from sim.conditions import DEFAULT_CONDITIONS
 from sim.control import PID
 from sim.evaluation import evaluate
 from sim.factors import TABLE_1
-from sim.model import reset_to_start
+from sim.seat import reset_to_start
 from sim.wearer import NOMINAL_WEARER
 
 

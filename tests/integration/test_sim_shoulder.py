@@ -6,7 +6,8 @@ import pytest
 
 from sim.assessment import assess
 from sim.control import PID
-from sim.model import build_system, reset_to_start
+from sim.model import build_system
+from sim.seat import reset_to_start
 from sim.target import TARGETS
 from sim.wearer import NOMINAL_WEARER
 

@@ -10,8 +10,8 @@ from sim.assessment import assess
 from sim.bushing import build_bushings
 from sim.conditions import conditions_of
 from sim.control import PID
-from sim.model import reset_to_start
 from sim.muscle_tables import ELBOW_EXTENSORS, ELBOW_FLEXORS
+from sim.seat import reset_to_start
 from sim.wearer import NOMINAL_WEARER
 
 FLEXORS = [muscle.name for muscle in ELBOW_FLEXORS]

@@ -10,8 +10,9 @@ from sim.assessment import assess
 from sim.catalogue import ASSESSMENTS
 from sim.control import PID
 from sim.exoskeleton import DEVICES, FOLDER, JOINTS, NESM, load_device
-from sim.model import build_system, reset_to_start
+from sim.model import build_system
 from sim.nominal import nominal_model
+from sim.seat import reset_to_start
 from sim.target import TARGETS
 from sim.wearer import NOMINAL_WEARER
 

@@ -9,7 +9,8 @@ from sim.control import PID
 from sim.exoskeleton import NESM
 from sim.fidelity import CAMPAIGN
 from sim.interface import cuff_box_name, cuffs, particle_name
-from sim.model import System, build_system, reset_to_start, seated_elbow_angle
+from sim.model import System, build_system
+from sim.seat import reset_to_start, seated_elbow_angle
 from sim.skeleton import ELBOW_RANGE
 from sim.soft_tissue import sleeves
 from sim.wearer import NOMINAL_WEARER, wearer_of

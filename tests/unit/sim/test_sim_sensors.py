@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from sim.control import PID
-from sim.model import System, build_system, reset_to_start
+from sim.model import System, build_system
+from sim.seat import reset_to_start
 from sim.sensors import contact_forces, seats
 from sim.soft_tissue import BONE_CLEARANCE
 from sim.wearer import NOMINAL_WEARER
