@@ -1,5 +1,6 @@
 """What a measurement is made of: rates, processor time, percentiles, and targets met or not."""
 
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -51,6 +52,11 @@ class Target:
             f"  {self.what:58s} {self.figure:9.1f} {self.unit:8s}"
             f" target {sign} {self.bound:g} {self.unit}: {verdict}"
         )
+
+
+def say(text: str) -> None:
+    """Tell whoever waits how far it is; figures go to the standard output."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def middle(found: Sequence[Throughput]) -> Throughput:

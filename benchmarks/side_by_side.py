@@ -5,12 +5,12 @@ take tasks, do nothing, and hand in a result, which is stored and outlives the w
 waits for the disk: a power cut may take the last second with it.
 """
 
-import sys
 import tempfile
 from pathlib import Path
 
 from benchmarks import million, polling, service
 from benchmarks.machine import describe_machine
+from benchmarks.measuring import say
 from benchmarks.postgresql import serving
 from benchmarks.rivals import (
     Rival,
@@ -24,8 +24,6 @@ from benchmarks.table import HEADER, Round, beside, lines, targets
 
 #: Like SQLite's write-ahead log and Redis's file: commits do not wait for the disk.
 POSTGRESQL = ("synchronous_commit=off", "max_connections=100")
-
-
 #: Each system is measured so often, in turns.
 ROUNDS = 3
 
@@ -65,11 +63,6 @@ def measured(what: str) -> Round:
         say(f"{what}: rehyb on PostgreSQL")
         on_postgresql = service.measure(server.database("rehyb"), [server.pid])
     return Round(on_sqlite=on_sqlite, on_postgresql=on_postgresql, rivals=rivals)
-
-
-def say(text: str) -> None:
-    """Tell whoever waits how far it is; figures go to the standard output."""
-    print(text, file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from scipy.stats import qmc, spearmanr
 
 from benchmarks.batched import print_rates
 from benchmarks.machine import describe_machine
-from benchmarks.measuring import Target
+from benchmarks.measuring import Target, say
 from sim.assessment import Assessment, assess
 from sim.factors import NOMINAL, TABLE_1
 from sim.fidelity import CAMPAIGN, FIDELITIES, Fidelity
@@ -49,11 +49,6 @@ def run(job: Job) -> tuple[str, list[float]]:
 
 def summary(assessment: Assessment) -> tuple[str, list[float]]:
     return assessment.outcome, [assessment.outputs.get(name, np.nan) for name in QUANTITIES]
-
-
-def say(text: str) -> None:
-    """Tell whoever waits how far it is; figures go to the standard output."""
-    print(text, file=sys.stderr, flush=True)
 
 
 def print_speed() -> dict[str, float]:

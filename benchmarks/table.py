@@ -44,7 +44,7 @@ class Line:
 
 
 def lines(rounds: Sequence[Round]) -> Iterator[Line]:
-    """Yield a line for every system and batch: the coordinator on SQLite, rivals, on PostgreSQL."""
+    """Yield a line for every system and batch, the coordinator first."""
     yield from _ours("rehyb, SQLite", [one.on_sqlite for one in rounds])
     yield from _ours("rehyb, PostgreSQL", [one.on_postgresql for one in rounds])
     for same in zip(*(one.rivals for one in rounds), strict=True):

@@ -39,6 +39,8 @@ def _near_elbow(distal: float, medial: float, anterior: float) -> Point:
 #: falls with flexion as it does in cadavers (Pigeon et al. 1996: from 50 degrees on within 1.2 mm).
 TROCHLEA = _near_elbow(-0.0029, 0.0054, -0.0052)
 TROCHLEA_RADIUS = 0.016
+#: The side of it that they pass: a point of the humerus, in radii from its centre.
+TROCHLEA_SIDE = np.array([-1.0, 0.0, -2.0])
 #: The heads' common way: two points behind the humerus, then the olecranon.
 _WAY = (
     _near_elbow(-0.0640, 0.0001, -0.0379),

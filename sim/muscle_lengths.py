@@ -11,7 +11,13 @@ from math import radians
 import mujoco
 import numpy as np
 
-from sim.elbow_muscles import REFITTED_MUSCLES, TROCHLEA, TROCHLEA_RADIUS, ElbowMuscles
+from sim.elbow_muscles import (
+    REFITTED_MUSCLES,
+    TROCHLEA,
+    TROCHLEA_RADIUS,
+    TROCHLEA_SIDE,
+    ElbowMuscles,
+)
 from sim.muscle_tables import Muscle
 from sim.skeleton import HUMAN_JOINTS, add_arm, add_torso, bone_point, empty_spec
 from sim.wearer import NOMINAL_WEARER, Wearer
@@ -20,8 +26,8 @@ from sim.wearer import NOMINAL_WEARER, Wearer
 SWEEP = np.radians(np.linspace(0.0, 120.0, 25))
 #: Columns of a point in the frame of the humerus: across the trochlea's axis, and along it.
 _ACROSS, _ALONG = [0, 2], 1
-#: Where paths pass the trochlea, across its axis: behind it.
-_BEHIND = np.array([-1.0, -2.0]) / np.sqrt(5.0)
+#: Behind the trochlea, across its axis.
+_BEHIND = TROCHLEA_SIDE[_ACROSS] / np.linalg.norm(TROCHLEA_SIDE)
 
 #: Places (angles, 3) and axes (angles, 3, 3) of bones in the world, over SWEEP.
 Poses = dict[str, tuple[np.ndarray, np.ndarray]]

@@ -5,9 +5,14 @@ torques.
 """
 
 import mujoco
-import numpy as np
 
-from sim.elbow_muscles import REFITTED_MUSCLES, TROCHLEA, TROCHLEA_RADIUS, ElbowMuscles
+from sim.elbow_muscles import (
+    REFITTED_MUSCLES,
+    TROCHLEA,
+    TROCHLEA_RADIUS,
+    TROCHLEA_SIDE,
+    ElbowMuscles,
+)
 from sim.muscle_lengths import elbow_length_ranges
 from sim.muscle_tables import FOREARM_ROTATORS, SHOULDER_MUSCLES, Muscle, MuscleGroup
 from sim.skeleton import bone_point
@@ -94,5 +99,5 @@ def _add_trochlea(spec: mujoco.MjSpec, wearer: Wearer) -> None:
     )
     geom.contype = geom.conaffinity = 0
     geom.mass = 0.0
-    behind = radius * np.array([-1.0, 0.0, -2.0])
+    behind = radius * TROCHLEA_SIDE
     humerus.add_site(name="behind_trochlea", pos=centre + behind, size=[0.002] * 3)
