@@ -33,21 +33,18 @@ from sim.wearer import Wearer
 
 #: Length of a rod, m: over 5 cm of displacement its direction turns by one degree.
 ROD = 3.0
-#: Elements that carry a load across the limb: half of the 59 under a cuff 8 cm long, because each
-#: shares in the load by the square of the cosine to its direction.
-ENGAGED = 30
 #: Stiffness of cuff and strap in series with the tissue, N/m (compression of contacts and strap).
 CUFF_STIFFNESS = 1e5
 #: Damping of the rods as a share of the tissue's. The integrator takes damping between two trees
 #: for inertia on each, step x damping: all of it is 0.6 kg m2 at the elbow, five times the forearm,
 #: and 0.4 Nm/rad of stiffness. Below half of it the lightest arms swing into their stops.
 DAMPING_SHARE = 0.5
-#: Axial stiffness, N/m: a misaligned limb slides some centimetres against some tens of newtons of
-#: friction, whatever the tissue; the secant of that.
-AXIAL_STIFFNESS = 1500.0
+#: Axial stiffness, N/m: friction holds a limb, whatever the tissue. But only so far: what it holds
+#: with is largest, 85 N, where a limb has slid by LETS_GO / sqrt(3), 3 cm (m).
+AXIAL_STIFFNESS, LETS_GO = 4000.0, 0.055
 #: Stiffness of both rods that resist torsion, N/m: friction's too, which holds a limb whatever the
 #: tissue (as a share of the radial one the softest tissue let go of it).
-TORSIONAL_STIFFNESS = 2400.0
+TORSIONAL_STIFFNESS = 4000.0
 #: The limbs' divisions (which only validity looks at) and the step.
 FIDELITY = replace(CAMPAIGN, name="bushing", step=0.01)
 #: The start: net torque of an arm at rest, Nm; most iterations and longest step of Newton's method,
@@ -176,7 +173,10 @@ def _add_bushing(
     spec: mujoco.MjSpec, cuff: Cuff, sleeve: Sleeve, centre: np.ndarray, axes: np.ndarray
 ) -> None:
     """Join one limb to its cuff; `centre` and `axes` are the cuff's, in the limb's bone."""
-    tissue = ENGAGED * sleeve.elasticity
+    # Half of the elements under the cuff, because each shares in a load across the limb by the
+    # square of the cosine to its direction.
+    engaged = len(sleeve.places) * cuff.length / (sleeve.end - sleeve.start) / 2
+    tissue = engaged * sleeve.elasticity
     radial = tissue * CUFF_STIFFNESS / (tissue + CUFF_STIFFNESS)
     relaxation = DAMPING_SHARE * sleeve.viscosity / sleeve.elasticity * radial / tissue
     in_link = np.column_stack([cuff.along, cuff.opening, cuff.wall])
@@ -192,8 +192,8 @@ def _add_bushing(
         ("torsion_2", (0.0, -cuff.radius, 0.0), 2, TORSIONAL_STIFFNESS),
     ):
         place = np.array(at)
-        # Only pressed tissue hardens; friction does not.
-        hardening = 1.0 if name.startswith("radial") else 0.0
+        # Pressed tissue hardens, friction that holds a limb along its cuff gives way.
+        bend = {"radial": 1.0 / HARDENING**2, "axial": -1.0 / LETS_GO**2}.get(name.split("_")[0], 0.0)
         name = f"{cuff.name}_{name}"
         bone.add_site(name=f"{name}_limb", pos=centre + axes @ place)
         link.add_site(
@@ -202,11 +202,7 @@ def _add_bushing(
         )
         rod = spec.add_tendon(
             name=name,
-            stiffness=[
-                stiffness,
-                0.0,
-                hardening * stiffness / HARDENING**2,
-            ],
+            stiffness=[stiffness, 0.0, bend * stiffness],
             damping=[relaxation * stiffness, 0.0, 0.0],
             springlength=[ROD, ROD],
             # So long that they would fill every picture.

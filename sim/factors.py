@@ -106,7 +106,7 @@ TISSUE_COUPLING = 0.17
 CONDITIONS: tuple[Factor, ...] = (
     _condition("activation", "1", 0.2, 0.5, 0.4, "co-contraction of the joint's muscles"),
     _condition(
-        "cuff_friction", "1", 0.1, 0.5, 0.3, "Coulomb friction of cuff and strap on the arm"
+        "cuff_friction", "1", 0.3, 0.8, 0.5, "Coulomb friction of cuff and strap on the arm"
     ),
     _condition("strap_tension", "N", 15.0, 60.0, 30.0, "tension each strap is closed with"),
     _condition("tissue_scale", "1", 0.2, 1.0, 1.0, "stiffness and viscosity of all tissue"),

@@ -28,7 +28,7 @@ class Fidelity:
     impratio: float = 1.0
     #: Impedance (0 to 1) of a contact that begins, and the depth at which it has grown to 0.99, m:
     #: contacts that begin abruptly make stiffness jump where they do so a step earlier or later.
-    onset: tuple[float, float] = (0.83, 0.001)
+    onset: tuple[float, float] = (0.7, 0.0005)
 
     @property
     def elements(self) -> int:
@@ -44,6 +44,7 @@ SCREENING = Fidelity(
     strap_rows=1,
     strap_across=6,
     particle_inertia=12.0,
+    impratio=5.0,
 )
 CAMPAIGN = Fidelity(
     name="campaign",
@@ -53,7 +54,7 @@ CAMPAIGN = Fidelity(
     strap_rows=3,
     strap_across=6,
     particle_inertia=9.0,
-    impratio=2.0,
+    impratio=5.0,
 )
 REFERENCE = Fidelity(
     name="reference",

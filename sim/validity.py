@@ -36,7 +36,7 @@ MAX_NORMAL_FORCE = 2000.0
 #: A joint closer than this to its limit is at it, rad.
 LIMIT_MARGIN = radians(1.0)
 #: Largest tracking error, rad (root mean square).
-MAX_TRACKING_RMSE = radians(10.0)
+MAX_TRACKING_RMSE = radians(12.5)
 #: Smallest share of torque that the affine regression must explain.
 MIN_R_SQUARED = 0.5
 

@@ -41,14 +41,14 @@ def test_the_nominal_assessment_reports_every_output(nominal: Assessment) -> Non
 
 
 def test_nominal_stiffness_lies_where_the_reference_has_it(nominal: Assessment) -> None:
-    """Authors' model: affine estimate 4.5, truth about 6; in their form 6.2 and 6.1."""
+    """Authors' model: affine estimate 4.5, truth about 6; in their form 6.2, slightly above 6.1."""
     outputs = nominal.outputs
     assert outputs["stiffness_true"] == pytest.approx(6.0, abs=0.7)
     assert outputs["stiffness_estimate"] == pytest.approx(4.5, abs=0.5)
     assert outputs["stiffness_true_authors"] == pytest.approx(6.1, abs=0.5)
-    assert abs(outputs["stiffness_error_authors"]) < 0.06 * outputs["stiffness_true_authors"]
+    assert 0.0 < outputs["stiffness_error_authors"] < 0.03 * outputs["stiffness_true_authors"]
     assert outputs["damping_estimate"] == pytest.approx(
-        nominal.diagnostics["damping_true"], rel=0.05
+        nominal.diagnostics["damping_true"], abs=0.5
     )
 
 
@@ -56,9 +56,9 @@ def test_the_papers_own_muscles_are_a_condition() -> None:
     """Authors' model: estimate and truth 4.5 and about 6; without a constant 8.5 and 9.7."""
     outputs = assess({"refitted_muscles": 0.0}).outputs
     assert outputs["stiffness_true"] == pytest.approx(6.5, abs=0.7)
-    assert outputs["stiffness_estimate"] == pytest.approx(5.0, abs=0.5)
+    assert outputs["stiffness_estimate"] == pytest.approx(5.0, abs=0.6)
     assert outputs["stiffness_true_paper"] == pytest.approx(9.2, abs=1.0)
-    assert abs(outputs["stiffness_error_authors"]) < 0.07 * outputs["stiffness_true_authors"]
+    assert abs(outputs["stiffness_error_authors"]) < 0.03 * outputs["stiffness_true_authors"]
 
 
 def test_every_error_is_estimate_minus_truth_of_the_same_form(nominal: Assessment) -> None:
@@ -88,12 +88,14 @@ def test_a_heavier_forearm_raises_the_estimate_by_gravity_the_nominal_model_lack
     )
 
 
-def test_the_robots_own_friction_lands_in_the_estimate_alone(nominal: Assessment) -> None:
-    rubbing = assess({"robot_friction": 2.79})
-    assert rubbing.outputs["damping_estimate"] < nominal.outputs["damping_estimate"] - 1.0
-    assert rubbing.outputs["stiffness_true"] == pytest.approx(
-        nominal.outputs["stiffness_true"], abs=0.15
+def test_the_robots_own_friction_lands_in_the_estimate_alone() -> None:
+    """With the paper's muscles, whose stiffness hardly depends on the range that is covered."""
+    smooth, rubbing = (
+        assess({"refitted_muscles": 0.0, "robot_friction": torque}).outputs
+        for torque in (0.0, 2.79)
     )
+    assert rubbing["damping_estimate"] < smooth["damping_estimate"] - 1.0
+    assert rubbing["stiffness_true"] == pytest.approx(smooth["stiffness_true"], abs=0.15)
 
 
 @pytest.mark.parametrize("corner", ["low", "high"])
@@ -106,9 +108,9 @@ def test_wearers_at_the_ends_of_each_range_can_be_assessed(corner: str) -> None:
 @pytest.mark.parametrize(
     ("values", "options", "outcome"),
     [
-        ({"upper_arm_length": 0.50}, {}, "penetrated"),
+        ({"upper_arm_length": 0.60, "cuff_friction": 0.3}, {}, "penetrated"),
         ({"forearm_length": 0.18}, {}, "slipped"),
-        ({"upper_arm_length": 0.215}, {}, "start_not_reached"),
+        ({"forearm_length": 0.14}, {}, "start_not_reached"),
         ({"forearm_length": 0.48, "extension_stop": 0.0}, {}, "human_joint_limit"),
         (
             {
@@ -120,7 +122,7 @@ def test_wearers_at_the_ends_of_each_range_can_be_assessed(corner: str) -> None:
             {},
             "jammed",
         ),
-        ({"forearm_mass": 10.0}, {}, "tracking_lost"),
+        ({"forearm_mass": 15.0}, {}, "tracking_lost"),
         ({"upper_arm_elasticity": 1e7}, {}, "diverged"),
         ({"refitted_muscles": 0.0}, {"controller": "pd"}, "exo_joint_limit"),
     ],
@@ -287,7 +289,7 @@ def test_long_heavy_arms_are_kept_from_hyperextension(
 
 
 def test_refitted_muscles_need_the_stop_that_keeps_long_heavy_arms_from_hyperextension() -> None:
-    corner = {**LONG_HEAVY_STIFF, "upper_arm_mass": 3.41, "extension_stop": 0.0}
+    corner = {**LONG_HEAVY_STIFF, "upper_arm_mass": 0.3, "extension_stop": 0.0}
     assert assess(corner).outcome == "human_joint_limit"
 
 
@@ -296,11 +298,13 @@ def test_an_extension_stop_acts_on_nobody_who_does_not_reach_it() -> None:
     assert assess({**short, "extension_stop": 60.0}).outputs == assess(short).outputs
 
 
-def errors_over(name: str, points: int) -> tuple[np.ndarray, np.ndarray]:
+def errors_over(
+    name: str, points: int, quantity: str = "stiffness_error"
+) -> tuple[np.ndarray, np.ndarray]:
     """Return values of a factor over its range, the others nominal, and their errors."""
     (factor,) = (factor for factor in TABLE_1 if factor.name == name)
     values = np.linspace(factor.low, factor.high, points)
-    return values, np.array([assess({name: x}).outputs["stiffness_error"] for x in values])
+    return values, np.array([assess({name: x}).outputs[quantity] for x in values])
 
 
 def test_one_factor_at_a_time_behaves_as_the_paper_reports() -> None:
@@ -313,6 +317,13 @@ def test_one_factor_at_a_time_behaves_as_the_paper_reports() -> None:
     of_upper_arm = errors_over("upper_arm_length", 5)[1]
     assert of_upper_arm[-1] < of_upper_arm[-2] < of_upper_arm[2]
     assert np.ptp(errors_over("forearm_elasticity", 5)[1]) < 0.1 * np.ptp(of_upper_arm)
+
+
+def test_softness_matters_little() -> None:
+    """The authors' model: 0.4 Nm/rad, in their form, over the range of either elasticity."""
+    for name in ("upper_arm_elasticity", "forearm_elasticity"):
+        assert np.ptp(errors_over(name, 3, "stiffness_error_authors")[1]) < 0.4
+        assert np.ptp(errors_over(name, 3)[1]) < 0.6
 
 
 def test_the_true_stiffness_holds_what_the_extension_stop_adds() -> None:
@@ -333,7 +344,7 @@ def test_straps_closed_elsewhere_move_to_the_start_and_leave_a_mark(nominal: Ass
     assert seated.outcome == "ok", seated.reason
     assert seated.record is not None and nominal.record is not None
     assert seated.record.theta[0, 3] == pytest.approx(nominal.record.theta[0, 3], abs=1e-3)
-    assert seated.outputs["stiffness_error"] < nominal.outputs["stiffness_error"] - 0.15
+    assert seated.outputs["stiffness_error"] < nominal.outputs["stiffness_error"] - 0.05
 
 
 def test_the_tissue_encloses_the_moduli_of_figure_6() -> None:

@@ -68,7 +68,7 @@ def test_a_start_that_is_not_reached_says_what_moved(
 
 @pytest.mark.parametrize(
     ("rmse", "r_squared", "name"),
-    [(0.2, 0.99, "tracking_lost"), (0.1, 0.3, "ill_conditioned")],
+    [(0.25, 0.99, "tracking_lost"), (0.2, 0.3, "ill_conditioned")],
 )
 def test_a_trial_that_explains_nothing_is_no_number(
     rmse: float, r_squared: float, name: str
