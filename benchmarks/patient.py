@@ -59,7 +59,7 @@ PLAIN: Mapping[str, Mapping[str, float]] = {
     "light": {"forearm_mass": 0.4},
     "soft": {"tissue_scale": 0.33},
     "hard": {"upper_arm_elasticity": 970.0, "forearm_elasticity": 970.0},
-    "rough cuffs": {"cuff_friction": 0.5},
+    "rough cuffs": {"cuff_friction": 0.8},
     "half tense": {"activation": 0.2},
 }
 

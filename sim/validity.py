@@ -31,11 +31,12 @@ MAX_ANGLE_DIFFERENCE = radians(40.0)
 MAX_OVERHANG = 0.020
 #: How far a limb's axis may come closer to the cuff than the tissue over the bone is thick, m.
 MAX_PENETRATION = 0.005
-#: Largest sum of normal forces of both cuffs and straps, N (valid trials stay below 1.05 kN).
+#: Largest sum of normal forces of both cuffs and straps, N (valid trials stay below 1.2 kN).
 MAX_NORMAL_FORCE = 2000.0
 #: A joint closer than this to its limit is at it, rad.
 LIMIT_MARGIN = radians(1.0)
-#: Largest tracking error, rad (root mean square).
+#: Largest tracking error, rad (root mean square): an eighth of the movement. The regression looks
+#: at where the robot really was, so this only tells one that moves from one that does not.
 MAX_TRACKING_RMSE = radians(12.5)
 #: Smallest share of torque that the affine regression must explain.
 MIN_R_SQUARED = 0.5
