@@ -45,6 +45,9 @@ AXIAL_STIFFNESS, LETS_GO = 4000.0, 0.055
 #: Stiffness of both rods that resist torsion, N/m: friction's too, which holds a limb whatever the
 #: tissue (as a share of the radial one the softest tissue let go of it).
 TORSIONAL_STIFFNESS = 4000.0
+#: What a rod's stiffness gains per square of its stretch, as a share of itself, 1/m2: pressed tissue
+#: hardens, friction along the limb gives way.
+CURVATURES = {"radial": 1.0 / HARDENING**2, "axial": -1.0 / LETS_GO**2, "torsion": 0.0}
 #: The limbs' divisions (which only validity looks at) and the step.
 FIDELITY = replace(CAMPAIGN, name="bushing", step=0.01)
 #: The start: net torque of an arm at rest, Nm; most iterations and longest step of Newton's method,
@@ -192,8 +195,7 @@ def _add_bushing(
         ("torsion_2", (0.0, -cuff.radius, 0.0), 2, TORSIONAL_STIFFNESS),
     ):
         place = np.array(at)
-        # Pressed tissue hardens, friction that holds a limb along its cuff gives way.
-        bend = {"radial": 1.0 / HARDENING**2, "axial": -1.0 / LETS_GO**2}.get(name.split("_")[0], 0.0)
+        curvature = CURVATURES[name.split("_")[0]]
         name = f"{cuff.name}_{name}"
         bone.add_site(name=f"{name}_limb", pos=centre + axes @ place)
         link.add_site(
@@ -202,7 +204,7 @@ def _add_bushing(
         )
         rod = spec.add_tendon(
             name=name,
-            stiffness=[stiffness, 0.0, bend * stiffness],
+            stiffness=[stiffness, 0.0, curvature * stiffness],
             damping=[relaxation * stiffness, 0.0, 0.0],
             springlength=[ROD, ROD],
             # So long that they would fill every picture.
