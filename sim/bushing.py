@@ -45,8 +45,8 @@ AXIAL_STIFFNESS, LETS_GO = 4000.0, 0.055
 #: Stiffness of both rods that resist torsion, N/m: friction's too, which holds a limb whatever the
 #: tissue (as a share of the radial one the softest tissue let go of it).
 TORSIONAL_STIFFNESS = 4000.0
-#: What a rod's stiffness gains per square of its stretch, as a share of itself, 1/m2: tissue hardens
-#: under pressure, friction along the limb gives way.
+#: What a rod's stiffness gains per square of its stretch, as a share of itself, 1/m2: pressed
+#: tissue hardens, friction along the limb gives way.
 CURVATURES = {"radial": 1.0 / HARDENING**2, "axial": -1.0 / LETS_GO**2, "torsion": 0.0}
 #: The limbs' divisions (which only validity looks at) and the step.
 FIDELITY = replace(CAMPAIGN, name="bushing", step=0.01)
