@@ -15,7 +15,14 @@ from sim.factors import TABLE_1
 from sim.figures import new_figure
 
 POINTS = 21
-QUANTITIES = ("stiffness_error", "stiffness_estimate", "stiffness_true")
+ERRORS = ("stiffness_error", "stiffness_error_authors")
+#: What is drawn, each with its style.
+QUANTITIES = {
+    "stiffness_error": "o-k",
+    "stiffness_error_authors": "--k",
+    "stiffness_estimate": "o-C0",
+    "stiffness_true": "o-C3",
+}
 
 
 def run(values: dict[str, float]) -> list[float]:
@@ -40,26 +47,29 @@ def linearity(x: np.ndarray, curve: np.ndarray) -> float:
     return float(np.corrcoef(x, curve)[0, 1] ** 2)
 
 
+def print_errors(name: str, grids: dict[str, np.ndarray], errors: np.ndarray) -> None:
+    """Print what each factor does to one error, of shape (factors, points)."""
+    print(f"{name + ', Nm/rad':34s} low    high   range  r2 of a line  roughness")
+    for (factor, grid), error in zip(grids.items(), errors, strict=True):
+        print(
+            f"{factor:30s} {error[0]:7.2f} {error[-1]:7.2f} {np.ptp(error):7.2f} "
+            f"{linearity(grid, error):13.3f} {roughness(error):10.2%}"
+        )
+
+
 def main(path: Path, conditions: dict[str, float]) -> None:
     print(describe_machine())
     grids = {f.name: np.linspace(f.low, f.high, POINTS) for f in TABLE_1}
     jobs = [{**conditions, name: float(x)} for name, grid in grids.items() for x in grid]
     with get_context("spawn").Pool(2) as pool:
         results = np.array(pool.map(run, jobs, chunksize=1)).reshape(len(grids), POINTS, -1)
-    print("stiffness_error, Nm/rad     low    high   range  r2 of a line  roughness")
+    for error in ERRORS:
+        print_errors(error, grids, results[:, :, list(QUANTITIES).index(error)])
     figure = new_figure(width=10.0, height=6.0)
     for i, factor in enumerate(TABLE_1):
-        grid, curves = grids[factor.name], results[i]
-        error = curves[:, 0]
-        print(
-            f"{factor.name:22s} {error[0]:7.2f} {error[-1]:7.2f} {np.ptp(error):7.2f} "
-            f"{linearity(grid, error):12.3f} {roughness(error):10.2%}"
-        )
         axes = figure.add_subplot(2, 3, i + 1)
-        for j, (quantity, colour) in enumerate(
-            zip(QUANTITIES, ("black", "tab:blue", "tab:red"), strict=True)
-        ):
-            axes.plot(grid, curves[:, j], "o-", color=colour, markersize=3, label=quantity)
+        for curve, (quantity, style) in zip(results[i].T, QUANTITIES.items(), strict=True):
+            axes.plot(grids[factor.name], curve, style, markersize=3, label=quantity)
         axes.axvline(factor.nominal, color="0.8", zorder=0)
         axes.set_xlabel(f"{factor.name.replace('_', ' ')} ({factor.unit})")
         axes.set_ylim(-7.0, max(9.0, 0.5 + np.nanmax(results)))
