@@ -37,7 +37,7 @@ ROD = 3.0
 CUFF_STIFFNESS = 1e5
 #: Damping of the rods as a share of the tissue's. The integrator takes damping between two trees
 #: for inertia on each, step x damping: all of it is 0.6 kg m2 at the elbow, five times the forearm,
-#: and 0.4 Nm/rad of stiffness. Below half of it the lightest arms swing into their stops.
+#: and 0.3 Nm/rad of stiffness. With half of it errors are closest to those of contact.
 DAMPING_SHARE = 0.5
 #: Axial stiffness, N/m: friction holds a limb, whatever the tissue. But only so far: what it holds
 #: with is largest, 85 N, where a limb has slid by LETS_GO / sqrt(3), 3 cm (m).
