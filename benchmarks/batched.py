@@ -47,7 +47,7 @@ def systems_of(fidelity: str) -> list[System]:
     found = []
     for mass in np.linspace(0.5, 1.5, WEARERS):
         wearer, conditions = split({"forearm_mass": float(mass)})
-        system, _ = prepare(wearer, NESM.gains, conditions, fidelity, ELBOW_TARGET, NESM)
+        system, _ = prepare(wearer, conditions, fidelity, ELBOW_TARGET, NESM)
         found.append(system)
     return found
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from sim.bushing import build_bushings, run_bushings
 from sim.conditions import Conditions, split
-from sim.control import CONTROLLERS, Gains
+from sim.control import CONTROLLERS
 from sim.estimation import Fit, IllConditionedError, estimate_forms
 from sim.exoskeleton import NESM, Device, load_device
 from sim.fidelity import CAMPAIGN, FIDELITIES, Fidelity
@@ -85,9 +85,10 @@ def assess(
     if target not in TARGETS:
         raise ValueError(f"unknown target {target!r}: expected one of {', '.join(TARGETS)}")
     wearer, conditions = split(values)
+    if controller == "pd":
+        conditions = replace(conditions, integral_gain=0.0)
     robot = load_device(device)
-    gains = robot.gains if controller == "pid" else replace(robot.gains, ki=0.0)
-    system, run = prepare(wearer, gains, conditions, fidelity, TARGETS[target], robot)
+    system, run = prepare(wearer, conditions, fidelity, TARGETS[target], robot)
     data = reset_to_start(system)
     record = None
     diagnostics: dict[str, float] = {}
@@ -122,13 +123,13 @@ def _watched(system: System, watch: Watch | None) -> Iterator[None]:
 
 def prepare(
     wearer: Wearer,
-    gains: Gains,
     conditions: Conditions,
     fidelity: str | Fidelity,
     target: Target,
     device: Device,
 ) -> tuple[System, Callable[..., Record]]:
     """Return the system at a fidelity and what runs it; ValueError if the fidelity is unknown."""
+    gains = conditions.gains(device.gains)
     if fidelity == BUSHING:
         return build_bushings(wearer, gains, conditions, target, device), run_bushings
     if isinstance(fidelity, str):

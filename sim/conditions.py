@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from sim.control import Gains
 from sim.factors import CONDITIONS, NOMINAL
 from sim.undeclared import EFFECT_FACTORS, PREFIX, effects_of
 from sim.wearer import Wearer, wearer_of
@@ -21,6 +22,9 @@ class Conditions:
     robot_friction: float
     movement_amplitude: float
     movement_rate: float
+    proportional_gain: float
+    derivative_gain: float
+    integral_gain: float
     activation_rise: float
     reflex_gain: float
     reflex_threshold: float
@@ -29,9 +33,19 @@ class Conditions:
     tissue_coupling: float
     upper_cuff_position: float
     seat_angle: float
+    nominal_upper_arm_length: float
+    nominal_forearm_length: float
     extension_stop: float
     #: Undeclared effects that are on, with their parameters (`sim.undeclared`).
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def gains(self, own: Gains) -> Gains:
+        """Return the controllers' gains on a device whose `own` these factors multiply."""
+        return Gains(
+            kp=self.proportional_gain * own.kp,
+            kv=self.derivative_gain * own.kv,
+            ki=self.integral_gain * own.ki,
+        )
 
 
 def conditions_of(values: Mapping[str, float]) -> Conditions:
@@ -53,6 +67,9 @@ def conditions_of(values: Mapping[str, float]) -> Conditions:
         ("robot_friction", 0.0, 30.0),
         ("movement_amplitude", 0.05, 2.0),
         ("movement_rate", 0.1, 10.0),
+        ("proportional_gain", 0.0, 20.0),
+        ("derivative_gain", 0.0, 20.0),
+        ("integral_gain", 0.0, 20.0),
         ("activation_rise", -1.0, 5.0),
         ("reflex_gain", 0.0, 10.0),
         ("reflex_threshold", 0.0, 20.0),
@@ -61,6 +78,8 @@ def conditions_of(values: Mapping[str, float]) -> Conditions:
         ("tissue_coupling", 0.0, 10.0),
         ("upper_cuff_position", -0.05, 0.05),
         ("seat_angle", -0.7, 0.25),
+        ("nominal_upper_arm_length", 0.2, 0.6),
+        ("nominal_forearm_length", 0.2, 0.6),
         ("extension_stop", 0.0, 1000.0),
     ):
         if not low <= chosen[name] <= high:
@@ -82,10 +101,13 @@ def split(values: Mapping[str, float]) -> tuple[Wearer, Conditions]:
                 f"{', '.join((*NOMINAL, *(factor.name for factor in CONDITIONS)))} "
                 "and effect.NAME.PARAMETER"
             )
-    return (
-        wearer_of({name: value for name, value in values.items() if name in NOMINAL}),
-        conditions_of({name: value for name, value in values.items() if name in known}),
+    conditions = conditions_of({name: value for name, value in values.items() if name in known})
+    wearer = wearer_of(
+        {name: value for name, value in values.items() if name in NOMINAL},
+        nominal_upper_arm_length=conditions.nominal_upper_arm_length,
+        nominal_forearm_length=conditions.nominal_forearm_length,
     )
+    return wearer, conditions
 
 
 DEFAULT_CONDITIONS = conditions_of({})

@@ -119,6 +119,9 @@ CONDITIONS: tuple[Factor, ...] = (
     _condition("robot_friction", "Nm", 0.0, 3.0, 0.0, "Coulomb friction of the joint, undeclared"),
     _condition("movement_amplitude", "rad", 1.2, 1.75, 1.7453292519943295, "range of the movement"),
     _condition("movement_rate", "1/s", 1.5, 3.0, 2.0, "rate of the sigmoid"),
+    _condition("proportional_gain", "1", 0.5, 4.0, 1.0, "the controller's, over the device's own"),
+    _condition("derivative_gain", "1", 0.5, 2.0, 1.0, "the controller's, over the device's own"),
+    _condition("integral_gain", "1", 0.0, 8.0, 1.0, "the controller's; 0: equation 19"),
     _condition(
         "activation_rise",
         "1",
@@ -153,6 +156,22 @@ CONDITIONS: tuple[Factor, ...] = (
         0.1,
         0.0,
         "robot's elbow when the straps were closed, from start",
+    ),
+    _condition(
+        "nominal_upper_arm_length",
+        "m",
+        0.3337,
+        0.3637,
+        NOMINAL["upper_arm_length"],
+        "at this length the human elbow lies on the robot's axis",
+    ),
+    _condition(
+        "nominal_forearm_length",
+        "m",
+        0.319,
+        0.349,
+        NOMINAL["forearm_length"],
+        "length of the forearm as it is drawn",
     ),
     _condition(
         "extension_stop",

@@ -39,19 +39,22 @@ def elbow_length_ranges(
     """Return each elbow muscle's shortest and longest length (m) over 0 to 120 degrees of flexion.
 
     The shoulder is flexed to 90 degrees, as in the isometric tests that the operating ranges were
-    fitted to. Only the two lengths of the wearer matter.
+    fitted to. Only the lengths of the wearer matter.
     """
-    return dict(_ranges(wearer.upper_arm_length, wearer.forearm_length, elbow))
+    nominal = NOMINAL_WEARER
+    of_these_lengths = replace(
+        wearer,
+        upper_arm_mass=nominal.upper_arm_mass,
+        forearm_mass=nominal.forearm_mass,
+        upper_arm_elasticity=nominal.upper_arm_elasticity,
+        forearm_elasticity=nominal.forearm_elasticity,
+    )
+    return dict(_ranges(of_these_lengths, elbow))
 
 
 # Most wearers of a design's row have the same lengths.
 @lru_cache(maxsize=256)
-def _ranges(
-    upper_arm_length: float, forearm_length: float, elbow: ElbowMuscles
-) -> tuple[tuple[str, tuple[float, float]], ...]:
-    wearer = replace(
-        NOMINAL_WEARER, upper_arm_length=upper_arm_length, forearm_length=forearm_length
-    )
+def _ranges(wearer: Wearer, elbow: ElbowMuscles) -> tuple[tuple[str, tuple[float, float]], ...]:
     poses = _poses(wearer)
     muscles = elbow.flexors.muscles + elbow.extensors.muscles
     lengths = {muscle.name: _lengths(muscle, wearer, poses) for muscle in muscles}

@@ -89,7 +89,7 @@ def record_exercise(
     start = replace(NESM.start(ELBOW_TARGET.name), angles=START)
     robot = replace(NESM, starts={ELBOW_TARGET.name: start})
     wearer, conditions = split(values)
-    system, run = prepare(wearer, robot.gains, conditions, fidelity, ELBOW_TARGET, robot)
+    system, run = prepare(wearer, conditions, fidelity, ELBOW_TARGET, robot)
     motion = to_and_fro(exercise, START[system.moved], system.fidelity.step)
     return run(system, reset_to_start(system), motion)
 

@@ -8,7 +8,7 @@ from sim.factors import NOMINAL
 
 @dataclass(frozen=True, kw_only=True)
 class Wearer:
-    """The arm of one person, in SI units; the fields are the factors of Table 1."""
+    """The arm of one person, in SI units: the factors of Table 1 and what its lengths are over."""
 
     upper_arm_length: float
     forearm_length: float
@@ -16,19 +16,26 @@ class Wearer:
     forearm_mass: float
     upper_arm_elasticity: float
     forearm_elasticity: float
+    nominal_upper_arm_length: float = NOMINAL["upper_arm_length"]
+    nominal_forearm_length: float = NOMINAL["forearm_length"]
 
     @property
     def upper_arm_scale(self) -> float:
         """Upper arm length over that of the wearer whose elbow lies on the exoskeleton's."""
-        return self.upper_arm_length / NOMINAL["upper_arm_length"]
+        return self.upper_arm_length / self.nominal_upper_arm_length
 
     @property
     def forearm_scale(self) -> float:
         """Forearm length over the nominal one."""
-        return self.forearm_length / NOMINAL["forearm_length"]
+        return self.forearm_length / self.nominal_forearm_length
 
 
-def wearer_of(values: Mapping[str, float]) -> Wearer:
+def wearer_of(
+    values: Mapping[str, float],
+    *,
+    nominal_upper_arm_length: float = NOMINAL["upper_arm_length"],
+    nominal_forearm_length: float = NOMINAL["forearm_length"],
+) -> Wearer:
     """Return the wearer with the factor `values`; a factor left out is nominal.
 
     Raises:
@@ -39,7 +46,11 @@ def wearer_of(values: Mapping[str, float]) -> Wearer:
             raise ValueError(f"the elbow has no factor {name!r}: it has {', '.join(NOMINAL)}")
         if not 0.0 < value < float("inf"):
             raise ValueError(f"factor {name} must be positive and finite, not {value}")
-    return Wearer(**{**NOMINAL, **values})
+    return Wearer(
+        **{**NOMINAL, **values},
+        nominal_upper_arm_length=nominal_upper_arm_length,
+        nominal_forearm_length=nominal_forearm_length,
+    )
 
 
 NOMINAL_WEARER = wearer_of({})

@@ -139,6 +139,24 @@ def test_what_cannot_be_believed_is_a_named_outcome_with_its_state(
     assert set(assessment.state) == {"time", "phase", "qpos", "qvel", "act"}
 
 
+def test_stiffer_controllers_follow_better_and_find_the_same(nominal: Assessment) -> None:
+    stiff = assess({"proportional_gain": 4.0, "derivative_gain": 2.0, "integral_gain": 8.0}).outputs
+    assert stiff["tracking_rmse"] < 0.25 * nominal.outputs["tracking_rmse"]
+    assert stiff["stiffness_error"] == pytest.approx(nominal.outputs["stiffness_error"], abs=0.1)
+
+
+def test_equation_19_is_a_controller_without_an_integral(nominal: Assessment) -> None:
+    without = assess({"integral_gain": 0.0})
+    assert without.outputs == assess({}, controller="pd").outputs
+    assert without.outputs["tracking_rmse"] > nominal.outputs["tracking_rmse"]
+
+
+def test_a_wearer_of_nominal_lengths_is_the_same_whatever_these_are(nominal: Assessment) -> None:
+    lengths = {"upper_arm_length": 0.3637, "forearm_length": 0.349}
+    same = assess(lengths | {f"nominal_{name}": length for name, length in lengths.items()})
+    assert same.outputs == nominal.outputs
+
+
 def test_an_arm_without_a_strap_is_never_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sim.interface.STRAP_STIFFNESS", 20.0)
     assert assess({"strap_tension": 0.1}).outcome in FAILURES

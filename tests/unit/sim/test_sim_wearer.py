@@ -4,6 +4,7 @@ import pytest
 
 from sim.catalogue import ELBOW, MODELS
 from sim.conditions import DEFAULT_CONDITIONS, split
+from sim.control import PID, Gains
 from sim.factors import CONDITIONS, NOMINAL, TABLE_1
 from sim.wearer import NOMINAL_WEARER, wearer_of
 
@@ -61,6 +62,20 @@ def test_wearer_and_conditions_are_told_apart_by_their_names() -> None:
     assert (wearer.forearm_mass, conditions.cuff_friction) == (1.2, 0.1)
     with pytest.raises(ValueError, match="the elbow has no factor 'weather'"):
         split({"weather": 1.0})
+
+
+def test_lengths_are_over_the_nominal_ones_that_a_study_may_choose() -> None:
+    """Section 2.2.1 has 36.37 and 34.9 cm, section 2.3 what is the default."""
+    wearer, _ = split({"nominal_upper_arm_length": 0.3637, "nominal_forearm_length": 0.349})
+    assert wearer.upper_arm_scale == pytest.approx(0.3337 / 0.3637)
+    assert wearer.forearm_scale == pytest.approx(0.319 / 0.349)
+    assert split({})[0].upper_arm_scale == split({})[0].forearm_scale == 1.0
+
+
+def test_gains_are_multiples_of_the_devices_own() -> None:
+    _, conditions = split({"proportional_gain": 2.0, "derivative_gain": 0.5, "integral_gain": 0.0})
+    assert conditions.gains(PID) == Gains(kp=100.0, kv=7.5, ki=0.0)
+    assert DEFAULT_CONDITIONS.gains(PID) == PID
 
 
 def test_every_model_names_its_factors_and_outputs_once() -> None:
