@@ -146,6 +146,7 @@ def print_convergence(points: np.ndarray) -> None:
         ("step 15 -> 5 ms", replace(CAMPAIGN, step=0.005)),
         ("friction creeps -> holds", replace(CAMPAIGN, impratio=20.0)),
         ("onset of contact abrupt", replace(CAMPAIGN, onset=(0.95, 0.002))),
+        ("cones -> pyramids", replace(CAMPAIGN, pyramids=True)),
     ):
         other = run_all([(unit, variant) for unit in units], label)[1][:, 2]
         difference = other - base

@@ -29,6 +29,8 @@ class Fidelity:
     #: Impedance (0 to 1) of a contact that begins, and the depth at which it has grown to 0.99, m:
     #: contacts that begin abruptly make stiffness jump where they do so a step earlier or later.
     onset: tuple[float, float] = (0.7, 0.0005)
+    #: Whether friction is bounded by pyramids instead of elliptic cones.
+    pyramids: bool = False
 
     @property
     def elements(self) -> int:

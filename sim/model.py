@@ -230,6 +230,8 @@ def build_system(
     )
     spec = base_spec(wearer, gains, conditions, target, device, step=fidelity.step)
     spec.option.impratio = fidelity.impratio
+    if fidelity.pyramids:
+        spec.option.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
     let_the_solver_reorder(spec)
     set_contacts(spec, conditions.cuff_friction, fidelity)
     for cuff, sleeve in zip(holders, parts, strict=True):
