@@ -1,7 +1,7 @@
 """What is not in Table 1 but moves K_h as much: how the device is worn, driven and resisted."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from sim.control import Gains
 from sim.factors import CONDITIONS, NOMINAL
@@ -102,8 +102,8 @@ def split(values: Mapping[str, float]) -> tuple[Wearer, Conditions]:
                 "and effect.NAME.PARAMETER"
             )
     conditions = conditions_of({name: value for name, value in values.items() if name in known})
-    wearer = wearer_of(
-        {name: value for name, value in values.items() if name in NOMINAL},
+    wearer = replace(
+        wearer_of({name: value for name, value in values.items() if name in NOMINAL}),
         nominal_upper_arm_length=conditions.nominal_upper_arm_length,
         nominal_forearm_length=conditions.nominal_forearm_length,
     )

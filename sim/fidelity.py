@@ -25,7 +25,7 @@ class Fidelity:
     #: Inertia of a strap particle's slides, kg: step^2 x segment stiffness must stay below it.
     particle_inertia: float
     #: Stiffness of friction over that of the normal: where it is low a limb creeps under load.
-    impratio: float = 1.0
+    impratio: float = 5.0
     #: Impedance (0 to 1) of a contact that begins, and the depth at which it has grown to 0.99, m:
     #: contacts that begin abruptly make stiffness jump where they do so a step earlier or later.
     onset: tuple[float, float] = (0.7, 0.0005)
@@ -46,7 +46,6 @@ SCREENING = Fidelity(
     strap_rows=1,
     strap_across=6,
     particle_inertia=12.0,
-    impratio=5.0,
 )
 CAMPAIGN = Fidelity(
     name="campaign",
@@ -56,7 +55,6 @@ CAMPAIGN = Fidelity(
     strap_rows=3,
     strap_across=6,
     particle_inertia=9.0,
-    impratio=5.0,
 )
 REFERENCE = Fidelity(
     name="reference",

@@ -30,12 +30,7 @@ class Wearer:
         return self.forearm_length / self.nominal_forearm_length
 
 
-def wearer_of(
-    values: Mapping[str, float],
-    *,
-    nominal_upper_arm_length: float = NOMINAL["upper_arm_length"],
-    nominal_forearm_length: float = NOMINAL["forearm_length"],
-) -> Wearer:
+def wearer_of(values: Mapping[str, float]) -> Wearer:
     """Return the wearer with the factor `values`; a factor left out is nominal.
 
     Raises:
@@ -46,11 +41,7 @@ def wearer_of(
             raise ValueError(f"the elbow has no factor {name!r}: it has {', '.join(NOMINAL)}")
         if not 0.0 < value < float("inf"):
             raise ValueError(f"factor {name} must be positive and finite, not {value}")
-    return Wearer(
-        **{**NOMINAL, **values},
-        nominal_upper_arm_length=nominal_upper_arm_length,
-        nominal_forearm_length=nominal_forearm_length,
-    )
+    return Wearer(**{**NOMINAL, **values})
 
 
 NOMINAL_WEARER = wearer_of({})
