@@ -44,7 +44,7 @@ bench-closeloop: $(READY)  ## Print how often closing the loop names the right e
 	$(BIN)/python -m benchmarks.closeloop $(ARGS)
 
 picture: $(READY)  ## Draw the arm in the exoskeleton (docs/system.png)
-	$(BIN)/python -m sim.rendering docs/system.png
+	$(BIN)/python -m sim.pictures.rendering docs/system.png
 
 clean:  ## Remove .venv and what the targets wrote; a demo's results go too
 	rm -rf .venv demo validation *.egg-info .mypy_cache .ruff_cache .pytest_cache

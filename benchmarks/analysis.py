@@ -11,8 +11,8 @@ import time
 
 import numpy as np
 
-from analysis.estimators import SaltelliEstimator
-from analysis.study_state import StudyState
+from analysis.sensitivity.estimators import SaltelliEstimator
+from analysis.sensitivity.study_state import StudyState
 from benchmarks.coverage_tables import print_coverage_and_errors
 from benchmarks.functions import FACTORS
 from benchmarks.latency import PLAN, lags, results

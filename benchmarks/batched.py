@@ -14,13 +14,13 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from sim.assessment import assess, prepare
-from sim.conditions import split
-from sim.exoskeleton import NESM
-from sim.fidelity import CAMPAIGN
-from sim.model import System
-from sim.seat import reset_to_start
-from sim.target import ELBOW_TARGET
+from sim.assessment.assess import assess, prepare
+from sim.assessment.system import System
+from sim.assessment.target import ELBOW_TARGET
+from sim.parameters.conditions import split
+from sim.parameters.fidelity import CAMPAIGN
+from sim.robot.device import NESM
+from sim.robot.seat import reset_to_start
 
 #: Wearers of a batch and steps of each.
 WEARERS, STEPS = 16, 200

@@ -26,11 +26,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.closeloop.answer import answer
 from analysis.closeloop.loop import close_loop
+from analysis.closeloop.report.answer import answer
 from benchmarks.machine import describe_machine
-from tests.closeloop_effects import ABSORBED, BETWEEN, EFFECTS, OUTSIDE
-from tests.closeloop_sessions import write_session
+from tests.testbed.closeloop_effects import ABSORBED, BETWEEN, EFFECTS, OUTSIDE
+from tests.testbed.closeloop_sessions import write_session
 
 #: Pairs of effects that act through different signals.
 PAIRS = list(

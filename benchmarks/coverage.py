@@ -5,8 +5,8 @@ failures, once with 5 % of the runs failing at random, and once with every run f
 factor is in the upper fifth of its range. SALib and SciPy take no failures.
 
 Seeds begin at `FIRST_SEED`: on those before it, and on those from 20 000 on, the intervals were
-developed (`analysis.estimators.tails`, `analysis.estimators.intervals`), so they would flatter
-them. `benchmarks.coverage_tables` prints what is computed here.
+developed (`analysis.sensitivity.estimators.tails`, `analysis.sensitivity.estimators.intervals`), so
+they would flatter them. `benchmarks.coverage_tables` prints what is computed here.
 """
 
 import warnings
@@ -18,7 +18,7 @@ from SALib.analyze import sobol as salib_sobol
 from scipy.stats import qmc, sobol_indices
 
 from analysis.designs import SAMPLINGS, unit_row
-from analysis.estimators import MorrisEstimator, SaltelliEstimator
+from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
 from benchmarks.functions import FACTORS, KNOWN, Points
 
 Array = NDArray[np.float64]

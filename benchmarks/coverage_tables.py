@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 
 from analysis.designs import DEFAULT_SAMPLING, SAMPLINGS
-from analysis.remarks import FEWEST_ROWS
+from analysis.sensitivity.remarks import FEWEST_ROWS
 from benchmarks.coverage import (
     EFFECTS,
     FAILURES,

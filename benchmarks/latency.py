@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.records import LoggedResult, StudyPlan
-from analysis.service import follow
+from analysis.sensitivity.records import LoggedResult, StudyPlan
+from analysis.sensitivity.service import follow
 
 #: Of the arm in the exoskeleton: six factors, and twelve outputs.
 PLAN = StudyPlan(
@@ -41,7 +41,7 @@ def results(number: int) -> list[LoggedResult]:
 
 @dataclass(kw_only=True)
 class Arriving:
-    """A log (`analysis.service.ResultLog`) in memory, whose results arrive at a steady rate."""
+    """A log (`service.ResultLog`) in memory, whose results arrive at a steady rate."""
 
     results: list[LoggedResult]
     per_second: float

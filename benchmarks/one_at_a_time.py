@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.machine import describe_machine
-from sim.assessment import assess
-from sim.factors import TABLE_1
-from sim.figures import new_figure
+from sim.assessment.assess import assess
+from sim.parameters.factors import TABLE_1
+from sim.pictures.figures import new_figure
 
 POINTS = 21
 ERRORS = ("stiffness_error", "stiffness_error_authors")

@@ -5,7 +5,7 @@
 The truth is the slope of the elbow's own torque over its own angle, in the restoring sense, which
 only a simulation knows. `--plain` takes arms without any undeclared effect instead, of
 several sizes and tissues, and prints how large the torque is that effects would be credited with,
-from which the limit in `analysis.closeloop.interface` comes.
+from which the limit in `analysis.closeloop.identification.interface` comes.
 """
 
 import argparse
@@ -16,16 +16,22 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.closeloop.answer import answer, load_session
-from analysis.closeloop.interface import unique_torque
-from analysis.closeloop.model import declared_model, evaluate, impedances
-from analysis.closeloop.regression import select_rows
-from analysis.closeloop.tracing import Trace, trace
+from analysis.closeloop.identification.interface import unique_torque
+from analysis.closeloop.identification.model import declared_model, evaluate, impedances
+from analysis.closeloop.identification.regression import select_rows
+from analysis.closeloop.identification.tracing import Trace, trace
+from analysis.closeloop.report.answer import answer, load_session
 from benchmarks.machine import describe_machine
-from sim.factors import NOMINAL
-from sim.fidelity import FIDELITIES
-from sim.patient import EXERCISES, Exercise, record_exercise, true_impedance, write_session
-from sim.validity import FailedError
+from sim.assessment.patient import (
+    EXERCISES,
+    Exercise,
+    record_exercise,
+    true_impedance,
+    write_session,
+)
+from sim.assessment.validity import FailedError
+from sim.parameters.factors import NOMINAL
+from sim.parameters.fidelity import FIDELITIES
 
 #: An arm at rest as in an assessment of spasticity: the passive force of the paper's muscles makes
 #: it 6 Nm/rad stiff. With the refitted ones it has 0.4, as a healthy arm, of which errors in per

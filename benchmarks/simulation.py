@@ -18,9 +18,9 @@ from scipy.stats import qmc, spearmanr
 from benchmarks.batched import print_rates
 from benchmarks.machine import describe_machine
 from benchmarks.measuring import Target, say
-from sim.assessment import Assessment, assess
-from sim.factors import NOMINAL, TABLE_1
-from sim.fidelity import CAMPAIGN, FIDELITIES, Fidelity
+from sim.assessment.assess import Assessment, assess
+from sim.parameters.factors import NOMINAL, TABLE_1
+from sim.parameters.fidelity import CAMPAIGN, FIDELITIES, Fidelity
 
 SEED = 3
 #: Points on which the fidelities are compared with `reference`.

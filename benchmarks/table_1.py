@@ -12,9 +12,9 @@ import numpy as np
 from scipy.stats import qmc
 
 from benchmarks.machine import describe_machine
-from sim.assessment import assess
-from sim.elbow_muscles import PAPER_MUSCLES, REFITTED_MUSCLES
-from sim.factors import NOMINAL, TABLE_1
+from sim.assessment.assess import assess
+from sim.body.elbow_muscles import PAPER_MUSCLES, REFITTED_MUSCLES
+from sim.parameters.factors import NOMINAL, TABLE_1
 from sim.validation.isometric import (
     ANGLES_DEG,
     COMMON_DEG,

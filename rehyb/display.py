@@ -13,7 +13,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from rehyb.campaign import Report, View
+from rehyb.campaign.run import Report, View
 
 #: Seconds between two lines of a log.
 LINE_SECONDS = 2.0
@@ -146,7 +146,7 @@ def report_parts(report: Report) -> Iterable[RenderableType]:
 def _remarks(
     snapshot: Mapping[str, Any], output: str, target: float | None = None
 ) -> Iterable[RenderableType]:
-    from analysis.remarks import remarks
+    from analysis.sensitivity.remarks import remarks
 
     return (Text(sentence) for sentence in remarks(snapshot, output, target))
 
@@ -181,7 +181,7 @@ class LiveDisplay:
 
     def show(self, view: View) -> None:
         """Redraw."""
-        from analysis.remarks import warning
+        from analysis.sensitivity.remarks import warning
 
         done = view.progress["ok"] + view.progress["failed"]
         bar = Table.grid()

@@ -45,7 +45,7 @@ def export(client: Client, study_id: str, out: Path | None, format: str) -> Path
 
 
 def _write(path: Path, study: Json, results: Path, format: str) -> None:
-    from sim.catalogue import MODELS
+    from sim.models import MODELS
 
     model = MODELS[study["model"]]
     units = {factor.name: factor.unit for factor in model.factors} | dict(model.units)
@@ -56,8 +56,8 @@ def _write(path: Path, study: Json, results: Path, format: str) -> None:
             write_parquet(path, study, results, units)
         else:
             from analysis.files.netcdf import write_netcdf
-            from analysis.report import plan_of
-            from analysis.table import Table
+            from analysis.files.table import Table
+            from analysis.reports.report import plan_of
 
             write_netcdf(path, study, Table.read(plan_of(study), results), units)
     except ModuleNotFoundError as error:

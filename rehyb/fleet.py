@@ -159,7 +159,7 @@ class _Process:
         return self._popen.pid if self._popen else 0
 
     def start(self) -> None:
-        from worker.tether import die_with_parent
+        from worker.parent_death import die_with_parent
 
         parent = os.getpid()
         self._log.parent.mkdir(exist_ok=True)

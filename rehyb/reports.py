@@ -61,8 +61,8 @@ def write(
     surrogates: bool = False,
 ) -> list[Path]:
     """Write the page of studies whose descriptions and tables of results are at hand."""
-    from analysis.report import Units, chapter, write_report
-    from sim.catalogue import MODELS
+    from analysis.reports.report import Units, chapter, write_report
+    from sim.models import MODELS
 
     model = MODELS[studies[0][0]["model"]]
     units = Units(

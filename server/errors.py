@@ -1,6 +1,6 @@
 """Why the coordinator refuses, as one small tree; `server.problems` maps it to HTTP once."""
 
-from analysis.records import NoSuchStudyError
+from analysis.sensitivity.records import NoSuchStudyError
 
 
 class CoordinatorError(Exception):

@@ -9,7 +9,7 @@ from platform import machine, python_version
 from platform import system as operating_system
 from typing import Any
 
-from sim.catalogue import ASSESSMENTS, ISHIGAMI, MODELS, SOBOL_G
+from sim.models import ASSESSMENTS, ISHIGAMI, MODELS, SOBOL_G
 
 #: Coefficients of Sobol's g-function (Saltelli and Sobol 1995): the larger, the less influential.
 G_COEFFICIENTS = (0.0, 1.0, 4.5, 9.0, 99.0, 99.0)
@@ -47,7 +47,7 @@ def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
         values[name] = float(value)
     started = time.perf_counter()
     if model in ASSESSMENTS:
-        from sim.assessment import assess
+        from sim.assessment.assess import assess
 
         _, target, fidelity, device = ASSESSMENTS[model]
         assessment = assess(values, fidelity=fidelity, target=target, device=device)

@@ -13,7 +13,7 @@ from typing import Any
 from rehyb.client import Client
 from rehyb.errors import Conflict, Invalid, NotFound, RehybError, ServerError, Unreachable
 from worker.backoff import full_jitter
-from worker.desk import Desk
+from worker.close_loop_jobs import Desk
 from worker.leases import Lease, Ticket, lease_size
 from worker.pool import Finished, Pool
 from worker.spool import Batch, Spool

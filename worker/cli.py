@@ -17,10 +17,10 @@ import typer
 
 from rehyb.client import DEFAULT_URL, Client
 from rehyb.errors import RehybError
-from sim.catalogue import MODELS
+from sim.models import MODELS
 from worker.agent import Agent
-from worker.closing import can_close_loops, close
-from worker.desk import Desk
+from worker.close_loop import can_close_loops, close
+from worker.close_loop_jobs import Desk
 from worker.doctor import examine
 from worker.machine import describe
 from worker.pool import Pool, available_cores

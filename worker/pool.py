@@ -15,7 +15,7 @@ from math import isfinite
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from worker.tether import die_with_parent
+from worker.parent_death import die_with_parent
 
 Evaluate = Callable[[str, Mapping[str, Any]], Any]
 Result = dict[str, Any]

@@ -50,11 +50,11 @@ def check(file: Path) -> dict[str, Any]:
     Raises:
         SessionError: it cannot be analysed; see `load_session`.
     """
-    from analysis.closeloop.archive import unpacked
+    from analysis.closeloop.session.archive import unpacked
 
     with unpacked(file) as folder:
         # MuJoCo takes a second to load: not for what is no session at all.
-        from analysis.closeloop.answer import load_session
+        from analysis.closeloop.report.answer import load_session
 
         session, recording = load_session(folder)
     joints = recording.device.joints

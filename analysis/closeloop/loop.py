@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.closeloop.accuracy import TrialError
-from analysis.closeloop.answer import Answer, answer
-from analysis.closeloop.confirmation import confirm, unconfirmed
-from analysis.closeloop.page import write_page
-from analysis.closeloop.repaired import repaired_model
+from analysis.closeloop.identification.accuracy import TrialError
+from analysis.closeloop.identification.confirmation import confirm, unconfirmed
+from analysis.closeloop.identification.repaired import repaired_model
+from analysis.closeloop.report.answer import Answer, answer
+from analysis.closeloop.report.page import write_page
 
 FILES = ("report.json", "report.html", "model_after.xml", "residuals.csv")
 

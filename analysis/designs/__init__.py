@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs.blocks import BLOCKS, blocks_of
+from analysis.designs.distributions import Distribution
 from analysis.designs.points import latin_hypercube, paired, sobol, sobol_blocks
 from analysis.designs.radial import radial_row
 from analysis.designs.saltelli import saltelli_row
 from analysis.designs.trajectories import trajectory_row
-from analysis.distributions import Distribution
 
 #: Elementary effects for screening; variance-based indices; these with those of pairs of factors.
 METHODS = ("morris", "saltelli", "saltelli_second_order")

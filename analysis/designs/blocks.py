@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.streams import Purpose, bits
+from analysis.designs.streams import Purpose, bits
 
 #: Fewer widen Student's interval, more leave less of what Sobol points gain: the intervals of 4, 8
 #: and 16 blocks are about equally wide from 64 rows on.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from analysis.designs.blocks import BLOCKS
-from analysis.streams import Purpose, bits
+from analysis.designs.streams import Purpose, bits
 
 #: Rows per Latin hypercube. Every block is a hypercube of its own, so a study can be extended.
 LATIN_HYPERCUBE_ROWS = 50

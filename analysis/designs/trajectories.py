@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.streams import Purpose, bits
+from analysis.designs.streams import Purpose, bits
 
 #: p = 4 levels, and steps of p / 2 of them: from each level there is one step in the range.
 LEVELS = 4

@@ -9,8 +9,8 @@ import typer
 
 from rehyb.cli import (
     campaigns,
+    close_loop,
     files,
-    loop,
     precision,
     reports,
     services,
@@ -19,7 +19,7 @@ from rehyb.cli import (
     surrogates,
     tokens,
 )
-from rehyb.cli import control as control  # its commands join those of `studies`
+from rehyb.cli import study_control as study_control  # its commands join those of `studies`
 from rehyb.errors import Invalid, RehybError
 
 app = typer.Typer(
@@ -32,7 +32,7 @@ app = typer.Typer(
 studies.app.command()(surrogates.surrogate)
 studies.app.command()(files.export)
 studies.app.command()(precision.watch)
-studies.app.command("with-effect")(loop.with_effect)
+studies.app.command("with-effect")(close_loop.with_effect)
 app.add_typer(studies.app, name="study")
 app.add_typer(campaigns.app, name="campaign")
 app.add_typer(services.database, name="db")
@@ -46,7 +46,7 @@ app.command()(files.bundle)
 app.command()(files.reproduce)
 app.command()(simulation.assess)
 app.command()(simulation.validate)
-app.command()(loop.close_loop)
+app.command()(close_loop.close_loop)
 
 
 def main() -> None:

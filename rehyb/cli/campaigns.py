@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rehyb.campaign import Campaign, Proposed, Report
+from rehyb.campaign.plans import PRESETS, Plan
+from rehyb.campaign.run import Campaign, Proposed, Report
 from rehyb.cli.options import AsJson, Token, Url, interruptible, print_json
 from rehyb.client import Client
-from rehyb.plans import PRESETS, Plan
 
 if TYPE_CHECKING:
     from rehyb.display import LineDisplay, LiveDisplay
@@ -89,7 +89,7 @@ def run(
 
     Ctrl-C stops everything; running the same command again carries on where it was.
     """
-    from sim.catalogue import MODELS
+    from sim.models import MODELS
 
     if preset not in PRESETS:
         raise typer.BadParameter(f"there is no preset {preset!r}: take {' or '.join(PRESETS)}")

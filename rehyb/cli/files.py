@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rehyb.bundle import digest_of, read_bundle, write_bundle
+from rehyb.bundle.archive import digest_of, read_bundle, write_bundle
 from rehyb.cli.options import AsJson, Token, Url, print_json
 from rehyb.client import Client
 from rehyb.files import FORMATS
@@ -80,7 +80,7 @@ def reproduce(
 
     Nothing of the bundle is believed, and nothing of it is written to disk under a name of its own.
     """
-    from rehyb import reproduce as checks
+    from rehyb.bundle import reproduce as checks
 
     with tempfile.TemporaryDirectory() as folder:
         read = read_bundle(file, Path(folder))

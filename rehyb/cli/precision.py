@@ -7,7 +7,7 @@ import typer
 
 from rehyb.cli.options import AsJson, Token, Url, print_json
 from rehyb.client import Client, Json
-from rehyb.precision import watch as see_through
+from rehyb.client.precision import watch as see_through
 
 
 def watch(

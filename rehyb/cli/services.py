@@ -103,7 +103,7 @@ def analysis() -> None:
     Runs until SIGTERM or Ctrl-C. REHYB_DATABASE_URL names the coordinator's database. Several may
     run: whoever commits first wins, and the others carry on from there.
     """
-    from analysis.service import follow
+    from analysis.sensitivity.service import follow
     from server.store import create_engine, require_current
     from server.store.result_log import StoreResultLog
 

@@ -64,9 +64,9 @@ def assess(
 
     Exit status 1 if the assessment fails: the simulated exercise, that is, not the command.
     """
-    from sim.assessment import assess as simulate
-    from sim.catalogue import ELBOW
-    from sim.undeclared import EFFECT_FACTORS
+    from sim.assessment.assess import assess as simulate
+    from sim.models import ELBOW
+    from sim.parameters.effects import EFFECT_FACTORS
 
     values = {factor.name: factor.nominal for factor in ELBOW.factors}
     effects = {factor.name for factor in EFFECT_FACTORS}
@@ -82,7 +82,7 @@ def assess(
     watch = None
     try:
         if video is not None:
-            from sim.film import Film, check_format
+            from sim.pictures.film import Film, check_format
 
             check_format(video)
             film = Film()
@@ -109,7 +109,7 @@ def assess(
         if record is not None:
             assessment.record.save(record)
         if plot is not None:
-            from sim.figures import assessment_figure
+            from sim.pictures.figures import assessment_figure
 
             assessment_figure(assessment, plot)
     if as_json:
@@ -154,7 +154,7 @@ def validate(
 
 def _replayed(source: str) -> tuple[dict[str, float], str, str, str]:
     """Return parameters, target, fidelity and device of a replay bundle of an assessment."""
-    from sim.catalogue import ASSESSMENTS
+    from sim.models import ASSESSMENTS
 
     try:
         bundle = json.loads(sys.stdin.read() if source == "-" else Path(source).read_text())
@@ -176,7 +176,7 @@ def _replayed(source: str) -> tuple[dict[str, float], str, str, str]:
 
 def _film(film: Any, path: Path, outcome: str) -> None:
     """Write a film; if nothing renders here, that is one sentence and exit status 1."""
-    from sim.rendering import GraphicsError
+    from sim.pictures.rendering import GraphicsError
 
     try:
         film.write(path, outcome)
@@ -186,7 +186,7 @@ def _film(film: Any, path: Path, outcome: str) -> None:
 
 def _print_assessment(outcome: str, reason: str, outputs: Mapping[str, float]) -> None:
     typer.echo(outcome if outcome == "ok" else f"{outcome}: {reason}")
-    from sim.catalogue import ELBOW
+    from sim.models import ELBOW
 
     for name, value in outputs.items():
         typer.echo(f"  {name:28} {value: 9.4f} {ELBOW.units[name]}")

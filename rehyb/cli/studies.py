@@ -183,7 +183,7 @@ def indices(
     """Show a study's sensitivity indices, their intervals, and how many rows are still wanted."""
     from rich.console import Console
 
-    from analysis.remarks import remarks, warning
+    from analysis.sensitivity.remarks import remarks, warning
     from rehyb.display import indices_table, pairs_table
 
     if target is not None and not 0.0 < target < inf:
@@ -193,7 +193,7 @@ def indices(
         snapshot = client.indices(study)
     outputs = list(snapshot["outputs"])
     if plot is not None:
-        from analysis.figures import screening_figure, variance_figure
+        from analysis.reports.figures import screening_figure, variance_figure
 
         if not outputs:
             raise Invalid(f"there is nothing to draw: study {study} has no indices yet")

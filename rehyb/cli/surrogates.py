@@ -38,9 +38,9 @@ def surrogate(
 
 
 def _answer(study: Json, results: Path, output: str) -> Any:
-    from analysis.report import plan_of
-    from analysis.surrogate import answer
-    from analysis.table import Table
+    from analysis.files.table import Table
+    from analysis.reports.report import plan_of
+    from analysis.sensitivity.surrogate import answer
 
     try:
         return answer(Table.read(plan_of(study), results), output)

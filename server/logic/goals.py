@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
-from analysis.stopping import next_step
+from analysis.sensitivity.stopping import next_step
 from server.errors import InvalidStudyError
 from server.logic.study import MAX_ROWS, Plan, Study, extended
 
@@ -15,7 +15,7 @@ class Goal:
     """A wanted precision, and what it may cost."""
 
     output: str
-    #: Half width of every interval; None: as `analysis.stopping.advise` has it.
+    #: Half width of every interval; None: as `analysis.sensitivity.stopping.advise` has it.
     target: float | None
     #: The study is not extended beyond this many rows.
     up_to: int
@@ -75,8 +75,8 @@ def pursued(
 ) -> tuple[Study, Pursuit] | None:
     """Return a study and its goal after what there is to do now; None if that is nothing.
 
-    The rule is `analysis.stopping.next_step` (Sarrazin et al. 2016), which looks at a complete
-    study only: a few rows early would be judged by others than those that were asked for.
+    The rule is `analysis.sensitivity.stopping.next_step` (Sarrazin et al. 2016), which looks at a
+    complete study only: a few rows early would be judged by others than those that were asked for.
 
     Args:
         study: as it is.

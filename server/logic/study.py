@@ -7,11 +7,11 @@ from math import isfinite
 from typing import Any
 
 from analysis.designs import METHODS, fewest_factors, instance_parameters, row_width, samplings
-from analysis.distributions import Distribution, scales
-from analysis.records import StudyPlan
+from analysis.designs.distributions import Distribution, scales
+from analysis.sensitivity.records import StudyPlan
 from server.errors import InvalidStudyError
 from server.logic.records import record
-from sim.catalogue import MODELS, Model
+from sim.models import MODELS, Model
 
 #: Sobol points are numbered in 30 bits; a study beyond this would take a fleet a human lifetime.
 MAX_ROWS = 10_000_000

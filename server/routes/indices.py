@@ -4,7 +4,7 @@ from typing import Any
 
 from fastapi import APIRouter, Response
 
-from analysis.snapshot import empty_snapshot
+from analysis.sensitivity.snapshot import empty_snapshot
 from server.logic.caching import is_known, tag
 from server.logic.study import for_analysis
 from server.routes.common import Id, Store

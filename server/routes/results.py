@@ -26,7 +26,7 @@ from server.settings import Settings
 from server.store import offers, results, studies
 from server.store.offers import ELSEWHERE, Grant, Misfit
 from server.store.results import Post
-from sim.catalogue import MODELS
+from sim.models import MODELS
 
 log = logging.getLogger(__name__)
 

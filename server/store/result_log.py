@@ -6,7 +6,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
-from analysis.records import LoggedResult, StudyPlan
+from analysis.sensitivity.records import LoggedResult, StudyPlan
 from server.errors import NoStudyError, NotFoundError
 from server.logic.study import for_analysis, instance_id
 from server.store import goals, studies
@@ -16,7 +16,7 @@ from server.store.schema import studies as studies_table
 
 
 class StoreResultLog:
-    """The coordinator's database as an `analysis.service.ResultLog`."""
+    """The coordinator's database as an `analysis.sensitivity.service.ResultLog`."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine

@@ -12,7 +12,7 @@ import sqlalchemy as sa
 from pydantic_core import from_json
 from sqlalchemy.engine import Connection, Engine
 
-from analysis.distributions import Distribution
+from analysis.designs.distributions import Distribution
 from server.errors import ConflictError, NotFoundError
 from server.logic.progress import block_ends, window_start
 from server.logic.study import Plan, Study

@@ -8,11 +8,9 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from sim.conditions import DEFAULT_CONDITIONS
-from sim.factors import TISSUE_COUPLING
-from sim.fidelity import REFERENCE
-from sim.skeleton import empty_spec
-from sim.soft_tissue import (
+from sim.assessment.solver import set_solver
+from sim.body.skeleton import empty_spec
+from sim.body.soft_tissue import (
     ELEMENT_RADIUS,
     Sleeve,
     add_soft_tissue,
@@ -20,8 +18,10 @@ from sim.soft_tissue import (
     set_contacts,
     sleeves,
 )
-from sim.solver import set_solver
-from sim.wearer import NOMINAL_WEARER
+from sim.parameters.conditions import DEFAULT_CONDITIONS
+from sim.parameters.factors import TISSUE_COUPLING
+from sim.parameters.fidelity import REFERENCE
+from sim.parameters.wearer import NOMINAL_WEARER
 
 #: Force on each plate, N, in increasing steps.
 LOADS_N = np.array([1, 2, 5, 10, 20, 35, 55, 80, 110, 150, 190, 250, 320, 400], dtype=float)

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.elbow_muscles import REFITTED_MUSCLES, ElbowMuscles
-from sim.muscle_tables import Muscle
-from sim.muscles import add_muscles
-from sim.skeleton import HUMAN_JOINTS, add_arm, add_torso, empty_spec
-from sim.wearer import NOMINAL_WEARER, Wearer
+from sim.body.elbow_muscles import REFITTED_MUSCLES, ElbowMuscles
+from sim.body.muscle_tables import Muscle
+from sim.body.muscles import add_muscles
+from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_torso, empty_spec
+from sim.parameters.wearer import NOMINAL_WEARER, Wearer
 
 #: Elbow angles of the test, degrees: steps of one degree, as in the paper.
 ANGLES_DEG = np.arange(0.0, 131.0)

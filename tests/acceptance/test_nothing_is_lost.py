@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from analysis.designs import instance_parameters
-from analysis.distributions import Distribution
-from analysis.service import LoggedResult, StudyPlan, analyse
+from analysis.designs.distributions import Distribution
+from analysis.sensitivity.service import LoggedResult, StudyPlan, analyse
 from rehyb import Client, Unreachable
 from rehyb.client import Json
 from rehyb.fleet import LocalFleet

@@ -14,7 +14,7 @@ import pytest
 
 from rehyb.client import Client
 from rehyb.fleet import LocalFleet
-from sim.catalogue import ELBOW
+from sim.models import ELBOW
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()

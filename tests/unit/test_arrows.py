@@ -14,7 +14,7 @@ ALLOWED = {
     "sim": set(),
     "analysis": set(),
     "migrations": {"server.store"},
-    "server": {"analysis", "sim.catalogue", "sim.factors", "migrations"},
+    "server": {"analysis", "sim.models", "sim.parameters.factors", "migrations"},
     "worker": {"sim", "rehyb.client", "rehyb.errors", "analysis.closeloop"},
     "rehyb": {"sim", "analysis", "server", "worker"},
 }
@@ -68,7 +68,7 @@ def test_a_worker_imports_what_closes_loops_only_when_it_does() -> None:
         ("rehyb.cli", ["fastapi", "sqlalchemy", "mujoco", "numpy"]),
         ("worker.cli", ["fastapi", "sqlalchemy", "matplotlib", "analysis"]),
         ("analysis.closeloop.code", ["mujoco", "numpy"]),
-        ("sim.assessment", ["httpx2", "fastapi", "sqlalchemy", "analysis", "matplotlib"]),
+        ("sim.assessment.assess", ["httpx2", "fastapi", "sqlalchemy", "analysis", "matplotlib"]),
     ],
 )
 def test_importing_a_room_does_not_load_what_it_must_not_know(

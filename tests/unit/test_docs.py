@@ -10,10 +10,10 @@ from pydantic import SecretStr
 
 from server.app import create_app
 from server.settings import Settings
-from sim.catalogue import ELBOW
-from sim.exoskeleton import DEVICES
-from sim.factors import CONDITIONS
-from sim.validity import FAILURES
+from sim.assessment.validity import FAILURES
+from sim.models import ELBOW
+from sim.parameters.factors import CONDITIONS
+from sim.robot.device import DEVICES
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()

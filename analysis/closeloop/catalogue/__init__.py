@@ -22,7 +22,7 @@ from analysis.closeloop.catalogue.friction import (
 from analysis.closeloop.catalogue.inertia import AddedInertia, Payload
 from analysis.closeloop.catalogue.limb import CrossJointCoupling, StretchReflex, Thixotropy
 from analysis.closeloop.catalogue.transmission import Backlash, Hysteresis, SeriesElasticity
-from analysis.closeloop.recording import Recording
+from analysis.closeloop.session.recording import Recording
 
 EFFECTS: tuple[Effect, ...] = (
     TorqueOffset(),

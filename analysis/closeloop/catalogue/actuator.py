@@ -15,7 +15,7 @@ from analysis.closeloop.catalogue.effect import (
     scaled,
     travel,
 )
-from analysis.closeloop.recording import Recording
+from analysis.closeloop.session.recording import Recording
 
 
 class TorqueOffset(Effect):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from analysis.closeloop.recording import Recording
+from analysis.closeloop.session.recording import Recording
 
 #: Non-linear parameters of one variant of an effect.
 Theta = Mapping[str, float]

@@ -14,7 +14,7 @@ from analysis.closeloop.catalogue.effect import (
     Theta,
     travel,
 )
-from analysis.closeloop.recording import Recording
+from analysis.closeloop.session.recording import Recording
 
 #: Power that stands for an exponential, and the width of that over half the range of motion.
 EXPONENTIAL, END_WIDTH = 0.0, 0.35

@@ -18,7 +18,7 @@ from analysis.closeloop.catalogue.effect import (
     scaled,
     travel,
 )
-from analysis.closeloop.recording import Recording
+from analysis.closeloop.session.recording import Recording
 
 #: Width of the passage through zero velocity, over the top speed.
 SMOOTH = (0.004, 0.02, 0.06)

@@ -7,7 +7,7 @@ Hollerbach 1986), so one more kilogram is one more column by MuJoCo's own invers
 import numpy as np
 
 from analysis.closeloop.catalogue.effect import Columns, Effect, Estimate, Parameter, Theta, scaled
-from analysis.closeloop.recording import Recording
+from analysis.closeloop.session.recording import Recording
 
 
 class Payload(Effect):

@@ -15,8 +15,8 @@ from analysis.closeloop.catalogue.effect import (
     scaled,
     travel,
 )
-from analysis.closeloop.recording import Recording
-from analysis.closeloop.signals import shifted
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import shifted
 
 #: Rest that makes a muscle stiff again, s.
 REST_SECONDS = 0.3

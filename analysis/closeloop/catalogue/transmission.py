@@ -17,8 +17,8 @@ from analysis.closeloop.catalogue.effect import (
     scaled,
     travel,
 )
-from analysis.closeloop.recording import Recording
-from analysis.closeloop.signals import lagged, lowpass
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import lagged, lowpass
 
 
 class SeriesElasticity(Effect):

@@ -1,0 +1,1 @@
+"""From a recording to the effects that the model lacks."""

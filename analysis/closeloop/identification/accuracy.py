@@ -1,0 +1,176 @@
+"""Errors over the raw effort samples: on trials no fit has touched, or with each group left out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import decimate
+
+from analysis.closeloop.catalogue import RUBBING
+from analysis.closeloop.identification.model import Model, kept_columns, prediction
+from analysis.closeloop.identification.regression import Rows, resting, solve
+from analysis.closeloop.session.recording import Recording
+
+#: Rate, Hz, to which errors are decimated for comparison with published relative errors.
+SMOOTH_RATE = 100.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialError:
+    """One joint in one trial: recorded effort and what the model expects, raw samples, (n,)."""
+
+    trial: int
+    joint: int
+    time: np.ndarray
+    effort: np.ndarray
+    predicted: np.ndarray
+
+    @property
+    def residual(self) -> np.ndarray:
+        return np.asarray(self.effort - self.predicted)
+
+
+def settled(model: Model, coefficients: np.ndarray) -> np.ndarray:
+    """Return the expected effort, (n, joints), with friction at rest as the trials show it.
+
+    A stopped joint keeps a share of the friction that it stopped with: all of it if bristles or
+    clamped links hold, none if they slip back. The share is fitted to the rests of the fit trials.
+    """
+    recording = model.recording
+    predicted = prediction(model, coefficients)
+    start = 0
+    for term in model.terms:
+        own = coefficients[start : start + len(term.kept)]
+        start += len(term.kept)
+        if term.name not in RUBBING or term.joint not in term.columns:
+            continue
+        joint = term.joint
+        sliding = model.transformed(kept_columns(term))[joint] @ own
+        held, rests = np.zeros(len(sliding)), np.zeros(len(sliding), dtype=bool)
+        for piece in recording.slices:
+            still = resting(recording, joint, piece)
+            # Friction of the last sample in motion; a trial that begins at rest has none.
+            last = np.maximum.accumulate(np.where(still, -1, np.arange(len(still))))
+            held[piece] = np.where(last >= 0, sliding[piece][np.maximum(last, 0)], 0.0)
+            rests[piece] = still
+        fitted = rests & np.isin(recording.trial, recording.fit_trials)
+        missing = recording.effort[fitted, joint] - predicted[fitted, joint] + sliding[fitted]
+        power = float(held[fitted] @ held[fitted])
+        share = float(held[fitted] @ missing) / power if power > 0 else 0.0
+        kept = float(np.clip(share, 0.0, 1.0)) * held[rests]
+        predicted[rests, joint] += kept - sliding[rests]
+    return predicted
+
+
+def raw_errors(
+    recording: Recording, predicted: np.ndarray, trials: tuple[int, ...]
+) -> list[TrialError]:
+    """Compare a prediction, (n, joints) at the working rate, with raw effort."""
+    found = []
+    for number in trials:
+        trial = recording.session.trials[number]
+        for joint in recording.joints:
+            effort = trial.columns.get(f"{recording.device.joints[joint]}.effort")
+            if effort is None:
+                continue
+            times, efforts, expected = [], [], []
+            for piece in recording.slices:
+                if recording.trial[piece.start] != number:
+                    continue
+                clock = recording.time[piece]
+                # One working step beyond the last sample at most: the clock is rounded down.
+                rows = (trial.time >= clock[0]) & (trial.time <= clock[-1] + 1 / recording.rate)
+                times.append(trial.time[rows])
+                efforts.append(effort[rows])
+                expected.append(np.interp(trial.time[rows], clock, predicted[piece, joint]))
+            if times:
+                found.append(
+                    TrialError(
+                        trial=number,
+                        joint=joint,
+                        time=np.concatenate(times),
+                        effort=np.concatenate(efforts),
+                        predicted=np.concatenate(expected),
+                    )
+                )
+    return found
+
+
+def left_out_errors(model: Model, rows: Rows) -> list[TrialError]:
+    """Predict each fold's trials with coefficients fitted to the others.
+
+    When all trials share one group, the folds are stretches of time; then each trial's samples are
+    predicted by the fit to the other stretches.
+    """
+    recording = model.recording
+    base, lower = model.base(rows)
+    table = np.column_stack([base, model.target(rows)])
+    grams = np.stack([table[fold].T @ table[fold] for fold in rows.folds])
+    found: list[TrialError] = []
+    for number, fold in enumerate(rows.folds):
+        predicted = settled(model, solve(grams.sum(axis=0) - grams[number], lower))
+        trials = tuple(int(t) for t in np.unique(rows.trial[fold]))
+        errors = raw_errors(recording, predicted, trials)
+        if rows.grouped:
+            found += errors
+            continue
+        samples = np.concatenate(list(rows.samples.values()))[fold]
+        low, high = recording.time[samples.min()], recording.time[samples.max()]
+        for error in errors:
+            inside = (error.time >= low) & (error.time <= high)
+            found.append(
+                TrialError(
+                    trial=error.trial,
+                    joint=error.joint,
+                    time=error.time[inside],
+                    effort=error.effort[inside],
+                    predicted=error.predicted[inside],
+                )
+            )
+    return found
+
+
+def smooth_relative(errors: list[TrialError], joint: int, rate: float) -> float | None:
+    """Return the relative error of a joint in the band of its motion, as identification papers do.
+
+    Effort and prediction pass one zero-phase low-pass of 40 Hz and are decimated to `SMOOTH_RATE`
+    (the parallel decimation of Gautier 1997; EMPS, Janot, Gautier and Brunot 2019); 2 % at each
+    end, which filters touch, are left out. None if recorded too slowly for that.
+
+    Args:
+        errors: trials of all joints.
+        joint: column number.
+        rate: of the recording, Hz.
+    """
+    factor = round(rate / SMOOTH_RATE)
+    if factor < 2:
+        return None
+    lost = power = 0.0
+    for error in errors:
+        if error.joint != joint or len(error.time) < 40 * factor:
+            continue
+        even = np.arange(error.time[0], error.time[-1], 1.0 / rate)
+        effort, predicted = (
+            decimate(np.interp(even, error.time, signal), factor, zero_phase=True)
+            for signal in (error.effort, error.predicted)
+        )
+        edge = len(effort) // 50
+        inside = slice(edge, len(effort) - edge)
+        lost += float(((effort - predicted)[inside] ** 2).sum())
+        power += float((effort[inside] ** 2).sum())
+    return float(np.sqrt(lost / power)) if power > 0 else None
+
+
+def rms_by_joint(errors: list[TrialError]) -> Mapping[int, tuple[float, float]]:
+    """Return the root mean square of residual and of effort for every joint."""
+    found = {}
+    for joint in sorted({error.joint for error in errors}):
+        own = [error for error in errors if error.joint == joint]
+        residual = np.concatenate([error.residual for error in own])
+        effort = np.concatenate([error.effort for error in own])
+        if len(residual):
+            found[joint] = (
+                float(np.sqrt(np.mean(residual**2))),
+                float(np.sqrt(np.mean(effort**2))),
+            )
+    return found

@@ -1,0 +1,309 @@
+"""Try every effect of the catalogue beside a model: the ladder that a name is chosen from."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.closeloop.catalogue import RUBBING, candidates
+from analysis.closeloop.catalogue.effect import Candidate, Estimate, Theta
+from analysis.closeloop.identification.model import (
+    Channel,
+    Model,
+    Term,
+    estimate_of,
+    evaluate,
+    kept_columns,
+)
+from analysis.closeloop.identification.regression import (
+    Rows,
+    Score,
+    Variant,
+    compare,
+    keep_independent,
+    score,
+)
+
+#: An effect whose torque the declared unknowns imitate to this share cannot be named.
+MIN_UNIQUE = 0.02
+#: A little of what a Dahl spring stores comes back; more than this share is a drive.
+MAX_GIVEN = 0.25
+#: A gain or lag beyond these is another effect in disguise.
+GAINS = (0.33, 3.0)
+#: No more than this share of the declared inertia can turn out not to be there.
+MAX_REMOVED = 0.7
+#: Friction that takes more than this share of the load locks a transmission: nobody could move the
+#: robot by hand. What looks like it is Coulomb friction beside something else.
+MAX_LOAD_SHARE = 0.5
+#: Slowest drive, s: a loop closed around a slower one cannot follow a limb. Soft tissue relaxes in
+#: 0.1 to 1 s (viscosity over stiffness, Table 1), and looks like one.
+MAX_LAG = 0.16
+ONE_WAY = (
+    "the only trial moves in one direction: friction, damping, stiffness and neutral angle cannot "
+    "be told apart"
+)
+REFINEMENTS = (1.0, 0.5, 0.25, 0.12)
+#: Options of a ladder that are refined before they are compared.
+CONTENDERS = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """One candidate beside the model it was tried on."""
+
+    candidate: Candidate
+    model: Model
+    score: Score
+    gain: float
+    z: float
+    #: Why it may not be named here; empty if it may.
+    refused: str = ""
+    #: Simpler effects of the model that it takes the place of.
+    replaced: frozenset[tuple[str, int]] = frozenset()
+
+
+def ladder(model: Model, rows: Rows, current: Score) -> list[Option]:
+    """Try every candidate beside the model; best first."""
+    estimate = estimate_of(model, current.coefficients)
+    active = {candidate.key for candidate in model.effects}
+    covered = {
+        (simple, candidate.joint)
+        for candidate in model.effects
+        for simple in candidate.effect.includes
+    }
+    declared = {(d.effect, d.joint) for d in model.recording.session.declared}
+    options = []
+    for candidate in candidates(model.recording):
+        joint_name = model.recording.device.joints[candidate.joint]
+        if candidate.key in active | covered or (candidate.effect.name, joint_name) in declared:
+            continue
+        rest = _without_included(model, candidate)
+        option = _try(rest, rows, candidate, estimate, current)
+        if option is not None:
+            replaced = {c.key for c in model.effects} - {c.key for c in rest.effects}
+            options.append(replace(option, replaced=frozenset(replaced)))
+    options.sort(key=lambda option: -option.gain)
+    return _sharpened(options, rows, current)
+
+
+def _sharpened(options: list[Option], rows: Rows, current: Score) -> list[Option]:
+    """Refine the foremost options, so that none loses by the grain of its grid."""
+    sharp = []
+    for place, option in enumerate(options):
+        if place < CONTENDERS and option.gain > 0.5 * options[0].gain:
+            model, scored = refined(option, rows, rounds=2)
+            gain, error = compare(current.losses, scored.losses)
+            if gain > option.gain:
+                option = replace(option, model=model, score=scored, gain=gain, z=gain / error)
+        sharp.append(option)
+    plausible = [option for option in sharp if not _too_late(option)]
+    return sorted(plausible, key=lambda option: -option.gain)
+
+
+def _too_late(option: Option) -> bool:
+    """Whether what looks like a drive's lag is longer than that of any drive."""
+    channels = [c for c in option.model.channels if c.candidate == option.candidate]
+    return any(abs(c.theta.get("time_constant", 0.0)) > MAX_LAG for c in channels)
+
+
+def _without_included(model: Model, candidate: Candidate) -> Model:
+    keep = tuple(
+        term
+        for term in model.terms
+        if term.candidate is None
+        or term.joint != candidate.joint
+        or term.name not in candidate.effect.includes
+    )
+    return replace(model, terms=keep)
+
+
+def _try(
+    model: Model, rows: Rows, candidate: Candidate, estimate: Estimate, current: Score
+) -> Option | None:
+    effect = candidate.effect
+    thetas = effect.thetas(model.recording, candidate.joint, estimate)
+    if effect.channel:
+        found = _best_channel(model, rows, candidate, thetas)
+    else:
+        found = _best_term(model, rows, candidate, thetas, estimate)
+    if found is None:
+        return None
+    tried, scored = found
+    if effect.name == "torque_gain":
+        gain = 1.0 + float(scored.coefficients[-1])
+        if not 1.0 / GAINS[1] < gain < 1.0 / GAINS[0]:
+            return None
+    if effect.name == "added_inertia":
+        own = model.recording.own_inertia[rows.samples[candidate.joint], candidate.joint]
+        if float(scored.coefficients[-1]) < -MAX_REMOVED * float(own.min()):
+            return None
+    if effect.name == "load_dependent_friction" and scored.coefficients[-1] > MAX_LOAD_SHARE:
+        return None
+    rubs = effect.name in RUBBING and not _corrects(model, candidate)
+    if rubs and _drives(tried, scored, candidate):
+        return None
+    gain, error = compare(current.losses, scored.losses)
+    return Option(
+        candidate=candidate,
+        model=tried,
+        score=scored,
+        gain=gain,
+        z=gain / error,
+        refused=_refusal(model, rows, candidate, scored),
+    )
+
+
+def _corrects(model: Model, candidate: Candidate) -> bool:
+    """Whether friction is declared at the joint: then the effect is a difference of either sign."""
+    device, joint = model.recording.device, candidate.joint
+    return bool(
+        device.friction[joint]
+        or device.model.dof_damping[joint]
+        or any(term.joint == joint and term.name in RUBBING for term in model.terms)
+    )
+
+
+def _drives(model: Model, scored: Score, candidate: Candidate) -> bool:
+    """Whether the fitted friction gives energy to the joint: then it is no friction."""
+    columns = kept_columns(model.terms[-1])[candidate.joint]
+    torque = columns @ scored.coefficients[-columns.shape[1] :]
+    power = torque * model.recording.velocity[:, candidate.joint]
+    given, taken = float(-power[power < 0].sum()), float(power[power > 0].sum())
+    return given > MAX_GIVEN * taken
+
+
+def _best_term(
+    model: Model, rows: Rows, candidate: Candidate, thetas: list[Theta], estimate: Estimate
+) -> tuple[Model, Score] | None:
+    effect, joint = candidate.effect, candidate.joint
+    base, base_lower = model.base(rows)
+    variants = []
+    for theta, stacked in _stacked(model, rows, candidate, thetas, estimate):
+        stacked, kept = keep_independent(base, stacked)
+        if kept:
+            variants.append(Variant(theta=theta, columns=stacked, kept=kept))
+    if not variants:
+        return None
+    scored = score(rows, model.target(rows), base, base_lower, variants, effect.lower)
+    if not np.any(scored.coefficients[base.shape[1] :]):
+        return None
+    term = Term(
+        name=effect.name,
+        joint=joint,
+        columns=effect.columns(model.recording, joint, scored.variant.theta, estimate),
+        lower=effect.lower,
+        theta=scored.variant.theta,
+        kept=scored.variant.kept,
+        candidate=candidate,
+    )
+    return model.with_term(term), scored
+
+
+def _stacked(
+    model: Model, rows: Rows, candidate: Candidate, thetas: list[Theta], estimate: Estimate
+) -> list[tuple[Theta, np.ndarray]]:
+    """Return every variant's columns stacked over rows; one pass of the filter."""
+    effect, joint = candidate.effect, candidate.joint
+
+    def make() -> list[tuple[Theta, np.ndarray]]:
+        every = [effect.columns(model.recording, joint, theta, estimate) for theta in thetas]
+        if not every:
+            return []
+        widths = [next(iter(columns.values())).shape[1] for columns in every]
+        together = {
+            number: np.concatenate([columns[number] for columns in every], axis=1)
+            for number in every[0]
+        }
+        stacked = rows.stack(model.transformed(together), sum(widths))
+        ends = np.cumsum(widths)
+        return [
+            (theta, stacked[:, end - width : end])
+            for theta, end, width in zip(thetas, ends, widths, strict=True)
+        ]
+
+    if effect.uses_estimate:
+        return make()
+    grid = tuple(tuple(theta.items()) for theta in thetas)
+    found: list[tuple[Theta, np.ndarray]] = rows.once(
+        ("variants", candidate.key, grid, model.channel_key), make
+    )
+    return found
+
+
+def _best_channel(
+    model: Model, rows: Rows, candidate: Candidate, thetas: list[Theta]
+) -> tuple[Model, Score] | None:
+    tried = []
+    for theta in thetas:
+        channel = Channel(candidate=candidate, theta=theta)
+        changed = replace(model, channels=(*model.channels, channel))
+        tried.append((changed, evaluate(changed, rows)))
+    return min(tried, key=lambda pair: pair[1].sse) if tried else None
+
+
+def refined(option: Option, rows: Rows, rounds: int = 4) -> tuple[Model, Score]:
+    """Refine the non-linear parameters on all fit rows."""
+    candidate, model, current = option.candidate, option.model, option.score
+    own = next((term for term in model.terms if term.candidate == candidate), None)
+    if own is None:
+        rest = replace(model, channels=model.channels[:-1])
+        theta = model.channels[-1].theta
+    else:
+        rest = replace(model, terms=tuple(term for term in model.terms if term is not own))
+        theta = own.theta
+    for scale in REFINEMENTS[:rounds]:
+        estimate = _estimate_beside(model, current, own)
+        if candidate.effect.uses_estimate and own is not None:
+            grid = candidate.effect.thetas(model.recording, candidate.joint, estimate)
+            again = _best_term(rest, rows, candidate, [theta, *grid], estimate)
+            if again is not None and again[1].sse < current.sse:
+                (model, current), theta = again, again[1].variant.theta
+        for near in candidate.effect.neighbours(theta, scale):
+            found = (
+                _best_channel(rest, rows, candidate, [near])
+                if candidate.effect.channel
+                else _best_term(rest, rows, candidate, [near], estimate)
+            )
+            if found is not None and found[1].sse < current.sse:
+                (model, current), theta = found, near
+    # Coefficients must follow the order of the model's terms.
+    return model, evaluate(model, rows)
+
+
+def _estimate_beside(model: Model, current: Score, own: Term | None) -> Estimate:
+    """Return the estimate of the fitted model without the torque of the effect in question."""
+    coefficients, start = np.array(current.coefficients), 0
+    for term in model.terms:
+        if own is not None and term.candidate is not None and term.candidate == own.candidate:
+            coefficients[start : start + len(term.kept)] = 0.0
+        start += len(term.kept)
+    return estimate_of(model, coefficients)
+
+
+def _refusal(model: Model, rows: Rows, candidate: Candidate, scored: Score) -> str:
+    """Say why these trials cannot name the effect, or return nothing."""
+    if not rows.grouped and one_way(rows, candidate.joint):
+        return ONE_WAY
+    base, _ = model.base(rows)
+    width = scored.variant.columns.shape[1] if scored.variant.columns.size else 0
+    if not width or not base.shape[1]:
+        return ""
+    columns, own = scored.variant.columns, scored.coefficients[-width:]
+    left = columns - base @ np.linalg.lstsq(base, columns, rcond=None)[0]
+    here = {term.name for term in model.terms if term.joint == candidate.joint}
+    if here.intersection(candidate.effect.includes):
+        # The part that is there already does not count: only what goes beyond it has to show.
+        beyond = (left**2).sum(axis=0) > MIN_UNIQUE * (columns**2).sum(axis=0)
+        if beyond.any():
+            columns, left, own = columns[:, beyond], left[:, beyond], own[beyond]
+    unique = float(((left @ own) ** 2).sum() / max(float(((columns @ own) ** 2).sum()), 1e-300))
+    if unique < MIN_UNIQUE:
+        return f"what is declared imitates {100 * (1 - unique):.1f} % of its torque in these trials"
+    return ""
+
+
+def one_way(rows: Rows, joint: int) -> bool:
+    """Whether the joint moves in one direction only."""
+    velocity = rows.recording.velocity[rows.samples[joint], joint]
+    forward = float(np.maximum(velocity, 0).sum())
+    backward = float(np.maximum(-velocity, 0).sum())
+    return min(forward, backward) < 0.05 * max(forward, backward)

@@ -1,0 +1,187 @@
+"""Confirmation: simulate the repaired model in closed loop and compare it with the recording.
+
+The recorded effort drives the model's motor, and a weak feedback keeps the joint on the recorded
+path. What the feedback has to add, and how far the joint strays in spite of it, is what the model
+still lacks: both fall if the repair is right. No residual of the fit enters, so this also tells
+whether the model that was written runs.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from analysis.closeloop.identification.repaired import repaired_model
+from analysis.closeloop.session.device import carry
+from analysis.closeloop.session.recording import Recording
+from sim.effects.applied import AppliedEffects
+from sim.effects.elements import PREFIX
+
+#: Bandwidth of the feedback: slow enough to leave an error to be seen, rad/s.
+BANDWIDTH = 2 * np.pi * 2.0
+#: Of joints whose effort nobody recorded: they have to follow.
+HELD_BANDWIDTH = 2 * np.pi * 20.0
+#: Longest time step, s, and longest piece of a trial that is simulated.
+STEP, LONGEST = 1e-3, 20.0
+#: Trials that are simulated.
+TRIALS = 2
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulated trial: root mean squares per analysed joint, with the simulated path."""
+
+    feedback: Mapping[int, float]
+    deviation: Mapping[int, float]
+    finite: bool
+
+
+def confirm(recording: Recording, report: Mapping[str, Any], xml: str) -> dict[str, Any]:
+    """Simulate the declared and the repaired model along recorded trials.
+
+    Args:
+        recording: all trials; holdouts are taken first.
+        report: with impedances before and after.
+        xml: the repaired model.
+
+    Returns:
+        For every analysed joint the feedback (Nm or N) and the deviation (rad or m), root mean
+        square, before and after; and the files that were simulated.
+    """
+    before, _, _ = repaired_model(recording.device, _as_declared(report))
+    pieces = _pieces(recording)
+    runs = [[simulate(recording, model, piece) for piece in pieces] for model in (before, xml)]
+    entries: dict[str, Any] = {}
+    for joint in recording.joints:
+        name = recording.device.joints[joint]
+        entries[name] = {
+            "unit": recording.device.unit(name),
+            "deviation_unit": recording.device.angle_unit(name),
+        }
+        for word, own in zip(("before", "after"), runs, strict=True):
+            entries[name][f"feedback_{word}"] = _rms([run.feedback[joint] for run in own])
+            entries[name][f"deviation_{word}"] = _rms([run.deviation[joint] for run in own])
+    return {
+        "trials": [recording.session.trials[int(recording.trial[p.start])].file for p in pieces],
+        "ran": all(run.finite for run in runs[1]),
+        "joints": entries,
+    }
+
+
+def unconfirmed(confirmation: Mapping[str, Any]) -> list[str]:
+    """Return a warning for every joint that the repaired model does not follow better."""
+    if not confirmation["ran"]:
+        return ["model_after.xml does not run stably along the recorded trials"]
+    return [
+        f"simulated in closed loop, model_after.xml does not follow {joint} better than the "
+        f"declared model: feedback {entry['feedback_before']:.3g} before, "
+        f"{entry['feedback_after']:.3g} {entry['unit']} after"
+        for joint, entry in confirmation["joints"].items()
+        if entry["feedback_after"] >= entry["feedback_before"]
+    ]
+
+
+def simulate(recording: Recording, xml: str, piece: slice) -> Run:
+    """Drive a model with the recorded effort along one piece of the recording."""
+    spec = mujoco.MjSpec.from_string(xml)
+    trial = recording.session.trials[int(recording.trial[piece.start])]
+    if trial.added_mass is not None:
+        carry(spec, trial.added_mass)
+    spec.option.timestep = min(float(spec.option.timestep), STEP)
+    spec.option.disableflags |= (
+        mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+    )
+    model = spec.compile()
+    data, effects = mujoco.MjData(model), AppliedEffects(model)
+    clock = recording.time[piece]
+    time = np.arange(clock[0], min(clock[-1], clock[0] + LONGEST), model.opt.timestep)
+    position, velocity = (
+        np.column_stack([np.interp(time, clock, column) for column in signal[piece].T])
+        for signal in (recording.position, recording.velocity)
+    )
+    effort, driven = _efforts(recording, piece, time)
+    bandwidth = np.where(driven, BANDWIDTH, HELD_BANDWIDTH)
+    data.qpos[:], data.qvel[:] = position[0], velocity[0]
+    mujoco.mj_forward(model, data)
+    full = np.empty((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    inertia = full.diagonal()
+    motors = _motors(model)
+    feedback = np.zeros_like(position)
+    path = np.zeros_like(position)
+    for i in range(len(time)):
+        error, slip = position[i] - data.qpos, velocity[i] - data.qvel
+        feedback[i] = inertia * bandwidth * (bandwidth * error + 2.0 * slip)
+        path[i] = error
+        total = np.where(driven, effort[i], data.qfrc_bias) + feedback[i]
+        data.qfrc_applied[:] = total
+        for dof, control in motors.items():
+            if driven[dof]:
+                # The late or weak motor gets the effort; the feedback acts on the joint itself.
+                data.ctrl[control] = effort[i, dof]
+                data.qfrc_applied[dof] = feedback[i, dof]
+        effects.apply(data)
+        mujoco.mj_step(model, data)
+    own = {j: (feedback[:, j], path[:, j]) for j in recording.joints}
+    return Run(
+        feedback={j: float(np.sqrt(np.mean(f**2))) for j, (f, _) in own.items()},
+        deviation={j: float(np.sqrt(np.mean(p**2))) for j, (_, p) in own.items()},
+        finite=bool(np.isfinite(data.qpos).all()),
+    )
+
+
+def _as_declared(report: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the part of a report that makes the model before the repair."""
+    impedance = {
+        joint: {key: {"after": entry["before"]} for key, entry in entries.items()}
+        for joint, entries in report["impedance"].items()
+    }
+    return {"impedance": impedance, "effects": [], "verdict": "adequate"}
+
+
+def _pieces(recording: Recording) -> list[slice]:
+    """Return the longest piece of each trial to simulate: holdouts first, then the fastest."""
+    longest: dict[int, slice] = {}
+    for piece in recording.slices:
+        number = int(recording.trial[piece.start])
+        known = longest.get(number)
+        if known is None or piece.stop - piece.start > known.stop - known.start:
+            longest[number] = piece
+
+    def order(number: int) -> tuple[bool, float]:
+        speed = np.abs(recording.velocity[longest[number]][:, list(recording.joints)])
+        return recording.session.trials[number].role != "holdout", -float(speed.max())
+
+    return [longest[number] for number in sorted(longest, key=order)[:TRIALS]]
+
+
+def _efforts(recording: Recording, piece: slice, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return raw effort on the simulation's clock, (n, joints), and which joints have one."""
+    trial = recording.session.trials[int(recording.trial[piece.start])]
+    count = recording.position.shape[1]
+    effort, driven = np.zeros((len(time), count)), np.zeros(count, dtype=bool)
+    for joint in recording.joints:
+        raw = trial.columns.get(f"{recording.device.joints[joint]}.effort")
+        if raw is not None:
+            effort[:, joint], driven[joint] = np.interp(time, trial.time, raw), True
+    return effort, driven
+
+
+def _motors(model: mujoco.MjModel) -> dict[int, int]:
+    """Return where in `ctrl` the plain torque motor of each degree of freedom is told."""
+    found: dict[int, int] = {}
+    # Controls are counted by `nu`; an actuator may have several.
+    for number in range(len(model.actuator_trnid)):
+        joint = int(model.actuator_trnid[number, 0])
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, number) or ""
+        at_joint = model.actuator_trntype[number] == mujoco.mjtTrn.mjTRN_JOINT
+        plain = model.actuator_gear[number, 0] == 1.0 and not name.startswith(PREFIX)
+        if at_joint and plain and model.actuator_biastype[number] == mujoco.mjtBias.mjBIAS_NONE:
+            found.setdefault(int(model.jnt_dofadr[joint]), int(model.actuator_ctrladr[number]))
+    return found
+
+
+def _rms(values: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -1,0 +1,110 @@
+"""Impedance of the declared joints before and after the repair, in the contract's words."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from analysis.closeloop.catalogue.effect import Candidate
+from analysis.closeloop.identification.candidates import Option
+from analysis.closeloop.identification.model import Model, evaluate, impedances
+from analysis.closeloop.identification.regression import Rows
+from analysis.closeloop.identification.tracing import Trace
+from analysis.closeloop.identification.uncertainty import leave_out
+
+#: Stiffnesses under two names that differ by less than this are one.
+APART = 0.02
+
+
+class Refits:
+    """A fitted model's impedances, and what they are without each trial and each place."""
+
+    def __init__(self, model: Model, rows: Rows, coefficients: np.ndarray) -> None:
+        self.values = impedances(model, coefficients)
+        self.fits = leave_out(model, rows, coefficients)
+        self.refitted = [impedances(model, own) for own in self.fits.coefficients]
+
+    def interval(self, joint: int, key: str) -> tuple[float, float]:
+        """Return the 90 % interval of a joint's stiffness, damping or neutral angle."""
+        every = np.array([values[joint][key] for values in self.refitted])
+        return self.fits.interval(every, self.values[joint][key])
+
+
+def impedance_entries(found: Trace) -> dict[str, Any]:
+    """Return stiffness, damping and neutral angle of every declared joint, before and after.
+
+    Where names cannot be told apart, each has a value of its own; the interval holds them all.
+    """
+    recording = found.rows.recording
+    before = Refits(found.declared, found.rows, found.declared_score.coefficients)
+    after = Refits(found.model, found.rows, found.score.coefficients)
+    others = alternatives(found)
+    entries: dict[str, Any] = {}
+    for joint in before.values:
+        name = recording.device.joints[joint]
+        angle, unit = recording.device.angle_unit(name), recording.device.unit(name)
+        units = {
+            "stiffness": f"{unit}/{angle}",
+            "damping": "Nm s/rad" if unit == "Nm" else "N s/m",
+            "neutral_angle": angle,
+        }
+        entries[name] = {}
+        for key, own_unit in units.items():
+            entry: dict[str, Any] = {"unit": own_unit}
+            for word, own in (("before", before), ("after", after)):
+                entry[word] = own.values[joint][key]
+                entry[f"ci90_{word}"] = list(own.interval(joint, key))
+            if others:
+                entry["after_if"] = {word: own.values[joint][key] for word, own in others.items()}
+                every = [after, *others.values()]
+                lows, highs = zip(*(own.interval(joint, key) for own in every), strict=True)
+                entry["ci90_after"] = [min(lows), max(highs)]
+            entries[name][key] = entry
+    return entries
+
+
+def undecided(entries: Mapping[str, Any]) -> list[str]:
+    """Return a warning for every stiffness that depends on which of several names is right."""
+    lines = []
+    for joint, values in entries.items():
+        entry = values["stiffness"]
+        apart = {
+            name: value
+            for name, value in entry.get("after_if", {}).items()
+            if abs(value - entry["after"]) > APART * abs(entry["after"])
+        }
+        if apart:
+            said = ", ".join(f"{value:.3g} if it is {name}" for name, value in apart.items())
+            lines.append(
+                f"the stiffness of {joint} is {entry['after']:.3g} {entry['unit']} under the name "
+                f"given first, but {said}; its interval holds both"
+            )
+    return lines
+
+
+def alternatives(found: Trace) -> dict[str, Refits]:
+    """Return the fits under every other name that explains the trials as well."""
+    others = {}
+    for step in found.steps:
+        if found.verdict != "effect_found":
+            continue
+        for option in step.equals:
+            model = _exchanged(found.model, step.taken.candidate, option)
+            coefficients = evaluate(model, found.rows).coefficients
+            others[option.candidate.effect.name] = Refits(model, found.rows, coefficients)
+    return others
+
+
+def _exchanged(model: Model, taken: Candidate, option: Option) -> Model:
+    """Return the model with the effect that was taken replaced by an option's."""
+    terms = tuple(t for t in model.terms if t.candidate != taken)
+    channels = tuple(c for c in model.channels if c.candidate != taken)
+    return replace(
+        model,
+        terms=(*terms, *(t for t in option.model.terms if t.candidate == option.candidate)),
+        channels=(
+            *channels,
+            *(c for c in option.model.channels if c.candidate == option.candidate),
+        ),
+    )

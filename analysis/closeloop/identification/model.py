@@ -1,0 +1,291 @@
+"""A model of the balance: the declared unknowns and the effects added so far, with their fit."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from analysis.closeloop.catalogue import BY_NAME, VISCOELASTIC
+from analysis.closeloop.catalogue.effect import Candidate, Columns, Effect, Estimate, Theta
+from analysis.closeloop.identification.regression import (
+    Rows,
+    Score,
+    Variant,
+    keep_independent,
+    score,
+)
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import lagged, lowpass, shifted
+
+EMPTY = Variant(theta={}, columns=np.empty((0, 0)), kept=())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """A block of columns in the model: a declared unknown or an added effect."""
+
+    name: str
+    joint: int
+    columns: Columns
+    lower: tuple[float, ...]
+    theta: Theta = field(default_factory=dict)
+    kept: tuple[int, ...] = ()
+    candidate: Candidate | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Channel:
+    """What the effort channel does to the torque that the joint feels."""
+
+    candidate: Candidate
+    theta: Theta
+
+
+@dataclass(frozen=True)
+class Model:
+    """Terms and channels of a recording; fitted by `fit`."""
+
+    recording: Recording
+    terms: tuple[Term, ...] = ()
+    channels: tuple[Channel, ...] = ()
+
+    @property
+    def effects(self) -> tuple[Candidate, ...]:
+        found = [term.candidate for term in self.terms if term.candidate is not None]
+        return (*found, *(channel.candidate for channel in self.channels))
+
+    def transformed(self, columns: Columns) -> Columns:
+        """Pass columns through every channel, known or found."""
+        out = {}
+        for joint, column in columns.items():
+            for channel in self.channels:
+                if channel.candidate.joint == joint:
+                    column = through(self.recording, column, channel.theta)
+            out[joint] = _known_filter(self.recording, column)
+        return out
+
+    def known(self) -> Columns:
+        """Return the torque that needs no fit, per analysed joint, (n, 1)."""
+        inverse = self.recording.inverse
+        return self.transformed({j: inverse[:, [j]] for j in self.recording.joints})
+
+    @property
+    def channel_key(self) -> tuple[tuple[str, int, tuple[tuple[str, float], ...]], ...]:
+        """What tells one set of channels from another."""
+        return tuple((*c.candidate.key, tuple(c.theta.items())) for c in self.channels)
+
+    def target(self, rows: Rows) -> np.ndarray:
+        def make() -> np.ndarray:
+            return np.asarray(rows.stack_effort() - rows.stack(self.known(), 1)[:, 0])
+
+        return np.asarray(rows.once(("target", self.channel_key), make))
+
+    def base(self, rows: Rows) -> tuple[np.ndarray, np.ndarray]:
+        """Return all terms' kept columns stacked over rows, and their bounds."""
+        parts, bounds = [np.empty((len(rows.weight), 0))], []
+        for term in self.terms:
+            parts.append(self._stacked(term, rows))
+            bounds += [term.lower[min(i, len(term.lower) - 1)] for i in term.kept]
+        return np.concatenate(parts, axis=1), np.array(bounds)
+
+    def _stacked(self, term: Term, rows: Rows) -> np.ndarray:
+        def make() -> tuple[Term, np.ndarray]:
+            # The term is kept beside its columns, so that no other can have its identity.
+            return term, rows.stack(self.transformed(kept_columns(term)), len(term.kept))
+
+        return np.asarray(rows.once(("term", id(term), self.channel_key), make)[1])
+
+    def with_term(self, term: Term) -> "Model":
+        return replace(self, terms=(*self.terms, term))
+
+
+def kept_columns(term: Term) -> Columns:
+    return {joint: columns[:, list(term.kept)] for joint, columns in term.columns.items()}
+
+
+def declared_model(recording: Recording, rows: Rows) -> Model:
+    """Return the model as declared: rigid chain and unknowns to be fitted.
+
+    Non-linear parameters of declared effects are chosen by the fit, each beside all the others.
+    """
+    choices: list[list[Term]] = []
+    for declared in recording.session.declared:
+        joint = recording.device.joints.index(declared.joint)
+        if joint not in recording.joints:
+            continue
+        if declared.effect == VISCOELASTIC:
+            q, v = recording.position[:, joint], recording.velocity[:, joint]
+            columns = {joint: np.column_stack([q, v, np.ones_like(q)])}
+            choices.append(
+                [Term(name=VISCOELASTIC, joint=joint, columns=columns, lower=(-np.inf,))]
+            )
+        elif options := _declared_terms(recording, BY_NAME[declared.effect], joint):
+            choices.append(options)
+    taken = [options[len(options) // 2] for options in choices]
+
+    for scale in (0.0, 1.0, 0.5, 0.25):
+        for number, options in enumerate(choices):
+            if scale:
+                options = [taken[number], *_nearby(recording, taken[number], scale)]
+            if len(options) > 1:
+                before, after = taken[:number], taken[number + 1 :]
+                models = [_joined(recording, [*before, o, *after], rows) for o in options]
+                misfits = [evaluate(model, rows).sse for model in models]
+                taken[number] = options[int(np.argmin(misfits))]
+    return _joined(recording, taken, rows)
+
+
+def _nearby(recording: Recording, term: Term, scale: float) -> list[Term]:
+    """Return a declared effect with its non-linear parameters a little smaller and larger."""
+    if term.name == VISCOELASTIC:
+        return []
+    effect, estimate = BY_NAME[term.name], no_estimate(recording)
+    return [
+        replace(
+            term,
+            theta=theta,
+            columns=effect.columns(recording, term.joint, theta, estimate),
+        )
+        for theta in effect.neighbours(term.theta, scale)
+    ]
+
+
+def _joined(recording: Recording, terms: list[Term], rows: Rows) -> Model:
+    model = Model(recording)
+    for term in terms:
+        model = with_independent(model, term, rows)
+    return model
+
+
+def _declared_terms(recording: Recording, effect: Effect, joint: int) -> list[Term]:
+    """Return a declared effect with every choice of its non-linear parameters."""
+    estimate = no_estimate(recording)
+    if effect.channel:
+        return []
+    return [
+        Term(
+            name=effect.name,
+            joint=joint,
+            columns=effect.columns(recording, joint, theta, estimate),
+            lower=(-np.inf,),
+            theta=theta,
+        )
+        for theta in effect.thetas(recording, joint, estimate)
+    ]
+
+
+def with_independent(model: Model, term: Term, rows: Rows) -> Model:
+    """Add the columns of `term` that the model's do not explain."""
+    base, _ = model.base(rows)
+    width = next(iter(term.columns.values())).shape[1]
+    _, kept = keep_independent(base, rows.stack(model.transformed(term.columns), width))
+    return model.with_term(replace(term, kept=kept)) if kept else model
+
+
+def no_estimate(recording: Recording) -> Estimate:
+    count = recording.position.shape[1]
+    return Estimate(
+        stiffness=np.zeros(count),
+        damping=np.zeros(count),
+        prediction=recording.inverse,
+        residual=recording.effort - recording.inverse,
+    )
+
+
+def evaluate(model: Model, rows: Rows, **options: object) -> Score:
+    """Fit the model to the rows and score it on left-out folds."""
+    base, lower = model.base(rows)
+    empty = replace(EMPTY, columns=np.empty((len(base), 0)))
+    return score(rows, model.target(rows), base, lower, [empty], (0.0,), **options)  # type: ignore[arg-type]
+
+
+def prediction(model: Model, coefficients: np.ndarray) -> np.ndarray:
+    """Return the effort that the fitted model expects, unfiltered, (n, joints); NaN elsewhere."""
+    recording = model.recording
+    out = np.full_like(recording.position, np.nan)
+    for joint, known in model.known().items():
+        out[:, joint] = known[:, 0]
+    start = 0
+    for term in model.terms:
+        own = coefficients[start : start + len(term.kept)]
+        start += len(term.kept)
+        for joint, columns in model.transformed(kept_columns(term)).items():
+            out[:, joint] += columns @ own
+    return out
+
+
+def estimate_of(model: Model, coefficients: np.ndarray) -> Estimate:
+    """Return what the fitted model says to effects that scale with it."""
+    recording = model.recording
+    count = recording.position.shape[1]
+    stiffness, damping = np.zeros(count), np.zeros(count)
+    for joint, values in impedances(model, coefficients).items():
+        stiffness[joint], damping[joint] = values["stiffness"], values["damping"]
+    torque = prediction(model, coefficients)
+    smooth = recording.filtered(np.nan_to_num(torque))
+    residual = np.where(np.isnan(torque), np.nan, recording.effort - smooth)
+    return Estimate(stiffness=stiffness, damping=damping, prediction=smooth, residual=residual)
+
+
+def impedances(model: Model, coefficients: np.ndarray) -> dict[int, dict[str, float]]:
+    """Return stiffness, damping and neutral angle of every joint with a declared impedance.
+
+    In the restoring sense: the joint feels -K (q - q0) - D q'. A found torque gain divides the
+    whole balance, so what the fit calls K is K over the gain.
+    """
+    found = {}
+    scale = gains(model, coefficients)
+    start = 0
+    for term in model.terms:
+        own = dict(zip(term.kept, coefficients[start : start + len(term.kept)], strict=True))
+        start += len(term.kept)
+        if term.name == VISCOELASTIC:
+            k, d, c = (own.get(i, 0.0) * scale.get(term.joint, 1.0) for i in range(3))
+            neutral = -c / k if abs(k) > 1e-9 else float("nan")
+            found[term.joint] = {"stiffness": k, "damping": d, "neutral_angle": neutral}
+    return found
+
+
+def gains(model: Model, coefficients: np.ndarray) -> dict[int, float]:
+    """Return the torque gain of each joint that has one: effort = (1 + c) times the declared."""
+    found, start = {}, 0
+    for term in model.terms:
+        if term.name == "torque_gain":
+            found[term.joint] = 1.0 / max(1.0 + float(coefficients[start]), 0.05)
+        start += len(term.kept)
+    return found
+
+
+def through(recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
+    """Return what the effort must be for `column` to arrive at the joint through a channel."""
+    out = np.empty_like(column)
+    for piece in recording.slices:
+        part = column[piece]
+        if "delay" in theta:
+            # The joint feels effort(t - d), so the effort is what the joint needs d later.
+            out[piece] = shifted(part, theta["delay"], recording.rate)
+        elif theta["time_constant"] > 0:
+            # Above the fit's band a slope of the torque, a third derivative, is noise alone.
+            smooth = lowpass(part, recording.sampling.fit_cutoff, recording.rate)
+            slope = np.gradient(smooth, 1.0 / recording.rate, axis=0)
+            out[piece] = part + theta["time_constant"] * slope
+        else:
+            out[piece] = lagged(part, -theta["time_constant"], recording.rate)
+    return out
+
+
+def _known_filter(recording: Recording, column: np.ndarray) -> np.ndarray:
+    """Apply a trial's declared low-pass of the effort channel."""
+    trials: Mapping[int, float] = {
+        number: trial.effort_filter_hz
+        for number, trial in enumerate(recording.session.trials)
+        if trial.effort_filter_hz is not None
+    }
+    if not trials:
+        return column
+    out = np.array(column)
+    for piece in recording.slices:
+        cutoff = trials.get(int(recording.trial[piece.start]))
+        if cutoff is not None and cutoff < 0.4 * recording.rate:
+            out[piece] = lagged(column[piece], 1.0 / (2 * np.pi * cutoff), recording.rate)
+    return out

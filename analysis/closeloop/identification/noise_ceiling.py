@@ -1,0 +1,171 @@
+"""How much structure is explainable at all: splines on the recorded signals, with no physics.
+
+It sets the floor that a repaired model can reach, tells when a named effect explains too little of
+what is there, and says on which signals the rest depends. Folds are scattered blocks of time, not
+groups: a spline may interpolate between speeds, and must not be asked to extrapolate.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.closeloop.identification.model import Model, evaluate
+from analysis.closeloop.identification.presliding import with_declared_passages
+from analysis.closeloop.identification.regression import (
+    Rows,
+    Score,
+    Variant,
+    compare,
+    keep_independent,
+    rank_z,
+    score,
+)
+from analysis.closeloop.session.recording import Recording
+
+FOLDS = 5
+KNOTS = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ceiling:
+    """What splines explain beyond a model."""
+
+    #: Held-out loss of the model alone and with every spline, on the same scattered folds.
+    model_loss: float
+    ceiling_loss: float
+    #: Gain over its standard error.
+    z: float
+    #: The same by ranks, whatever share of the gain a few blocks hold.
+    rank_z: float
+    #: Signals that explain most of it, best first, with their share of the gain.
+    depends_on: tuple[tuple[str, float], ...]
+    #: Root mean square per joint that the ceiling leaves (low-passed, in the joint's unit).
+    noise: Mapping[int, float]
+
+
+def hats(signal: np.ndarray, knots: int = KNOTS) -> np.ndarray:
+    """Return piecewise-linear bases with knots at the signal's quantiles, (n, <= knots)."""
+    good = signal[np.isfinite(signal)]
+    if len(good) == 0:
+        return np.empty((len(signal), 0))
+    at = np.unique(np.quantile(good, np.linspace(0.0, 1.0, knots)))
+    if len(at) < 2:
+        return np.empty((len(signal), 0))
+    filled = np.nan_to_num(signal, nan=float(good.mean()))
+    return np.column_stack([np.interp(filled, at, row) for row in np.eye(len(at))[1:]])
+
+
+def signal_groups(rows: Rows, joint: int) -> dict[str, np.ndarray]:
+    """Return the bases of each recorded signal that may explain a joint's residual, (n, k)."""
+    recording = rows.recording
+    name = recording.device.joints[joint]
+    q, v, a = (
+        x[:, joint] for x in (recording.position, recording.velocity, recording.acceleration)
+    )
+    sign = np.tanh(v / (2.0 * recording.rest_speed[joint]))
+    groups = {
+        f"{name}.position": hats(q, 10),
+        f"{name}.velocity": np.column_stack(
+            [sign, np.tanh(v / (0.1 * recording.top_speed[joint])), hats(v, 10)]
+        ),
+        f"{name}.acceleration": hats(a, 6),
+        f"{name}.position x velocity": np.column_stack(
+            [hats(q, 8) * sign[:, None], hats(q, 12) * v[:, None]]
+        ),
+        "time": hats(recording.time, 5),
+        "time in trial": hats(_time_in_trial(recording), 5),
+        "time x motion": _with_motion(hats(recording.time, 4), q, v),
+    }
+    for other in range(recording.position.shape[1]):
+        if other != joint and np.ptp(recording.position[:, other]) > 5e-3:
+            groups[f"{recording.device.joints[other]}.position"] = np.column_stack(
+                [
+                    hats(recording.position[:, other], 5),
+                    recording.velocity[:, [other]],
+                    recording.acceleration[:, [other]],
+                ]
+            )
+    for number, extra in enumerate(recording.extra_names):
+        bases = hats(recording.extra[:, number], 5)
+        groups[extra] = bases
+        groups[f"{extra} x motion"] = _with_motion(bases, q, v)
+    return groups
+
+
+def _time_in_trial(recording: Recording) -> np.ndarray:
+    """Return the time since each sample's trial began, s."""
+    begin = np.full(int(recording.trial.max()) + 1, np.inf)
+    np.minimum.at(begin, recording.trial, recording.time)
+    return np.asarray(recording.time - begin[recording.trial])
+
+
+def _with_motion(bases: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Return the bases of a stiffness and a damping that change with a signal, (n, 2 k)."""
+    return np.concatenate([bases * position[:, None], bases * velocity[:, None]], axis=1)
+
+
+def scattered_folds(rows: Rows) -> list[np.ndarray]:
+    """Return folds of whole blocks, dealt out in turn."""
+    return [np.flatnonzero(rows.block % FOLDS == number) for number in range(FOLDS)]
+
+
+def ceiling(model: Model, rows: Rows) -> Ceiling:
+    """Fit every spline beside the model, and each signal's alone.
+
+    Args:
+        model: the declared or repaired model.
+        rows: the samples to fit, weighted by each joint's noise (or not at all at first).
+    """
+    model = with_declared_passages(model)
+    folds = scattered_folds(rows)
+    plain = evaluate(model, rows, fold_rows=folds)
+    base, lower = model.base(rows)
+    target = model.target(rows)
+    everything: list[np.ndarray] = []
+    singles: dict[str, list[np.ndarray]] = {}
+    for joint in rows.samples:
+        for name, bases in signal_groups(rows, joint).items():
+            stacked = rows.stack(model.transformed({joint: bases}), bases.shape[1])
+            everything.append(stacked)
+            singles.setdefault(name, []).append(stacked)
+    full = _with(rows, target, base, lower, np.concatenate(everything, axis=1), folds)
+    gain, error = compare(plain.losses, full.losses)
+    shares = []
+    if gain > 3 * error:
+        for name, parts in singles.items():
+            alone = _with(rows, target, base, lower, np.concatenate(parts, axis=1), folds)
+            own, own_error = compare(plain.losses, alone.losses)
+            if own > 3 * own_error and own > 0.25 * gain:
+                shares.append((name, own / gain))
+    noise = {}
+    left = target - np.column_stack([base, full.variant.columns]) @ full.coefficients
+    start = 0
+    for joint, samples in rows.samples.items():
+        part = slice(start, start + len(samples))
+        start += len(samples)
+        # In the joint's unit, and never zero: a perfect recording still has its last digit.
+        spread = float(np.sqrt(np.mean((left[part] / rows.weight[part]) ** 2)))
+        scale = float(np.sqrt(np.mean((target[part] / rows.weight[part]) ** 2)))
+        noise[joint] = max(spread, 1e-5 * scale, 1e-9)
+    return Ceiling(
+        model_loss=plain.loss,
+        ceiling_loss=min(full.loss, plain.loss),
+        z=gain / error,
+        rank_z=rank_z(plain.losses, full.losses),
+        depends_on=tuple(sorted(shares, key=lambda pair: -pair[1])[:3]),
+        noise=noise,
+    )
+
+
+def _with(
+    rows: Rows,
+    target: np.ndarray,
+    base: np.ndarray,
+    lower: np.ndarray,
+    columns: np.ndarray,
+    folds: list[np.ndarray],
+) -> Score:
+    kept, numbers = keep_independent(base, columns)
+    variant = Variant(theta={}, columns=kept, kept=numbers)
+    return score(rows, target, base, lower, [variant], (-np.inf,), fold_rows=folds)

@@ -1,0 +1,79 @@
+"""How friction passes through zero velocity, which no other effect may be named for.
+
+Before a joint breaks loose, its friction grows with the effort: ahead of the velocity that a model
+computes it from, and over a time that the model does not know (presliding; Armstrong-Helouvry,
+Dupont and Canudas de Wit 1994, section 2). What that leaves at every reversal, where acceleration
+is largest, looks like a late motor or a little inertia.
+"""
+
+import numpy as np
+
+from analysis.closeloop.catalogue import RUBBING
+from analysis.closeloop.identification.candidates import Option
+from analysis.closeloop.identification.model import Model, Term, evaluate, through
+from analysis.closeloop.identification.regression import Rows, compare
+
+#: How far the passage is moved and widened, s.
+SHIFT = 0.01
+#: Standard errors that an effect has to gain beside a passage that is free.
+MIN_Z = 3.0
+#: Effects of the passage itself.
+OWN = RUBBING | {"hysteresis", "backlash", "thixotropy"}
+
+
+def only_passage(option: Option, model: Model, rows: Rows) -> bool:
+    """Whether an effect does no more than correct how friction passes through zero.
+
+    Args:
+        option: the effect beside the model.
+        model: what it was tried on; friction may be declared in it or found before.
+        rows: the samples that are fitted.
+    """
+    joint = option.candidate.joint
+    free = _passage(model, joint, tuple(model.terms))
+    if free is None or option.candidate.effect.name in OWN:
+        return False
+    without = evaluate(model.with_term(free), rows)
+    beside = evaluate(option.model.with_term(free), rows)
+    gain, error = compare(without.losses, beside.losses)
+    return gain <= MIN_Z * error
+
+
+def with_declared_passages(model: Model) -> Model:
+    """Let the friction that is declared pass through zero as it will: nothing to be explained."""
+    declared = tuple(term for term in model.terms if term.candidate is None)
+    for joint in model.recording.joints:
+        free = _passage(model, joint, declared)
+        if free is not None:
+            model = model.with_term(free)
+    return model
+
+
+def _passage(model: Model, joint: int, terms: tuple[Term, ...]) -> Term | None:
+    """Return a term that moves and widens a joint's friction in time; None without any.
+
+    Args:
+        model: with the recording.
+        joint: which.
+        terms: whose friction; what the device itself declares counts too.
+    """
+    recording = model.recording
+    columns = [
+        term.columns[joint][:, [0]]
+        for term in terms
+        if term.joint == joint and term.name in RUBBING
+    ]
+    if recording.device.friction[joint]:
+        columns.append((recording.inverse - recording.rigid)[:, [joint]])
+    if not columns:
+        return None
+    friction = np.concatenate(columns, axis=1)
+    late, early = (through(recording, friction, {"delay": shift}) for shift in (SHIFT, -SHIFT))
+    both = np.concatenate([late - early, late + early - 2.0 * friction], axis=1)
+    return Term(
+        name="passage",
+        joint=joint,
+        columns={joint: both},
+        lower=(-np.inf,),
+        kept=tuple(range(both.shape[1])),
+    )

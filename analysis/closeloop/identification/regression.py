@@ -1,0 +1,319 @@
+"""Bounded least squares of the balance, scored on left-out groups.
+
+All sums of squares come from one Gram matrix per fold, so a candidate with any number of variants
+costs one product of its columns. Non-linear parameters are chosen on the training folds only, so a
+held-out score owes nothing to the trials it is scored on.
+"""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.linalg.lapack import dtrtrs
+from scipy.stats import rankdata
+
+from analysis.closeloop.session.recording import Recording
+
+#: Length over which the losses of a comparison are averaged before their spread is taken, s.
+BLOCK_SECONDS = 1.0
+#: Folds when all fit trials share one group: stretches of time instead of groups.
+TIME_FOLDS = 6
+#: A column of which other columns explain this share adds nothing that can be named.
+ABSORBED = 0.9995
+#: Shortest rest that is left out of the fit, s: friction at rest is not determined.
+REST = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rows:
+    """The samples that enter the fit, joint by joint; arrays over rows have shape (r,)."""
+
+    recording: Recording
+    #: For each analysed joint, its samples.
+    samples: Mapping[int, np.ndarray]
+    weight: np.ndarray
+    fold: np.ndarray
+    block: np.ndarray
+    trial: np.ndarray
+    grouped: bool
+    #: Columns that were stacked before, by what they are; `once` fills it.
+    stacked: dict[Hashable, Any] = field(default_factory=dict, repr=False)
+
+    def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """Return what `make` gives, made at the first call with `key` only."""
+        if key not in self.stacked:
+            self.stacked[key] = make()
+        return self.stacked[key]
+
+    @property
+    def fold_of_block(self) -> np.ndarray:
+        """Fold of each block, (blocks,)."""
+        found = np.zeros(int(self.block.max()) + 1, dtype=int)
+        found[self.block] = self.fold
+        return found
+
+    @cached_property
+    def folds(self) -> list[np.ndarray]:
+        return [np.flatnonzero(self.fold == number) for number in range(int(self.fold.max()) + 1)]
+
+    def stack(self, columns: Mapping[int, np.ndarray], width: int) -> np.ndarray:
+        """Low-pass columns per joint and stack them over rows, weighted, (r, width)."""
+        parts = []
+        for joint, samples in self.samples.items():
+            if joint in columns:
+                parts.append(self.recording.filtered(columns[joint])[samples])
+            else:
+                parts.append(np.zeros((len(samples), width)))
+        return np.asarray(np.concatenate(parts) * self.weight[:, None])
+
+    def stack_effort(self) -> np.ndarray:
+        """Stack the measured effort, which is low-passed already, (r,)."""
+        effort = [self.recording.effort[samples, joint] for joint, samples in self.samples.items()]
+        return np.asarray(np.concatenate(effort) * self.weight)
+
+    def effort_power(self, joint: int) -> float:
+        """Return the sum of squares of one joint's weighted effort."""
+        start = 0
+        for number, samples in self.samples.items():
+            if number == joint:
+                effort = self.recording.effort[samples, joint]
+                return float(((effort * self.weight[start : start + len(samples)]) ** 2).sum())
+            start += len(samples)
+        return 0.0
+
+    def reweighted(self, noise: Mapping[int, float]) -> "Rows":
+        """Return the same rows with every joint's noise as the unit of its residual."""
+        weight = [np.full(len(s), 1.0 / noise[joint]) for joint, s in self.samples.items()]
+        return Rows(
+            recording=self.recording,
+            samples=self.samples,
+            weight=np.concatenate(weight),
+            fold=self.fold,
+            block=self.block,
+            trial=self.trial,
+            grouped=self.grouped,
+        )
+
+
+def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = False) -> Rows:
+    """Choose samples of `trials`, away from the ends that the filter touches, thinned.
+
+    Args:
+        recording: all trials.
+        trials: the numbers of those to fit.
+        rests: whether to keep samples at rest, where friction is not determined.
+    """
+    step = max(1, int(recording.rate / (4.0 * recording.sampling.fit_cutoff)))
+    edge = int(recording.rate / recording.sampling.fit_cutoff)
+    groups = list(dict.fromkeys(recording.session.trials[i].group for i in trials))
+    samples, fold, block, trial = {}, [], [], []
+    blocks = 0
+    for joint in recording.joints:
+        chosen = []
+        for piece in recording.slices:
+            number = int(recording.trial[piece.start])
+            if number not in trials or np.isnan(recording.effort[piece, joint]).any():
+                continue
+            inside = np.arange(piece.start + edge, piece.stop - edge, step)
+            moving = ~resting(recording, joint, piece)[inside - piece.start]
+            if moving.sum() * step / recording.rate < 0.2:
+                continue
+            rows = inside if rests else inside[moving]
+            chosen.append(rows)
+            clock = recording.time[rows] - recording.time[piece.start]
+            within = (clock / BLOCK_SECONDS).astype(int)
+            block.append(blocks + within)
+            blocks += int(within.max()) + 1
+            trial.append(np.full(len(rows), number))
+            fold.append(np.full(len(rows), groups.index(recording.session.trials[number].group)))
+        samples[joint] = np.concatenate(chosen) if chosen else np.empty(0, dtype=int)
+    folds = np.concatenate(fold)
+    present = np.unique(folds)
+    grouped = len(present) > 1
+    if grouped:
+        folds = np.searchsorted(present, folds)
+    else:
+        length = len(folds)
+        folds = np.minimum((np.arange(length) * TIME_FOLDS) // max(length, 1), TIME_FOLDS - 1)
+    _, dense = np.unique(np.concatenate(block), return_inverse=True)
+    return Rows(
+        recording=recording,
+        samples=samples,
+        weight=np.ones(len(folds)),
+        fold=folds,
+        block=dense,
+        trial=np.concatenate(trial),
+        grouped=grouped,
+    )
+
+
+def resting(recording: Recording, joint: int, piece: slice) -> np.ndarray:
+    """Return where the joint stays below its rest speed for longer than a reversal takes."""
+    still = np.abs(recording.velocity[piece, joint]) < recording.rest_speed[joint]
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
+    found = np.zeros(len(still), dtype=bool)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if (stop - start) / recording.rate > REST:
+            found[start:stop] = True
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variant:
+    """One choice of non-linear parameters: the columns that are not absorbed by the base."""
+
+    theta: Mapping[str, float]
+    columns: np.ndarray
+    kept: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """A model's fit to all rows, and what it loses on rows it was not fitted to."""
+
+    variant: Variant
+    #: Base coefficients, then those of the kept columns.
+    coefficients: np.ndarray
+    #: Mean squared held-out residual of every block (in units of the noise), (blocks,).
+    losses: np.ndarray
+    sse: float
+
+    @property
+    def loss(self) -> float:
+        return float(self.losses.sum())
+
+
+def keep_independent(base: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Drop the columns that the base and the columns before them explain."""
+    both = np.concatenate([base, columns], axis=1)
+    norms = np.sqrt((both**2).sum(axis=0))
+    scaled = both / np.maximum(norms, 1e-300)
+    gram = scaled.T @ scaled
+    factor = np.zeros_like(gram)
+    known: list[int] = []
+    kept: list[int] = []
+    for number in range(both.shape[1]):
+        if norms[number] <= 1e-9 * np.sqrt(len(both)):
+            continue
+        size = len(known)
+        row = np.empty(0)
+        if size:
+            row, _ = dtrtrs(factor[:size, :size], gram[known, number], lower=1)
+        left = 1.0 - float(row @ row)
+        if left < (1e-10 if number < base.shape[1] else 1.0 - ABSORBED):
+            continue
+        factor[size, :size], factor[size, size] = row, np.sqrt(left)
+        known.append(number)
+        if number >= base.shape[1]:
+            kept.append(number - base.shape[1])
+    return columns[:, kept], tuple(kept)
+
+
+def solve(gram: np.ndarray, lower: np.ndarray) -> np.ndarray:
+    """Return the least-squares coefficients of a Gram matrix whose last row is the target.
+
+    A coefficient that would leave its bound of zero is held there (an active set of one way).
+    """
+    size = len(gram) - 1
+    free = list(range(size))
+    scale = np.sqrt(np.maximum(gram.diagonal()[:size], 1e-300))
+    every = gram[:size, :size] / (scale[:, None] * scale)
+    every.flat[:: size + 1] += 1e-10
+    moments = gram[:size, size] / scale
+    coefficients = np.zeros(size)
+    while free:
+        part = every if len(free) == size else every[np.ix_(free, free)]
+        found = np.linalg.solve(part, moments[free]) / scale[free]
+        broken = [i for i, value in zip(free, found, strict=True) if value < lower[i]]
+        if not broken:
+            coefficients[free] = found
+            break
+        worst = min(broken, key=lambda i: float(found[free.index(i)] * scale[i]))
+        free.remove(worst)
+    return coefficients
+
+
+def score(
+    rows: Rows,
+    target: np.ndarray,
+    base: np.ndarray,
+    base_lower: np.ndarray,
+    variants: Sequence[Variant],
+    lower: Sequence[float],
+    *,
+    fold_rows: Sequence[np.ndarray] | None = None,
+) -> Score:
+    """Fit every variant beside the base and score the best on left-out folds.
+
+    Args:
+        rows: what the arrays' rows are.
+        target: effort less what is known, weighted, (r,).
+        base: columns that are always there, weighted, (r, b).
+        base_lower: lower bounds of their coefficients, (b,).
+        variants: at least one; an empty one scores the base itself.
+        lower: lower bounds of an effect's coefficients; the last repeats.
+        fold_rows: other folds than the groups.
+    """
+    folds = rows.folds if fold_rows is None else fold_rows
+    grams, bounds = [], []
+    for variant in variants:
+        table = np.column_stack([base, variant.columns, target])
+        grams.append(np.stack([table[fold].T @ table[fold] for fold in folds]))
+        own = [lower[min(i, len(lower) - 1)] for i in variant.kept]
+        bounds.append(np.concatenate([base_lower, own]))
+    residual = np.zeros(len(target))
+    for number, fold in enumerate(folds):
+        fits = []
+        for gram, bound in zip(grams, bounds, strict=True):
+            train = gram.sum(axis=0) - gram[number]
+            coefficients = solve(train, bound)
+            fits.append((_sse(train, coefficients), coefficients))
+        best = min(range(len(fits)), key=lambda i: fits[i][0])
+        table = np.column_stack([base[fold], variants[best].columns[fold]])
+        residual[fold] = target[fold] - table @ fits[best][1]
+    whole = []
+    for gram, bound in zip(grams, bounds, strict=True):
+        total = gram.sum(axis=0)
+        coefficients = solve(total, bound)
+        whole.append((_sse(total, coefficients), coefficients))
+    best = min(range(len(whole)), key=lambda i: whole[i][0])
+    return Score(
+        variant=variants[best],
+        coefficients=whole[best][1],
+        losses=np.bincount(rows.block, residual**2),
+        sse=whole[best][0],
+    )
+
+
+def _sse(gram: np.ndarray, coefficients: np.ndarray) -> float:
+    size = len(coefficients)
+    return float(
+        gram[size, size]
+        - 2 * coefficients @ gram[:size, size]
+        + coefficients @ gram[:size, :size] @ coefficients
+    )
+
+
+def compare(worse: np.ndarray, better: np.ndarray) -> tuple[float, float]:
+    """Return the summed difference of two models' block losses and its standard error."""
+    difference = worse - better
+    count = len(difference)
+    return float(difference.sum()), float(np.sqrt(count) * difference.std(ddof=1)) + 1e-300
+
+
+def rank_z(worse: np.ndarray, better: np.ndarray) -> float:
+    """Return how steadily the better model wins blocks: Wilcoxon's signed-rank statistic.
+
+    Unlike the mean of `compare` it does not ask that blocks win alike: where acceleration grows as
+    the square of a speed, a few fast seconds hold nearly all of a gain that every second shows.
+    Source: Wilcoxon 1945, Individual comparisons by ranking methods.
+    """
+    difference = (worse - better)[worse != better]
+    count = len(difference)
+    if not count:
+        return 0.0
+    won = float(rankdata(np.abs(difference))[difference > 0].sum())
+    spread = np.sqrt(count * (count + 1) * (2 * count + 1) / 24)
+    return float((won - count * (count + 1) / 4) / spread)

@@ -1,0 +1,122 @@
+"""From a found effect to a study in which its parameters are uncertain factors."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from sim.models import MODELS, WITH_EFFECTS
+from sim.parameters.effects import PREFIX, UNDECLARED, Parameter
+from sim.parameters.factors import TABLE_1
+
+#: Parameters that are choices, not quantities: a study keeps what was found.
+CHOICES = ("side", "power", "order")
+#: Parameters that are angles of the joint in the session's own frame.
+ANGLES = ("onset", "middle", "centre", "threshold_angle", "side")
+#: An interval narrower than this share of its value holds nothing to sample.
+NARROW = 1e-6
+
+
+class GoingOnError(ValueError):
+    """A report from which no study can be made; the message says why and what would be right."""
+
+
+def study_with_effects(
+    report: Mapping[str, Any],
+    *,
+    model: str,
+    method: str,
+    rows: int,
+    seed: int = 1,
+    from_none: bool = False,
+) -> dict[str, Any]:
+    """Return a study in which the parameters of the found effects are factors beside Table 1's.
+
+    Each parameter is uniform over its 90 % interval; one without an interval keeps its value.
+
+    Args:
+        report: `report.json` of closing the loop, with the verdict `effect_found`.
+        model: a model that carries effects (`sim.models.WITH_EFFECTS`).
+        method: "morris" or "saltelli".
+        rows: of the design.
+        seed: of the design.
+        from_none: sample the size of each effect from none to the far end of its interval, which
+            ranks the effect's presence instead of what is left unknown of it.
+
+    Returns:
+        The body of `POST /v1/studies`.
+
+    Raises:
+        GoingOnError: the report names no effect, or one that the simulation cannot carry.
+    """
+    if model not in WITH_EFFECTS:
+        raise GoingOnError(f"{model} carries no effects; take {' or '.join(WITH_EFFECTS)}")
+    effects = _found(report)
+    factors: list[dict[str, Any]] = [{"name": factor.name} for factor in TABLE_1]
+    fixed: dict[str, float] = {}
+    for effect in effects:
+        for name, entry in effect["parameters"].items():
+            known = UNDECLARED[effect["name"]].parameters.get(name)
+            if known is None:
+                raise GoingOnError(f"{effect['name']} has no parameter {name!r} in the simulation")
+            factor = f"{PREFIX}{effect['name']}.{name}"
+            low, high = _interval(entry, known, name, from_none=from_none)
+            if name in CHOICES or high - low <= NARROW * max(abs(low), abs(high)):
+                fixed[factor] = _limited(float(entry["value"]), known)
+            else:
+                factors.append({"name": factor, "range": [low, high]})
+    names = ", ".join(effect["name"] for effect in effects)
+    return {
+        "name": f"{method} with {names}",
+        "model": model,
+        "method": method,
+        "rows": rows,
+        "seed": seed,
+        "factors": factors,
+        "fixed": fixed,
+        "outputs": [output for output in MODELS[model].outputs if "_authors" not in output],
+    }
+
+
+def _found(report: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the report's effects once they are known to be carried by one joint."""
+    try:
+        verdict, effects = report["verdict"], list(report["effects"])
+        joints = sorted({effect["joint"] for effect in effects})
+        named = {effect["name"]: list(effect["parameters"]) for effect in effects}
+        own_frame = report.get("session", {}).get("model") != "nominal"
+    except (KeyError, TypeError, AttributeError):
+        raise GoingOnError(
+            "this is no report.json of `rehyb close-loop`: verdict or effects are missing"
+        ) from None
+    if verdict != "effect_found":
+        raise GoingOnError(f"the report names no effect (its verdict is {verdict})")
+    for effect, parameters in named.items():
+        if effect not in UNDECLARED:
+            raise GoingOnError(
+                f"the simulated assessment cannot carry {effect}; it carries "
+                f"{', '.join(UNDECLARED)}"
+            )
+        if own_frame and (angles := [name for name in parameters if name in ANGLES]):
+            raise GoingOnError(
+                f"{effect} has {', '.join(angles)} in the angles of the session's own "
+                'model; analyse the session with "model": "nominal" to carry it over'
+            )
+    if len(joints) != 1:
+        raise GoingOnError(
+            f"the effects are at {', '.join(joints)}, and an assessment moves one joint; list the "
+            "others in ignored_joints and close the loop again"
+        )
+    return effects
+
+
+def _interval(
+    entry: Mapping[str, Any], known: Parameter, name: str, *, from_none: bool
+) -> tuple[float, float]:
+    low, high = sorted(float(end) for end in entry["ci90"])
+    if from_none and known.switches:
+        far = high if abs(high - known.neutral) >= abs(low - known.neutral) else low
+        low, high = sorted((known.neutral, far))
+    return _limited(low, known), _limited(high, known)
+
+
+def _limited(value: float, known: Parameter) -> float:
+    return min(max(value, known.floor), known.ceiling)

@@ -1,0 +1,103 @@
+"""What was recorded, trial by trial: a picture of the signals, and what is noticed in them."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analysis.closeloop.identification.regression import resting
+from analysis.closeloop.session.recording import Recording
+from sim.pictures.figures import new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MAX_POINTS = 3000
+#: Spread of the sampling steps over their median that is worth a word.
+JITTER = 0.05
+#: A signal of so few different values is a coarse one.
+COARSE = 200
+#: A trial that rests so long, or moves so little one of both ways, is worth a word.
+RESTING, ONE_WAY = 0.5, 0.05
+
+
+def remarks(recording: Recording, number: int) -> list[str]:
+    """Return what is noticed in the signals of one trial, in sentences.
+
+    None of it is an error: gaps are left out, a jittered clock is evened, and a rest is no motion.
+    """
+    trial = recording.session.trials[number]
+    pieces = [p for p in recording.slices if recording.trial[p.start] == number]
+    found = []
+    steps = np.diff(trial.time)
+    step = float(np.median(steps))
+    used = sum(float(recording.time[p][-1] - recording.time[p][0]) for p in pieces)
+    left_out = float(trial.time[-1] - trial.time[0]) - used
+    if not pieces:
+        found.append("is not used: no half second without a gap")
+    elif len(pieces) > 1 or left_out > 0.5:
+        found.append(f"has gaps: {len(pieces)} stretches of {used:.1f} s in all are used")
+    even = steps[steps < 5.0 * step]
+    if float(even.std()) > JITTER * step:
+        found.append(
+            f"has a jittered clock: steps of {1e3 * step:.3g} ms vary by "
+            f"{100 * float(even.std()) / step:.0f} %"
+        )
+    for joint in recording.joints:
+        name = recording.device.joints[joint]
+        if f"{name}.effort" not in trial.columns:
+            found.append(f"has no effort of {name}")
+            continue
+        levels = np.unique(trial.columns[f"{name}.effort"])
+        if len(levels) < COARSE:
+            unit = recording.device.unit(name)
+            found.append(
+                f"has a coarse effort of {name}: {len(levels)} values, "
+                f"{float(np.diff(levels).min()):.2g} {unit} apart"
+            )
+        if pieces:
+            found += _motion(recording, joint, pieces)
+    return found
+
+
+def _motion(recording: Recording, joint: int, pieces: list[slice]) -> list[str]:
+    name = recording.device.joints[joint]
+    velocity = np.concatenate([recording.velocity[p, joint] for p in pieces])
+    rest = float(np.concatenate([resting(recording, joint, p) for p in pieces]).mean())
+    ways = np.maximum(velocity, 0.0).sum(), np.maximum(-velocity, 0.0).sum()
+    found = []
+    if rest > RESTING:
+        found.append(f"rests {100 * rest:.0f} % of the time at {name}")
+    if min(ways) < ONE_WAY * max(ways):
+        found.append(f"moves {name} in one direction only")
+    return found
+
+
+def preview(recording: Recording, number: int) -> "Figure":
+    """Draw position, velocity and effort of the analysed joints over one trial's time.
+
+    Raw samples of position and effort are grey; what the analysis works with is in colour.
+    """
+    trial = recording.session.trials[number]
+    figure = new_figure(width=10.0, height=1.9 * len(recording.joints) + 0.3)
+    pieces = [p for p in recording.slices if recording.trial[p.start] == number]
+    every = max(1, len(trial.time) // MAX_POINTS)
+    for row, joint in enumerate(recording.joints):
+        name = recording.device.joints[joint]
+        angle, unit = recording.device.angle_unit(name), recording.device.unit(name)
+        for place, (word, label, smooth) in enumerate(
+            (
+                ("position", f"{name}, {angle}", recording.position),
+                ("velocity", f"{angle}/s", recording.velocity),
+                ("effort", f"effort, {unit}", recording.effort),
+            ),
+            start=1,
+        ):
+            axes = figure.add_subplot(len(recording.joints), 3, 3 * row + place)
+            raw = trial.columns.get(f"{name}.{word}")
+            if raw is not None:
+                axes.plot(trial.time[::every], raw[::every], color="0.7", lw=1.0)
+            for piece in pieces:
+                axes.plot(recording.time[piece], smooth[piece, joint], color="tab:blue", lw=0.8)
+            axes.set_ylabel(label, fontsize=8)
+            axes.tick_params(labelsize=7)
+    return figure

@@ -1,0 +1,1 @@
+"""A measured session: its files, columns, device and signals."""

@@ -1,0 +1,187 @@
+"""Signals that cannot be what their column says: degrees, flipped signs, saturation, constants."""
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.session.device import Device
+from analysis.closeloop.session.reading import Trial
+from analysis.closeloop.session.recording import Recording
+
+#: A hinge of a limb or its robot that goes further than this is recorded in degrees.
+MAX_HINGE = 2 * np.pi
+DEGREES = 180.0 / np.pi
+#: Share of samples at a plateau, and its shortest run, that make a saturated effort.
+SATURATED_SHARE = 0.01
+SATURATED_RUN = 10
+
+
+def check_trial(trial: Trial, device: Device) -> None:
+    """Refuse a trial whose signals cannot be what their columns say.
+
+    Raises:
+        SessionError: names file, column and line.
+    """
+    moving = []
+    for joint in device.recorded_joints:
+        position = trial.columns[f"{joint}.position"]
+        if device.is_hinge(joint):
+            _check_degrees(trial, device, joint, position)
+        velocity = trial.columns.get(f"{joint}.velocity")
+        if velocity is not None:
+            _check_velocity(trial, joint, position, velocity)
+        if np.ptp(position) > 1e-9 * (1.0 + np.abs(position).max()):
+            moving.append(joint)
+    if not moving:
+        raise SessionError(
+            "is constant, as is every other position; a trial needs at least one moving joint",
+            file=trial.file,
+            column=f"{device.recorded_joints[0]}.position",
+            line=2,
+        )
+    for joint in moving:
+        effort = trial.columns.get(f"{joint}.effort")
+        if effort is None:
+            continue
+        column = f"{joint}.effort"
+        if np.ptp(effort) <= 1e-12 * (1.0 + np.abs(effort).max()):
+            raise SessionError(
+                f"is constant at {effort[0]:g} while {joint} moves; record the motor's torque",
+                file=trial.file,
+                column=column,
+                line=2,
+            )
+        line = saturated_line(effort)
+        if line is not None:
+            raise SessionError(
+                f"is saturated: it stays at {effort[line - 2]:g} while {joint} moves; "
+                "repeat the trial below the motor's limit",
+                file=trial.file,
+                column=column,
+                line=line,
+            )
+
+
+def _check_degrees(trial: Trial, device: Device, joint: str, position: np.ndarray) -> None:
+    low, high = device.range(joint)
+    # A device may rightly turn further than a limb does, if its declared range says so.
+    limit = max(MAX_HINGE, 1.5 * max(abs(low), abs(high)) if high > low else 0.0)
+    beyond = np.abs(position) > limit
+    if not beyond.any():
+        return
+    row = int(np.argmax(beyond))
+    raise SessionError(
+        f"reaches {position[row]:g} rad, which no limb does; "
+        "positions are in radians, and these look like degrees",
+        file=trial.file,
+        column=f"{joint}.position",
+        line=row + 2,
+    )
+
+
+def _check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np.ndarray) -> None:
+    """Compare a recorded velocity with the slope of its position, both smoothed alike."""
+    slope = np.gradient(position, trial.time)
+    rate = 1.0 / float(np.median(np.diff(trial.time)))
+    sos = butter(2, min(5.0 / rate * 2.0, 0.9), output="sos")
+    slope, recorded = sosfiltfilt(sos, slope), sosfiltfilt(sos, velocity)
+    power = float(slope @ slope)
+    if power < len(slope) * 1e-8 or not np.any(recorded):
+        return
+    gain = float(slope @ recorded) / power
+    match = gain * power / np.sqrt(power * float(recorded @ recorded))
+    if abs(match) < 0.8:
+        return
+    column = f"{joint}.velocity"
+    row = int(np.argmax(np.abs(slope)))
+    if gain < -0.2:
+        raise SessionError(
+            f"has the opposite sign of the slope of {joint}.position; flip one of them",
+            file=trial.file,
+            column=column,
+            line=row + 2,
+        )
+    if gain > DEGREES / 3 or gain < 3 / DEGREES:
+        unit = "the velocity" if gain > 1 else "the position"
+        raise SessionError(
+            f"is {gain:.3g} times the slope of {joint}.position: {unit} looks like degrees; "
+            "both are in radians",
+            file=trial.file,
+            column=column if gain > 1 else f"{joint}.position",
+            line=row + 2,
+        )
+
+
+def saturated_line(effort: np.ndarray) -> int | None:
+    """Return the line where a saturated stretch of `effort` begins, or None.
+
+    A clipped signal piles up at its largest or smallest value: many samples in unbroken runs at
+    exactly that value and hardly any just below it. A quantised one has as many one step below.
+    """
+    spread = float(np.ptp(effort))
+    levels = np.unique(effort)
+    if len(levels) < 20:
+        return None
+    near = max(0.005 * spread, 1.5 * float(np.diff(levels).min()))
+    for extreme, sign in ((effort.max(), 1.0), (effort.min(), -1.0)):
+        at = effort == extreme
+        below = (sign * (extreme - effort) < near) & ~at
+        count = int(at.sum())
+        if count < max(SATURATED_RUN, SATURATED_SHARE * len(effort)) or count < 2 * below.sum():
+            continue
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(int), [0]])))
+        starts, ends = edges[::2], edges[1::2]
+        longest = int(np.argmax(ends - starts))
+        if ends[longest] - starts[longest] >= SATURATED_RUN:
+            return int(starts[longest]) + 2
+    return None
+
+
+def check_signs(recording: Recording) -> None:
+    """Refuse a session whose effort has the opposite sign of the joint axis.
+
+    A passive joint takes energy from the motor, and inertia and gravity are declared: if
+    the joint drives the motor, and inertia or stiffness comes out negative too, a sign is wrong.
+
+    Raises:
+        SessionError: names the joint's effort column in the first trial.
+    """
+    for joint in recording.joints:
+        rows = np.isin(recording.trial, recording.fit_trials)
+        rows &= np.isfinite(recording.effort[:, joint])
+        velocity = recording.velocity[rows, joint]
+        effort, known = recording.effort[rows, joint], recording.inverse[rows, joint]
+        position = recording.position[rows, joint]
+        moving = np.tanh(velocity / recording.rest_speed[joint])
+        unknown = np.column_stack([np.ones_like(velocity), position, velocity, moving])
+        table = np.column_stack([known, unknown])
+        found = np.linalg.lstsq(table, effort, rcond=None)[0]
+        rest = effort - table @ found
+        spread = float(((effort - effort.mean()) ** 2).sum())
+        explained = 1.0 - float(rest @ rest) / max(spread, 1e-300)
+        power = float((velocity * (table[:, 3:] @ found[3:])).mean())
+        scale = float(np.sqrt((effort**2).mean() * (velocity**2).mean()))
+        both_ways = abs(float(velocity.sum())) < 0.5 * float(np.abs(velocity).sum())
+        if explained < 0.8 or power > -0.02 * scale or not both_ways:
+            continue
+        declared = _independent(known, unknown, effort)
+        if declared and found[0] > 0.5:
+            # Weight and inertia are there with the sign they should have.
+            continue
+        turned = declared and -1.5 < found[0] < -0.5
+        name = recording.device.joints[joint]
+        first = recording.session.trials[recording.fit_trials[0]].file
+        if turned or found[2] < 0:
+            raise SessionError(
+                f"has the opposite sign of what {name} needs: as recorded, the joint drives the "
+                "motor; effort is positive along the joint's axis, as position is",
+                file=first,
+                column=f"{name}.effort",
+                line=2,
+            )
+
+
+def _independent(known: np.ndarray, unknown: np.ndarray, effort: np.ndarray) -> bool:
+    """Whether the declared torque is large, and not a mixture of the unknowns' columns."""
+    left = known - unknown @ np.linalg.lstsq(unknown, known, rcond=None)[0]
+    return float(left @ left) > 1e-4 * float(effort @ effort)

@@ -1,0 +1,203 @@
+"""One trial's CSV file: a header, then numbers; every fault is named with its column and line."""
+
+import csv
+import io
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.session.columns import translated
+from analysis.closeloop.session.reading import Trial
+
+TIME = "time"
+#: Words of the field's JointState.
+QUANTITIES = ("position", "velocity", "acceleration", "effort")
+MAX_BYTES = 400_000_000
+MAX_COLUMNS = 500
+MIN_SAMPLES = 50
+#: Larger than seconds since 1970 and any torque or force.
+MAX_VALUE = 1e12
+
+
+def read_trial(
+    folder: Path, trial: Trial, joints: tuple[str, ...], declared: tuple[str, ...] = ()
+) -> Trial:
+    """Return `trial` with its signals.
+
+    Args:
+        folder: the session's folder.
+        trial: as listed in `session.json`.
+        joints: joints of the model of which a position must be recorded.
+        declared: joints with a declared effect, which need an effort to fit it to.
+
+    Raises:
+        SessionError: the file cannot be used.
+    """
+    path = folder / trial.file
+    if path.stat().st_size > MAX_BYTES:
+        raise SessionError(f"is larger than {MAX_BYTES // 1_000_000} MB", file=trial.file)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise SessionError("is not UTF-8 text", file=trial.file) from None
+    except OSError as error:
+        raise SessionError(f"cannot be read: {error.strerror}", file=trial.file) from None
+    if "\0" in text:
+        line = text[: text.index("\0")].count("\n") + 1
+        raise SessionError("holds a zero byte; is it a CSV file?", file=trial.file, line=line)
+    if trial.source is not None:
+        names, table = translated(text, trial.file, trial.source)
+        _check_header(names, trial.file, joints, declared)
+    else:
+        names, table = _own_table(text, trial.file, joints, declared)
+    if len(table) < MIN_SAMPLES:
+        raise SessionError(
+            f"has {len(table)} samples; at least {MIN_SAMPLES} are needed",
+            file=trial.file,
+            line=len(table) + 1,
+        )
+    bad = np.argwhere(~np.isfinite(table))
+    if len(bad):
+        row, column = bad[0]
+        raise SessionError(
+            f"holds {table[row, column]}, not a finite number; remove the row (a gap is allowed)",
+            file=trial.file,
+            column=names[column],
+            line=int(row) + 2,
+        )
+    large = np.argwhere(np.abs(table) > MAX_VALUE)
+    if len(large):
+        row, column = large[0]
+        raise SessionError(
+            f"holds {table[row, column]:g}, which nothing in SI units is at a joint",
+            file=trial.file,
+            column=names[column],
+            line=int(row) + 2,
+        )
+    time = table[:, names.index(TIME)]
+    _check_time(time, trial.file)
+    columns = {name: table[:, i] for i, name in enumerate(names) if name != TIME}
+    return replace(trial, time=time, columns=columns)
+
+
+def _own_table(
+    text: str, file: str, joints: tuple[str, ...], declared: tuple[str, ...]
+) -> tuple[list[str], np.ndarray]:
+    """Read a file with the contract's header."""
+    header, _, body = text.partition("\n")
+    try:
+        names = [name.strip() for name in next(csv.reader([header]), [])]
+    except csv.Error as error:
+        raise SessionError(f"has no header of a CSV file: {error}", file=file, line=1) from None
+    if len(names) == 1 and (";" in header or "\t" in header):
+        raise SessionError("separate columns by commas and decimals by points", file=file, line=1)
+    _check_header(names, file, joints, declared)
+    return names, _numbers(body, names, file)
+
+
+def _check_header(
+    names: list[str], file: str, joints: tuple[str, ...], declared: tuple[str, ...]
+) -> None:
+    if len(names) > MAX_COLUMNS:
+        raise SessionError(f"has {len(names)} columns; at most {MAX_COLUMNS}", file=file, line=1)
+    for number, name in enumerate(names):
+        if not name:
+            raise SessionError(f"column {number + 1} has no name", file=file, line=1)
+        if name in names[:number]:
+            raise SessionError("stands twice in the header", file=file, column=name, line=1)
+    needed = [TIME, *(f"{joint}.position" for joint in joints)]
+    for name in needed:
+        if name not in names:
+            hint = "" if name == TIME else ", or list the joint in ignored_joints of session.json"
+            raise SessionError(
+                f"is missing; the header needs a column {name}{hint}",
+                file=file,
+                column=name,
+                line=1,
+            )
+    for joint in declared:
+        if f"{joint}.effort" not in names:
+            raise SessionError(
+                f"is missing; {joint} has a declared effect, which needs its motor torque to fit",
+                file=file,
+                column=f"{joint}.effort",
+                line=1,
+            )
+    efforts = [f"{joint}.effort" for joint in joints]
+    if not any(name in names for name in efforts):
+        raise SessionError(
+            f"is missing; at least one joint needs its motor torque ({', '.join(efforts)})",
+            file=file,
+            column=efforts[0],
+            line=1,
+        )
+
+
+def _numbers(body: str, names: list[str], file: str) -> np.ndarray:
+    """Parse the lines below the header fast; only a file with a fault is read line by line."""
+    if not body.strip():
+        return np.empty((0, len(names)))
+    try:
+        table = np.loadtxt(io.StringIO(body), delimiter=",", ndmin=2, comments=None)
+        # loadtxt skips blank lines, which would shift every line number after them.
+        if table.shape[1] == len(names) and len(table) == body.rstrip("\r\n").count("\n") + 1:
+            return table
+    except (ValueError, UserWarning):
+        pass
+    rows: list[list[float]] = []
+    for number, cells in enumerate(_lines(body, file), start=2):
+        if not cells and not body.splitlines()[number - 1 :]:
+            break
+        if len(cells) != len(names):
+            raise SessionError(
+                f"has {len(cells)} cells; the header has {len(names)}", file=file, line=number
+            )
+        for name, cell in zip(names, cells, strict=True):
+            try:
+                float(cell)
+            except ValueError:
+                what = "is empty" if not cell.strip() else f"holds {cell.strip()[:40]!r}"
+                raise SessionError(
+                    f"{what}, not a number in SI units", file=file, column=name, line=number
+                ) from None
+        rows.append([float(cell) for cell in cells])
+    return np.array(rows, dtype=float).reshape(len(rows), len(names))
+
+
+def _lines(body: str, file: str) -> Iterator[list[str]]:
+    reader = csv.reader(io.StringIO(body))
+    try:
+        yield from reader
+    except csv.Error as error:
+        raise SessionError(f"is no CSV: {error}", file=file, line=reader.line_num + 1) from None
+
+
+def _check_time(time: np.ndarray, file: str) -> None:
+    steps = np.diff(time)
+    if np.any(steps <= 0.0):
+        row = int(np.argmax(steps <= 0.0)) + 1
+        raise SessionError(
+            f"must increase, but {time[row]:g} follows {time[row - 1]:g}",
+            file=file,
+            column=TIME,
+            line=row + 2,
+        )
+    step = float(np.median(steps))
+    if step > 0.2:
+        raise SessionError(
+            f"steps by {step:g}; time is in seconds and needs at least 5 samples a second"
+            + (" (are these milliseconds?)" if step >= 0.5 else ""),
+            file=file,
+            column=TIME,
+            line=3,
+        )
+    if step < 1e-5:
+        raise SessionError(
+            f"steps by {step:g} s; more than 100 kHz is not a joint's record",
+            file=file,
+            column=TIME,
+            line=3,
+        )

@@ -1,0 +1,1 @@
+"""Estimators with intervals, when to stop, and the process that follows results."""

@@ -1,0 +1,33 @@
+"""Estimators that take rows in any order, merge, and carry their own confidence intervals.
+
+Of elementary effects (Morris 1991) and of shares of the variance (Saltelli et al. 2010).
+"""
+
+from analysis.sensitivity.estimators.estimator import OF_PAIRS, Estimator, Moments, Statistic
+from analysis.sensitivity.estimators.intervals import Estimate
+from analysis.sensitivity.estimators.morris import MorrisEstimator
+from analysis.sensitivity.estimators.saltelli import SaltelliEstimator
+from analysis.sensitivity.estimators.second_order import SecondOrderEstimator
+
+__all__ = [
+    "OF_PAIRS",
+    "Estimate",
+    "Estimator",
+    "Moments",
+    "MorrisEstimator",
+    "SaltelliEstimator",
+    "SecondOrderEstimator",
+    "Statistic",
+    "estimator_class",
+]
+
+
+def estimator_class(method: str) -> type[Estimator]:
+    """Return the estimator of a method of `analysis.designs.METHODS`; ValueError if unknown.
+
+    Morris 1991; Saltelli et al. 2010; Saltelli 2002.
+    """
+    for known in (MorrisEstimator, SaltelliEstimator, SecondOrderEstimator):
+        if known.method == method:
+            return known
+    raise ValueError(f"unknown method {method!r}")

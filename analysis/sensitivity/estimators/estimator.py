@@ -1,0 +1,273 @@
+"""What the estimators of both methods share: sums over rows that survive any order of arrival.
+
+Why they do is docs/adr/0004-sums-do-not-depend-on-order.md.
+"""
+
+import io
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.designs import row_width
+from analysis.sensitivity.estimators.intervals import Estimate, check_level, estimate
+from analysis.sensitivity.estimators.tails import Tail
+from analysis.sensitivity.estimators.weightings import (
+    FIRST,
+    SQUARED,
+    WEIGHTINGS,
+    NamedSums,
+    Weighted,
+    weights,
+)
+
+#: An output of larger magnitude counts as failed: its square has no exact sum.
+LARGEST_OUTPUT = 1e100
+
+#: Indices of pairs of factors, in the order of `numpy.triu_indices(factors, 1)`; all others are of
+#: single factors or of whole outputs.
+OF_PAIRS = ("second_order",)
+
+#: What rows add to the sums, by name: (points, rows, outputs, factors), (points, rows, outputs,
+#: pairs) or (points, rows, outputs); nan marks what a sum leaves out.
+Terms = Mapping[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Index:
+    """What a method makes of its sums."""
+
+    #: In every weighting of `analysis.sensitivity.estimators.weightings`, shape (weightings,
+    #: outputs, ...).
+    weighted: NDArray[np.float64]
+    #: From how many rows, of the same shape.
+    count: NDArray[np.int64]
+    #: `Statistic.power`, `Statistic.tail`, and `Statistic.whole` in every weighting.
+    power: int | None = None
+    tail: Tail | None = None
+    whole: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moments:
+    """Mean, standard deviation (n - 1) and number of each output's values, shape (outputs,)."""
+
+    mean: NDArray[np.float64]
+    sd: NDArray[np.float64]
+    n: NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statistic:
+    """A statistic in every weighting of the rows."""
+
+    #: Shape (1 + REPLICATES, outputs, factors), or without factors; the first is the sample itself,
+    #: the others are its bootstrap replicates; nan where a weighting leaves it undefined.
+    weighted: NDArray[np.float64]
+    #: From how many rows it was computed, shape (outputs, factors), or without factors.
+    n: NDArray[np.int64]
+    #: What it would be without each block of rows, shape (BLOCKS, ...).
+    without: NDArray[np.float64]
+    #: Which blocks it has rows of, shape (BLOCKS, ...).
+    present: NDArray[np.bool_]
+    #: 1 for a mean of squares or magnitudes, 2 for the root of one, None for what has either sign.
+    power: int | None
+    #: How its mean of squares is made up, where that is known; shape (outputs, factors).
+    tail: Tail | None = None
+    #: What it is a share of, if it may have either sign, in the sample and without each block; of a
+    #: shape that broadcasts to (1 + BLOCKS, ...).
+    whole: NDArray[np.float64] | None = None
+
+    def estimate(self, level: float) -> Estimate:
+        """Return it with its interval at `level`; ValueError if that is not between 0 and 1."""
+        return estimate(
+            self.weighted[0],
+            self.without,
+            self.present,
+            level,
+            power=self.power,
+            stretch=None if self.tail is None else self.tail.stretch,
+            whole=self.whole,
+        )
+
+
+class Estimator(ABC):
+    """Indices of several outputs from rows that arrive in any order.
+
+    It does not notice a row that is added twice: whoever feeds it must.
+
+    Args:
+        sampling, seed: of the design, one of `analysis.designs.samplings`.
+        factors, outputs: how many.
+        indicators: how many of the outputs, the last ones, say something of every run, also of a
+            failed one. They alone do not make a row count as used.
+    """
+
+    method: ClassVar[str]
+    #: The sum of which a row must have a term to count as used.
+    use: ClassVar[str]
+    #: Sums kept per output and factor, per output and pair of factors, and per output.
+    factor_sums: ClassVar[tuple[str, ...]]
+    pair_sums: ClassVar[tuple[str, ...]] = ()
+    output_sums: ClassVar[tuple[str, ...]] = ("value", "value" + SQUARED)
+    #: Sums kept per output and factor of the sample itself only, in no other weighting.
+    sample_sums: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(
+        self, *, sampling: str, seed: int, factors: int, outputs: int, indicators: int = 0
+    ) -> None:
+        self.sampling = sampling
+        self.seed = seed
+        self.factors = factors
+        self.outputs = outputs
+        self.indicators = indicators
+        self.width = row_width(self.method, factors)
+        #: Rows of which at least one index could use a part.
+        self.rows_used = 0
+        shapes: dict[str, tuple[int, ...]] = {
+            **dict.fromkeys(self.factor_sums, (outputs, factors)),
+            **dict.fromkeys(self.pair_sums, (outputs, factors * (factors - 1) // 2)),
+            **dict.fromkeys(self.output_sums, (outputs,)),
+        }
+        #: In every weighting of the rows, and in the sample itself.
+        self._whole = NamedSums(WEIGHTINGS, shapes)
+        self._sample = NamedSums(1, dict.fromkeys(self.sample_sums, (outputs, factors)))
+
+    def add_rows(self, rows: Sequence[int], values: NDArray[np.float64]) -> None:
+        """Take in complete rows.
+
+        Args:
+            rows: their numbers in the design.
+            values: shape (rows, width, outputs), nan where a run failed.
+
+        Raises:
+            ValueError: the shape of `values` is another.
+        """
+        if values.shape != (len(rows), self.width, self.outputs):
+            wanted = (len(rows), self.width, self.outputs)
+            raise ValueError(f"values must have shape {wanted}, not {values.shape}")
+        if not rows:
+            return
+        usable = np.where(np.abs(values) <= LARGEST_OUTPUT, values, np.nan)
+        weighting = weights(self.sampling, self.seed, rows)
+        for name, terms in self._terms(rows, usable).items():
+            kept = self._sample if name in self._sample.places else self._whole
+            valid = kept.add(name, weighting, terms)
+            if name == self.use:
+                of_output = valid.reshape(*valid.shape[:2], self.outputs, -1)
+                measured = of_output[:, :, : self.outputs - self.indicators]
+                self.rows_used += int(measured.any(axis=(0, 2, 3)).sum())
+
+    def merge(self, other: Self) -> None:
+        """Add what `other` has seen; ValueError if it belongs to another study."""
+        if self._identity() != other._identity():
+            raise ValueError("only estimators of one study can be merged")
+        self._whole.merge(other._whole)
+        self._sample.merge(other._sample)
+        self.rows_used += other.rows_used
+
+    def statistics(self) -> dict[str, Statistic]:
+        """Return each index in every weighting of the rows."""
+        return {
+            name: Statistic(
+                weighted=np.concatenate([index.weighted[:1], index.weighted[FIRST:]]),
+                n=index.count[0],
+                without=index.weighted[1:FIRST],
+                present=index.count[1:FIRST] < index.count[0],
+                power=index.power,
+                tail=index.tail,
+                whole=None if index.whole is None else index.whole[:FIRST],
+            )
+            for name, index in self._indices(self._weighted(), self._weighted_sample()).items()
+        }
+
+    def indices(self, level: float = 0.9) -> dict[str, Estimate]:
+        """Return each of `statistics` with its interval at `level`."""
+        found: dict[str, Estimate] = {}
+        some = self._indices(self._weighted(FIRST), self._weighted_sample())
+        for name, index in some.items():
+            values, present = index.weighted, index.count[1:] < index.count[0]
+            found[name] = estimate(
+                values[0],
+                values[1:],
+                present,
+                level,
+                power=index.power,
+                stretch=None if index.tail is None else index.tail.stretch,
+                whole=index.whole,
+            )
+        return found
+
+    def tails(self) -> dict[str, Tail]:
+        """Return how the means of squares among the indices are made up, where that is known."""
+        sample = self._indices(self._weighted(1), self._weighted_sample())
+        return {name: index.tail for name, index in sample.items() if index.tail is not None}
+
+    def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
+        """Return indices by other estimators of the same runs: by its name and the index's.
+
+        Raises:
+            ValueError: the level is not between 0 and 1.
+        """
+        check_level(level)
+        return {}
+
+    @property
+    @abstractmethod
+    def effects(self) -> NDArray[np.int64]:
+        """From how many rows each index was computed, shape (outputs, factors)."""
+
+    def moments(self) -> Moments:
+        """Return mean and spread of the outputs over the factors' distributions."""
+        sample = self._weighted(1)
+        with np.errstate(invalid="ignore"):
+            sd = np.sqrt(sample.variance("value", ddof=1)[0])
+        return Moments(mean=sample.mean("value")[0], sd=sd, n=sample.count("value")[0])
+
+    def weighted_mean(self, output: int) -> NDArray[np.float64]:
+        """Return an output's mean in the sample and its replicates, shape (1 + replicates,)."""
+        mean = self._weighted().mean("value")[:, output]
+        return np.concatenate([mean[:1], mean[FIRST:]])
+
+    def to_bytes(self) -> bytes:
+        """Return all that was summed, as an NPZ file without pickles."""
+        buffer = io.BytesIO()
+        np.savez(
+            buffer,
+            rows_used=np.int64(self.rows_used),
+            **self._whole.arrays("whole"),
+            **self._sample.arrays("sample"),
+        )
+        return buffer.getvalue()
+
+    def load_bytes(self, data: bytes) -> None:
+        """Replace what was summed by what `to_bytes` of an equal estimator returned.
+
+        Raises:
+            ValueError: the bytes are those of an estimator of other shape.
+        """
+        with np.load(io.BytesIO(data), allow_pickle=False) as saved:
+            self._whole.load("whole", saved)
+            self._sample.load("sample", saved)
+            self.rows_used = int(saved["rows_used"])
+
+    @abstractmethod
+    def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
+        """Return what `rows` with these (rows, width, outputs) values add to every sum."""
+
+    @abstractmethod
+    def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
+        """Return each index, by name, in the weightings of `sums`; `sample` has `sample_sums`."""
+
+    def _identity(self) -> tuple[object, ...]:
+        shape = (self.factors, self.outputs, self.indicators)
+        return (self.method, self.sampling, self.seed, *shape)
+
+    def _weighted(self, stop: int = WEIGHTINGS) -> Weighted:
+        return self._whole.weighted(stop)
+
+    def _weighted_sample(self) -> Weighted:
+        return self._sample.weighted(1)

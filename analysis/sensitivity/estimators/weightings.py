@@ -1,0 +1,150 @@
+"""Means and variances of exact sums, in every way of weighting the rows.
+
+The weightings are, in this order: every row once, which is the sample itself; all rows but those
+of one block, for each block (`analysis.designs.blocks`), which is the jackknife of Tukey 1958; and
+each replicate of the Poisson bootstrap (Hanley and MacGibbon 2006).
+"""
+
+from collections.abc import Mapping, Sequence
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.designs import BLOCKS, blocks_of
+from analysis.sensitivity.estimators.bootstrap import REPLICATES, replicate_weights
+from analysis.sensitivity.estimators.exact_sum import ExactSums, Integers, divide, square
+
+#: The sample and what it is without each block; and how many weightings there are in all.
+FIRST = 1 + BLOCKS
+WEIGHTINGS = FIRST + REPLICATES
+
+#: Sums of this ending add up the exact squares of their terms.
+SQUARED = "_squared"
+
+
+def weights(sampling: str, seed: int, rows: Sequence[int]) -> NDArray[np.float64]:
+    """Return how often each row counts in what is summed, shape (WEIGHTINGS, rows).
+
+    For the jackknife (Tukey 1958) and the Poisson bootstrap (Hanley and MacGibbon 2006). In the
+    place of all rows but a block's the block itself is summed: fewer terms, as good.
+    """
+    once = np.ones((1, len(rows)))
+    block = np.arange(BLOCKS)[:, None] == blocks_of(sampling, seed, rows)
+    return np.concatenate([once, block, replicate_weights(seed, rows)])
+
+
+class NamedSums:
+    """Exact sums by name, each of as many columns as its shape has places, and their counts.
+
+    They are those of `analysis.sensitivity.estimators.exact_sum`, after Demmel and Nguyen 2015.
+
+    Args:
+        weightings: how many of `weights`, the first ones.
+        shapes: of one weighting of each sum; a name that ends in `SQUARED` adds up squares.
+    """
+
+    def __init__(self, weightings: int, shapes: Mapping[str, tuple[int, ...]]) -> None:
+        #: By name, its columns and the shape of one weighting of it.
+        self.places: dict[str, tuple[slice, tuple[int, ...]]] = {}
+        stop = 0
+        for name, shape in shapes.items():
+            start, stop = stop, stop + prod(shape)
+            self.places[name] = slice(start, stop), shape
+        self._sums = ExactSums(weightings, stop)
+        self._counts: NDArray[np.int64] = np.zeros((weightings, stop), dtype=np.int64)
+
+    def add(
+        self, name: str, weighting: NDArray[np.float64], terms: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Add terms (points, rows, ...) to a sum, and return which were numbers, flattened.
+
+        Args:
+            name: of the sum.
+            weighting: from `weights`; those that are not kept are left out.
+            terms: nan where there is nothing to add.
+        """
+        columns, flat = self.places[name][0], terms.reshape(*terms.shape[:2], -1)
+        kept = weighting[: len(self._counts)]
+        valid = ~np.isnan(flat)
+        addends = np.where(valid, flat, 0.0)
+        if name.endswith(SQUARED):
+            addends = np.concatenate(square(addends))
+        self._sums.add(columns, kept, addends)
+        self._counts[:, columns] += (kept @ valid.sum(axis=0, dtype=np.float64)).astype(np.int64)
+        return valid
+
+    def merge(self, other: "NamedSums") -> None:
+        """Add the sums of `other`, which are of the same names and shapes."""
+        self._sums.merge(other._sums)
+        self._counts += other._counts
+
+    def arrays(self, start: str) -> dict[str, Any]:
+        """Return all that was summed, under names that begin with `start`, for `numpy.savez`."""
+        return {
+            f"{start}_low": np.int64(self._sums.low),
+            f"{start}_limbs": self._sums.limbs,
+            f"{start}_counts": self._counts,
+        }
+
+    def load(self, start: str, saved: Mapping[str, Any]) -> None:
+        """Replace what was summed by `arrays`; ValueError if they are of another shape."""
+        counts = saved[f"{start}_counts"]
+        if counts.shape != self._counts.shape:
+            raise ValueError("these bytes are the state of a study of other shape")
+        self._sums.low = int(saved[f"{start}_low"])
+        self._sums.limbs = saved[f"{start}_limbs"]
+        self._counts = counts
+
+    def weighted(self, stop: int) -> "Weighted":
+        """Return what the sums say in the first `stop` weightings."""
+        return Weighted(self._sums, self._counts, self.places, stop)
+
+
+class Weighted:
+    """What named sums say in some of the weightings.
+
+    Args:
+        sums, counts: sums in all weightings, and how many terms they have.
+        places: by name, the columns of a sum and the shape of one weighting of it.
+        stop: how many of the weightings to take, the first ones.
+    """
+
+    def __init__(
+        self,
+        sums: ExactSums,
+        counts: NDArray[np.int64],
+        places: Mapping[str, tuple[slice, tuple[int, ...]]],
+        stop: int,
+    ) -> None:
+        self._sums, self._counts, self._places, self._stop = sums, counts[:stop], places, stop
+        self._totals: dict[str, Integers] = {}
+
+    def count(self, name: str) -> NDArray[np.int64]:
+        """Return how many terms a sum has, shape (weightings, ...)."""
+        columns, shape = self._places[name]
+        counts = self._counts[:, columns].copy()
+        counts[1:FIRST] = counts[0] - counts[1:FIRST]
+        return counts.reshape(-1, *shape)
+
+    def mean(self, name: str) -> NDArray[np.float64]:
+        """Return the mean of a sum, rounded once; nan of nothing. Shape (weightings, ...)."""
+        total, shift = self._total(name)
+        return divide(total, self.count(name).astype(object), shift)
+
+    def variance(self, name: str, *, ddof: int) -> NDArray[np.float64]:
+        """Return the variance, rounded once, so 0 exactly if nothing varies; as `mean`."""
+        total, shift = self._total(name)
+        squares, _ = self._total(name + SQUARED)
+        n = self.count(name).astype(object)
+        numerator = n * (squares << shift) - total * total
+        return divide(numerator, np.where(n > ddof, n * (n - ddof), 0), 2 * shift)
+
+    def _total(self, name: str) -> tuple[Integers, int]:
+        columns, shape = self._places[name]
+        if name not in self._totals:
+            total = self._sums.integers(columns, self._stop)
+            total[1:FIRST] = total[0] - total[1:FIRST]
+            self._totals[name] = total.reshape(-1, *shape)
+        return self._totals[name], self._sums.shift

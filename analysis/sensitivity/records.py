@@ -1,0 +1,45 @@
+"""What the analysis is told about a study and its results."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from analysis.designs.distributions import Scale
+
+
+class NoSuchStudyError(LookupError):
+    """The study was deleted meanwhile."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyPlan:
+    """What a study set out to do; nothing of it ever changes, except that `rows` may grow."""
+
+    id: str
+    #: One of `analysis.designs.METHODS`.
+    method: str
+    seed: int
+    #: One of `analysis.designs.samplings`.
+    sampling: str
+    #: How many rows the study has.
+    rows: int
+    #: The sampled factors, in the order of the design's columns.
+    factors: tuple[str, ...]
+    outputs: tuple[str, ...]
+    #: Width of every factor's distribution, in its unit: what turns an effect per range into one
+    #: per unit. No index depends on it.
+    scales: Mapping[str, Scale] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoggedResult:
+    """The one final result of one instance, as the store logged it."""
+
+    #: Place in the study's log: 1, 2, 3, ... without gaps.
+    seq: int
+    instance: str
+    row: int
+    position: int
+    #: "ok", or the name of a failure.
+    outcome: str
+    #: Finite numbers by output name; empty unless the outcome is "ok".
+    outputs: Mapping[str, float]

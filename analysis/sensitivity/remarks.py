@@ -1,0 +1,94 @@
+"""What a reader of a snapshot should know besides the numbers, in sentences.
+
+A snapshot that an earlier version left in a database lacks some of it; then there is no remark.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from analysis.sensitivity.screening import SHARE_OF_LARGEST
+from analysis.sensitivity.stopping import advise
+
+#: Intervals of an index that rests on fewer rows than this may hold the truth less often than they
+#: say: half of them, of a rare event in 64 rows (`tests/unit/analysis/sensitivity/test_tails.py`).
+FEWEST_ROWS = 2.0
+
+
+def warning(snapshot: Mapping[str, Any]) -> str:
+    """Return what failures do to the indices; empty unless they depend on the factors."""
+    failure = snapshot.get("failure", {})
+    return str(failure["sentence"]) if failure.get("depends_on_factors") else ""
+
+
+def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = None) -> list[str]:
+    """Return what the study says of its failures, its ranking and its precision.
+
+    Args:
+        snapshot: of a study.
+        output: one of its outputs.
+        target: half width wanted of every interval (`analysis.sensitivity.stopping.advise`).
+
+    Raises:
+        ValueError: as `analysis.sensitivity.stopping.advise`.
+    """
+    found = [str(snapshot.get("failure", {}).get("sentence", ""))]
+    found.append(_ranking(snapshot["outputs"].get(output, {}).get("ranking", {}), output))
+    found.append(_screened(snapshot["outputs"].get(output, {}).get("screening"), output))
+    found.append(_few_rows(snapshot, output))
+    found.append(_one_sequence(snapshot))
+    if "sampling" in snapshot:
+        advice = advise(snapshot, output, target)
+        found.append("" if advice is None else advice.sentence)
+    return [sentence for sentence in found if sentence]
+
+
+def _screened(screening: Mapping[str, Any] | None, output: str) -> str:
+    """Return which factors surely do less than what matters, and of which it is open."""
+    if screening is None or screening["threshold"] is None:
+        return ""
+    if screening["by"] == "mu_star":
+        what = f"μ* below {screening['threshold']:.2g}, {SHARE_OF_LARGEST:.0%} of the largest"
+    else:
+        what = f"ST below {screening['threshold']:.2g}"
+    none = "none yet" if screening["undecided"] else "none"
+    sentence = (
+        f"Non-influential on {output} ({what}; a dummy factor has {screening['dummy']:g}): "
+        f"{', '.join(screening['non_influential']) or none}."
+    )
+    if screening["undecided"]:
+        sentence += f" Undecided: {', '.join(screening['undecided'])}."
+    return sentence
+
+
+def _few_rows(snapshot: Mapping[str, Any], output: str) -> str:
+    """Return which total-order indices too few rows make up (Kish 1965, by `rests_on`)."""
+    factors = snapshot["outputs"].get(output, {}).get("factors", {})
+    known = {name: factor.get("rests_on") for name, factor in factors.items()}
+    few = {name: rows for name, rows in known.items() if rows is not None and rows < FEWEST_ROWS}
+    if not few:
+        return ""
+    which = ", ".join(few)
+    return (
+        f"Few rows make up the total-order index of {which} on {output}: as many as "
+        f"{min(few.values()):.1f} of equal size would, of {snapshot['rows_used']:,}. Its interval "
+        "may miss the truth more often than it says; more rows make it honest."
+    )
+
+
+def _one_sequence(snapshot: Mapping[str, Any]) -> str:
+    """Return what intervals of one Sobol sequence are worth (docs/adr/0006)."""
+    if snapshot.get("sampling") not in ("sobol", "sobol_paired") or not snapshot["rows_used"]:
+        return ""
+    return (
+        "Points of one Sobol sequence depend on each other: intervals are too wide on average, and "
+        "may miss single factors all the same. Those of sampling sobol_blocks are honest."
+    )
+
+
+def _ranking(ranking: Mapping[str, Any], output: str) -> str:
+    if ranking.get("order") is None or len(ranking["order"]) < 2:
+        return ""
+    return (
+        f"{ranking['same_order']:.0%} of the bootstrap replicates rank the factors of {output} in "
+        f"the same order, {ranking['same_first']:.0%} with {ranking['order'][0]} first."
+    )

@@ -1,0 +1,111 @@
+"""The analysis process: follows the logs of results and keeps every study's snapshot up to date.
+
+Any number of these processes may run on one store. Each reads a study's log from the cursor the
+last commit left, and commits state, snapshot and new cursor at once, provided that the cursor is
+still where it found it and the study is as it was planned. So every result counts once, whoever is
+first, and a process may die at any moment (docs/adr/0004).
+"""
+
+from collections.abc import Iterable
+from contextlib import suppress
+from threading import Event
+from typing import Any, Protocol
+
+from analysis.sensitivity.records import LoggedResult, NoSuchStudyError, StudyPlan
+from analysis.sensitivity.study_state import StaleStateError, StudyState
+
+__all__ = ["LoggedResult", "ResultLog", "StudyPlan", "analyse", "catch_up", "follow"]
+
+#: Results between two commits: few enough that a snapshot is never long in coming.
+BATCH = 2000
+
+
+class ResultLog(Protocol):
+    """What the analysis needs of a store."""
+
+    def studies_with_news(self) -> list[str]:
+        """Return the studies whose log is longer than their cursor."""
+
+    def plan(self, study_id: str) -> StudyPlan:
+        """Return what a study set out to do; NoSuchStudyError if it is gone."""
+
+    def load(self, study_id: str) -> tuple[int, bytes | None]:
+        """Return the cursor and the state last committed; `(0, None)` if none was."""
+
+    def results_after(self, study_id: str, cursor: int, limit: int) -> list[LoggedResult]:
+        """Return up to `limit` results with seq > cursor, in order of seq.
+
+        None if the study has changed since `plan` was asked for: what is left is for the next call.
+        """
+
+    def commit(
+        self,
+        study_id: str,
+        *,
+        expected_cursor: int,
+        cursor: int,
+        state: bytes,
+        snapshot: dict[str, Any],
+    ) -> bool:
+        """Replace cursor, state and snapshot at once; False if the cursor is not as expected."""
+
+    def pursue_goals(self) -> None:
+        """Extend the complete studies that are less precise than they were to be.
+
+        The rule is `analysis.sensitivity.stopping.next_step`; studies whose snapshot lacks a result
+        wait.
+        """
+
+
+def catch_up(log: ResultLog, study_id: str) -> int:
+    """Take in what a study's log has new, and return how many results were committed.
+
+    Stops early if another process commits first: what is left is its business, or the next call's.
+    """
+    plan = log.plan(study_id)
+    committed, data = log.load(study_id)
+    state = _restore(plan, data)
+    taken = 0
+    while results := log.results_after(study_id, state.cursor, BATCH):
+        new = state.take(results)
+        if not log.commit(
+            study_id,
+            expected_cursor=committed,
+            cursor=state.cursor,
+            state=state.to_bytes(),
+            snapshot=state.snapshot(),
+        ):
+            break
+        committed = state.cursor
+        taken += new
+    return taken
+
+
+def follow(log: ResultLog, *, stop: Event, poll_seconds: float = 0.5) -> None:
+    """Keep every study caught up, and those with a goal growing, until `stop` is set."""
+    while not stop.is_set():
+        for study_id in log.studies_with_news():
+            if stop.is_set():
+                return
+            # One that was deleted since it was listed needs no indices.
+            with suppress(NoSuchStudyError):
+                catch_up(log, study_id)
+        log.pursue_goals()
+        stop.wait(poll_seconds)
+
+
+def analyse(plan: StudyPlan, results: Iterable[LoggedResult]) -> dict[str, Any]:
+    """Return the snapshot of a study from its results at one go, in whatever order they come."""
+    state = StudyState(plan)
+    state.take(results)
+    return state.snapshot()
+
+
+def _restore(plan: StudyPlan, data: bytes | None) -> StudyState:
+    if data is None:
+        return StudyState(plan)
+    try:
+        return StudyState.from_bytes(plan, data)
+    except StaleStateError:
+        # Nothing is lost: the log has it all, and the first commit replaces the old state.
+        return StudyState(plan)

@@ -1,0 +1,165 @@
+"""Where the analysis of one study stands: incomplete rows, and what was made of the others.
+
+It does not depend on the order of results (docs/adr/0004).
+"""
+
+import io
+import json
+import zlib
+from collections import Counter
+from collections.abc import Iterable
+from math import inf, nan
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.sensitivity.estimators import Estimator
+from analysis.sensitivity.records import LoggedResult, StudyPlan
+from analysis.sensitivity.snapshot import new_growing_estimator, take_snapshot
+
+#: Changes whenever the meaning of the bytes does.
+FORMAT = 4
+
+#: Bounds the memory that the weights of a batch take.
+_ROWS_AT_ONCE = 1000
+
+
+class StaleStateError(ValueError):
+    """This state is of another version or study: start again from the log."""
+
+
+class StudyState:
+    """All that the results of one study say so far.
+
+    It is a function of the set of results taken in: their order and their batches leave no trace.
+    """
+
+    def __init__(self, plan: StudyPlan) -> None:
+        self.plan = plan
+        #: Sequence number of the last result taken in.
+        self.cursor = 0
+        self.evaluations: Counter[str] = Counter()
+        self._estimator = new_growing_estimator(plan)
+        #: Values (width, outputs + 1) of incomplete rows; inf where no result came yet, nan where
+        #: the run failed. The last column is 1 for a failed run and 0 for any other.
+        self._partial: dict[int, NDArray[np.float64]] = {}
+        #: Which rows are complete.
+        self._complete = np.zeros(plan.rows, dtype=np.bool_)
+
+    def take(self, results: Iterable[LoggedResult]) -> int:
+        """Take in results and return how many were new.
+
+        A result of a place that is taken already was seen before, and is left out.
+
+        Raises:
+            ValueError: a result belongs to no row or position of the study.
+        """
+        new = 0
+        whole: list[int] = []
+        for result in results:
+            self.cursor = max(self.cursor, result.seq)
+            if self._place(result):
+                new += 1
+                self.evaluations[result.outcome] += 1
+                if not np.isinf(self._partial[result.row]).any():
+                    whole.append(result.row)
+                    self._complete[result.row] = True
+            if len(whole) == _ROWS_AT_ONCE:
+                self._add(whole)
+                whole = []
+        self._add(whole)
+        return new
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the snapshot of the study (`analysis.sensitivity.snapshot`)."""
+        return take_snapshot(
+            self.plan,
+            self.estimator(),
+            self._estimator.series,
+            cursor=self.cursor,
+            rows_complete=int(self._complete.sum()),
+            evaluations=self.evaluations,
+        )
+
+    def estimator(self) -> Estimator:
+        """Return the estimator of all complete rows; its last output is the failure indicator."""
+        return self._estimator.total()
+
+    def to_bytes(self) -> bytes:
+        """Return the state as a compressed NPZ file without pickles."""
+        rows = sorted(self._partial)
+        buffer = io.BytesIO()
+        np.savez(
+            buffer,
+            format=np.int64(FORMAT),
+            study=_bytes(json.dumps(_identity(self.plan)).encode()),
+            cursor=np.int64(self.cursor),
+            evaluations=_bytes(json.dumps(self.evaluations, sort_keys=True).encode()),
+            complete=np.packbits(self._complete),
+            partial_rows=np.array(rows, dtype=np.int64),
+            partial_values=np.array([self._partial[row] for row in rows], dtype=np.float64),
+            estimator=_bytes(self._estimator.to_bytes()),
+        )
+        # The fastest level already shrinks it to a third.
+        return zlib.compress(buffer.getvalue(), level=1)
+
+    @classmethod
+    def from_bytes(cls, plan: StudyPlan, data: bytes) -> Self:
+        """Return the state that `to_bytes` returned for the same study.
+
+        Raises:
+            StaleStateError: the bytes are of another format or of another study.
+        """
+        state = cls(plan)
+        with np.load(io.BytesIO(zlib.decompress(data)), allow_pickle=False) as saved:
+            if int(saved["format"]) != FORMAT:
+                raise StaleStateError(f"the state has format {saved['format']}, not {FORMAT}")
+            if json.loads(saved["study"].tobytes()) != _identity(plan):
+                raise StaleStateError(f"the state does not belong to study {plan.id} as planned")
+            state.cursor = int(saved["cursor"])
+            state.evaluations = Counter(json.loads(saved["evaluations"].tobytes()))
+            complete = np.unpackbits(saved["complete"], count=plan.rows)
+            state._complete = complete.astype(np.bool_)
+            state._partial = {
+                int(row): values
+                for row, values in zip(saved["partial_rows"], saved["partial_values"], strict=True)
+            }
+            state._estimator.load_bytes(saved["estimator"].tobytes())
+        return state
+
+    def _add(self, rows: list[int]) -> None:
+        """Hand complete rows over to the estimator."""
+        if rows:
+            values = np.stack([self._partial.pop(row) for row in rows])
+            self._estimator.add_rows(rows, values)
+
+    def _place(self, result: LoggedResult) -> bool:
+        """Put a result in its row; False if its place is taken."""
+        width = self._estimator.width
+        if not (0 <= result.row < self.plan.rows and 0 <= result.position < width):
+            raise ValueError(
+                f"study {self.plan.id} has {self.plan.rows} rows of {width} positions: "
+                f"instance {result.instance} is at row {result.row}, position {result.position}"
+            )
+        if self._complete[result.row]:
+            return False
+        values = self._partial.setdefault(
+            result.row, np.full((width, len(self.plan.outputs) + 1), inf, dtype=np.float64)
+        )
+        if not np.isinf(values[result.position]).any():
+            return False
+        ok = result.outcome == "ok"
+        found = [result.outputs.get(name, nan) if ok else nan for name in self.plan.outputs]
+        finite = [value if abs(value) < inf else nan for value in found]
+        values[result.position] = [*finite, 0.0 if ok else 1.0]
+        return True
+
+
+def _identity(plan: StudyPlan) -> list[Any]:
+    """Return what a state depends on, as JSON; not the number of rows, which may grow."""
+    return [plan.id, plan.method, plan.seed, plan.sampling, list(plan.factors), list(plan.outputs)]
+
+
+def _bytes(data: bytes) -> NDArray[np.uint8]:
+    return np.frombuffer(data, dtype=np.uint8)

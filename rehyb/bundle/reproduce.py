@@ -1,0 +1,314 @@
+"""Check a bundle without believing it: hashes, design, ledger, indices, a sample of its runs."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rehyb.bundle.archive import MANIFEST, MEMBERS, Bundle, versions
+from rehyb.client import Json
+from rehyb.errors import Invalid
+
+if TYPE_CHECKING:
+    from analysis.files.table import Table
+    from server.logic.study import Plan
+
+#: Largest share by which a recomputed parameter or index may differ where the bits do: other
+#: versions of NumPy and SciPy round sums and quantiles differently.
+ROUNDING = 1e-9
+
+#: Runs recomputed, and how far their outputs may be off, as a share of the output's standard
+#: deviation over the study. The same code on the same kind of machine gives the same bits.
+SAMPLE = 10
+TOLERANCE = 1e-6
+
+#: How a run may end that says more of a machine than of the model.
+OF_MACHINES = ("crashed", "timed_out", "lost", "invalid")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One thing that was checked."""
+
+    check: str
+    holds: bool
+    sentence: str
+
+
+def check(
+    bundle: Bundle, *, sample: int = SAMPLE, seed: int = 1, tolerance: float = TOLERANCE
+) -> Iterator[Finding]:
+    """Yield what is found, one finding per check, until nothing more can be checked.
+
+    Args:
+        bundle: read by `read_bundle`.
+        sample: how many runs to compute again.
+        seed: which ones.
+        tolerance: how far outputs of those may differ, in standard deviations of the output.
+
+    """
+    yield _hashes(bundle)
+    try:
+        plan, table = plan_of(bundle.study), _table(bundle)
+    except Invalid as error:
+        yield Finding(check="contents", holds=False, sentence=str(error))
+        return
+    yield _design(plan, table)
+    yield _ledger(bundle, table)
+    yield _indices(bundle, table)
+    yield _sample(bundle, plan, table, sample=sample, seed=seed, tolerance=tolerance)
+
+
+def plan_of(study: Json) -> "Plan":
+    """Return a study's plan, drawn up anew and checked as the coordinator would.
+
+    Raises:
+        Invalid: it is no study that this version knows.
+    """
+    from server.errors import InvalidStudyError
+    from server.logic.study import FactorChoice, draw_up
+
+    try:
+        if not 0 <= int(study["seed"]) < 2**63:
+            raise ValueError(f"seed {study['seed']} is none")
+        return draw_up(
+            name=str(study["name"]),
+            model=str(study["model"]),
+            method=str(study["method"]),
+            sampling=str(study["sampling"]),
+            rows=int(study["rows"]),
+            seed=int(study["seed"]),
+            factors=[
+                FactorChoice(name=factor["name"], distribution=factor["distribution"])
+                for factor in study["factors"]
+            ],
+            fixed={str(name): float(value) for name, value in study["fixed"].items()},
+            outputs=study["outputs"],
+        )
+    except (InvalidStudyError, ValueError, TypeError, AttributeError, OverflowError) as error:
+        raise Invalid(f"study.json describes no study that can be computed here: {error}") from None
+    except KeyError as error:
+        raise Invalid(f"study.json describes no study: it has no {error}") from None
+
+
+def request_of(study: Json) -> Json:
+    """Return the request that submits the same study again."""
+    asked = ("name", "model", "method", "sampling", "rows", "seed", "factors", "outputs")
+    request = {name: study[name] for name in asked}
+    return request | {"fixed": study["fixed"]}
+
+
+def _hashes(bundle: Bundle) -> Finding:
+    stated = bundle.manifest.get("files")
+    stated = stated if isinstance(stated, dict) else {}
+    wrong = [
+        member
+        for member in MEMBERS
+        if not isinstance(stated.get(member), dict)
+        or stated[member].get("sha256") != bundle.found[member]
+    ]
+    if wrong:
+        what = f"{', '.join(wrong)}: not what {MANIFEST} states"
+        return Finding(check="hashes", holds=False, sentence=what)
+    return Finding(
+        check="hashes", holds=True, sentence=f"{len(MEMBERS)} files are as {MANIFEST} states"
+    )
+
+
+def _table(bundle: Bundle) -> "Table":
+    from analysis.files.table import Table
+    from analysis.reports.report import plan_of
+
+    try:
+        return Table.read(plan_of(bundle.study), bundle.results)
+    except (ValueError, OverflowError, TypeError) as error:
+        what = str(error).replace(str(bundle.results), "results.csv")
+        raise Invalid(f"results.csv cannot be read: {what}") from None
+
+
+def _design(plan: "Plan", table: "Table") -> Finding:
+    """Compare every parameter with the one that the study's seed gives."""
+    from server.logic.study import parameters
+
+    def finding(holds: bool, sentence: str) -> Finding:
+        return Finding(check="design", holds=holds, sentence=sentence)
+
+    places = list(zip(table.rows.tolist(), table.positions.tolist(), strict=True))
+    outside = [p for p in places if not (0 <= p[0] < plan.rows and 0 <= p[1] < plan.width)]
+    if outside or len(set(places)) < len(places):
+        where = f"{outside[0]} lies outside the study" if outside else "a place occurs twice"
+        return finding(False, f"results.csv has rows and positions that no study has: {where}")
+    worst, at, row, points = 0.0, (0, 0), -1, list[dict[str, float]]()
+    for line, place in enumerate(places):
+        if place[0] != row:
+            row, points = place[0], parameters(plan, place[0])
+        for f, name in enumerate(plan.distributions):
+            off = _apart(table.points[line, f], points[place[1]][name])
+            if off > worst:
+                worst, at = off, place
+    stated = f"the parameters of {len(places):,} results"
+    if worst == 0.0:
+        return finding(True, f"{stated} follow from seed {plan.seed}, bit for bit")
+    if worst <= ROUNDING:
+        return finding(True, f"{stated} follow from seed {plan.seed}, to {worst:.1g} of their size")
+    return finding(False, f"row {at[0]}, position {at[1]} is not what seed {plan.seed} gives")
+
+
+def _ledger(bundle: Bundle, table: "Table") -> Finding:
+    """Compare the failures in the ledger with those in the table."""
+
+    def finding(holds: bool, sentence: str) -> Finding:
+        return Finding(check="failures", holds=holds, sentence=sentence)
+
+    lines = zip(table.rows.tolist(), table.positions.tolist(), table.outcomes, strict=True)
+    failed = {line for line in lines if line[2] != "ok"}
+    told = {(one.get("row"), one.get("position"), one.get("outcome")) for one in bundle.failures}
+    if failed != told or len(told) != len(bundle.failures):
+        return finding(
+            False,
+            f"failures.json tells of {len(bundle.failures)} failures, and {len(failed & told)} of "
+            f"the {len(failed)} in results.csv are among them",
+        )
+    if bundle.manifest.get("results") != len(table.outcomes):
+        return finding(
+            False,
+            f"results.csv has {len(table.outcomes)} results, and {MANIFEST} states "
+            f"{bundle.manifest.get('results')}",
+        )
+    if not failed:
+        return finding(True, "no run failed, and the ledger has none")
+    return finding(True, f"the ledger tells of every failed run ({len(failed)}), and of no other")
+
+
+def _indices(bundle: Bundle, table: "Table") -> Finding:
+    """Compute the snapshot again from the results alone."""
+    from analysis.sensitivity.study_state import StudyState
+
+    def finding(holds: bool, sentence: str) -> Finding:
+        return Finding(check="indices", holds=holds, sentence=sentence)
+
+    state = StudyState(table.plan)
+    try:
+        state.take(table.results())
+    except ValueError as error:
+        return finding(False, f"the results are not of this study: {error}")
+    again = state.snapshot()
+    # Where the log stood says nothing about the numbers.
+    differences = list(_differences({**bundle.indices, "cursor": 0}, {**again, "cursor": 0}))
+    if not differences:
+        return finding(True, "every index and interval comes out of the results again, bit for bit")
+    where, off = max(differences, key=lambda item: item[1])
+    made, here = bundle.manifest.get("bundled_with"), versions()
+    if off <= ROUNDING and made != here:
+        return finding(
+            True,
+            f"every index and interval comes out again to {off:.1g} of its size; not bit for bit, "
+            f"since {_in_words(made)} made them and this is {_in_words(here)}",
+        )
+    return finding(
+        False,
+        f"{len(differences)} numbers in indices.json do not come out of the results, {where} most",
+    )
+
+
+def _sample(
+    bundle: Bundle, plan: "Plan", table: "Table", *, sample: int, seed: int, tolerance: float
+) -> Finding:
+    """Compute some runs again."""
+    from server.logic.study import parameters
+    from sim.evaluation import evaluate
+
+    def finding(holds: bool, sentence: str) -> Finding:
+        return Finding(check="runs", holds=holds, sentence=sentence)
+
+    of_model = [i for i, outcome in enumerate(table.outcomes) if outcome not in OF_MACHINES]
+    inside = [
+        i
+        for i in of_model
+        if 0 <= table.rows[i] < plan.rows and 0 <= table.positions[i] < plan.width
+    ]
+    chosen = sorted(
+        np.random.default_rng(seed).choice(
+            np.array(inside, dtype=np.int64), min(sample, len(inside)), replace=False
+        )
+    )
+    sd = np.array([_spread(column) for column in table.values.T])
+    worst, where = 0.0, ""
+    for i in map(int, chosen):
+        place = (int(table.rows[i]), int(table.positions[i]))
+        name = f"row {place[0]}, position {place[1]}"
+        try:
+            done = evaluate(plan.model, parameters(plan, place[0])[place[1]])
+        except ValueError as error:
+            return finding(False, f"{name} cannot be computed: {error}")
+        if done.outcome != table.outcomes[i]:
+            return finding(
+                False, f"{name} came out as {table.outcomes[i]}, and here as {done.outcome}"
+            )
+        for o, output in enumerate(plan.outputs if done.outcome == "ok" else ()):
+            off = float(abs(done.outputs[output] - table.values[i, o]) / sd[o])
+            # What is no number is as far off as can be.
+            off = off if isfinite(off) else inf
+            if off > worst:
+                worst, where = off, f"{output} of {name}"
+    stated = f"{len(chosen)} of {len(table.outcomes):,} runs, computed again,"
+    code = _code(bundle.manifest)
+    if worst > tolerance:
+        return finding(
+            False,
+            f"{stated} differ by up to {worst:.2g} standard deviations ({where}), more than "
+            f"{tolerance:g}{code}",
+        )
+    how = "bit for bit" if worst == 0.0 else f"to {worst:.1g} standard deviations ({where})"
+    return finding(True, f"{stated} come out {how}{code}")
+
+
+def _code(manifest: Mapping[str, Any]) -> str:
+    """Say what code computed the study, if it is not what is installed here."""
+    from sim.evaluation import versions as here
+    from worker.machine import code
+
+    mine = {"code": code(), "mujoco": here()["mujoco"]}
+    theirs = manifest.get("identity")
+    if theirs == mine or not isinstance(theirs, dict):
+        return ""
+    return f"; it was computed with {_in_words(theirs)}, and this is {_in_words(mine)}"
+
+
+def _spread(column: Any) -> float:
+    """Return the standard deviation of what is finite; 1 if there is none."""
+    finite = column[np.isfinite(column)]
+    sd = float(np.std(finite)) if finite.size else 0.0
+    return sd or 1.0
+
+
+def _differences(a: Any, b: Any, where: str = "") -> Iterator[tuple[str, float]]:
+    """Yield where two JSON values differ and by how much; 1 or more if not in a number's size."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        for name in sorted({*a, *b}):
+            at = f"{where}/{name}"
+            if name in a and name in b:
+                yield from _differences(a[name], b[name], at)
+            else:
+                yield at, 2.0
+    elif isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
+        for i, pair in enumerate(zip(a, b, strict=True)):
+            yield from _differences(*pair, f"{where}/{i}")
+    elif a != b:
+        numbers = all(isinstance(x, int | float) and isfinite(x) for x in (a, b))
+        yield where, _apart(a, b) if numbers else 2.0
+
+
+def _apart(a: float, b: float) -> float:
+    """Return how far two numbers are apart, as a share of the larger one; 2 if one is none."""
+    if a == b:
+        return 0.0
+    share = float(abs(a - b) / max(abs(a), abs(b)))
+    return share if isfinite(share) else 2.0
+
+
+def _in_words(found: object) -> str:
+    pairs = found.items() if isinstance(found, dict) else ()
+    return ", ".join(f"{name} {value}" for name, value in pairs) or "nothing known"

@@ -1,0 +1,146 @@
+"""The command that closes the loop with measured data: `close-loop`."""
+
+import json
+import sys
+from contextlib import nullcontext
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rehyb.cli.options import AsJson, Token, Url, print_json
+from rehyb.client import Client
+from rehyb.client import close_loop as loops
+from rehyb.errors import Invalid, RehybError
+
+
+def close_loop(
+    session: Annotated[
+        Path,
+        typer.Argument(metavar="SESSION", help="Folder with session.json and trials, or its zip."),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for report, repaired model and residuals.")],
+    submit: Annotated[
+        bool, typer.Option("--submit", help="Have a worker of the coordinator do it.")
+    ] = False,
+    url: Url = None,
+    token: Token = None,
+    as_json: AsJson = False,
+) -> None:
+    """Trace the residual of measured trials to an effect the declared model lacks, and add it.
+
+    Exit status 2 if the session cannot be analysed; then nothing is written.
+    """
+    if submit:
+        with Client(url, token) as client:
+            report = loops.close_loop(client, session, out, _show)
+    elif url or token:
+        raise Invalid("--url and --token go with --submit: without it this machine does the work")
+    else:
+        report = _close_here(session, out)
+    if as_json:
+        print_json(report)
+    else:
+        _print(report, out)
+
+
+def _close_here(session: Path, out: Path) -> dict[str, Any]:
+    if find_spec("matplotlib") is None:
+        raise RehybError("the report needs pictures: pip install 'rehyb[figures]'")
+    from analysis.closeloop.errors import SessionError
+    from analysis.closeloop.loop import close_loop as close
+    from analysis.closeloop.session.archive import unpacked
+
+    try:
+        with nullcontext(session) if session.is_dir() else unpacked(session) as folder:
+            return close(folder, out, _show)
+    except SessionError as error:
+        raise Invalid(str(error)) from None
+
+
+def _show(stage: str) -> None:
+    if sys.stderr.isatty():
+        print(f"rehyb: {stage}", file=sys.stderr)
+
+
+def with_effect(
+    report: Annotated[
+        Path, typer.Argument(metavar="REPORT", help="report.json of `rehyb close-loop`.")
+    ],
+    model: Annotated[
+        str, typer.Option(help="elbow_effects, or elbow_bushing_effects for a quick look.")
+    ] = "elbow_effects",
+    method: Annotated[str, typer.Option(help="morris or saltelli.")] = "morris",
+    rows: Annotated[int, typer.Option(min=1, help="Rows of the design.")] = 40,
+    seed: Annotated[int, typer.Option(help="Seed of the design.")] = 1,
+    from_none: Annotated[
+        bool,
+        typer.Option(
+            "--from-none", help="Sample each effect from none to what was found, not its interval."
+        ),
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json", help="Write the study instead of submitting.", show_default=False
+        ),
+    ] = None,
+    url: Url = None,
+    token: Token = None,
+    as_json: AsJson = False,
+) -> None:
+    """Submit a study in which a found effect's parameters are uncertain, beside Table 1's."""
+    from analysis.closeloop.report.effect_study import GoingOnError, study_with_effects
+
+    try:
+        content = json.loads(report.read_text(encoding="utf-8"))
+        study = study_with_effects(
+            content, model=model, method=method, rows=rows, seed=seed, from_none=from_none
+        )
+    except (json.JSONDecodeError, UnicodeDecodeError):
+        raise Invalid(f"{report} is not JSON") from None
+    except GoingOnError as error:
+        raise Invalid(f"{report}: {error}") from None
+    if out is not None:
+        out.write_text(json.dumps(study, indent=2) + "\n")
+        if as_json:
+            print_json({"file": str(out)})
+        else:
+            typer.echo(f"{out}: submit it with rehyb study submit {out}")
+        return
+    with Client(url, token) as client:
+        answer = client.submit(study)
+    if as_json:
+        print_json(answer)
+    else:
+        typer.echo(f"{answer['id']}  {answer['name']}: {answer['instances']} instances")
+
+
+def _print(report: dict[str, Any], out: Path) -> None:
+    typer.echo(report["verdict"])
+    for effect in report["effects"]:
+        typer.echo(f"  {effect['name']} at {effect['joint']}")
+        for name, entry in effect["parameters"].items():
+            low, high = entry["ci90"]
+            typer.echo(
+                f"    {name:20} {entry['value']: 9.4g} [{low:.4g}, {high:.4g}] {entry['unit']}"
+            )
+        if effect["indistinguishable_from"]:
+            typer.echo(f"    looks like {', '.join(effect['indistinguishable_from'])}")
+    for joint, error in report["error"]["holdout"].items():
+        typer.echo(
+            f"  held-out error of {joint}: {error['before']:.4g} -> {error['after']:.4g} "
+            f"{error['unit']} (floor {error['floor']:.4g})"
+        )
+    for joint, values in report["impedance"].items():
+        k = values["stiffness"]
+        typer.echo(f"  stiffness of {joint}: {k['before']:.4g} -> {k['after']:.4g} {k['unit']}")
+    for joint, entry in report["unexplained"].items():
+        typer.echo(
+            f"  unexplained at {joint}: {entry['rms']:.3g} {entry['unit']}, depends on "
+            f"{', '.join(entry['depends_on']) or 'nothing recorded'}"
+        )
+    for line in (*report["advice"], *report["warnings"]):
+        typer.echo(f"  {line}")
+    typer.echo(str(out / "report.html"))

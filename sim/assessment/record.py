@@ -1,0 +1,111 @@
+"""What is recorded during the movement, step by step."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from sim.assessment.system import System
+from sim.assessment.target import ELBOW_TARGET
+from sim.body.skeleton import extension_stop_torque
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """The movement at every step: n steps, angles in rad, torques in Nm, forces in N."""
+
+    #: Seconds since the movement began, shape (n,).
+    time: np.ndarray
+    #: Name of the device.
+    device: str
+    #: Number of the human joint that was moved, 0 to 3, and the column of the device's own.
+    joint: int
+    exo_joint: int
+    #: Its desired angle, shape (n,).
+    reference: np.ndarray
+    #: Angles, velocities and accelerations of the device's joints, shape (n, their number).
+    theta: np.ndarray
+    theta_velocity: np.ndarray
+    theta_acceleration: np.ndarray
+    #: Motor torque of each, shape (n, their number).
+    motor_torque: np.ndarray
+    #: Human abduction, flexion, rotation and elbow angles and velocities, shape (n, 4).
+    q: np.ndarray
+    q_velocity: np.ndarray
+    #: What muscles and a passive extension stop do about the human joint, shape (n,).
+    human_torque: np.ndarray
+    #: Resultant force of cuff and strap on upper arm and forearm, shape (n, 2).
+    contact_force: np.ndarray
+    #: Sum of all normal forces between exoskeleton and arm, shape (n,).
+    normal_force: np.ndarray
+
+    def save(self, path: Path) -> None:
+        """Write every array under its own name to a compressed `.npz` file."""
+        with path.open("wb") as file:
+            np.savez_compressed(file, **{f.name: getattr(self, f.name) for f in fields(self)})
+
+
+def record_of(
+    system: System,
+    time: np.ndarray,
+    reference: np.ndarray,
+    states: np.ndarray,
+    sensed: np.ndarray,
+    contact_force: np.ndarray,
+    normal_force: np.ndarray,
+) -> Record:
+    """Return the record of a movement of n steps.
+
+    Args:
+        system: that moved.
+        time: seconds since the movement began, shape (n,).
+        reference: the moved joint's desired angle, rad, shape (n,).
+        states: before each step and after the last, shape (n + 1, nstate).
+        sensed: sensors of each step, shape (n, nsensordata), the torques first
+            (`sim.assessment.sensors`).
+        contact_force: N, shape (n, 2).
+        normal_force: N, shape (n,).
+    """
+    position, velocity = np.split(states[:, 1:], [system.model.nq], axis=1)
+    q = position[:-1, system.human_qpos]
+    exo_velocity = velocity[:, system.exo_dof]
+    # Those the steps really made.
+    acceleration = np.diff(exo_velocity, axis=0) / system.fidelity.step
+    motors = len(system.motors)
+    return Record(
+        device=system.device.name,
+        joint=system.target.joint,
+        exo_joint=system.moved,
+        time=time,
+        reference=reference,
+        theta=position[:-1, system.exo_qpos],
+        theta_velocity=exo_velocity[:-1],
+        theta_acceleration=acceleration,
+        motor_torque=acting_torque(system, sensed[:, :motors] / system.motor_gain, acceleration),
+        q=q,
+        q_velocity=velocity[:-1, system.human_dof],
+        human_torque=sensed[:, motors] + _stop_torque(system, q),
+        contact_force=contact_force,
+        normal_force=normal_force,
+    )
+
+
+def _stop_torque(system: System, q: np.ndarray) -> np.ndarray:
+    """Return what an extension stop adds to the moved joint's torque, Nm, shape (n,)."""
+    if system.target.joint != ELBOW_TARGET.joint:
+        return np.zeros(len(q))
+    return extension_stop_torque(q[:, system.target.joint], system.conditions.extension_stop)
+
+
+def acting_torque(system: System, torque: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    """Return what the motors really did over each step, as a torque sensor would show it, Nm.
+
+    The engine applies the controller's damping at the step's end; the force it reports is that of
+    the step's beginning.
+
+    Args:
+        system: whose motors.
+        torque: as reported, Nm, shape (n, number of joints).
+        acceleration: over each step, rad/s2, of that shape.
+    """
+    return torque - system.gains.kv * system.fidelity.step * acceleration

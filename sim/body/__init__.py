@@ -1,0 +1,1 @@
+"""The arm: bones, muscles, soft tissue and activation."""

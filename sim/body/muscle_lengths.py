@@ -1,0 +1,142 @@
+"""Shortest and longest lengths of the elbow's muscles on a wearer's bones, in closed form.
+
+MuJoCo could sweep them, but only in a compiled arm for each wearer, which takes as long as a
+quarter of an assessment without contact; a test compares the two.
+"""
+
+from dataclasses import replace
+from functools import cache, lru_cache
+from math import radians
+
+import mujoco
+import numpy as np
+
+from sim.body.elbow_muscles import (
+    REFITTED_MUSCLES,
+    TROCHLEA,
+    TROCHLEA_RADIUS,
+    TROCHLEA_SIDE,
+    ElbowMuscles,
+)
+from sim.body.muscle_tables import Muscle
+from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_torso, bone_point, empty_spec
+from sim.parameters.wearer import NOMINAL_WEARER, Wearer
+
+#: Elbow angles over which an elbow muscle's shortest and longest lengths are searched.
+SWEEP = np.radians(np.linspace(0.0, 120.0, 25))
+#: Columns of a point in the frame of the humerus: across the trochlea's axis, and along it.
+_ACROSS, _ALONG = [0, 2], 1
+#: Behind the trochlea, across its axis.
+_BEHIND = TROCHLEA_SIDE[_ACROSS] / np.linalg.norm(TROCHLEA_SIDE)
+
+#: Places (angles, 3) and axes (angles, 3, 3) of bones in the world, over SWEEP.
+Poses = dict[str, tuple[np.ndarray, np.ndarray]]
+
+
+def elbow_length_ranges(
+    wearer: Wearer, elbow: ElbowMuscles = REFITTED_MUSCLES
+) -> dict[str, tuple[float, float]]:
+    """Return each elbow muscle's shortest and longest length (m) over 0 to 120 degrees of flexion.
+
+    The shoulder is flexed to 90 degrees, as in the isometric tests that the operating ranges were
+    fitted to. Only the lengths of the wearer matter.
+    """
+    nominal = NOMINAL_WEARER
+    of_these_lengths = replace(
+        wearer,
+        upper_arm_mass=nominal.upper_arm_mass,
+        forearm_mass=nominal.forearm_mass,
+        upper_arm_elasticity=nominal.upper_arm_elasticity,
+        forearm_elasticity=nominal.forearm_elasticity,
+    )
+    return dict(_ranges(of_these_lengths, elbow))
+
+
+# Most wearers of a design's row have the same lengths.
+@lru_cache(maxsize=256)
+def _ranges(wearer: Wearer, elbow: ElbowMuscles) -> tuple[tuple[str, tuple[float, float]], ...]:
+    poses = _poses(wearer)
+    muscles = elbow.flexors.muscles + elbow.extensors.muscles
+    lengths = {muscle.name: _lengths(muscle, wearer, poses) for muscle in muscles}
+    return tuple((name, (float(of.min()), float(of.max()))) for name, of in lengths.items())
+
+
+def _lengths(muscle: Muscle, wearer: Wearer, poses: Poses) -> np.ndarray:
+    """Return the length of a muscle's path over SWEEP, m."""
+    points = [
+        poses[bone][0] + poses[bone][1] @ bone_point(wearer, bone, point)
+        for bone, point in muscle.path
+    ]
+    parts = np.linalg.norm(np.diff(points, axis=0), axis=2)
+    if muscle.wraps:
+        parts[-1] = _length_round_trochlea(points[-2], points[-1], wearer, poses)
+    total: np.ndarray = parts.sum(axis=0)
+    return total
+
+
+def _length_round_trochlea(
+    origin: np.ndarray, insertion: np.ndarray, wearer: Wearer, poses: Poses
+) -> np.ndarray:
+    """Return the shortest way between two points that passes behind the trochlea, m.
+
+    Unrolled, the way round a cylinder is straight: two tangents and an arc across the axis, and
+    what the points are apart along it.
+
+    Args:
+        origin: in the world, m, shape (angles, 3).
+        insertion: of that shape.
+        wearer: whose arm it is.
+        poses: of its bones.
+    """
+    bone, place = TROCHLEA
+    where, axes = poses[bone]
+    centre, radius = bone_point(wearer, bone, place), TROCHLEA_RADIUS * wearer.upper_arm_scale
+    # Row vectors times the axes of the humerus: the world seen from there.
+    a, b = ((((p - where)[:, None] @ axes)[:, 0] - centre) for p in (origin, insertion))
+    along = (b - a)[:, _ALONG]
+    a, b = a[:, _ACROSS], b[:, _ACROSS]
+    straight = np.linalg.norm(b - a, axis=1)
+    far_a, far_b = np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)
+    # To MuJoCo a point within the cylinder is not held off by it.
+    outside = np.minimum(far_a, far_b) > radius
+    far_a, far_b = np.maximum(far_a, radius), np.maximum(far_b, radius)
+    turned = np.abs(_angle(a) - _angle(b)) - np.arccos(radius / far_a) - np.arccos(radius / far_b)
+    tangents = np.sqrt(far_a**2 - radius**2) + np.sqrt(far_b**2 - radius**2)
+    # A straight way behind the trochlea needs no arc.
+    across = np.where(outside & (turned > 0.0), tangents + radius * turned, straight)
+    return np.asarray(np.hypot(across, along))
+
+
+def _angle(points: np.ndarray) -> np.ndarray:
+    """Return the angle of points across the trochlea's axis, seen from behind it, rad."""
+    x, z = points.T
+    return np.asarray(np.arctan2(_BEHIND[0] * z - _BEHIND[1] * x, points @ _BEHIND))
+
+
+def _poses(wearer: Wearer) -> Poses:
+    """Return the poses of a wearer's bones: they keep their directions when an arm is scaled."""
+    nominal = _nominal_poses()
+    elbow, wrist = nominal["ulna"], nominal["radius"]
+    ulna = wearer.upper_arm_scale * elbow[0]
+    radius = ulna + wearer.forearm_scale * (wrist[0] - elbow[0])
+    return {**nominal, "ulna": (ulna, elbow[1]), "radius": (radius, wrist[1])}
+
+
+@cache
+def _nominal_poses() -> Poses:
+    """Return the poses of the nominal wearer's bones."""
+    spec = empty_spec()
+    add_torso(spec)
+    add_arm(spec, NOMINAL_WEARER)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    bones = {bone: model.body(bone).id for bone in ("scapula", "humerus", "ulna", "radius")}
+    poses = {bone: (np.empty((len(SWEEP), 3)), np.empty((len(SWEEP), 3, 3))) for bone in bones}
+    data.joint(HUMAN_JOINTS[1]).qpos = radians(-90.0)
+    for i, angle in enumerate(SWEEP):
+        data.joint(HUMAN_JOINTS[3]).qpos = angle
+        mujoco.mj_kinematics(model, data)
+        for bone, number in bones.items():
+            poses[bone][0][i] = data.xpos[number]
+            poses[bone][1][i] = data.xmat[number].reshape(3, 3)
+    return poses

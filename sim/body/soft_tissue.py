@@ -1,0 +1,212 @@
+"""The soft tissue of upper arm and forearm: micro-elements on springs (paper, section 2.2.3).
+
+Each limb carries a cylinder of spheres on radial slides. The paper's three kinds of soft
+constraints are there: central-external (the slide's spring), external-neighbours (a tendon between
+two elements) and one that preserves the volume (a tendon over all). They are springs, so that Table
+1's N/m means N/m: the authors' own equality constraints scale with the element's mass.
+"""
+
+from dataclasses import dataclass
+from math import pi
+from typing import TypedDict
+
+import mujoco
+import numpy as np
+
+from sim.parameters.factors import TISSUE_COUPLING
+from sim.parameters.fidelity import CAMPAIGN, Fidelity
+from sim.parameters.wearer import Wearer
+
+#: Radius of an element, m: large enough that none can catch on the edge of a cuff.
+ELEMENT_RADIUS = 0.024
+#: Inertia of an element's slide, kg: it has no weight and adds nothing to the limb's inertia, but
+#: makes step x viscosity comparable with mass, without which contacts are far too soft.
+ELEMENT_INERTIA = 4.0
+#: Viscosity of one element, N s/m (paper, section 2.4.1).
+VISCOSITY = 100.0
+#: Elements of a limb that Table 1's N/m and the paper's N s/m are for; more share them.
+REFERENCE_ELEMENTS = 96
+#: Deflection at which the spring has doubled its stiffness, m: flesh hardens under load.
+HARDENING = 0.012
+#: Thickness that remains over the bone, m; the slide's stop lies there.
+BONE_CLEARANCE = 0.012
+#: Farthest an element may bulge outwards, m.
+BULGE = 0.03
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sleeve:
+    """The tissue of one limb, in the frame of the bone that carries it (x along the limb), in m."""
+
+    name: str
+    bone: str
+    radius: float
+    start: float
+    end: float
+    axis_y: float
+    axis_z: float
+    #: Mass of the whole sleeve, kg (paper's totals less Table 1's centre values).
+    mass: float
+    #: Stiffness (N/m) and viscosity (N s/m) of one of REFERENCE_ELEMENTS elements at rest.
+    elasticity: float
+    viscosity: float
+    #: Elements along and around the limb.
+    rings: int
+    per_ring: int
+    #: Stiffness of the springs between neighbours, as a share of an element's own.
+    coupling: float = TISSUE_COUPLING
+
+    @property
+    def share(self) -> float:
+        """What one of our elements has of a reference one's stiffness and viscosity."""
+        return REFERENCE_ELEMENTS / (self.rings * self.per_ring)
+
+    @property
+    def places(self) -> list[tuple[int, int]]:
+        """Ring and index of every element."""
+        return [(ring, i) for ring in range(self.rings) for i in range(self.per_ring)]
+
+    def element(self, ring: int, index: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the skin point (m) of an element and the outward normal there."""
+        x = self.start + (ring + 0.5) * (self.end - self.start) / self.rings
+        angle = 2 * pi * index / self.per_ring
+        normal = np.array([0.0, np.cos(angle), np.sin(angle)])
+        return np.array([x, self.axis_y, self.axis_z]) + self.radius * normal, normal
+
+
+def sleeves(
+    wearer: Wearer,
+    *,
+    tissue_scale: float = 1.0,
+    coupling: float = TISSUE_COUPLING,
+    fidelity: Fidelity = CAMPAIGN,
+) -> tuple[Sleeve, Sleeve]:
+    """Return the tissue of upper arm and forearm.
+
+    `tissue_scale` multiplies stiffness and viscosity of both; `coupling` the stiffness between
+    neighbours alone.
+
+    Masses are what the paper's totals (2.25 and 1.31 kg) leave beside 1.761 and 0.962 kg.
+    """
+    su, sl = wearer.upper_arm_scale, wearer.forearm_scale
+    common = _Common(
+        viscosity=tissue_scale * VISCOSITY,
+        rings=fidelity.rings,
+        per_ring=fidelity.per_ring,
+        coupling=coupling,
+    )
+    return (
+        Sleeve(
+            name="upper_arm",
+            bone="humerus",
+            radius=0.040,
+            start=0.09 * su,
+            end=0.22 * su,
+            axis_y=0.0,
+            axis_z=0.0,
+            mass=0.489,
+            elasticity=tissue_scale * wearer.upper_arm_elasticity,
+            **common,
+        ),
+        Sleeve(
+            name="forearm",
+            bone="ulna",
+            radius=0.035,
+            start=0.06 * sl,
+            end=0.22 * sl,
+            axis_y=-0.01 * sl,
+            axis_z=0.015 * sl,
+            mass=0.351,
+            elasticity=tissue_scale * wearer.forearm_elasticity,
+            **common,
+        ),
+    )
+
+
+class _Common(TypedDict):
+    viscosity: float
+    rings: int
+    per_ring: int
+    coupling: float
+
+
+def element_name(sleeve: Sleeve, ring: int, index: int) -> str:
+    return f"{sleeve.name}_tissue_{ring}_{index}"
+
+
+def set_contacts(spec: mujoco.MjSpec, friction: float, fidelity: Fidelity = CAMPAIGN) -> None:
+    """Give contacts of elements, which are added afterwards, their stiffness and friction."""
+    pair = spec.default.pair
+    pair.condim = 3
+    pair.friction[:2] = friction
+    pair.solref = [0.02, 1.0]
+    onset, depth = fidelity.onset
+    pair.solimp = [onset, 0.99, depth, 0.5, 2.0]
+
+
+def add_soft_tissue(spec: mujoco.MjSpec, sleeve: Sleeve) -> None:
+    """Add one sleeve to a spec that has the bone it sits on."""
+    count = len(sleeve.places)
+    mass = sleeve.mass / (count + 1)
+    bone = spec.body(sleeve.bone)
+    core = bone.add_body(
+        name=f"{sleeve.name}_tissue",
+        pos=[(sleeve.start + sleeve.end) / 2, sleeve.axis_y, sleeve.axis_z],
+    )
+    core.explicitinertial = True
+    core.ipos = [0.0, 0.0, 0.0]
+    core.mass = mass
+    core.inertia = [mass * ELEMENT_RADIUS**2 * 0.4] * 3
+    for ring, index in sleeve.places:
+        _add_element(bone, sleeve, ring, index, mass)
+    for ring, index in sleeve.places if sleeve.coupling > 0.0 else ():
+        _add_neighbour(spec, sleeve, (ring, index), (ring, (index + 1) % sleeve.per_ring))
+        if ring + 1 < sleeve.rings:
+            _add_neighbour(spec, sleeve, (ring, index), (ring + 1, index))
+    volume = spec.add_tendon(
+        name=f"{sleeve.name}_volume",
+        stiffness=[sleeve.share * sleeve.elasticity / count, 0.0, 0.0],
+        springlength=[0.0, 0.0],
+    )
+    for ring, index in sleeve.places:
+        volume.wrap_joint(element_name(sleeve, ring, index), 1.0)
+
+
+def _add_element(bone: mujoco.MjsBody, sleeve: Sleeve, ring: int, index: int, mass: float) -> None:
+    name = element_name(sleeve, ring, index)
+    skin, normal = sleeve.element(ring, index)
+    stiffness = sleeve.share * sleeve.elasticity
+    body = bone.add_body(name=name, pos=skin)
+    slide = body.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_SLIDE,
+        axis=normal,
+        stiffness=[stiffness, 0.0, stiffness / HARDENING**2],
+        damping=[sleeve.share * sleeve.viscosity, 0.0, 0.0],
+        armature=ELEMENT_INERTIA,
+        range=[-(sleeve.radius - BONE_CLEARANCE), BULGE],
+        limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+        solref_limit=[0.02, 1.0],
+    )
+    slide.solimp_limit[:3] = [0.95, 0.99, 0.002]
+    geom = body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[ELEMENT_RADIUS, 0, 0],
+        pos=-ELEMENT_RADIUS * normal,
+        mass=mass,
+        rgba=[0.85, 0.55, 0.5, 0.35],
+        group=2,
+    )
+    geom.contype = geom.conaffinity = 0
+
+
+def _add_neighbour(
+    spec: mujoco.MjSpec, sleeve: Sleeve, first: tuple[int, int], second: tuple[int, int]
+) -> None:
+    a, b = element_name(sleeve, *first), element_name(sleeve, *second)
+    tendon = spec.add_tendon(
+        name=f"{a}-{b}", stiffness=[sleeve.coupling * sleeve.elasticity, 0.0, 0.0]
+    )
+    tendon.wrap_joint(a, 1.0)
+    tendon.wrap_joint(b, -1.0)

@@ -1,0 +1,1 @@
+"""What an assessment takes: factors, conditions, a wearer, a fidelity."""

@@ -1,0 +1,132 @@
+"""Real recordings: a positioning axis with a worn screw, and stretches of healthy elbows.
+
+They are not part of the repository: REHYB_MEASURED names their folder, or they lie in
+`shared/measured` beside or above the checkout.
+"""
+
+import csv
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.loop import close_loop
+
+
+def measured_folder() -> Path | None:
+    """Return where the recordings are, or None."""
+    if named := os.environ.get("REHYB_MEASURED"):
+        return Path(named)
+    root = Path(__file__).resolve().parents[3]
+    places = (parent / "shared" / "measured" for parent in (root, *root.parents))
+    return next((place for place in places if place.is_dir()), None)
+
+
+MEASURED = measured_folder()
+pytestmark = pytest.mark.skipif(
+    MEASURED is None, reason="no measured recordings: set REHYB_MEASURED to their folder"
+)
+
+
+def emps(folder: Path, joint: str, declared: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Close the loop on the positioning axis with `joint` attributes declared."""
+    assert MEASURED is not None
+    folder.mkdir()
+    for name in ("train", "test_pulses"):
+        table = np.loadtxt(MEASURED / "emps" / f"emps_{name}.csv", delimiter=",", skiprows=1)
+        np.savetxt(
+            folder / f"{name}.csv",
+            table[:, [0, 2, 4]],
+            delimiter=",",
+            header="time,slide.position,slide.effort",
+            comments="",
+            fmt="%.9g",
+        )
+    (folder / "device.xml").write_text(
+        f'<mujoco><worldbody><body name="carriage"><joint name="slide" type="slide" axis="1 0 0" '
+        f'{joint}/><geom type="box" size=".1 .1 .1" mass="95.1"/></body></worldbody></mujoco>'
+    )
+    session = {
+        "schema": 1,
+        "model": "device.xml",
+        "declared_effects": [{"effect": effect, "joint": "slide"} for effect in declared],
+        "trials": [{"file": "train.csv"}, {"file": "test_pulses.csv", "role": "holdout"}],
+    }
+    (folder / "session.json").write_text(json.dumps(session))
+    return close_loop(folder, folder / "out")
+
+
+def test_a_worn_screw_rubs_differently_each_way(tmp_path: Path) -> None:
+    # Published symmetric values (Janot, Gautier and Brunot 2019).
+    report = emps(tmp_path / "emps", 'frictionloss="20.39" damping="203.5"')
+    assert report["verdict"] == "effect_found"
+    assert report["effects"][0]["name"] == "asymmetric_friction"
+    error = report["error"]["holdout"]["slide"]
+    assert error["after"] < error["before"] and error["smooth_relative_after"] <= 0.0535
+
+
+def test_the_same_form_fitted_has_the_published_errors_until_it_is_repaired(tmp_path: Path) -> None:
+    declared = ("coulomb_friction", "viscous_friction", "torque_offset")
+    report = emps(tmp_path / "emps", "", declared)
+    assert report["verdict"] == "effect_found"
+    assert report["effects"][0]["name"] == "asymmetric_friction"
+    # Published: 5.98 % for the symmetric model on the pulses that it was not fitted to.
+    error = report["error"]["holdout"]["slide"]
+    assert error["smooth_relative_before"] == pytest.approx(0.0595, abs=0.0005)
+    assert error["smooth_relative_after"] <= 0.0535
+    # What the pulses excite beyond the carriage's rigid motion has no name.
+    left = report["unexplained"]["slide"]
+    assert [place["file"] for place in left["mostly_in"]] == ["test_pulses.csv"]
+    assert left["band_hz"][0] > 15.0 and left["rms"] > 5.0
+
+
+def test_without_declared_coulomb_friction_it_is_found_first(tmp_path: Path) -> None:
+    report = emps(tmp_path / "emps", 'damping="203.5"')
+    # The asymmetric form includes the Coulomb friction: 20.4 N in the published model.
+    first = report["effects"][0]
+    assert first["name"] == "asymmetric_friction"
+    for side in ("torque_positive", "torque_negative"):
+        assert first["parameters"][side]["value"] == pytest.approx(20.4, rel=0.15)
+    error = report["error"]["holdout"]["slide"]
+    assert error["after"] < 0.6 * error["before"]
+
+
+def test_ramps_of_healthy_elbows_lack_inertia_and_nothing_else(tmp_path: Path) -> None:
+    assert MEASURED is not None
+    path = MEASURED / "elbow_stretch" / "healthy_constant_velocity.csv"
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    trials, clock = [], 0.0
+    for name in dict.fromkeys(row["trial"] for row in rows):
+        table = np.array(
+            [
+                [clock + float(r["t_s"]), np.radians(float(r["angle_deg"])), float(r["torque_Nm"])]
+                for r in rows
+                if r["trial"] == name
+            ]
+        )
+        clock = table[-1, 0] + 2.0
+        header = "time,elbow.position,elbow.effort"
+        np.savetxt(tmp_path / f"{name}.csv", table, delimiter=",", header=header, comments="")
+        trials.append({"file": f"{name}.csv", "group": name})
+    (tmp_path / "device.xml").write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="forearm"><joint name="elbow" '
+        'axis="0 0 1"/><geom type="capsule" fromto="0 0 0 .25 0 0" size=".03" mass="0.001"/>'
+        "</body></worldbody></mujoco>"
+    )
+    session = {
+        "schema": 1,
+        "model": "device.xml",
+        "declared_effects": [{"effect": "viscoelastic_joint", "joint": "elbow"}],
+        "trials": trials,
+    }
+    (tmp_path / "session.json").write_text(json.dumps(session))
+    report = close_loop(tmp_path, tmp_path / "out")
+    assert [effect["name"] for effect in report["effects"]] == ["added_inertia"]
+    # A forearm with hand: 0.05 to 0.12 kg m2 (Winter 2009); the lever of the cuff adds to it.
+    assert 0.05 < report["effects"][0]["parameters"]["inertia"]["value"] < 0.15
+    stiffness = report["impedance"]["elbow"]["stiffness"]
+    assert stiffness["before"] < 0 < stiffness["after"]

@@ -1,0 +1,165 @@
+"""Sessions with a known truth, from the command line to the four files."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from analysis.closeloop.loop import FILES, close_loop
+from sim.effects.applied import AppliedEffects
+from tests.testbed.closeloop_effects import Arm
+from tests.testbed.closeloop_sessions import write_session
+
+SEED = 3
+
+
+def closed(tmp_path: Path, *effects: str, **options: Any) -> tuple[dict[str, Any], Arm]:
+    arm = write_session(tmp_path / "session", SEED, effects, **options)
+    return close_loop(tmp_path / "session", tmp_path / "out"), arm
+
+
+def test_coulomb_friction_is_found_added_and_the_error_falls(tmp_path: Path) -> None:
+    report, arm = closed(tmp_path, "coulomb_friction")
+    assert report["verdict"] == "effect_found"
+    (effect,) = report["effects"]
+    assert effect["name"] == "coulomb_friction" and effect["joint"] == "elbow"
+    assert effect["mujoco_element"] == "joint/@frictionloss"
+    torque = effect["parameters"]["torque"]
+    assert torque["ci90"][0] <= torque["value"] <= torque["ci90"][1] and torque["unit"] == "Nm"
+    error = report["error"]["holdout"]["elbow"]
+    assert error["floor"] <= error["after"] < 0.5 * error["before"]
+    stiffness = report["impedance"]["elbow"]["stiffness"]
+    assert stiffness["after"] == pytest.approx(arm.stiffness, rel=0.015)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model_after.xml"))
+    assert model.dof_frictionloss[1] == pytest.approx(torque["value"], rel=1e-4)
+    assert model.jnt_stiffness[1] == pytest.approx(stiffness["after"], rel=1e-4)
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(FILES)
+    # The model that was written follows the recording; the declared one needs to be pushed.
+    simulated = report["confirmation"]["joints"]["elbow"]
+    assert report["confirmation"]["ran"] and report["confirmation"]["trials"][0] == "holdout.csv"
+    assert simulated["feedback_after"] < 0.3 * simulated["feedback_before"]
+    assert simulated["deviation_after"] < 0.3 * simulated["deviation_before"]
+    looked = report["diagnostics"]["elbow"]
+    assert looked["before"]["depends_on"]["velocity sign"] > 0.6
+    assert looked["after"]["depends_on"]["velocity sign"] < 0.2
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "coulomb_friction" in page and "data:image/png;base64," in page and "http" not in page
+    assert json.loads((tmp_path / "out" / "report.json").read_text()) == report
+
+
+def test_nothing_missing_is_an_answer(tmp_path: Path) -> None:
+    report, arm = closed(tmp_path)
+    assert report["verdict"] == "adequate" and report["effects"] == []
+    error = report["error"]["holdout"]["elbow"]
+    assert error["after"] == error["before"] == pytest.approx(0.06, rel=0.1)
+    assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(
+        arm.stiffness, rel=0.005
+    )
+
+
+def test_a_gain_that_a_payload_imitates_says_what_the_stiffness_would_be(tmp_path: Path) -> None:
+    report, arm = closed(tmp_path, "torque_gain")
+    (effect,) = report["effects"]
+    names = {effect["name"], *effect["indistinguishable_from"]}
+    assert names == {"torque_gain", "payload"}
+    stiffness = report["impedance"]["elbow"]["stiffness"]
+    low, high = stiffness["ci90_after"]
+    assert low <= arm.stiffness <= high and "if it is payload" in " ".join(report["warnings"])
+    assert "known mass" in " ".join(report["advice"])
+
+
+def test_two_effects_are_both_found(tmp_path: Path) -> None:
+    report, arm = closed(tmp_path, "coulomb_friction", "payload")
+    names = {effect["name"]: effect for effect in report["effects"]}
+    assert set(names) == {"coulomb_friction", "payload"}
+    assert names["payload"]["parameters"]["distance"]["value"] == pytest.approx(0.24, rel=0.1)
+    assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(
+        arm.stiffness, rel=0.015
+    )
+
+
+def test_what_a_reflex_adds_is_not_taken_for_an_asymmetry_of_friction(tmp_path: Path) -> None:
+    report, _ = closed(tmp_path, "coulomb_friction", "stretch_reflex")
+    assert {effect["name"] for effect in report["effects"]} == {
+        "coulomb_friction",
+        "stretch_reflex",
+    }
+
+
+def test_an_effect_without_a_native_element_runs_as_an_applied_torque(tmp_path: Path) -> None:
+    report, _ = closed(tmp_path, "torque_ripple")
+    assert report["effects"][0]["name"] == "torque_ripple"
+    assert report["effects"][0]["parameters"]["order"]["value"] == pytest.approx(14.0, rel=0.01)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model_after.xml"))
+    data = mujoco.MjData(model)
+    effects = AppliedEffects(model)
+    for _ in range(100):
+        effects.apply(data)
+        mujoco.mj_step(model, data)
+    assert np.isfinite(data.qpos).all() and np.any(data.ctrl)
+
+
+@pytest.mark.parametrize(
+    ("effect", "signal"),
+    [("tremor", "time"), ("muscle_bursts", "emg.biceps"), ("quadratic_drag", "elbow.velocity")],
+)
+def test_what_no_effect_explains_is_described_and_not_named(
+    tmp_path: Path, effect: str, signal: str
+) -> None:
+    report, _ = closed(tmp_path, effect)
+    assert report["verdict"] == "unexplained" and report["effects"] == []
+    left = report["unexplained"]["elbow"]
+    assert signal in left["depends_on"] and left["rms"] > 0.1
+    if effect == "tremor":
+        assert left["band_hz"][0] < 6.3 < left["band_hz"][1]
+
+
+def test_one_sweep_in_one_direction_names_nothing_and_says_what_to_record(tmp_path: Path) -> None:
+    folder = tmp_path / "session"
+    write_session(folder, SEED, ("coulomb_friction",), size=3.0, speeds=(0.8,), postures=(0.1,))
+    lines = (folder / "p0_v0.csv").read_text().splitlines()
+    position = np.array([float(line.split(",")[2]) for line in lines[1:]])
+    turn = int(np.argmax(position > position.max() - 0.25)) + 300
+    (folder / "p0_v0.csv").write_text("\n".join(lines[:turn]) + "\n")
+    session = json.loads((folder / "session.json").read_text())
+    session["trials"] = [{"file": "p0_v0.csv"}]
+    (folder / "session.json").write_text(json.dumps(session))
+    report = close_loop(folder, tmp_path / "out")
+    assert report["verdict"] == "not_identifiable"
+    # What K, D and q0 imitate whole gets no name at all; what shows gets the set it may be one of.
+    assert all(effect["indistinguishable_from"] for effect in report["effects"])
+    assert any("to and fro" in line for line in report["advice"])
+    error = report["error"]["fit"]["elbow"]
+    assert error["after"] == error["before"]
+
+
+def test_the_command_prints_the_report_and_refuses_bad_input_with_2(tmp_path: Path) -> None:
+    folder = tmp_path / "session"
+    write_session(folder, SEED, speeds=(0.8, 1.6), postures=(0.1,))
+
+    def run() -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "rehyb", "close-loop", str(folder), "--out", "out", "--json"],
+            capture_output=True,
+            text=True,
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])},
+            check=False,
+        )
+
+    path = folder / "p0_v1.csv"
+    good = path.read_text()
+    path.write_text(good.replace("\n", "\nnan", 1))
+    refused = run()
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1 and "p0_v1.csv, column time, line 2" in refused.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["session"]
+    path.write_text(good)
+    done = run()
+    assert done.returncode == 0 and json.loads(done.stdout)["verdict"] == "adequate"

@@ -1,0 +1,62 @@
+"""Small studies of functions with known indices, for the tests of the analysis."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+from analysis.designs import instance_parameters
+from analysis.designs.distributions import Distribution, Uniform, scales
+from analysis.sensitivity.records import LoggedResult, StudyPlan
+
+Function = Callable[[Mapping[str, float]], Mapping[str, float]]
+
+#: Two outputs of different size, one of them far from zero, with an interaction.
+FACTORS: dict[str, Distribution] = {
+    "a": Uniform(low=-1.0, high=1.0),
+    "b": Uniform(low=0.0, high=2.0),
+    "c": Uniform(low=10.0, high=30.0),
+}
+
+
+def two_outputs(x: Mapping[str, float]) -> dict[str, float]:
+    """Return outputs that depend on `FACTORS`."""
+    return {"y": x["a"] + 2.0 * x["a"] * x["b"] + math.sin(x["c"]), "z": 1e4 + 1e-3 * x["b"] ** 2}
+
+
+def study_plan(method: str, rows: int, *, sampling: str = "sobol", seed: int = 7) -> StudyPlan:
+    """Return the plan of a study of `two_outputs`."""
+    return StudyPlan(
+        id="study",
+        method=method,
+        seed=seed,
+        sampling=sampling,
+        rows=rows,
+        factors=tuple(FACTORS),
+        outputs=("y", "z"),
+        scales=scales(FACTORS),
+    )
+
+
+def results_of(
+    plan: StudyPlan,
+    function: Function = two_outputs,
+    *,
+    failed: Sequence[tuple[int, int]] = (),
+    distributions: Mapping[str, Distribution] = FACTORS,
+) -> list[LoggedResult]:
+    """Evaluate a whole study; `failed` names the (row, position) that diverge."""
+    results: list[LoggedResult] = []
+    for row in range(plan.rows):
+        points = instance_parameters(plan.method, plan.sampling, plan.seed, row, distributions)
+        for position, point in enumerate(points):
+            broken = (row, position) in failed
+            results.append(
+                LoggedResult(
+                    seq=len(results) + 1,
+                    instance=f"{row}-{position}",
+                    row=row,
+                    position=position,
+                    outcome="diverged" if broken else "ok",
+                    outputs={} if broken else function(point),
+                )
+            )
+    return results

@@ -1,0 +1,27 @@
+"""Comparisons of two models' losses: by their mean, and by how steadily one of them wins."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from analysis.closeloop.identification.regression import compare, rank_z
+
+
+def test_the_rank_statistic_is_wilcoxons() -> None:
+    rng = np.random.default_rng(4)
+    worse, better = 1.2 + rng.random(60), 1.0 + rng.random(60)
+    found = stats.wilcoxon(worse, better, method="approx", correction=False)
+    assert abs(rank_z(worse, better)) == pytest.approx(abs(float(found.zstatistic)))
+    assert rank_z(worse, better) == -rank_z(better, worse) > 0
+
+
+def test_a_gain_that_few_blocks_hold_is_steady_though_its_mean_is_not() -> None:
+    better = np.full(40, 1.0)
+    worse = better + np.where(np.arange(40) < 2, 1000.0, 0.5)
+    gain, error = compare(worse, better)
+    assert gain / error < 2.0
+    assert rank_z(worse, better) > 5.0
+
+
+def test_equal_losses_win_nothing() -> None:
+    assert rank_z(np.ones(9), np.ones(9)) == 0.0

@@ -1,0 +1,64 @@
+"""Oscillations that depend on nothing recorded are seen; coloured noise is not one."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from analysis.closeloop.identification.spectrum import peaks
+
+RATE = 200.0
+
+
+def stretches(
+    signal: object = None, *, noise: float = 0.1, colour: float = 0.0
+) -> list[np.ndarray]:
+    """Return five residuals of 12 s: noise, and `signal` of time in each of them."""
+    rng = np.random.default_rng(2)
+    found = []
+    for number in range(5):
+        time = 12.0 * number + np.arange(2400) / RATE
+        residual = lfilter([1.0], [1.0, -colour], noise * rng.standard_normal(len(time)))
+        found.append(residual + (signal(time) if callable(signal) else 0.0))
+    return found
+
+
+def test_white_noise_has_no_peaks() -> None:
+    assert peaks(stretches(), RATE, effort_rms=3.0, highest_hz=10.0) == []
+
+
+@pytest.mark.parametrize("colour", [0.8, 0.95, 0.99])
+def test_coloured_noise_has_no_peaks(colour: float) -> None:
+    assert peaks(stretches(colour=colour), RATE, effort_rms=3.0, highest_hz=10.0) == []
+
+
+def test_the_mains_are_a_line() -> None:
+    (line,) = peaks(
+        stretches(lambda t: 0.2 * np.sin(2 * np.pi * 50.0 * t)),
+        RATE,
+        effort_rms=3.0,
+        highest_hz=10.0,
+    )
+    assert line.low_hz < 50.0 < line.high_hz
+    assert line.rms == pytest.approx(0.2 / np.sqrt(2), rel=0.1)
+
+
+def tremor(time: np.ndarray) -> np.ndarray:
+    return 0.5 * np.sin(2 * np.pi * 5.0 * time + 3.0 * np.sin(2 * np.pi * 0.4 * time))
+
+
+def test_a_tremor_is_a_band() -> None:
+    (band,) = peaks(stretches(tremor), RATE, effort_rms=3.0, highest_hz=10.0)
+    assert band.low_hz < 5.0 < band.high_hz
+    assert band.rms == pytest.approx(0.5 / np.sqrt(2), rel=0.2)
+
+
+def test_a_band_that_matters_to_nobody_is_not_told() -> None:
+    assert peaks(stretches(tremor), RATE, effort_rms=100.0, highest_hz=10.0) == []
+
+
+def test_noise_of_the_acceleration_near_the_cutoff_is_no_band() -> None:
+    assert peaks(stretches(tremor), RATE, effort_rms=3.0, highest_hz=2.0) == []
+
+
+def test_stretches_that_are_too_short_say_nothing() -> None:
+    assert peaks([np.ones(100)], RATE, effort_rms=1.0, highest_hz=10.0) == []

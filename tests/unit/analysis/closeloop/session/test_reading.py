@@ -1,0 +1,250 @@
+"""Every bad input gets one error with file, column and line, and leaves nothing behind."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.report.answer import load_session
+from analysis.closeloop.session.plausibility import saturated_line
+from tests.testbed.closeloop_effects import GRAVITY, Arm
+from tests.testbed.closeloop_sessions import mjcf
+
+HEADER = "time,shoulder.position,elbow.position,elbow.velocity,elbow.effort"
+ARM = Arm()
+
+
+def rows(*, n: int = 2000) -> np.ndarray:
+    """Return a clean trial of the arm, shape (n, 5)."""
+    t = np.arange(n) / 200.0
+    w = 2 * np.pi * 0.5
+    q, v, a = 1.0 + 0.5 * np.sin(w * t), 0.5 * w * np.cos(w * t), -0.5 * w**2 * np.sin(w * t)
+    q, v, a = q + 0.1 * np.sin(3 * w * t), v + 0.3 * w * np.cos(3 * w * t), a
+    a = a - 0.9 * w**2 * np.sin(3 * w * t)
+    effort = ARM.inertia * a + ARM.mass * GRAVITY * ARM.lever * np.cos(q - 0.4)
+    effort += ARM.stiffness * (q - ARM.neutral) + ARM.damping * v
+    return np.column_stack([t, np.full(n, -0.4), q, v, effort])
+
+
+class Folder:
+    """A session's folder to spoil."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.header, self.table = HEADER, rows()
+        self.session = {
+            "schema": 1,
+            "model": "device.xml",
+            "declared_effects": [{"effect": "viscoelastic_joint", "joint": "elbow"}],
+            "trials": [{"file": "a.csv"}],
+        }
+        self.model = mjcf(ARM)
+        self.edit_text: Callable[[str], str] = lambda text: text
+
+    def write(self) -> Path:
+        lines = [",".join(f"{x:.7g}" for x in row) for row in self.table]
+        text = "\n".join([self.header, *lines]) + "\n"
+        (self.path / "a.csv").write_text(self.edit_text(text))
+        (self.path / "device.xml").write_text(self.model)
+        (self.path / "session.json").write_text(json.dumps(self.session))
+        return self.path
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Folder:
+    return Folder(tmp_path)
+
+
+def refusal(folder: Folder) -> SessionError:
+    with pytest.raises(SessionError) as caught:
+        load_session(folder.write())
+    return caught.value
+
+
+def test_a_clean_session_is_read_with_its_signals(folder: Folder) -> None:
+    session, recording = load_session(folder.write())
+    assert session.trials[0].group == "a.csv" and session.trials[0].role == "fit"
+    elbow = recording.device.joints.index("elbow")
+    inside = slice(100, -100)
+    assert recording.velocity[inside, elbow] == pytest.approx(
+        np.interp(recording.time[inside], folder.table[:, 0], folder.table[:, 3]), abs=0.02
+    )
+    assert recording.joints == (elbow,)
+
+
+def test_a_missing_column_is_named(folder: Folder) -> None:
+    folder.header = HEADER.replace("shoulder.position", "temperature")
+    error = refusal(folder)
+    assert (error.file, error.column, error.line) == ("a.csv", "shoulder.position", 1)
+
+
+@pytest.mark.parametrize("missing", ["time", "elbow.effort"])
+def test_time_and_an_effort_must_be_there(folder: Folder, missing: str) -> None:
+    folder.header = HEADER.replace(missing, "other")
+    assert refusal(folder).column == missing
+
+
+@pytest.mark.parametrize("cell", ["nan", "inf", "", "1,2", "abc"])
+def test_a_cell_that_is_no_number_is_found_by_line(folder: Folder, cell: str) -> None:
+    def spoil(text: str) -> str:
+        lines = text.split("\n")
+        cells = lines[41].split(",")
+        cells[4] = cell
+        lines[41] = ",".join(cells)
+        return "\n".join(lines)
+
+    folder.edit_text = spoil
+    error = refusal(folder)
+    assert error.line == 42 and error.file == "a.csv"
+    assert error.column == (None if "," in cell else "elbow.effort")
+
+
+def test_a_blank_line_does_not_shift_the_count(folder: Folder) -> None:
+    def spoil(text: str) -> str:
+        lines = text.split("\n")
+        lines.insert(30, "")
+        return "\n".join(lines)
+
+    folder.edit_text = spoil
+    assert refusal(folder).line == 31
+
+
+def test_time_that_does_not_increase_is_found(folder: Folder) -> None:
+    folder.table[500, 0] = folder.table[499, 0]
+    error = refusal(folder)
+    assert (error.column, error.line) == ("time", 502)
+
+
+def test_milliseconds_are_refused(folder: Folder) -> None:
+    folder.table[:, 0] *= 1000
+    assert "milliseconds" in str(refusal(folder))
+
+
+def test_degrees_are_refused(folder: Folder) -> None:
+    folder.table[:, 2] = np.degrees(folder.table[:, 2])
+    error = refusal(folder)
+    assert error.column == "elbow.position" and "degrees" in str(error) and error.line is not None
+
+
+def test_a_velocity_in_degrees_is_refused(folder: Folder) -> None:
+    folder.table[:, 3] = np.degrees(folder.table[:, 3])
+    error = refusal(folder)
+    assert error.column == "elbow.velocity" and "degrees" in str(error)
+
+
+def test_a_velocity_of_the_other_sign_is_refused(folder: Folder) -> None:
+    folder.table[:, 3] *= -1
+    error = refusal(folder)
+    assert error.column == "elbow.velocity" and "sign" in str(error)
+
+
+def test_an_effort_of_the_other_sign_is_refused(folder: Folder) -> None:
+    folder.table[:, 4] *= -1
+    error = refusal(folder)
+    assert error.column == "elbow.effort" and "sign" in str(error)
+
+
+def test_a_position_of_the_other_sign_is_refused(folder: Folder) -> None:
+    folder.table[:, 2:4] *= -1
+    assert "sign" in str(refusal(folder))
+
+
+def test_a_saturated_effort_is_refused(folder: Folder) -> None:
+    limit = np.quantile(folder.table[:, 4], 0.9)
+    folder.table[:, 4] = np.minimum(folder.table[:, 4], limit)
+    error = refusal(folder)
+    first = int(np.argmax(folder.table[:, 4] == limit)) + 2
+    assert error.column == "elbow.effort" and "saturated" in str(error)
+    assert error.line is not None and error.line >= first
+
+
+def test_a_quantised_effort_is_not_saturated() -> None:
+    effort = np.round(np.sin(np.linspace(0, 60, 5000)) / 0.05) * 0.05
+    assert saturated_line(effort) is None
+
+
+@pytest.mark.parametrize("column", ["elbow.effort", "elbow.position"])
+def test_constant_signals_are_refused(folder: Folder, column: str) -> None:
+    number = HEADER.split(",").index(column)
+    folder.table[:, number] = 1.0
+    if column == "elbow.position":
+        folder.table[:, 3] = 0.0
+    error = refusal(folder)
+    assert "constant" in str(error) and error.line == 2
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("schema", 2, "schema"),
+        ("model", "/etc/passwd", "relative path"),
+        ("model", "../device.xml", "leaves the session's folder"),
+        ("model", "none.xml", "no such file"),
+        ("trials", [], "at least one trial"),
+        ("trials", [{"file": "/a.csv"}], "relative path"),
+        ("trials", [{"file": "C:\\a.csv"}], "relative path"),
+        ("trials", [{"file": "a.csv"}, {"file": "a.csv"}], "twice"),
+        ("trials", [{"file": "a.csv", "role": "holdout"}], "every trial is a holdout"),
+        ("trials", [{"file": "a.csv", "role": "test"}], "fit"),
+        ("trials", [{"file": "a.csv", "effort_filter_hz": "5"}], "number"),
+        ("trials", [{"file": "a.csv", "added_mass": {"body": "leg", "mass_kg": 1}}], "leg"),
+        ("ignored_joints", ["wrist"], "wrist"),
+        ("declared_effects", [{"effect": "viscoelastic_joint", "joint": "wrist"}], "wrist"),
+        ("declared_effects", [{"effect": "magic", "joint": "elbow"}], "magic"),
+    ],
+)
+def test_session_json_is_checked(folder: Folder, field: str, value: object, words: str) -> None:
+    folder.session[field] = value  # type: ignore[assignment]
+    assert words in str(refusal(folder))
+
+
+def test_broken_json_is_found_by_line(folder: Folder) -> None:
+    folder.write()
+    (folder.path / "session.json").write_text('{"schema": 1,\n "model": }')
+    with pytest.raises(SessionError) as caught:
+        load_session(folder.path)
+    assert caught.value.line == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("<worldbody>", '<include file="x.xml"/><worldbody>', "include"),
+        ("<worldbody>", '<asset><mesh name="m" file="m.stl"/></asset><worldbody>', "external file"),
+        ("<worldbody>", '<extension><plugin plugin="p"/></extension><worldbody>', "plugin"),
+        ('type="hinge"', 'type="ball"', "hinge and slide"),
+        ("<mujoco", '<!DOCTYPE x [<!ENTITY a "b">]><mujoco', "entities"),
+        ("</mujoco>", "", "not XML"),
+        ('mass="2"', 'mass="-2"', "MuJoCo refuses it"),
+    ],
+)
+def test_a_model_that_reaches_out_or_is_no_chain_is_refused(
+    folder: Folder, old: str, new: str, words: str
+) -> None:
+    folder.model = folder.model.replace(old, new, 1)
+    error = refusal(folder)
+    assert words in str(error) and error.file == "device.xml"
+
+
+def test_unknown_columns_are_kept_to_explain_a_residual(folder: Folder) -> None:
+    folder.header += ",wrist.position"
+    folder.table = np.column_stack([folder.table, np.sin(folder.table[:, 0])])
+    _, recording = load_session(folder.write())
+    assert recording.extra_names == ("wrist.position",)
+
+
+def test_nothing_is_interpolated_across_a_gap(folder: Folder) -> None:
+    folder.table = np.delete(folder.table, slice(800, 1000), axis=0)
+    _, recording = load_session(folder.write())
+    assert len(recording.slices) == 2
+    assert not np.any((recording.time > 4.0) & (recording.time < 4.98))
+
+
+def test_an_ignored_joint_needs_no_column(folder: Folder) -> None:
+    folder.session["ignored_joints"] = ["shoulder"]
+    folder.header = HEADER.replace("shoulder.position", "other")
+    _, recording = load_session(folder.write())
+    assert recording.device.recorded_joints == ("elbow",)

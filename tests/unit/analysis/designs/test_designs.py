@@ -1,0 +1,241 @@
+"""What a design promises: rows that are pure functions of (seed, row), and that fill the cube."""
+
+import subprocess
+import sys
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import kstest, qmc
+
+from analysis.designs import (
+    BLOCKS,
+    METHODS,
+    SAMPLINGS,
+    blocks_of,
+    fewest_factors,
+    instance_parameters,
+    row_width,
+    unit_row,
+)
+from analysis.designs.distributions import LogUniform, Normal, Uniform
+from analysis.designs.points import LATIN_HYPERCUBE_ROWS
+from analysis.designs.radial import SMALLEST_STEP, legs
+
+SEEDS = st.integers(0, 2**64 - 1)
+EVERY_DESIGN = list(product(METHODS, SAMPLINGS))
+
+
+@settings(deadline=None)
+@given(st.sampled_from(EVERY_DESIGN), SEEDS, st.integers(0, 10_000), st.integers(1, 8))
+def test_every_point_lies_strictly_inside_the_cube(
+    design: tuple[str, str], seed: int, row: int, factors: int
+) -> None:
+    factors = max(factors, fewest_factors(design[0]))
+    points = unit_row(*design, seed, row, factors)
+    assert points.shape == (row_width(design[0], factors), factors)
+    assert np.all((points > 0.0) & (points < 1.0))
+
+
+@pytest.mark.parametrize(("method", "sampling"), EVERY_DESIGN)
+def test_a_row_depends_on_no_other_row(method: str, sampling: str) -> None:
+    """Asking for rows in another order, or from a fresh process, changes no bit."""
+    rows = [3, 1030, 49, 0, 50, 1023, 1024]
+    script = (
+        "from analysis.designs import unit_row\n"
+        f"for row in {sorted(rows)}:\n"
+        f"    print(unit_row({method!r}, {sampling!r}, 5, row, 3).tobytes().hex())\n"
+    )
+    fresh = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    ).stdout.split()
+    here = {row: unit_row(method, sampling, 5, row, 3).tobytes().hex() for row in rows}
+    assert fresh == [here[row] for row in sorted(rows)]
+
+
+@pytest.mark.parametrize(
+    ("sampling", "a", "b"),
+    [
+        (
+            "sobol",
+            [0.029702758882194757, 0.14377051452174783],
+            [0.4557941979728639, 0.7172231269069016],
+        ),
+        (
+            "sobol_blocks",
+            [0.16672840947285295, 0.0008645723573863506],
+            [0.04309090552851558, 0.3287875889800489],
+        ),
+        (
+            "latin_hypercube",
+            [0.3219559884424454, 0.8351825113045952],
+            [0.8712331956556557, 0.735673902696706],
+        ),
+    ],
+)
+def test_rows_stay_the_same_from_release_to_release(
+    sampling: str, a: list[float], b: list[float]
+) -> None:
+    """Nothing of a running study may move under a new version of this code, NumPy or SciPy."""
+    assert unit_row("saltelli", sampling, 1, 60, 2)[:2].tolist() == [a, b]
+
+
+@settings(deadline=None)
+@given(st.sampled_from(EVERY_DESIGN), SEEDS, st.integers(0, 3000))
+def test_another_seed_is_another_design(design: tuple[str, str], seed: int, row: int) -> None:
+    other = (seed + 1) % 2**64
+    assert not np.array_equal(unit_row(*design, seed, row, 3), unit_row(*design, other, row, 3))
+
+
+@settings(deadline=None)
+@given(st.sampled_from(SAMPLINGS), SEEDS, st.integers(0, 3000), st.integers(1, 8))
+def test_a_radial_row_moves_one_factor_at_a_time_and_never_by_little(
+    sampling: str, seed: int, row: int, factors: int
+) -> None:
+    points = unit_row("morris", sampling, seed, row, factors)
+    moved = points[1:] != points[0]
+    assert np.array_equal(moved, np.eye(factors, dtype=bool))
+    size = np.abs(legs(points)[1])
+    assert np.all((size >= SMALLEST_STEP - 1e-15) & (size <= 1.0 - SMALLEST_STEP + 1e-15))
+
+
+@settings(deadline=None)
+@given(st.sampled_from(SAMPLINGS), SEEDS, st.integers(0, 3000), st.integers(1, 8))
+def test_a_saltelli_row_is_a_then_b_then_a_with_one_column_of_b(
+    sampling: str, seed: int, row: int, factors: int
+) -> None:
+    a, b, *mixed = unit_row("saltelli", sampling, seed, row, factors)
+    for i, point in enumerate(mixed):
+        expected = a.copy()
+        expected[i] = b[i]
+        assert np.array_equal(point, expected)
+
+
+@pytest.mark.parametrize(("method", "sampling"), EVERY_DESIGN)
+def test_every_position_is_uniform_over_many_rows(method: str, sampling: str) -> None:
+    """A moved point is a draw of the distributions too: its outputs count for the moments."""
+    rows = np.stack([unit_row(method, sampling, 11, row, 2) for row in range(1000)])
+    for position, factor in product(range(rows.shape[1]), range(2)):
+        assert kstest(rows[:, position, factor], "uniform").pvalue > 1e-3
+
+
+def test_every_block_of_a_latin_hypercube_has_one_point_in_every_stratum() -> None:
+    for block in (0, 1, 7):
+        rows = range(block * LATIN_HYPERCUBE_ROWS, (block + 1) * LATIN_HYPERCUBE_ROWS)
+        points = np.stack([unit_row("saltelli", "latin_hypercube", 3, row, 4)[0] for row in rows])
+        strata = np.sort(np.floor(points * LATIN_HYPERCUBE_ROWS).astype(int), axis=0)
+        assert np.array_equal(strata, np.tile(np.arange(LATIN_HYPERCUBE_ROWS)[:, None], 4))
+
+
+def test_a_sobol_design_fills_the_cube_more_evenly_than_random_points() -> None:
+    points = np.stack([unit_row("saltelli", "sobol", 3, row, 4)[:2].ravel() for row in range(256)])
+    random = np.random.default_rng(1).random(points.shape)
+    assert qmc.discrepancy(points) < 0.5 * qmc.discrepancy(random)
+
+
+def test_a_sobol_design_is_balanced_across_blocks() -> None:
+    """Any 1024 points of a block have one in each of 1024 strata, of every coordinate."""
+    rows = range(1024, 2048)
+    points = np.stack([unit_row("saltelli", "sobol", 9, row, 2)[0] for row in rows])
+    strata = np.sort(np.floor(points * 1024).astype(int), axis=0)
+    assert np.array_equal(strata, np.tile(np.arange(1024)[:, None], 2))
+
+
+def test_parameters_are_quantiles_in_position_order() -> None:
+    distributions = {
+        "length": Uniform(low=0.2, high=0.4),
+        "mass": Normal(mean=1.0, sd=0.1),
+        "stiffness": LogUniform(low=100.0, high=1000.0),
+    }
+    points = instance_parameters("saltelli", "sobol", 1, 5, distributions)
+    unit = unit_row("saltelli", "sobol", 1, 5, 3)
+    assert [list(point) for point in points] == [list(distributions)] * 5
+    for i, (name, distribution) in enumerate(distributions.items()):
+        values = [point[name] for point in points]
+        assert values == pytest.approx(distribution.ppf(unit[:, i]).tolist(), rel=1e-15)
+        assert values[0] == values[2 + (i + 1) % 3], "a factor that is not moved keeps its bits"
+        assert all(type(value) is float for value in values)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("fast", "sobol", 1, 0, 2), "unknown method 'fast': expected one of morris, saltelli"),
+        (
+            ("morris", "grid", 1, 0, 2),
+            "unknown sampling 'grid' of morris: expected one of sobol_blocks, sobol",
+        ),
+        (("morris", "sobol", -1, 0, 2), "seed must be an integer from 0"),
+        (("morris", "latin_hypercube", 2**64, 0, 2), "seed must be an integer from 0"),
+        (("morris", "sobol", 1, -1, 2), "row must not be negative"),
+        (("morris", "sobol", 1, 2**30, 2), "row of a Sobol design must be from 0"),
+        (("morris", "sobol", 1, 0, 0), "must vary at least one factor"),
+    ],
+)
+def test_nonsense_is_refused_in_one_sentence(
+    arguments: tuple[str, str, int, int, int], sentence: str
+) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        unit_row(*arguments)
+
+
+def test_a_paired_sobol_row_takes_a_factors_coordinates_from_neighbouring_dimensions() -> None:
+    plain = unit_row("saltelli", "sobol", 9, 77, 4)
+    together = np.stack([plain[0], plain[1]]).ravel()
+    paired = unit_row("saltelli", "sobol_paired", 9, 77, 4)
+    assert np.array_equal(paired[0], together[0::2])
+    assert np.array_equal(paired[1], together[1::2])
+
+
+def test_pairing_brings_squared_differences_closer_to_their_mean() -> None:
+    """Half of their mean is what a total-order index of a linear factor is made of: 1/12."""
+    worst = {
+        sampling: max(
+            float(np.sqrt(np.mean((np.mean(squares(sampling, seed), axis=0) - 1 / 6) ** 2)))
+            for seed in range(12)
+        )
+        for sampling in ("sobol", "sobol_paired")
+    }
+    assert worst["sobol_paired"] < 0.6 * worst["sobol"]
+
+
+def squares(sampling: str, seed: int) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
+    """Return squared differences of A and B over 64 rows of 6 factors."""
+    rows = np.stack([unit_row("saltelli", sampling, seed, row, 6)[:2] for row in range(64)])
+    return np.asarray((rows[:, 0] - rows[:, 1]) ** 2)
+
+
+def test_every_block_is_a_sobol_sequence_of_its_own() -> None:
+    """16 rows of a block have one point in each of 16 strata of every coordinate."""
+    rows = np.stack([unit_row("saltelli", "sobol_blocks", 9, row, 3)[:2] for row in range(128)])
+    for block in range(BLOCKS):
+        strata = np.floor(rows[block::BLOCKS].reshape(16, 6) * 16).astype(int)
+        assert np.array_equal(np.sort(strata, axis=0), np.tile(np.arange(16)[:, None], 6))
+
+
+def test_blocks_err_independently_of_each_other() -> None:
+    """Means of one coordinate over 4 points of each block, of 200 seeds, are not correlated."""
+    means = np.stack(
+        [
+            np.stack([unit_row("morris", "sobol_blocks", seed, row, 1)[0] for row in range(32)])
+            .reshape(4, BLOCKS)
+            .mean(axis=0)
+            for seed in range(200)
+        ]
+    )
+    correlation = np.corrcoef(means.T)
+    np.fill_diagonal(correlation, 0.0)
+    assert np.max(np.abs(correlation)) < 4.0 / np.sqrt(200)
+
+
+@pytest.mark.parametrize("sampling", SAMPLINGS)
+def test_eight_neighbours_belong_to_eight_blocks(sampling: str) -> None:
+    blocks = blocks_of(sampling, 5, range(80)).reshape(10, BLOCKS)
+    assert np.array_equal(np.sort(blocks, axis=1), np.tile(np.arange(BLOCKS), (10, 1)))
+    shuffled = [70, 3, 12, 3]
+    expected = blocks.ravel()[shuffled]
+    assert np.array_equal(blocks_of(sampling, 5, shuffled), expected)
+    in_turn = np.all(blocks == np.arange(BLOCKS))
+    assert in_turn == (sampling == "sobol_blocks"), "rows of other designs are dealt at random"

@@ -1,0 +1,24 @@
+"""Numbers are shown with the digits that their intervals allow, and no more."""
+
+import pytest
+
+from analysis.reports.digits import with_interval
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "expected"),
+    [
+        (0.5763, 0.3212, 0.8512, ("0.58", "[0.32, 0.85]")),
+        (-0.01441, -0.0371, 0.00731, ("-0.014", "[-0.037, 0.007]")),
+        (0.1337, 0.1162, 0.1498, ("0.134", "[0.116, 0.150]")),
+        (1e4, 9987.0, 10021.0, ("10000", "[9987, 10021]")),
+        (1.2e-7, 1.1e-7, 1.4e-7, ("1.2e-07", "[1.1e-07, 1.4e-07]")),
+        (1.2345e9, 1.1e9, 1.3e9, ("1.23e+09", "[1.1e+09, 1.3e+09]")),
+        (0.0, 0.0, 0.0, ("0", "[0, 0]")),
+        (0.12345, None, None, ("0.123", "")),
+    ],
+)
+def test_two_digits_of_the_half_width_decide(
+    value: float, low: float | None, high: float | None, expected: tuple[str, str]
+) -> None:
+    assert with_interval(value, low, high) == expected

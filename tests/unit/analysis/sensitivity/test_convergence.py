@@ -1,0 +1,80 @@
+"""What the series promises: what a study of 8, 16, 32, ... rows would have said, in any order."""
+
+import dataclasses
+import random
+
+import pytest
+
+from analysis.designs import METHODS
+from analysis.sensitivity.service import analyse
+from analysis.sensitivity.study_state import StudyState
+from tests.testbed.studies import results_of, study_plan
+
+FAILED = [(0, 1), (4, 0), (9, 3), (17, 2)]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_point_of_the_series_is_the_index_of_a_study_of_that_many_rows(method: str) -> None:
+    plan = study_plan(method, rows=37)
+    results = results_of(plan, failed=FAILED)
+    series = analyse(plan, results)["outputs"]["y"]["convergence"]
+    assert series["rows"] == [8, 16, 32]
+    for place, rows in enumerate(series["rows"]):
+        shorter = dataclasses.replace(plan, rows=rows)
+        alone = analyse(shorter, [r for r in results if r.row < rows])["outputs"]["y"]
+        for factor, curves in series["factors"].items():
+            for name, curve in curves.items():
+                expected = alone["factors"][factor][name]
+                assert {end: curve[end][place] for end in curve} == expected
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_order_batches_and_restarts_leave_the_same_bits(method: str) -> None:
+    plan = study_plan(method, rows=37)
+    results = results_of(plan, failed=FAILED)
+    expected = analyse(plan, results)
+    shuffled = list(results)
+    random.Random(3).shuffle(shuffled)
+    state = StudyState(plan)
+    for start in range(0, len(shuffled), 29):
+        state.take(shuffled[start : start + 29])
+        state = StudyState.from_bytes(plan, state.to_bytes())
+    assert state.snapshot() == expected
+
+
+def test_a_point_waits_for_every_row_before_it() -> None:
+    plan = study_plan("saltelli", rows=32)
+    results = results_of(plan)
+    state = StudyState(plan)
+    state.take(r for r in results if r.row != 5)
+    assert state.snapshot()["outputs"]["y"]["convergence"]["rows"] == []
+    assert state.snapshot()["rows_used"] == 31
+    state.take(r for r in results if r.row == 5)
+    assert state.snapshot()["outputs"]["y"]["convergence"]["rows"] == [8, 16, 32]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_seven_shards_merged_and_five_restarts_leave_the_bits_of_one_batch(method: str) -> None:
+    plan = study_plan(method, rows=64)
+    results = results_of(plan, failed=FAILED)
+    whole = StudyState(plan)
+    whole.take(results)
+    expected = whole.estimator().indices()
+    rows = list(range(64))
+    random.Random(5).shuffle(rows)
+    parts = []
+    for shard in range(7):
+        state = StudyState(plan)
+        mine = [r for r in results if r.row in rows[shard::7]]
+        random.Random(shard).shuffle(mine)
+        cut = len(mine) // 6 + 1
+        for start in range(0, len(mine), cut):
+            state.take(mine[start : start + cut])
+            state = StudyState.from_bytes(plan, state.to_bytes())
+        parts.append(state.estimator())
+    merged = parts.pop(3)
+    for part in parts:
+        merged.merge(part)
+    for name, index in merged.indices().items():
+        for end in ("value", "low", "high"):
+            assert getattr(index, end).tobytes() == getattr(expected[name], end).tobytes()

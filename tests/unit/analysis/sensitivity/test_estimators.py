@@ -1,0 +1,329 @@
+"""What both estimators promise: independent formulas' values, any order, honest use of failures."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from SALib.analyze import sobol as salib_sobol
+from scipy.stats import sobol_indices
+
+from analysis.designs import BLOCKS, METHODS, blocks_of, unit_row
+from analysis.sensitivity.estimators import (
+    Estimator,
+    MorrisEstimator,
+    SaltelliEstimator,
+    SecondOrderEstimator,
+    estimator_class,
+)
+from analysis.sensitivity.estimators.bootstrap import replicate_weights
+from analysis.sensitivity.estimators.intervals import fieller, satterthwaite, student
+from analysis.sensitivity.estimators.tails import tail
+
+SEED, FACTORS, OUTPUTS = 12, 3, 2
+CLASSES = (MorrisEstimator, SaltelliEstimator, SecondOrderEstimator)
+
+
+def empty(cls: type[Estimator], seed: int = SEED, factors: int = FACTORS) -> Estimator:
+    return cls(sampling="sobol", seed=seed, factors=factors, outputs=OUTPUTS)
+
+
+def function(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return two outputs, the second far from zero, of points (..., 3): shape (..., 2)."""
+    a, b, c = np.moveaxis(x, -1, 0)
+    return np.stack([a + 3.0 * a * b - c**2, 500.0 + b + 0.1 * np.sin(6.0 * c)], axis=-1)
+
+
+def values_of(cls: type[Estimator], rows: int) -> NDArray[np.float64]:
+    """Return the outputs of the first rows of the design, shape (rows, width, outputs)."""
+    points = [unit_row(cls.method, "sobol", SEED, row, FACTORS) for row in range(rows)]
+    return function(np.stack(points))
+
+
+def fed(cls: type[Estimator], values: NDArray[np.float64]) -> Estimator:
+    estimator = empty(cls)
+    estimator.add_rows(range(len(values)), values)
+    return estimator
+
+
+def fingerprint(estimator: Estimator) -> bytes:
+    """Return every bit that a snapshot is made of."""
+    parts = [estimator.effects, *vars(estimator.moments()).values(), np.array(estimator.rows_used)]
+    compared = [index for found in estimator.compared(0.9).values() for index in found.values()]
+    for index in (*estimator.indices().values(), *compared):
+        parts += [index.value, index.low, index.high]
+    for statistic in estimator.statistics().values():
+        parts += [] if statistic.tail is None else [statistic.tail.rows]
+    return b"".join(part.tobytes() for part in parts)
+
+
+def test_elementary_effects_are_equations_22_to_24() -> None:
+    values = values_of(MorrisEstimator, 20)
+    effects = np.empty((20, OUTPUTS, FACTORS))
+    for row, factor in product(range(20), range(FACTORS)):
+        points = unit_row("morris", "sobol", SEED, row, FACTORS)
+        step = points[1 + factor, factor] - points[0, factor]
+        effects[row, :, factor] = (values[row, 1 + factor] - values[row, 0]) / step
+    found = fed(MorrisEstimator, values).indices()
+    np.testing.assert_allclose(found["mu"].value, effects.mean(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(found["mu_star"].value, np.abs(effects).mean(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(found["sigma"].value, effects.std(axis=0, ddof=1), 1e-10, 1e-12)
+
+
+def test_a_linear_function_has_effects_without_spread() -> None:
+    """The slopes come back whatever the steps, and sigma is rounding noise of one effect only."""
+    points = np.stack([unit_row("morris", "sobol", SEED, row, FACTORS) for row in range(30)])
+    slopes = np.array([2.0, -5.0, 0.0])
+    estimator = fed(MorrisEstimator, np.repeat((points @ slopes)[..., None], OUTPUTS, axis=2))
+    found = estimator.indices()
+    np.testing.assert_allclose(found["mu"].value[0], slopes, atol=1e-13)
+    np.testing.assert_allclose(found["mu_star"].value[0], np.abs(slopes), atol=1e-13)
+    assert np.all(found["sigma"].value < 1e-13)
+
+
+def test_first_and_total_order_are_scipys() -> None:
+    rows = 128
+    values = values_of(SaltelliEstimator, rows)
+    found = fed(SaltelliEstimator, values).indices()
+    oracle = sobol_indices(
+        func={
+            "f_A": np.moveaxis(values[:, 0], -1, 0),
+            "f_B": np.moveaxis(values[:, 1], -1, 0),
+            "f_AB": np.moveaxis(values[:, 2:], (1, 2), (0, 1)),
+        },
+        n=rows,
+    )
+    np.testing.assert_allclose(found["first_order"].value, oracle.first_order, rtol=1e-10)
+    np.testing.assert_allclose(found["total_order"].value, oracle.total_order, rtol=1e-10)
+
+
+def test_first_and_total_order_are_salibs() -> None:
+    values = values_of(SaltelliEstimator, 64)
+    found = fed(SaltelliEstimator, values).indices()
+    problem = {"num_vars": FACTORS, "names": list("abc"), "bounds": [[0.0, 1.0]] * FACTORS}
+    for output in range(OUTPUTS):
+        # SALib's order within a row: A, A with a column of B for every factor, B.
+        in_order = values[:, [0, *range(2, 2 + FACTORS), 1], output]
+        oracle = salib_sobol.analyze(
+            problem, in_order.ravel(), calc_second_order=False, num_resamples=2, seed=1
+        )
+        # SALib centres on the mean of all points; Saltelli et al. 2010 on that of A and B.
+        np.testing.assert_allclose(found["first_order"].value[output], oracle["S1"], atol=1e-3)
+        np.testing.assert_allclose(found["total_order"].value[output], oracle["ST"], rtol=1e-10)
+
+
+EVERY_INDEX = [
+    (MorrisEstimator, "mu", None),
+    (MorrisEstimator, "mu_star", 1),
+    (MorrisEstimator, "sigma", 2),
+    (SaltelliEstimator, "first_order", None),
+    (SaltelliEstimator, "total_order", 1),
+    (SaltelliEstimator, "sum_first_order", None),
+    (SaltelliEstimator, "sum_total_order", 1),
+    (SaltelliEstimator, "dummy_first_order", None),
+    (SecondOrderEstimator, "first_order", None),
+    (SecondOrderEstimator, "second_order", None),
+]
+
+
+@pytest.mark.parametrize(("cls", "name", "power"), EVERY_INDEX)
+def test_a_replicate_is_the_index_of_rows_repeated_as_its_weights_say(
+    cls: type[Estimator], name: str, power: int | None
+) -> None:
+    """Replicates the slow way: an estimator fed a resampled set of rows."""
+    values = values_of(cls, 15)
+    once = np.ones((1, 15), dtype=int)
+    slow = []
+    for weighting in np.concatenate([once, replicate_weights(SEED, range(15))[:40].astype(int)]):
+        repeated = np.repeat(np.arange(15), weighting)
+        resampled = empty(cls)
+        resampled.add_rows(repeated.tolist(), values[repeated])
+        slow.append(resampled.indices()[name].value)
+    # The variance of n rows drawn from n rows is too small by (n - 1) / n in the mean.
+    slow[1:] = np.array(slow[1:]) * (np.sqrt(15 / 14) if name == "sigma" else 1.0)
+    found = fed(cls, values).statistics()[name]
+    np.testing.assert_allclose(found.weighted[:41], slow, rtol=1e-12, atol=1e-12)
+    assert found.power == power
+
+
+def stretch_of(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return `Tail.stretch` from the runs, shape (outputs, factors)."""
+    size = np.abs(np.moveaxis(values[:, 2 : 2 + FACTORS], 1, 2) - values[:, 0, :, None])
+    half, first, second, fourth = (np.nanmean(size**p, axis=0) for p in (0.5, 1.0, 2.0, 4.0))
+    n = np.sum(~np.isnan(size), axis=0)
+    return tail(half=half, first=first, second=second, fourth=fourth, n=n).stretch
+
+
+@pytest.mark.parametrize(("cls", "name", "power"), EVERY_INDEX)
+def test_an_interval_is_made_of_what_the_index_is_without_each_block(
+    cls: type[Estimator], name: str, power: int | None
+) -> None:
+    """The slow way: an estimator for each block that never sees its rows."""
+    values = values_of(cls, 24)
+    values[5, 1] = np.nan
+    found = fed(cls, values).indices(level=0.8)[name]
+    blocks = blocks_of("sobol", SEED, range(24))
+    slow, wholes = [], [np.nanvar(values[:, :2], axis=(0, 1))]
+    for block in range(BLOCKS):
+        others = np.flatnonzero(blocks != block)
+        wholes.append(np.nanvar(values[others, :2], axis=(0, 1)))
+        without = empty(cls)
+        without.add_rows(others.tolist(), values[others])
+        slow.append(without.indices()[name].value)
+    present = np.ones((BLOCKS, *found.value.shape), dtype=np.bool_)
+    if power is not None:
+        # Of these only the total-order one says more of its spread than its blocks do.
+        stretch = stretch_of(values) if name == "total_order" else None
+        expected = satterthwaite(found.value, np.stack(slow), present, 0.8, power, stretch)
+    elif name == "mu":
+        expected = student(found.value, np.stack(slow), present, 0.8)
+    else:
+        whole = np.stack(wholes).reshape(-1, OUTPUTS, *[1] * (found.value.ndim - 1))
+        expected = fieller(found.value, np.stack(slow), present, 0.8, whole)
+    np.testing.assert_allclose(found.low, expected.low, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found.high, expected.high, rtol=1e-9, atol=1e-12)
+
+
+def test_the_tails_of_a_sample_are_those_of_its_statistics() -> None:
+    estimator = fed(SaltelliEstimator, values_of(SaltelliEstimator, 24))
+    of_statistics = estimator.statistics()["total_order"].tail
+    assert of_statistics is not None and estimator.tails().keys() == {"total_order"}
+    rows = estimator.tails()["total_order"].rows
+    assert np.array_equal(rows, of_statistics.rows, equal_nan=True) and np.any(rows > 2.0)
+    assert empty(MorrisEstimator).tails() == {}
+
+
+@pytest.mark.parametrize("cls", CLASSES)
+@settings(max_examples=15, deadline=None)
+@given(order=st.permutations(range(12)), cuts=st.sets(st.integers(1, 11)), data=st.data())
+def test_any_order_any_batches_and_any_merges_leave_the_same_bits(
+    cls: type[Estimator], order: list[int], cuts: set[int], data: st.DataObject
+) -> None:
+    values = values_of(cls, 12)
+    values[3, 1] = values[5, 0, 0] = np.nan
+    batches = np.split(np.array(order), sorted(cuts))
+    parts = []
+    for batch in batches:
+        part = empty(cls)
+        part.add_rows(batch.tolist(), values[batch])
+        if data.draw(st.booleans(), label="restart"):
+            restarted = empty(cls)
+            restarted.load_bytes(part.to_bytes())
+            part = restarted
+        parts.append(part)
+    while len(parts) > 1:
+        one = parts.pop(data.draw(st.integers(0, len(parts) - 1), label="merge"))
+        parts[data.draw(st.integers(0, len(parts) - 1), label="into")].merge(one)
+    assert fingerprint(parts[0]) == fingerprint(fed(cls, values))
+
+
+def test_a_failed_base_costs_the_row_and_a_failed_move_one_effect() -> None:
+    values = values_of(MorrisEstimator, 10)
+    values[4, 0] = np.nan
+    values[7, 2] = np.nan
+    broken = fed(MorrisEstimator, values)
+    assert broken.effects.tolist() == [[9, 8, 9]] * OUTPUTS
+    assert broken.rows_used == 9
+    kept = [row for row in range(10) if row not in (4, 7)]
+    without = empty(MorrisEstimator)
+    without.add_rows(kept, values[kept])
+    for name in ("mu", "mu_star", "sigma"):
+        expected = without.indices()[name].value[:, 1]
+        assert np.array_equal(broken.indices()[name].value[:, 1], expected)
+    assert broken.moments().n.tolist() == [38, 38]
+
+
+def test_saltellis_indices_use_every_pair_that_succeeded() -> None:
+    values = values_of(SaltelliEstimator, 32)
+    values[2, 1] = np.nan  # B: no first order from this row, but total order
+    values[9, 2 + 1] = np.nan  # A_B of the second factor
+    values[20, 0] = np.nan  # A: nothing but B's value
+    broken = fed(SaltelliEstimator, values)
+    assert broken.effects.tolist() == [[30, 29, 30]] * OUTPUTS
+    assert broken.rows_used == 31
+    assert broken.moments().n.tolist() == [62, 62]
+    every = np.concatenate([values[:, 0], values[:, 1]])
+    mean, variance = np.nanmean(every, axis=0), np.nanvar(every, axis=0)
+    for factor in range(FACTORS):
+        difference = values[:, 2 + factor] - values[:, 0]
+        first = np.nanmean((values[:, 1] - mean) * difference, axis=0) / variance
+        total = 0.5 * np.nanmean(difference**2, axis=0) / variance
+        found = broken.indices()
+        np.testing.assert_allclose(found["first_order"].value[:, factor], first, rtol=1e-8)
+        np.testing.assert_allclose(found["total_order"].value[:, factor], total, rtol=1e-8)
+
+
+@pytest.mark.parametrize("cls", CLASSES)
+def test_a_failure_of_one_output_leaves_the_others_alone(cls: type[Estimator]) -> None:
+    values = values_of(cls, 16)
+    whole = fed(cls, values).indices()
+    values[5, 0, 0] = np.nan
+    broken = fed(cls, values).indices()
+    for name, index in whole.items():
+        assert np.array_equal(broken[name].value[1], index.value[1])
+        assert not np.array_equal(broken[name].value[0], index.value[0])
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, 1e101, -1e300])
+@pytest.mark.parametrize("cls", CLASSES)
+def test_an_absurdly_large_output_counts_as_failed(cls: type[Estimator], value: float) -> None:
+    values = values_of(cls, 8)
+    values[3, 1] = np.nan
+    expected = fingerprint(fed(cls, values))
+    values[3, 1] = value
+    assert fingerprint(fed(cls, values)) == expected
+
+
+def test_an_output_that_never_varies_has_no_variance_to_share() -> None:
+    """0.1 has no exact square, yet its variance is 0 and not rounding noise."""
+    found = fed(SaltelliEstimator, np.full((50, FACTORS + 2, OUTPUTS), 0.1))
+    assert np.all(found.moments().sd == 0.0)
+    assert all(np.all(np.isnan(index.value)) for index in found.indices().values())
+
+
+def test_a_small_spread_about_a_large_mean_keeps_its_digits() -> None:
+    values = values_of(SaltelliEstimator, 64)
+    near = fed(SaltelliEstimator, values).indices()["total_order"].value
+    far = fed(SaltelliEstimator, values + 2.0**30).indices()["total_order"].value
+    np.testing.assert_allclose(far, near, rtol=1e-5)
+
+
+@pytest.mark.parametrize("cls", CLASSES)
+def test_moments_are_those_of_the_design_s_random_points(cls: type[Estimator]) -> None:
+    values = values_of(cls, 16)
+    moments = fed(cls, values).moments()
+    draws = values if cls is MorrisEstimator else values[:, :2]
+    draws = draws.reshape(-1, OUTPUTS)
+    np.testing.assert_allclose(moments.mean, draws.mean(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(moments.sd, draws.std(axis=0, ddof=1), rtol=1e-10)
+    assert moments.n.tolist() == [len(draws)] * OUTPUTS
+
+
+@pytest.mark.parametrize("cls", CLASSES)
+def test_without_rows_every_index_is_undefined(cls: type[Estimator]) -> None:
+    estimator = empty(cls)
+    for index in estimator.indices().values():
+        assert np.all(np.isnan([index.value, index.low, index.high]))
+    assert np.all(np.isnan(estimator.moments().mean))
+
+
+@pytest.mark.parametrize("cls", CLASSES)
+def test_estimators_of_different_studies_do_not_merge(cls: type[Estimator]) -> None:
+    with pytest.raises(ValueError, match="only estimators of one study"):
+        empty(cls).merge(empty(cls, seed=SEED + 1))
+    with pytest.raises(ValueError, match="state of a study of other shape"):
+        empty(cls).load_bytes(empty(cls, factors=2).to_bytes())
+
+
+@pytest.mark.parametrize("cls", CLASSES)
+def test_values_of_another_shape_are_refused(cls: type[Estimator]) -> None:
+    with pytest.raises(ValueError, match=r"values must have shape \(1, "):
+        empty(cls).add_rows([0], np.zeros((1, 2, OUTPUTS)))
+
+
+def test_every_method_has_its_estimator() -> None:
+    assert [estimator_class(method) for method in METHODS] == list(CLASSES)
+    with pytest.raises(ValueError, match="unknown method 'fast'"):
+        estimator_class("fast")

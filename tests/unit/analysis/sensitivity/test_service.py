@@ -1,0 +1,259 @@
+"""What the service promises: a result counts once, whoever reads it, whatever dies meanwhile."""
+
+import dataclasses
+import json
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis.designs import METHODS
+from analysis.sensitivity import service
+from analysis.sensitivity.records import LoggedResult, StudyPlan
+from analysis.sensitivity.service import analyse, catch_up, follow
+from analysis.sensitivity.snapshot import empty_snapshot
+from analysis.sensitivity.study_state import StaleStateError, StudyState
+from tests.testbed.studies import results_of, study_plan
+
+FAILED = [(0, 1), (4, 0), (7, 3)]
+
+
+class MemoryLog:
+    """A store of one study in memory, with hooks for what may go wrong."""
+
+    def __init__(self, plan: StudyPlan, results: list[LoggedResult]) -> None:
+        self.of_study = plan
+        self.results = results
+        #: How many of the results are in yet.
+        self.visible = len(results)
+        self.cursor = 0
+        self.state: bytes | None = None
+        self.snapshot = empty_snapshot(plan)
+        self.commits = 0
+        #: Cursors at which goals were looked at.
+        self.pursued_at: list[int] = []
+        #: Called before a commit is decided, and before results are read.
+        self.before_commit: Callable[[], None] = lambda: None
+        self.before_read: Callable[[], None] = lambda: None
+        self.after_goals: Callable[[], None] = lambda: None
+        self.lock = threading.Lock()
+
+    def studies_with_news(self) -> list[str]:
+        return [self.of_study.id] if self.cursor < self.visible else []
+
+    def plan(self, study_id: str) -> StudyPlan:
+        assert study_id == self.of_study.id
+        return self.of_study
+
+    def load(self, study_id: str) -> tuple[int, bytes | None]:
+        with self.lock:
+            return self.cursor, self.state
+
+    def results_after(self, study_id: str, cursor: int, limit: int) -> list[LoggedResult]:
+        self.before_read()
+        return self.results[cursor : min(self.visible, cursor + limit)]
+
+    def commit(
+        self,
+        study_id: str,
+        *,
+        expected_cursor: int,
+        cursor: int,
+        state: bytes,
+        snapshot: dict[str, Any],
+    ) -> bool:
+        self.before_commit()
+        with self.lock:
+            if self.cursor != expected_cursor:
+                return False
+            self.cursor, self.state, self.snapshot = cursor, state, snapshot
+            self.commits += 1
+            return True
+
+    def pursue_goals(self) -> None:
+        self.pursued_at.append(self.cursor)
+        self.after_goals()
+
+
+def study(method: str, rows: int = 10) -> tuple[MemoryLog, dict[str, Any]]:
+    """Return the log of a study and its snapshot computed at one go."""
+    plan = study_plan(method, rows)
+    results = results_of(plan, failed=FAILED)
+    return MemoryLog(plan, results), analyse(plan, results)
+
+
+def same(snapshot: dict[str, Any], expected: dict[str, Any]) -> bool:
+    """Compare every bit."""
+    return json.dumps(snapshot) == json.dumps(expected)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@settings(max_examples=20, deadline=None)
+@given(data=st.data())
+def test_any_order_any_batches_and_any_restarts_leave_the_same_snapshot(
+    method: str, data: st.DataObject
+) -> None:
+    log, expected = study(method)
+    order = data.draw(st.permutations(range(len(log.results))))
+    # The log's order is that of arrival: who arrives n-th has sequence number n.
+    log.results = [
+        dataclasses.replace(log.results[old], seq=new + 1) for new, old in enumerate(order)
+    ]
+    for log.visible in sorted(data.draw(st.sets(st.integers(1, len(order) - 1), max_size=5))):
+        catch_up(log, "study")
+        assert log.cursor == log.visible
+    log.visible = len(order)
+    catch_up(log, "study")
+    assert same(log.snapshot, expected)
+
+
+def test_a_service_that_dies_before_its_commit_loses_nothing() -> None:
+    log, expected = study("morris")
+    log.visible = 17
+    catch_up(log, "study")
+    log.visible = len(log.results)
+
+    def die() -> None:
+        raise ConnectionError("the machine is gone")
+
+    log.before_commit = die
+    with pytest.raises(ConnectionError):
+        catch_up(log, "study")
+    assert log.cursor == 17
+    log.before_commit = lambda: None
+    assert catch_up(log, "study") == len(log.results) - 17
+    assert same(log.snapshot, expected)
+
+
+@pytest.mark.parametrize("moment", ["before_read", "before_commit"])
+@pytest.mark.parametrize("method", METHODS)
+def test_whoever_commits_second_is_refused_and_counts_nothing(method: str, moment: str) -> None:
+    log, expected = study(method)
+
+    def be_overtaken() -> None:
+        setattr(log, moment, lambda: None)
+        log.visible = 25
+        assert catch_up(log, "study") == 25
+        log.visible = len(log.results)
+
+    log.visible = 20
+    setattr(log, moment, be_overtaken)
+    assert catch_up(log, "study") == 0
+    assert log.cursor == 25
+    assert catch_up(log, "study") == len(log.results) - 25
+    assert same(log.snapshot, expected)
+
+
+def test_two_services_at_once_leave_the_snapshot_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service, "BATCH", 3)
+    log, expected = study("saltelli", rows=12)
+    stop = threading.Event()
+    processes = [
+        threading.Thread(target=follow, args=(log,), kwargs={"stop": stop, "poll_seconds": 0.001})
+        for _ in range(2)
+    ]
+    for process in processes:
+        process.start()
+    waiting = threading.Event()
+    for _ in range(2000):
+        if log.cursor == len(log.results):
+            break
+        waiting.wait(0.005)
+    stop.set()
+    for process in processes:
+        process.join(timeout=10.0)
+        assert not process.is_alive()
+    assert same(log.snapshot, expected)
+
+
+def test_results_read_twice_count_once() -> None:
+    log, expected = study("saltelli")
+    state = StudyState(log.of_study)
+    assert state.take(log.results[:32]) == 32
+    assert state.take(log.results[10:43]) == 11
+    state = StudyState.from_bytes(log.of_study, state.to_bytes())
+    assert state.take(log.results) == len(log.results) - 43
+    assert same(state.snapshot(), expected)
+
+
+def test_a_caught_up_study_is_not_committed_again() -> None:
+    log, _ = study("morris")
+    assert catch_up(log, "study") == len(log.results)
+    commits = log.commits
+    assert catch_up(log, "study") == 0
+    assert log.commits == commits
+
+
+def test_a_long_log_is_committed_batch_by_batch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service, "BATCH", 7)
+    log, expected = study("morris")
+    catch_up(log, "study")
+    assert log.commits == 6
+    assert same(log.snapshot, expected)
+
+
+def test_a_study_may_be_extended_while_it_is_analysed() -> None:
+    log, _ = study("morris", rows=10)
+    catch_up(log, "study")
+    longer, expected = study("morris", rows=21)
+    log.of_study, log.results, log.visible = longer.of_study, longer.results, longer.visible
+    assert catch_up(log, "study") == 11 * 4
+    assert same(log.snapshot, expected)
+
+
+def test_a_state_of_another_format_is_rebuilt_from_the_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    log, expected = study("saltelli")
+    log.visible = 33
+    monkeypatch.setattr("analysis.sensitivity.study_state.FORMAT", 0)
+    catch_up(log, "study")
+    monkeypatch.undo()
+    log.visible = len(log.results)
+    assert catch_up(log, "study") == len(log.results)
+    assert same(log.snapshot, expected)
+
+
+def test_a_state_belongs_to_one_study() -> None:
+    log, _ = study("morris")
+    state = StudyState(log.of_study)
+    state.take(log.results)
+    other = dataclasses.replace(log.of_study, seed=99)
+    with pytest.raises(StaleStateError, match="does not belong to study study as planned"):
+        StudyState.from_bytes(other, state.to_bytes())
+
+
+def test_an_output_that_is_missing_or_not_finite_is_a_failure_of_that_output() -> None:
+    plan = study_plan("morris", rows=4)
+    results = results_of(plan)
+    results[5] = dataclasses.replace(results[5], outputs={"y": 1.0})
+    results[9] = dataclasses.replace(results[9], outputs={"y": 1.0, "z": float("inf")})
+    outputs = analyse(plan, results)["outputs"]
+    assert [outputs[name]["n"] for name in ("y", "z")] == [16, 14]
+    assert [f["n"] for f in outputs["z"]["factors"].values()] == [2, 4, 4]
+    assert [f["n"] for f in outputs["y"]["factors"].values()] == [4, 4, 4]
+
+
+@pytest.mark.parametrize(("row", "position"), [(-1, 0), (10, 0), (0, 4), (0, -1)])
+def test_a_result_of_no_place_in_the_study_is_refused(row: int, position: int) -> None:
+    log, _ = study("morris")
+    stray = dataclasses.replace(log.results[0], row=row, position=position)
+    with pytest.raises(ValueError, match=f"is at row {row}, position {position}"):
+        StudyState(log.of_study).take([stray])
+
+
+def test_following_ends_when_asked_even_amid_work() -> None:
+    log, _ = study("morris")
+    stop = threading.Event()
+    log.before_commit = stop.set
+    follow(log, stop=stop, poll_seconds=60.0)
+    assert log.cursor == len(log.results)
+
+
+def test_goals_are_pursued_after_what_is_new_was_taken_in() -> None:
+    log, _ = study("morris")
+    stop = threading.Event()
+    log.after_goals = stop.set
+    follow(log, stop=stop, poll_seconds=60.0)
+    assert log.pursued_at == [len(log.results)]

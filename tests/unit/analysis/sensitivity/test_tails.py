@@ -1,0 +1,133 @@
+"""What heavy tails promise: nothing is added to light ones, and what is added helps."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import integrate, special, stats
+
+from analysis.sensitivity.estimators.intervals import satterthwaite
+from analysis.sensitivity.estimators.tails import BEND, Tail, tail
+from analysis.sensitivity.remarks import FEWEST_ROWS
+
+BLOCKS = 8
+Array = NDArray[np.float64]
+
+
+def tail_of(size: Array, axis: int = 0) -> Tail:
+    """Return the tail of differences of these sizes."""
+    moments = [np.mean(size**p, axis=axis) for p in (0.5, 1.0, 2.0, 4.0)]
+    half, first, second, fourth = moments
+    n = np.full(second.shape, size.shape[axis])
+    return tail(half=half, first=first, second=second, fourth=fourth, n=n)
+
+
+def bend(moment: dict[float, float]) -> float:
+    """Return by what share of what it rose before the slope of log E|d|^p rises beyond p = 2."""
+    curve = {p: np.log(value) for p, value in moment.items()}
+    slopes = [(curve[b] - curve[a]) / (b - a) for a, b in ((0.5, 1.0), (1.0, 2.0), (2.0, 4.0))]
+    return float((slopes[2] - slopes[1]) / (slopes[1] - slopes[0]))
+
+
+POWERS = (0.5, 1.0, 2.0, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("moment", "bends"),
+    [
+        # |u - v| of two uniform numbers has the density 2 (1 - x).
+        ({p: integrate.quad(lambda x, p=p: 2 * (1 - x) * x**p, 0, 1)[0] for p in POWERS}, 0.95),
+        ({p: stats.halfnorm.expect(lambda x, p=p: x**p) for p in POWERS}, 1.1),
+        ({p: (1.0 + p) ** -20.0 for p in POWERS}, 0.9),
+        ({p: np.exp(0.5 * p**2) for p in POWERS}, 2.0),
+        ({p: special.gamma(1.0 + p) for p in POWERS}, 1.2),
+    ],
+    ids=["two uniform numbers", "normal", "product of 20 uniform", "lognormal", "exponential"],
+)
+def test_moments_bend_at_least_as_much_as_is_taken_for_granted(
+    moment: dict[float, float], bends: float
+) -> None:
+    """So that of many rows of these nothing is stretched."""
+    assert bend(moment) == pytest.approx(bends, abs=0.06)
+    assert bend(moment) > BEND
+    half, first, second, fourth = (np.array([moment[p]]) for p in POWERS)
+    found = tail(half=half, first=first, second=second, fourth=fourth, n=np.array([1000]))
+    assert found.stretch == 1.0
+    assert found.rows == pytest.approx(1000 * second**2 / fourth)
+
+
+def test_a_difference_that_is_mostly_zero_and_else_of_one_size_is_counted_and_not_stretched() -> (
+    None
+):
+    size = np.zeros((200, 2))
+    size[:7, 0], size[:1, 1] = 3.0, 1e-20
+    found = tail_of(size)
+    np.testing.assert_allclose(found.rows, [7.0, 1.0], rtol=1e-9)
+    np.testing.assert_allclose(found.stretch, 1.0, rtol=1e-6)
+
+
+def test_few_rows_of_a_heavy_tail_show_less_of_it_than_their_lower_moments_tell() -> None:
+    """Of a product of six uniform numbers: the ratio of moments is (9/5)^6 = 34."""
+    size = np.random.default_rng(1).random((64, 6, 2000)).prod(axis=1)
+    seen = np.mean(size**4, axis=0) / np.mean(size**2, axis=0) ** 2
+    found = tail_of(size)
+    assert np.median(seen) < 0.5 * 1.8**6
+    assert np.median(64 / found.rows) > 1.2 * np.median(seen)
+    assert 0.5 < np.mean(found.stretch > 1.0) < 0.95
+
+
+def test_nothing_moves_or_one_row_is_no_tail() -> None:
+    found = tail_of(np.array([[0.0, 2.0], [0.0, 2.0]]))
+    assert np.array_equal(found.stretch, [1.0, 1.0])
+    assert np.isnan(found.rows[0]) and found.rows[1] == pytest.approx(2.0)
+    nothing = np.full(1, np.nan)
+    none = tail(half=nothing, first=nothing, second=nothing, fourth=nothing, n=np.array([0]))
+    assert none.stretch == 1.0 and np.isnan(none.rows)
+
+
+def test_intervals_of_the_mean_square_of_a_product_hold_the_truth_where_they_did_not() -> None:
+    """Products of five uniform numbers and a difference, as in Bratley's last factor: 64 rows."""
+    rng = np.random.default_rng(3)
+    size = rng.random((64, 5, 4000)).prod(axis=1) * np.abs(
+        np.diff(rng.random((64, 2, 4000)), axis=1)[:, 0]
+    )
+    truth = 3.0**-5 / 6.0
+    blocks = (size**2).reshape(BLOCKS, -1, 4000).mean(axis=1)
+    value, without = blocks.mean(axis=0), (blocks.sum(axis=0) - blocks) / (BLOCKS - 1)
+    there = np.ones(blocks.shape, dtype=np.bool_)
+    held = [
+        np.mean((found.low <= truth) & (truth <= found.high))
+        for found in (
+            satterthwaite(value, without, there, 0.9),
+            satterthwaite(value, without, there, 0.9, stretch=tail_of(size).stretch),
+        )
+    ]
+    assert held[0] < 0.86
+    assert held[1] == pytest.approx(0.9, abs=0.03)
+
+
+def test_a_rare_event_is_told_by_the_number_of_rows_where_no_interval_is_honest() -> None:
+    """Squares of what a normal number exceeds 2 by, which 1 in 44 does: 64 rows, where any does."""
+    size = np.maximum(np.random.default_rng(4).normal(size=(64, 6000)) - 2.0, 0.0) ** 2
+    size = size[:, size.any(axis=0)]
+    truth = integrate.quad(lambda x: (x - 2.0) ** 4 * stats.norm.pdf(x), 2.0, 12.0)[0]
+    blocks = (size**2).reshape(BLOCKS, 8, -1).mean(axis=1)
+    value, without = blocks.mean(axis=0), (blocks.sum(axis=0) - blocks) / (BLOCKS - 1)
+    tails = tail_of(size)
+    there = np.ones(blocks.shape, dtype=np.bool_)
+    found = satterthwaite(value, without, there, 0.9, stretch=tails.stretch)
+    few = tails.rows < FEWEST_ROWS
+    assert np.mean(few) > 0.9
+    assert np.mean(((found.low <= truth) & (truth <= found.high))[few]) < 0.7
+
+
+def test_a_tail_that_bends_more_than_is_taken_for_granted_is_held_less_often() -> None:
+    """Squares of lognormal numbers, 64 rows: what a study of such differences may expect."""
+    size = np.exp(np.random.default_rng(5).normal(size=(64, 4000)))
+    blocks = (size**2).reshape(BLOCKS, 8, -1).mean(axis=1)
+    value, without = blocks.mean(axis=0), (blocks.sum(axis=0) - blocks) / (BLOCKS - 1)
+    found = satterthwaite(
+        value, without, np.ones(blocks.shape, dtype=np.bool_), 0.9, stretch=tail_of(size).stretch
+    )
+    assert np.mean((found.low <= np.exp(2.0)) & (np.exp(2.0) <= found.high)) == pytest.approx(
+        0.80, abs=0.03
+    )

@@ -1,0 +1,127 @@
+"""The commands for a study under way ask the right thing and show the answer."""
+
+import io
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import httpx2
+import pytest
+
+from rehyb.cli import main
+from rehyb.client import Client
+
+STUDY = {"id": "s1", "state": "paused", "rows": 9, "instances": 36, "priority": 3}
+FAILED = {"row": 1, "position": 2, "outcome": "slipped", "reason": "no grip", "worker": "w"}
+
+
+class Coordinator:
+    """Answers in two pages, and remembers what it was asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+        self.bodies: list[Any] = []
+
+    def __call__(self, request: httpx2.Request) -> httpx2.Response:
+        self.asked.append(f"{request.method} {request.url.raw_path.decode()}")
+        self.bodies.append(json.loads(request.content) if request.content else None)
+        if request.method == "DELETE":
+            return httpx2.Response(204)
+        if request.url.path.endswith("/instances"):
+            first = "after" not in str(request.url)
+            page = {"instances": [FAILED], "next": "1:2" if first else None}
+            return httpx2.Response(200, json=page)
+        if "/instances/" in request.url.path:
+            bundle = {"model": "elbow", "parameters": {"forearm_mass": -1.0}}
+            return httpx2.Response(200, json=bundle)
+        return httpx2.Response(200, json={**STUDY, "taken_back": 4})
+
+
+@pytest.fixture
+def coordinator(monkeypatch: pytest.MonkeyPatch) -> Coordinator:
+    coordinator = Coordinator()
+    monkeypatch.setenv("REHYB_TOKEN", "t")
+    mocked = partial(Client, transport=httpx2.MockTransport(coordinator))
+    monkeypatch.setattr("rehyb.cli.study_control.Client", mocked)
+    return coordinator
+
+
+def run(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> tuple[int, str]:
+    monkeypatch.setattr("sys.argv", ["rehyb", *command.split()])
+    status = 0
+    try:
+        main()
+    except SystemExit as leaving:
+        status = int(leaving.code or 0)
+    captured = capsys.readouterr()
+    return status, captured.out + captured.err
+
+
+@pytest.mark.parametrize(
+    ("command", "asked", "body", "said"),
+    [
+        ("drain s1", "POST /v1/studies/s1/drain", None, "s1 is paused: 9 rows, 36 instances"),
+        ("pause s1", "POST /v1/studies/s1/pause", None, "s1 is paused: 9 rows, 36 instances"),
+        ("resume s1", "POST /v1/studies/s1/resume", None, "priority 3"),
+        ("extend s1 --rows 9", "POST /v1/studies/s1/extend", {"rows": 9}, "9 rows"),
+        ("settle s1", "DELETE /v1/studies/s1/precision", None, "s1 is extended no more"),
+        ("priority s1 3", "POST /v1/studies/s1/priority", {"priority": 3}, "priority 3"),
+        (
+            "rerun s1 --outcome lost",
+            "POST /v1/studies/s1/rerun",
+            {"which": "failed", "outcomes": ["lost"]},
+            "4 results were taken back; s1 is paused",
+        ),
+        (
+            "rerun s1 --which all",
+            "POST /v1/studies/s1/rerun",
+            {"which": "all", "outcomes": None},
+            "4 results were taken back",
+        ),
+        ("delete s1", "DELETE /v1/studies/s1", None, "s1 is deleted"),
+    ],
+)
+def test_a_verb_asks_once_and_says_what_is_now(
+    coordinator: Coordinator,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    command: str,
+    asked: str,
+    body: Any,
+    said: str,
+) -> None:
+    status, words = run(monkeypatch, capsys, f"study {command}")
+    assert (status, coordinator.asked, coordinator.bodies) == (0, [asked], [body])
+    assert said in words
+
+
+def test_failures_are_read_to_the_last_page(
+    coordinator: Coordinator, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, words = run(monkeypatch, capsys, "study failures s1 --json")
+    assert (status, json.loads(words)) == (0, {"instances": [FAILED, FAILED]})
+    assert [path.partition("?")[2] for path in coordinator.asked] == [
+        "state=failed&limit=500",
+        "state=failed&after=1%3A2&limit=500",
+    ]
+    assert "no grip" in run(monkeypatch, capsys, "study failures s1")[1]
+    run(monkeypatch, capsys, "study failures s1 --quarantined")
+    assert "state=quarantined&limit=500" in coordinator.asked[-2]
+
+
+def test_a_bundle_is_written_for_a_replay_which_reads_its_parameters(
+    coordinator: Coordinator,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "bundle.json"
+    assert run(monkeypatch, capsys, f"study instance s1 1 2 --out {file}")[0] == 0
+    status, words = run(monkeypatch, capsys, f"assess --replay {file}")
+    assert (status, "forearm_mass must be positive" in words) == (2, True)
+    monkeypatch.setattr("sys.stdin", io.StringIO('{"model": "ishigami", "parameters": {}}'))
+    status, words = run(monkeypatch, capsys, "assess --replay -")
+    assert (status, "is of model 'ishigami', which is no assessment" in words) == (2, True)

@@ -1,0 +1,124 @@
+"""Drawing up a study from a request."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from analysis.designs import instance_parameters
+from server.errors import InvalidStudyError
+from server.logic.study import MAX_ROWS, FactorChoice, Plan, parameters
+from sim.models import ELBOW
+
+Drawing = Callable[..., Plan]
+
+
+def test_without_factors_those_of_the_paper_are_sampled_uniformly_over_their_ranges(
+    plan: Drawing,
+) -> None:
+    drawn = plan(model="elbow")
+    assert {name: d.to_json() for name, d in drawn.distributions.items()} == {
+        f.name: {"kind": "uniform", "low": f.low, "high": f.high} for f in ELBOW.sampled
+    }
+    assert drawn.fixed == {f.name: f.nominal for f in ELBOW.factors if f.optional}
+    assert drawn.outputs == ELBOW.outputs
+
+
+def test_fixing_a_factor_leaves_the_others_sampled(plan: Drawing) -> None:
+    drawn = plan(fixed={"x2": 0.5})
+    assert list(drawn.distributions) == ["x1", "x3"]
+    assert drawn.fixed == {"x2": 0.5}
+
+
+def test_a_factor_neither_sampled_nor_fixed_keeps_its_nominal_value(plan: Drawing) -> None:
+    drawn = plan(model="elbow", factors=[FactorChoice(name="forearm_mass")])
+    assert list(drawn.distributions) == ["forearm_mass"]
+    assert drawn.fixed["upper_arm_mass"] == ELBOW.factor("upper_arm_mass").nominal
+    assert len(drawn.fixed) == len(ELBOW.factors) - 1
+
+
+def test_factors_and_outputs_follow_the_model_whatever_order_they_are_asked_in(
+    plan: Drawing,
+) -> None:
+    drawn = plan(
+        model="elbow",
+        factors=[FactorChoice(name="forearm_mass"), FactorChoice(name="upper_arm_length")],
+        outputs=["tracking_rmse", "stiffness_error"],
+    )
+    assert list(drawn.distributions) == ["upper_arm_length", "forearm_mass"]
+    assert drawn.outputs == ("stiffness_error", "tracking_rmse")
+
+
+@pytest.mark.parametrize(
+    ("method", "width"), [("morris", 4), ("saltelli", 5), ("saltelli_second_order", 8)]
+)
+def test_a_study_has_rows_times_width_instances(plan: Drawing, method: str, width: int) -> None:
+    drawn = plan(method=method, rows=7)
+    assert (drawn.width, drawn.instances) == (width, 7 * width)
+
+
+def test_parameters_are_the_design_s_with_fixed_factors_added(plan: Drawing) -> None:
+    drawn = plan(fixed={"x2": 0.5}, seed=9, sampling="latin_hypercube")
+    points = instance_parameters("morris", "latin_hypercube", 9, 1, drawn.distributions)
+    assert parameters(drawn, 1) == [{**point, "x2": 0.5} for point in points]
+
+
+@pytest.mark.parametrize(
+    ("request_", "pointer", "says"),
+    [
+        ({"model": "knee"}, "/model", "expected one of elbow"),
+        ({"method": "fast"}, "/method", "expected one of morris, saltelli"),
+        ({"sampling": "halton"}, "/sampling", "expected one of sobol"),
+        (
+            {"method": "saltelli", "sampling": "trajectories"},
+            "/sampling",
+            "expected one of sobol_blocks, sobol, sobol_paired, latin_hypercube",
+        ),
+        ({"rows": 0}, "/rows", "between 1 and"),
+        ({"rows": MAX_ROWS + 1}, "/rows", "between 1 and"),
+        ({"fixed": {"x9": 1.0}}, "/fixed/x9", "unknown factor"),
+        ({"fixed": {"x1": float("nan")}}, "/fixed/x1", "must be finite"),
+        ({"factors": []}, "/factors", "at least one factor"),
+        (
+            {"method": "saltelli_second_order", "factors": [FactorChoice(name="x1")]},
+            "/factors",
+            "looks at pairs: it needs two factors or more",
+        ),
+        ({"fixed": {"x1": 0.0, "x2": 0.0, "x3": 0.0}}, "/factors", "at least one factor"),
+        ({"factors": [FactorChoice(name="x9")]}, "/factors/0/name", "unknown factor"),
+        (
+            {"factors": [FactorChoice(name="x1"), FactorChoice(name="x1")]},
+            "/factors/1/name",
+            "listed twice",
+        ),
+        (
+            {"factors": [FactorChoice(name="x1")], "fixed": {"x1": 0.0}},
+            "/factors/0/name",
+            "both fixed and sampled",
+        ),
+        (
+            {"factors": [FactorChoice(name="x1", range=(2.0, 1.0))]},
+            "/factors/0/range",
+            "low of a uniform distribution must be below high",
+        ),
+        (
+            {"factors": [FactorChoice(name="x1", distribution={"kind": "cauchy"})]},
+            "/factors/0/distribution",
+            "kind of a distribution must be one of",
+        ),
+        (
+            {"factors": [FactorChoice(name="x1", range=(0.0, 1.0), distribution={"kind": "x"})]},
+            "/factors/0",
+            "a range or a distribution",
+        ),
+        ({"outputs": []}, "/outputs", "at least one output"),
+        ({"outputs": ["z"]}, "/outputs/0", "expected one of y"),
+        ({"outputs": ["y", "y"]}, "/outputs/1", "listed twice"),
+    ],
+)
+def test_a_request_that_makes_no_sense_is_refused_with_where_and_why(
+    plan: Drawing, request_: dict[str, Any], pointer: str, says: str
+) -> None:
+    with pytest.raises(InvalidStudyError, match=says) as caught:
+        plan(**request_)
+    assert caught.value.pointer == pointer

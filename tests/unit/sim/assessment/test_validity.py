@@ -1,0 +1,114 @@
+"""Every detector fires on its own kind of failure and on nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.assessment.validity import (
+    FAILURES,
+    Posture,
+    Postures,
+    check_outcome,
+    check_posture,
+    check_start,
+    first_failure,
+)
+
+GOOD = Posture(
+    exo_angle=np.radians(60.0),
+    human_angle=np.radians(65.0),
+    exo_range=(np.radians(-20.0), np.radians(125.0)),
+    human_range=(np.radians(-10.0), np.radians(145.0)),
+    penetration=np.array([-0.01, -0.02]),
+    overhang=np.array([-0.05, -0.06]),
+    normal_force=500.0,
+)
+
+
+def test_a_plausible_trial_passes_every_detector() -> None:
+    assert check_posture(GOOD) is None
+    assert check_start(human_speed=np.full(4, 0.01), exo_error=np.zeros(4)) is None
+    assert check_outcome(tracking_rmse=0.11, r_squared=0.98) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        ({"human_angle": np.radians(101.0)}, "slipped"),
+        ({"overhang": np.array([-0.05, 0.021])}, "slipped"),
+        ({"penetration": np.array([0.006, -0.02])}, "penetrated"),
+        ({"normal_force": 2500.0}, "jammed"),
+        ({"human_angle": np.radians(-9.5), "exo_angle": 0.0}, "human_joint_limit"),
+        ({"human_angle": np.radians(100), "exo_angle": np.radians(124.5)}, "exo_joint_limit"),
+        ({"human_angle": float("nan")}, "diverged"),
+        ({"normal_force": float("inf")}, "diverged"),
+    ],
+)
+def test_a_posture_that_cannot_be_believed_has_a_name(change: dict, name: str) -> None:  # type: ignore[type-arg]
+    failure = check_posture(replace(GOOD, **change))
+    assert failure is not None
+    assert failure.name == name
+    assert failure.name in FAILURES
+    assert failure.reason
+
+
+@pytest.mark.parametrize(
+    ("speed", "error", "words"),
+    [(0.06, 0.0, "moved at 0.060 rad/s"), (0.0, 0.03, "stood 1.7 degrees from its start")],
+)
+def test_a_start_that_is_not_reached_says_what_moved(
+    speed: float, error: float, words: str
+) -> None:
+    failure = check_start(human_speed=np.full(4, speed), exo_error=np.full(4, error))
+    assert failure is not None
+    assert failure.name == "start_not_reached"
+    assert words in failure.reason
+
+
+@pytest.mark.parametrize(
+    ("rmse", "r_squared", "name"),
+    [(0.25, 0.99, "tracking_lost"), (0.2, 0.3, "ill_conditioned")],
+)
+def test_a_trial_that_explains_nothing_is_no_number(
+    rmse: float, r_squared: float, name: str
+) -> None:
+    failure = check_outcome(tracking_rmse=rmse, r_squared=r_squared)
+    assert failure is not None
+    assert failure.name == name
+
+
+def movement(**changes: np.ndarray) -> Postures:
+    """Ten steps of the good posture, some of them changed."""
+    steps = 10
+    values = {
+        name: np.repeat(np.asarray(getattr(GOOD, name))[None], steps, axis=0)
+        for name in ("exo_angle", "human_angle", "penetration", "overhang", "normal_force")
+    }
+    return Postures(exo_range=GOOD.exo_range, human_range=GOOD.human_range, **(values | changes))
+
+
+def test_a_movement_fails_at_the_first_step_that_a_detector_fires_at() -> None:
+    assert first_failure(movement()) is None
+    force = np.full(10, 500.0)
+    force[[4, 7]] = 2001.0, 9000.0
+    angle = np.radians(np.linspace(60.0, 65.0, 10))
+    angle[6] = np.nan
+    found = first_failure(movement(normal_force=force, human_angle=angle))
+    assert found is not None
+    assert (found[0], found[1].name) == (4, "jammed")
+    found = first_failure(movement(human_angle=angle))
+    assert found is not None
+    assert (found[0], found[1].name) == (6, "diverged")
+
+
+@pytest.mark.parametrize("limb", [0, 1])
+@pytest.mark.parametrize(
+    ("name", "outcome"), [("penetration", "penetrated"), ("overhang", "slipped")]
+)
+def test_either_limb_can_end_a_movement(limb: int, name: str, outcome: str) -> None:
+    values = np.full((10, 2), -0.02)
+    values[3, limb] = 0.03
+    found = first_failure(movement(**{name: values}))
+    assert found is not None
+    assert (found[0], found[1].name) == (3, outcome)

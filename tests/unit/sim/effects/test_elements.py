@@ -1,0 +1,143 @@
+"""An effect that was added to a MuJoCo model does there what its equation says."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim.effects.applied import AppliedEffects
+from sim.effects.elements import APPLIED, add_effect, add_spring
+from tests.testbed.closeloop_effects import Arm
+from tests.testbed.closeloop_sessions import mjcf
+
+PARAMETERS: dict[str, dict[str, float]] = {
+    "stribeck_friction": {"torque": 1.0, "breakaway_excess": 2.0, "stribeck_velocity": 0.5},
+    "asymmetric_friction": {"torque_positive": 2.0, "torque_negative": 1.0},
+    "load_dependent_friction": {"torque": 0.5, "load_share": 0.1},
+    "position_dependent_friction": {
+        "torque_middle": 1.0, "torque_slope": 0.5, "torque_curvature": 0.1, "middle": 0.5,
+    },
+    "nonlinear_stiffness": {"cubic_stiffness": 3.0, "centre": 0.2},
+    "end_range_torque": {"stiffness": 4.0, "onset": 0.5, "side": 1.0, "power": 2.0, "width": 0.2},
+    "torque_ripple": {"cosine": 0.3, "sine": 0.4, "order": 7.0},
+    "hysteresis": {"torque": 1.5, "distance": 0.1},
+    "stretch_reflex": {"gain": 2.0, "delay": 0.0, "side": 1.0, "threshold_velocity": 0.2},
+    "thixotropy": {"torque": 1.0, "distance": 0.5},
+    "drift": {"rate": 0.1, "time_constant": 100.0},
+    "cross_joint_coupling": {"stiffness": 2.0, "damping": 0.1, "neutral": 0.0, "other_dof": 0.0},
+}  # fmt: skip
+
+
+def spec() -> mujoco.MjSpec:
+    return mujoco.MjSpec.from_string(mjcf(Arm()))
+
+
+def added(name: str, parameters: dict[str, float]) -> mujoco.MjModel:
+    changed = spec()
+    assert add_effect(changed, name, "elbow", parameters) is not None
+    return mujoco.MjModel.from_xml_string(changed.to_xml())
+
+
+def applied_torque(model: mujoco.MjModel, q: float, v: float) -> float:
+    data = mujoco.MjData(model)
+    data.qpos[1], data.qvel[1] = q, v
+    mujoco.mj_forward(model, data)
+    AppliedEffects(model).apply(data)
+    mujoco.mj_forward(model, data)
+    return float(data.qfrc_actuator[1])
+
+
+def test_native_elements_are_where_mujoco_keeps_them() -> None:
+    assert added("coulomb_friction", {"torque": 2.8}).dof_frictionloss[1] == 2.8
+    assert added("viscous_friction", {"damping": 0.4}).dof_damping[1] == pytest.approx(0.4)
+    assert added("added_inertia", {"inertia": 0.1}).dof_armature[1] == 0.1
+    spring = added("joint_stiffness", {"stiffness": 4.0, "torque_at_zero": -2.0})
+    assert spring.jnt_stiffness[1] == pytest.approx(4.0)
+    assert spring.qpos_spring[1] == pytest.approx(0.5)
+
+
+def test_two_springs_pull_as_their_sum() -> None:
+    changed = spec()
+    joint = changed.joint("elbow")
+    add_spring(joint, 2.0, 0.3)
+    add_spring(joint, 4.0, 0.9)
+    model = changed.compile()
+    data = mujoco.MjData(model)
+    data.qpos[1] = 1.4
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_passive[1] == pytest.approx(-2.0 * 1.1 - 4.0 * 0.5)
+
+
+@pytest.mark.parametrize("mass", [0.5, -0.5])
+def test_a_payload_changes_what_holding_and_moving_take(mass: float) -> None:
+    torques = []
+    for model in (spec().compile(), added("payload", {"mass": mass, "distance": 0.2})):
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qacc[:] = [0.3, 0.6], [0.0, 2.0]
+        mujoco.mj_inverse(model, data)
+        torques.append(float(data.qfrc_inverse[1]))
+    expected = mass * (9.81 * 0.2 * np.cos(0.9) + 0.2**2 * 2.0)
+    assert torques[1] - torques[0] == pytest.approx(expected, rel=1e-5)
+
+
+def test_more_mass_than_there_is_cannot_be_taken_away() -> None:
+    with pytest.raises(ValueError, match="mass of"):
+        add_effect(spec(), "payload", "elbow", {"mass": -5.0, "distance": 0.2})
+
+
+def test_a_torque_offset_needs_no_control() -> None:
+    model = added("torque_offset", {"torque": 1.5})
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_actuator[1] == pytest.approx(-1.5)
+
+
+@pytest.mark.parametrize("name", ["actuator_lag", "time_delay"])
+def test_a_late_actuator_is_late(name: str) -> None:
+    model = added(name, {"time_constant": 0.05, "delay": 0.05})
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 1.0
+    mujoco.mj_step(model, data)
+    assert abs(data.qfrc_actuator[1]) < 0.1
+    for _ in range(400):
+        mujoco.mj_step(model, data)
+    assert data.qfrc_actuator[1] == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "q", "v", "torque"),
+    [
+        ("stribeck_friction", 0.0, 0.5, -(1.0 + 2.0 / np.e)),
+        ("asymmetric_friction", 0.0, 1.0, -2.0),
+        ("asymmetric_friction", 0.0, -1.0, 1.0),
+        ("position_dependent_friction", 1.5, 1.0, -1.6),
+        ("nonlinear_stiffness", 1.2, 0.0, -3.0),
+        ("end_range_torque", 1.0, 0.0, -1.0),
+        ("torque_ripple", 0.0, 0.0, -0.3),
+        ("stretch_reflex", 0.0, 1.2, -2.0),
+        ("stretch_reflex", 0.0, -1.2, 0.0),
+        ("thixotropy", 0.0, 1.0, -1.0),
+        ("drift", 0.0, 0.0, 0.0),
+    ],
+)
+def test_an_applied_torque_is_its_equation(name: str, q: float, v: float, torque: float) -> None:
+    found = applied_torque(added(name, PARAMETERS[name]), q, v)
+    assert found == pytest.approx(torque, abs=5e-3)
+
+
+@pytest.mark.parametrize("name", APPLIED)
+def test_every_applied_effect_runs(name: str) -> None:
+    model = added(name, PARAMETERS[name])
+    data = mujoco.MjData(model)
+    effects = AppliedEffects(model)
+    data.qvel[1] = 0.5
+    for _ in range(200):
+        effects.apply(data)
+        mujoco.mj_step(model, data)
+    assert np.isfinite(data.qpos).all() and not any(w.number for w in data.warning)
+
+
+def test_what_mujoco_cannot_hold_leaves_the_model_alone() -> None:
+    changed = spec()
+    before = changed.to_xml()
+    assert add_effect(changed, "backlash", "elbow", {"gap": 0.01}) is None
+    assert changed.to_xml() == before

@@ -1,0 +1,308 @@
+"""What a worker promises about close-loop jobs, whatever becomes of the coordinator."""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import httpx2
+import pytest
+
+from rehyb.client import Client
+from rehyb.client.sessions import FILES
+from worker import close_loop_jobs as desks
+from worker.close_loop import OUT, PROGRESS, can_close_loops
+from worker.close_loop_jobs import Desk
+from worker.pool import Finished
+from worker.scratch import sweep
+
+ARCHIVE = b"PK of a session"
+
+
+class Coordinator:
+    """As much of a coordinator as a desk can see."""
+
+    def __init__(self) -> None:
+        self.jobs = 1
+        self.ttl = 60.0
+        self.name = "monday"
+        self.archive = ARCHIVE
+        self.away = 0
+        self.sick = 0
+        self.refuse: set[str] = set()
+        self.too_large = False
+        self.said: list[tuple[str, Any]] = []
+
+    def __call__(self, request: httpx2.Request) -> httpx2.Response:
+        verb = request.url.path.rsplit("/", 1)[-1]
+        if verb not in ("lease", "archive") and self.away:
+            self.away -= 1
+            raise httpx2.ConnectError("connection refused")
+        if verb == "archive":
+            return httpx2.Response(200, content=self.archive)
+        if verb == "lease":
+            if not self.jobs:
+                return httpx2.Response(204, headers={"Retry-After": "0"})
+            self.jobs -= 1
+            sha256 = hashlib.sha256(ARCHIVE).hexdigest()
+            session = {"id": "s", "name": self.name, "sha256": sha256}
+            job = {"id": "j", "lease": "l", "fence": 1, "ttl_seconds": self.ttl}
+            return httpx2.Response(201, json={**job, "session": session})
+        if verb in self.refuse:
+            return httpx2.Response(409, json={"detail": "the lease is expired"})
+        if verb == "report" and self.too_large:
+            return httpx2.Response(413, json={"detail": "a session may have 5 bytes at most"})
+        if verb == "report" and self.sick:
+            self.sick -= 1
+            return httpx2.Response(500, json={"detail": "its log says why"})
+        content = request.read()
+        said = dict(request.url.params) if verb == "report" else json.loads(content)
+        self.said.append((verb, {**said, "files": content} if verb == "report" else said))
+        return httpx2.Response(200, json={})
+
+    def words(self, verb: str) -> list[Any]:
+        return [said for name, said in self.said if name == verb]
+
+
+class InstantPool:
+    """A pool whose one child has closed the loop when it is looked at, unless told otherwise."""
+
+    def __init__(self) -> None:
+        self.result: dict[str, Any] = {"outcome": "ok", "reason": "", "state": None}
+        self.endless = False
+        self.stages = ["reading"]
+        self.archive = Path()
+        self.killed = 0
+
+    def start(self, instance: Mapping[str, Any], ticket: Any) -> None:
+        self.archive = Path(instance["parameters"]["archive"])
+        assert self.archive.read_bytes() == ARCHIVE
+        (self.archive.parent / OUT).mkdir()
+        for name in FILES:
+            (self.archive.parent / OUT / name).write_text(f"<{name}>")
+
+    def wait(self, seconds: float) -> list[Finished]:
+        time.sleep(0.001)
+        if self.stages:
+            (self.archive.parent / PROGRESS).write_text(self.stages.pop(0))
+            return []
+        return [] if self.endless else [Finished(ticket=None, result=self.result)]
+
+    def kill(self) -> None:
+        self.killed += 1
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("TELL_SECONDS", "FAREWELL_SECONDS", "PAUSE_SECONDS"):
+        monkeypatch.setattr(desks, name, 0.01)
+    monkeypatch.setattr(desks, "full_jitter", lambda failures, rng: 0.001)
+
+
+@pytest.fixture
+def coordinator() -> Coordinator:
+    return Coordinator()
+
+
+@pytest.fixture
+def pool() -> InstantPool:
+    return InstantPool()
+
+
+@pytest.fixture
+def desk(coordinator: Coordinator, pool: InstantPool, tmp_path: Path) -> Iterator[Desk]:
+    transport = httpx2.MockTransport(coordinator)
+    with Client("http://coordinator:1", "secret", transport=transport) as client:
+        desk = Desk(
+            client=client,
+            pool=pool,  # type: ignore[arg-type]
+            folder=tmp_path / "loops",
+            worker={"id": "w", "host": "pc", "versions": {}, "tags": []},
+            code="c0de",
+            rng=Random(1),
+        )
+        yield desk
+        desk.close()
+
+
+def until(ask: Callable[[], object]) -> None:
+    deadline = time.monotonic() + 10.0
+    while not ask():
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+
+
+def test_a_job_is_done_and_its_files_handed_in(
+    desk: Desk, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
+) -> None:
+    desk.start()
+    until(lambda: coordinator.words("report") and not desk.busy)
+    (said,) = coordinator.words("report")
+    assert (said["lease"], said["fence"], said["worker"], said["code"]) == ("l", "1", "w", "c0de")
+    assert all(f"<{name}>".encode() in said["files"] for name in FILES)
+    assert coordinator.words("renew")[0]["progress"] == "reading"
+    # The next session gets a fresh process, and nothing is left of this one.
+    assert pool.killed and pool.archive.name == "monday.zip"
+    assert not (tmp_path / "loops").exists()
+
+
+def test_a_coordinator_that_is_away_gets_the_report_when_it_is_back(
+    desk: Desk, coordinator: Coordinator
+) -> None:
+    coordinator.away = 20
+    desk.start()
+    until(lambda: coordinator.words("report"))
+
+
+def test_a_coordinator_that_keeps_failing_is_left_alone(
+    desk: Desk, coordinator: Coordinator
+) -> None:
+    coordinator.sick, coordinator.jobs = desks.TRIES, 2
+    desk.start()
+    until(lambda: coordinator.words("report"))
+    assert coordinator.sick == 0 and len(coordinator.words("report")) == 1
+    (said,) = coordinator.words("failure")
+    assert said["outcome"] == "crashed" and "its log says why" in said["reason"]
+
+
+def test_a_report_that_the_coordinator_cannot_use_is_a_failure_with_its_words(
+    desk: Desk, coordinator: Coordinator
+) -> None:
+    coordinator.too_large = True
+    desk.start()
+    until(lambda: coordinator.words("failure"))
+    (said,) = coordinator.words("failure")
+    assert said["outcome"] == "crashed" and said["reason"].endswith("5 bytes at most")
+
+
+def test_a_bad_session_is_said_with_its_place(
+    desk: Desk, coordinator: Coordinator, pool: InstantPool
+) -> None:
+    place = {"file": "a.csv", "column": None, "line": 3}
+    pool.result = {"outcome": "bad_session", "reason": "a.csv, line 3: no", "state": place}
+    desk.start()
+    until(lambda: coordinator.words("failure"))
+    (said,) = coordinator.words("failure")
+    assert said | place == said and said["reason"] == "a.csv, line 3: no"
+
+
+def test_a_crash_is_said_without_its_traceback(
+    desk: Desk, coordinator: Coordinator, pool: InstantPool
+) -> None:
+    pool.result = {"outcome": "crashed", "reason": "it was", "state": {"traceback": "..."}}
+    desk.start()
+    until(lambda: coordinator.words("failure"))
+    (said,) = coordinator.words("failure")
+    assert said["outcome"] == "crashed" and "traceback" not in said
+
+
+def test_a_job_that_is_no_longer_ours_is_dropped(
+    desk: Desk, coordinator: Coordinator, pool: InstantPool
+) -> None:
+    pool.endless = True
+    coordinator.refuse = {"renew"}
+    desk.start()
+    until(lambda: pool.killed and not desk.busy)
+    assert not coordinator.words("report") and not coordinator.words("failure")
+
+
+def test_a_lease_is_kept_while_the_work_goes_on(
+    desk: Desk, coordinator: Coordinator, pool: InstantPool
+) -> None:
+    coordinator.ttl, pool.endless = 0.01, True
+    desk.start()
+    until(lambda: len(coordinator.words("renew")) > 5)
+    assert desk.busy == 1
+
+
+def test_draining_finishes_the_job_and_asks_for_no_other(
+    desk: Desk, coordinator: Coordinator, pool: InstantPool
+) -> None:
+    coordinator.jobs, pool.endless = 2, True
+    desk.start()
+    until(lambda: desk.busy)
+    desk.drain()
+    pool.endless = False
+    until(lambda: coordinator.words("report") and not desk.busy)
+    desk.close()
+    assert coordinator.jobs == 1
+
+
+def test_leaving_at_once_gives_the_job_back(
+    desk: Desk, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
+) -> None:
+    pool.endless = True
+    desk.start()
+    until(lambda: pool.archive.name)
+    desk.close()
+    assert coordinator.words("release") == [{"lease": "l", "fence": 1}]
+    assert pool.killed and not (tmp_path / "loops").exists()
+
+
+def test_leaving_while_nobody_answers_takes_no_longer_than_a_farewell(
+    desk: Desk, coordinator: Coordinator
+) -> None:
+    coordinator.away = 10**9
+    desk.start()
+    until(lambda: desk.busy)
+    desk.drain()
+    until(lambda: not desk.busy)
+
+
+def test_a_full_disk_is_this_machine_s_fault_and_is_counted(
+    desk: Desk, coordinator: Coordinator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(desk, "_fetch", full)
+    desk.start()
+    until(lambda: coordinator.words("failure"))
+    (said,) = coordinator.words("failure")
+    assert said["outcome"] == "crashed" and "No space left" in said["reason"]
+    assert not coordinator.words("release")
+
+
+def test_an_archive_that_did_not_arrive_whole_is_not_analysed(
+    desk: Desk, coordinator: Coordinator, pool: InstantPool
+) -> None:
+    coordinator.archive = ARCHIVE[:-1]
+    desk.start()
+    until(lambda: coordinator.words("release"))
+    assert pool.archive == Path()
+
+
+def test_a_session_s_name_names_a_file_in_the_job_s_folder_and_no_other(
+    desk: Desk, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
+) -> None:
+    coordinator.name = "../../x\0/" + "y" * 300
+    desk.start()
+    until(lambda: coordinator.words("report"))
+    assert pool.archive.parent.parent == tmp_path / "loops"
+
+
+def test_what_a_killed_worker_left_is_removed_and_what_a_living_one_has_is_not(
+    desk: Desk, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
+) -> None:
+    pool.endless = True
+    dead = tmp_path / "loops" / "dead"
+    dead.mkdir(parents=True)
+    (dead / "session.zip").write_bytes(ARCHIVE)
+    desk.start()
+    until(lambda: pool.archive.name)
+    assert not dead.exists()
+    sweep(tmp_path / "loops")
+    assert pool.archive.exists()
+
+
+def test_an_installation_without_pictures_cannot_close_loops(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert can_close_loops()
+    monkeypatch.setattr(
+        "worker.close_loop.find_spec", lambda name: None if name == "matplotlib" else object()
+    )
+    assert not can_close_loops()

@@ -1,0 +1,70 @@
+"""Closing the loop on one session: what a child process of the worker does with such a job.
+
+Whether a machine can is a matter of what is installed; a child loads it, and only when needed.
+"""
+
+import os
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+#: Beside the archive: the report's files, and what the child is at.
+OUT, PROGRESS = "out", "progress"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Closed:
+    """What became of a job, in the words of `sim.evaluation.Evaluation`."""
+
+    #: "ok", or "bad_session": the session cannot be analysed.
+    outcome: str
+    reason: str = ""
+    #: File, column and line of what is wrong with the session.
+    state: Mapping[str, Any] | None = None
+    outputs: Mapping[str, float] = field(default_factory=dict)
+    wall_seconds: float
+
+
+def can_close_loops() -> bool:
+    """Say whether this installation can: a light one lacks the pictures' library."""
+    return find_spec("analysis.closeloop") is not None and find_spec("matplotlib") is not None
+
+
+def close(_model: str, parameters: Mapping[str, Any]) -> Closed:
+    """Close the loop on the zipped session at `parameters["archive"]`; its files go beside it.
+
+    Raises:
+        Exception: whatever else may go wrong; the pool calls it a crash.
+    """
+    from analysis.closeloop.errors import SessionError
+    from analysis.closeloop.loop import close_loop
+    from analysis.closeloop.session.archive import unpacked
+
+    archive = Path(parameters["archive"])
+    folder = archive.parent
+    # What is left behind by whatever ends this process is in one folder, which the parent removes.
+    os.chdir(folder)
+    tempfile.tempdir = str(folder)
+    started = time.perf_counter()
+
+    def told(stage: str) -> None:
+        # At once as a whole: the parent reads it any time.
+        fresh = folder / f"{PROGRESS}.fresh"
+        fresh.write_text(stage, encoding="utf-8")
+        fresh.replace(folder / PROGRESS)
+
+    try:
+        with unpacked(archive) as session:
+            close_loop(session, folder / OUT, told)
+    except SessionError as error:
+        return Closed(
+            outcome="bad_session",
+            reason=str(error),
+            state={"file": error.file, "column": error.column, "line": error.line},
+            wall_seconds=time.perf_counter() - started,
+        )
+    return Closed(outcome="ok", wall_seconds=time.perf_counter() - started)

@@ -1,0 +1,253 @@
+"""Close-loop jobs of a worker: one at a time, in a thread beside the agent's.
+
+A session takes a while to fetch and a report to hand in; meanwhile the agent must keep its leases.
+The work itself is done by a child process, which may crash or hang: the thread only waits.
+"""
+
+import hashlib
+import logging
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from random import Random
+from threading import Event, Thread
+from typing import Any
+
+from rehyb.client import Client
+from rehyb.errors import Conflict, Invalid, NotFound, RehybError, ServerError, Unreachable
+from worker.backoff import full_jitter
+from worker.close_loop import OUT, PROGRESS
+from worker.pool import Pool
+from worker.scratch import Scratch, file_name, sweep
+
+log = logging.getLogger(__name__)
+
+#: Seconds the thread waits for its child before it looks at the clock and for signals again.
+TICK_SECONDS = 0.2
+#: Progress is told at most this often, seconds.
+TELL_SECONDS = 0.5
+#: Seconds before the next job after one that came to nothing for the worker's own reasons.
+PAUSE_SECONDS = 5.0
+#: Characters told of a reason, and of a file's or a column's name.
+REASON_LENGTH, PLACE_LENGTH = 4000, 1000
+#: A draining worker stays this long for a coordinator that is away.
+FAREWELL_SECONDS = 10.0
+#: A worker that leaves at once waits no longer for an answer under way.
+LEAVE_SECONDS = 10.0
+#: A coordinator that fails at a report so often will not take it.
+TRIES = 10
+
+Job = Mapping[str, Any]
+
+
+class Desk:
+    """Where a worker closes loops.
+
+    Args:
+        client: the coordinator; a connection of the desk's own.
+        pool: one child, which calls `worker.close_loop.close`.
+        folder: shared by the workers of one machine for one coordinator; made when needed.
+        worker: {"id", "host", "versions", "tags"} as the coordinator knows this worker.
+        code: digest of the code that closes loops here.
+        rng: spreads the waits of many workers.
+    """
+
+    def __init__(
+        self,
+        *,
+        client: Client,
+        pool: Pool,
+        folder: Path,
+        worker: Mapping[str, Any],
+        code: str,
+        rng: Random,
+    ) -> None:
+        self._client = client
+        self._pool = pool
+        self._folder = folder
+        self._worker = worker
+        self._code = code
+        self._rng = rng
+        self._draining = Event()
+        self._cut_short = Event()
+        self._thread = Thread(target=self._serve, name="desk", daemon=True)
+        self._renew_at = 0.0
+        #: How many processes of the machine it uses: 1 while it has a job, 0 otherwise.
+        self.busy = 0
+
+    def start(self) -> None:
+        """Ask for work from now on."""
+        self._thread.start()
+
+    def drain(self) -> None:
+        """Finish the job under way and ask for no other."""
+        self._draining.set()
+
+    def close(self) -> None:
+        """End now: a job under way is given back."""
+        self._draining.set()
+        self._cut_short.set()
+        if self._thread.ident is not None:
+            self._thread.join(LEAVE_SECONDS)
+
+    def _serve(self) -> None:
+        with suppress(OSError):
+            sweep(self._folder)
+        failures = 0
+        while not self._draining.is_set():
+            try:
+                job = self._client.lease_close_loop(self._worker)
+                wait, failures = self._client.retry_after * self._rng.uniform(0.5, 1.0), 0
+            except RehybError as error:
+                # The agent says what is wrong with the coordinator.
+                log.debug("no close-loop job: %s", error)
+                job, failures = None, failures + 1
+                wait = full_jitter(failures, self._rng)
+            if job is None:
+                self._draining.wait(wait)
+                continue
+            self.busy = 1
+            try:
+                self._work(job)
+            except (OSError, RehybError) as error:
+                log.warning("close-loop %s: %s", job["id"], error)
+                self._give_up(job, error)
+                # What went wrong is likely to go wrong again at once.
+                self._draining.wait(PAUSE_SECONDS)
+            finally:
+                self.busy = 0
+
+    def _work(self, job: Job) -> None:
+        log.info("closing the loop on session %s", job["session"]["name"])
+        self._renew_at = time.monotonic() + job["ttl_seconds"] / 3.0
+        with Scratch(self._folder, job["lease"]) as folder:
+            archive = folder / f"{file_name(job['session']['name'])}.zip"
+            self._fetch(job, archive)
+            instance = {
+                "id": job["id"],
+                "model": "close-loop",
+                "parameters": {"archive": str(archive)},
+            }
+            try:
+                self._pool.start(instance, None)
+                result = self._watch(job, folder / PROGRESS)
+            finally:
+                # What one session did to the process, the next one shall not feel.
+                self._pool.kill()
+            if result is None:
+                return
+            if result["outcome"] == "ok":
+                result = self._hand_in(job, folder / OUT)
+            if result is not None:
+                log.warning("close-loop %s: %s", job["id"], result["reason"])
+                self._say(partial(self._fail, job, result))
+
+    def _fetch(self, job: Job, archive: Path) -> None:
+        """Download a job's session, keeping the lease however long that takes."""
+        session = job["session"]
+        self._client.session_archive(session["id"], archive, lambda: self._keep(job, None))
+        with archive.open("rb") as file:
+            if hashlib.file_digest(file, "sha256").hexdigest() != session["sha256"]:
+                raise ServerError(f"session {session['id']} did not arrive as it was uploaded")
+
+    def _watch(self, job: Job, progress: Path) -> dict[str, Any] | None:
+        """Return what the child reports; None if the job is not ours any more, or given back."""
+        told, tell_at = "", 0.0
+        while True:
+            if finished := self._pool.wait(TICK_SECONDS):
+                return finished[0].result
+            if self._cut_short.is_set():
+                self._give_back(job)
+                return None
+            stage, now = _read(progress), time.monotonic()
+            if stage != told and now >= tell_at:
+                told, tell_at, self._renew_at = stage, now + TELL_SECONDS, now
+            try:
+                self._keep(job, stage)
+            except (Conflict, NotFound) as error:
+                log.warning("close-loop %s is no longer ours: %s", job["id"], error)
+                return None
+
+    def _keep(self, job: Job, progress: str | None) -> None:
+        """Renew a job's lease if that is due; a coordinator that is away is asked again soon."""
+        now = time.monotonic()
+        if now < self._renew_at:
+            return
+        try:
+            self._client.renew_close_loop(job, progress)
+            self._renew_at = now + job["ttl_seconds"] / 3.0
+        except (Unreachable, ServerError) as error:
+            log.info("close-loop %s cannot be renewed for now: %s", job["id"], error)
+            self._renew_at = now + self._rng.uniform(1.0, 2.0)
+
+    def _hand_in(self, job: Job, out: Path) -> dict[str, Any] | None:
+        """Hand in the report; returns what to say instead if the coordinator cannot use it."""
+        me = {"worker": self._worker["id"], "code": self._code}
+        try:
+            self._say(partial(self._client.hand_in_report, job, out, **me))
+        except Invalid as error:
+            return _crashed(f"the coordinator cannot use the report: {error}")
+        except ServerError as error:
+            return _crashed(f"the coordinator fails at the report: {error}")
+        return None
+
+    def _fail(self, job: Job, result: Mapping[str, Any]) -> None:
+        bad = result["outcome"] == "bad_session"
+        self._client.fail_close_loop(
+            job,
+            worker=self._worker["id"],
+            outcome=result["outcome"],
+            reason=result["reason"][:REASON_LENGTH],
+            where={name: _cut(value) for name, value in result["state"].items()} if bad else None,
+        )
+
+    def _say(self, call: Callable[[], object]) -> None:
+        """Tell the coordinator what came of a job, as often as it takes."""
+        failures, refusals, leave_at = 0, 0, float("inf")
+        while not self._cut_short.is_set():
+            try:
+                call()
+                return
+            except Unreachable:
+                failures += 1
+            except ServerError:
+                failures, refusals = failures + 1, refusals + 1
+                if refusals >= TRIES:
+                    raise
+            # An event would wake up at once when draining begins, and ask without a pause.
+            time.sleep(full_jitter(failures, self._rng))
+            if self._draining.is_set():
+                leave_at = min(leave_at, time.monotonic() + FAREWELL_SECONDS)
+            if time.monotonic() > leave_at:
+                log.warning("left without handing in a report: another worker will do it again")
+                return
+
+    def _give_up(self, job: Job, error: Exception) -> None:
+        """Say that a job came to nothing here: counted if it is this machine's fault."""
+        if isinstance(error, OSError):
+            with suppress(RehybError):
+                self._fail(job, _crashed(f"on the worker: {error}"))
+        else:
+            self._give_back(job)
+
+    def _give_back(self, job: Job) -> None:
+        # If it is not heard, the lease expires.
+        with suppress(RehybError):
+            self._client.release_close_loop(job)
+
+
+def _crashed(reason: str) -> dict[str, Any]:
+    return {"outcome": "crashed", "reason": reason, "state": None}
+
+
+def _cut(value: Any) -> Any:
+    return value[:PLACE_LENGTH] if isinstance(value, str) else value
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except FileNotFoundError:
+        return ""
