@@ -34,8 +34,8 @@ bench: .venv/.rivals  ## Print the figures that README and docs quote, and rival
 bench-sim: $(READY)  ## Print what an assessment costs and how the fidelities agree (8 minutes)
 	$(BIN)/python -m benchmarks.simulation
 
-curves: $(READY)  ## Draw what each factor does alone (docs/one_at_a_time.png)
-	$(BIN)/python -m benchmarks.one_at_a_time docs/one_at_a_time.png
+curves: $(READY)  ## Draw what each factor does alone (docs/measurements/one_at_a_time.png)
+	$(BIN)/python -m benchmarks.one_at_a_time docs/measurements/one_at_a_time.png
 
 bench-analysis: $(READY)  ## Errors, coverage and speed of the indices beside SALib and SciPy
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.analysis
@@ -43,8 +43,8 @@ bench-analysis: $(READY)  ## Errors, coverage and speed of the indices beside SA
 bench-closeloop: $(READY)  ## Print how often closing the loop names the right effect
 	$(BIN)/python -m benchmarks.closeloop $(ARGS)
 
-picture: $(READY)  ## Draw the arm in the exoskeleton (docs/system.png)
-	$(BIN)/python -m sim.pictures.rendering docs/system.png
+picture: $(READY)  ## Draw the arm in the exoskeleton (docs/understand/system.png)
+	$(BIN)/python -m sim.pictures.rendering docs/understand/system.png
 
 clean:  ## Remove .venv and what the targets wrote; a demo's results go too
 	rm -rf .venv demo validation *.egg-info .mypy_cache .ruff_cache .pytest_cache

@@ -4,9 +4,9 @@
 
 Protocol: four speeds in two postures and one holdout trial; effect over noise at least 3. Every
 session has random numbers of its own. Seeds below 6000 were used while developing; the default
-starts at 6000, where nobody had looked before the figures in docs/closeloop.md were taken. With
-`--resume FILE` every session's outcome is kept in a file as it ends, and sessions that are there
-already are not analysed again.
+starts at 6000, where nobody had looked before the figures in docs/measurements/close_loop.md were
+taken. With `--resume FILE` every session's outcome is kept in a file as it ends, and sessions that
+are there already are not analysed again.
 """
 
 import argparse
@@ -186,7 +186,7 @@ def print_wrong(outcomes: list[Outcome], right: list[bool]) -> None:
 
 
 def print_table(outcomes: list[Outcome]) -> None:
-    """Print the table of docs/closeloop.md."""
+    """Print the table of docs/measurements/close_loop.md."""
     kinds = ("two", "outside", "absorbed", "clean")
     one = [o for o in outcomes if o.case.kind in ("one", "bare")]
     two, outside, absorbed, clean = ([o for o in outcomes if o.case.kind == k] for k in kinds)

@@ -1,4 +1,4 @@
-"""From measured trials to a new ranking, once through: the worked example of docs/closeloop.md.
+"""From measured trials to a new ranking, once through: docs/measurements/effect_study.md.
 
 `python -m benchmarks.effect_study [--rows 40] [--fidelity bushing]`
 

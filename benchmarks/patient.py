@@ -128,7 +128,7 @@ def declared_stiffness(folder: Path) -> float:
 
 
 def print_cases(names: list[str], fidelity: str) -> None:
-    """Print the table of docs/closeloop.md."""
+    """Print the table of docs/measurements/patient.md."""
     print(
         f"{'undeclared':28s} {'K true':>7s} {'plain':>6s} {'before':>7s} {'after':>7s} "
         f"{'error: plain':>13s} {'before':>7s} {'after':>7s}  {'held-out, Nm':>12s}  answer"

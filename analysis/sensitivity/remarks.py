@@ -76,7 +76,7 @@ def _few_rows(snapshot: Mapping[str, Any], output: str) -> str:
 
 
 def _one_sequence(snapshot: Mapping[str, Any]) -> str:
-    """Return what intervals of one Sobol sequence are worth (docs/adr/0006)."""
+    """Return what intervals of one Sobol sequence are worth (docs/decisions/0006)."""
     if snapshot.get("sampling") not in ("sobol", "sobol_paired") or not snapshot["rows_used"]:
         return ""
     return (

@@ -3,7 +3,7 @@
 Any number of these processes may run on one store. Each reads a study's log from the cursor the
 last commit left, and commits state, snapshot and new cursor at once, provided that the cursor is
 still where it found it and the study is as it was planned. So every result counts once, whoever is
-first, and a process may die at any moment (docs/adr/0004).
+first, and a process may die at any moment (docs/decisions/0004).
 """
 
 from collections.abc import Iterable

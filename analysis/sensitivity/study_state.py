@@ -1,6 +1,6 @@
 """Where the analysis of one study stands: incomplete rows, and what was made of the others.
 
-It does not depend on the order of results (docs/adr/0004).
+It does not depend on the order of results (docs/decisions/0004).
 """
 
 import io

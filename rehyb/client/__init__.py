@@ -14,7 +14,8 @@ from rehyb.client.connection import Json as Json
 from rehyb.client.connection import body_of, error_of
 from rehyb.client.sessions import Sessions
 
-#: How long the analysis may be behind a complete study, many times what it is (docs/analysis.md).
+#: How long the analysis may be behind a complete study: many times what it is
+#: (docs/measurements/analysis_speed.md).
 ANALYSIS_SECONDS = 10.0
 
 

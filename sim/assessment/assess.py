@@ -72,7 +72,8 @@ def assess(
         fidelity: a key of `sim.parameters.fidelity.FIDELITIES`, "bushing" for no contact at all, or
             a discretisation of one's own.
         target: a key of `sim.assessment.target.TARGETS`: the elbow or a joint of the shoulder.
-        device: one of `sim.robot.device.DEVICES`, or the path of an MJCF file (`docs/devices.md`).
+        device: one of `sim.robot.device.DEVICES`, or the path of an MJCF file
+            (`docs/use/devices.md`).
         watch: sees every step, for a film (`sim.pictures.film`).
 
     Raises:

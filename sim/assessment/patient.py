@@ -3,7 +3,7 @@
 The robot moves the arm to and fro, at several speeds over two ranges, and keeps
 what a laboratory would: time, joint angles and the elbow motor's torque. Whatever the arm, the
 tissue, the fit of the device or an undeclared effect do to these signals is in them; a nominal
-model is all that the analysis gets (`docs/closeloop.md`).
+model is all that the analysis gets (`docs/use/close_loop.md`).
 """
 
 import csv

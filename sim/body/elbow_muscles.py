@@ -5,7 +5,8 @@ In the authors' model the heads of the triceps are straight lines, whose lever f
 nothing between 30 and 130 degrees of flexion, so that extension peaks 25 degrees before the
 measured torques. Refitted, they pass two points of the humerus and wrap round a cylinder, as in
 Holzbaur et al. 2005 (points from MyoSuite's copy, github MyoHub/myo_sim), and relaxed muscles are
-slacker. Both then peak where measured torques do. `docs/simulation.md` has the two side by side.
+slacker. Both then peak where measured torques do. `docs/understand/muscles.md` has the two side by
+side.
 """
 
 from dataclasses import dataclass, replace

@@ -5,7 +5,8 @@ those of the cuff: four radial ones at two places along the limb, which also res
 axial, and two that resist torsion. The assessment starts from rest, which Newton's method finds;
 what hardly acts is left out (pronation, the muscles of a shoulder that is not assessed: at most
 0.004 Nm/rad on 32 Sobol points). Nothing slips, rolls or loses contact, so the response is smooth
-and an assessment takes milliseconds; `docs/simulation.md` says how far it agrees with contact.
+and an assessment takes milliseconds; `docs/measurements/fidelities.md` says how far it agrees with
+contact.
 """
 
 from dataclasses import replace

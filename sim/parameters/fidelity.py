@@ -1,7 +1,7 @@
 """How finely cuffs, straps and tissue are divided: the same arm, at three prices.
 
-`docs/simulation.md` has the convergence study behind these; the bushing model, which has no contact
-at all, is `sim.interface.bushing`.
+`docs/measurements/fidelities.md` has the convergence study behind these; the bushing model, which
+has no contact at all, is `sim.interface.bushing`.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,7 @@
 """The exoskeleton as data: a chain of links in a file (paper, section 2.2.2).
 
-A device is an MJCF file, and nothing here knows the NESM from another: `docs/devices.md` says what
-a file needs. Those in the folder `devices` have names; any other is named by its path.
+A device is an MJCF file, and nothing here knows the NESM from another: `docs/use/devices.md` says
+what a file needs. Those in the folder `devices` have names; any other is named by its path.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The arrows between the rooms run one way, as docs/architecture.md draws them."""
+"""The arrows between the rooms run one way, as docs/understand/architecture.md draws them."""
 
 import ast
 import subprocess

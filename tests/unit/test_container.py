@@ -1,4 +1,4 @@
-"""The Dockerfile and what docs/operation.md says of it, read as a container engine would."""
+"""The Dockerfile and what docs/operate says of it, read as a container engine would."""
 
 import json
 import re
@@ -10,7 +10,7 @@ from server.settings import Settings
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-OPERATION = (ROOT / "docs" / "operation.md").read_text()
+OPERATION = (ROOT / "docs" / "operate" / "coordinator.md").read_text()
 STATE = "/var/lib/rehyb"
 
 

@@ -17,8 +17,8 @@ from sim.robot.device import DEVICES
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
-ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
-SIMULATION = (ROOT / "docs" / "simulation.md").read_text()
+ARCHITECTURE = (ROOT / "docs" / "understand" / "architecture.md").read_text()
+SIMULATION = (ROOT / "docs" / "understand" / "simulation.md").read_text()
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
@@ -90,4 +90,4 @@ def test_every_condition_and_every_device_is_explained() -> None:
     for factor in CONDITIONS:
         assert f"| `{factor.name}` |" in SIMULATION
     for device in DEVICES:
-        assert f"`{device}`" in (ROOT / "docs" / "devices.md").read_text()
+        assert f"`{device}`" in (ROOT / "docs" / "use" / "devices.md").read_text()

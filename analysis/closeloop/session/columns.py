@@ -1,7 +1,7 @@
 """Logs of other layouts: a small map from their signals to the contract's columns, as data.
 
 The map says in which lines or columns the signals stand and how their numbers become SI units
-(`value = scale * number + offset`); `docs/closeloop.md` has the words and two examples.
+(`value = scale * number + offset`); `docs/use/recorded_logs.md` has the words and two examples.
 """
 
 import csv

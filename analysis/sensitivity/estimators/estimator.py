@@ -1,6 +1,6 @@
 """What the estimators of both methods share: sums over rows that survive any order of arrival.
 
-Why they do is docs/adr/0004-sums-do-not-depend-on-order.md.
+Why they do is docs/decisions/0004-sums-do-not-depend-on-order.md.
 """
 
 import io

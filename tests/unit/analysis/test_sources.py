@@ -21,7 +21,7 @@ CARRIERS = {
 SOURCE = re.compile(
     r"[A-Z]\w+,? (?:and \w+ |et al\.?,? )?\(?(?:18|19|20)\d\d\b"
     r"|paper'?s?,? (?:equations?|figures?|sections?) \d"
-    r"|docs/adr/\d{4}"
+    r"|docs/decisions/\d{4}"
 )
 
 #: Everything that anybody adds is in here, unless it is named above.

@@ -121,7 +121,7 @@ def test_what_cannot_be_studied_is_said_in_a_sentence(found: Any, words: str) ->
 
 
 def test_every_effect_that_can_be_carried_is_in_the_documentation() -> None:
-    page = (Path(__file__).parents[5] / "docs" / "closeloop.md").read_text()
+    page = (Path(__file__).parents[5] / "docs" / "use" / "close_loop.md").read_text()
     section = page.split("## From a found effect")[1].split("\n## ")[0]
     for name in UNDECLARED:
         assert f"`{name}`" in section
