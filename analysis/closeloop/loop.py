@@ -11,19 +11,18 @@ from typing import Any
 
 import numpy as np
 
+from analysis.closeloop.contract import REPORT_FILES, Verdict
 from analysis.closeloop.identification.accuracy import TrialError
 from analysis.closeloop.identification.confirmation import confirm, unconfirmed
 from analysis.closeloop.identification.repaired import repaired_model
 from analysis.closeloop.report.answer import Answer, answer
 from analysis.closeloop.report.page import write_page
 
-FILES = ("report.json", "report.html", "model_after.xml", "residuals.csv")
-
 
 def close_loop(
     folder: Path, out: Path, progress: Callable[[str], None] = lambda _: None
 ) -> dict[str, Any]:
-    """Analyse the session in `folder` and write `FILES` to `out`; return the report.
+    """Analyse the session in `folder` and write `REPORT_FILES` to `out`; return the report.
 
     Everything is made beside `out` first: after an error nothing is there.
 
@@ -44,7 +43,7 @@ def close_loop(
     for effect, element in zip(report["effects"], elements, strict=False):
         effect["mujoco_element"] = element
     report["warnings"] += warnings
-    if report["verdict"] == "effect_found":
+    if report["verdict"] == Verdict.EFFECT_FOUND:
         progress("the repaired model in closed loop")
         report["confirmation"] = confirm(found.recording, report, xml)
         report["warnings"] += unconfirmed(report["confirmation"])
@@ -59,7 +58,7 @@ def close_loop(
         write_residuals(fresh / "residuals.csv", found)
         write_page(fresh / "report.html", found)
         out.mkdir(exist_ok=True)
-        for name in FILES:
+        for name in REPORT_FILES:
             shutil.move(str(fresh / name), str(out / name))
     return report
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.catalogue.effect import Candidate
+from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.candidates import Option
 from analysis.closeloop.identification.model import Model, evaluate, impedances
 from analysis.closeloop.identification.regression import Rows
@@ -87,7 +88,7 @@ def alternatives(found: Trace) -> dict[str, Refits]:
     """Return the fits under every other name that explains the trials as well."""
     others = {}
     for step in found.steps:
-        if found.verdict != "effect_found":
+        if found.verdict != Verdict.EFFECT_FOUND:
             continue
         for option in step.equals:
             model = _exchanged(found.model, step.taken.candidate, option)

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.catalogue import RUBBING
+from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.candidates import ONE_WAY
 from analysis.closeloop.identification.model import Model, evaluate, kept_columns
 from analysis.closeloop.identification.noise_ceiling import ceiling
@@ -42,14 +43,14 @@ def beyond_interface(found: Trace) -> Trace:
     Args:
         found: what tracing found; returned as it is unless the session's model is the nominal arm.
     """
-    if found.rows.recording.session.model != NOMINAL or found.verdict == "adequate":
+    if found.rows.recording.session.model != NOMINAL or found.verdict == Verdict.ADEQUATE:
         return found
-    if found.verdict == "unexplained":
+    if found.verdict == Verdict.UNEXPLAINED:
         return replace(found, notes=(*found.notes, REMARK))
     if ONE_WAY in found.notes:
         # Too little was recorded to say anything, and the advice is what to record.
         return found
-    named = found.verdict == "effect_found"
+    named = found.verdict == Verdict.EFFECT_FOUND
     model = found.model if named else found.steps[0].taken.model
     coefficients = found.score.coefficients if named else found.steps[0].taken.score.coefficients
     kept = tuple(
@@ -63,7 +64,7 @@ def beyond_interface(found: Trace) -> Trace:
     if not kept:
         return replace(
             found,
-            verdict="unexplained",
+            verdict=Verdict.UNEXPLAINED,
             model=found.declared,
             score=found.declared_score,
             steps=(),

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.stats import norm
 
 from analysis.closeloop.catalogue import BY_NAME, RUBBING
+from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.candidates import ONE_WAY, Option, ladder, one_way, refined
 from analysis.closeloop.identification.model import Model, declared_model, evaluate
 from analysis.closeloop.identification.noise_ceiling import Ceiling, ceiling
@@ -62,7 +63,7 @@ class Trace:
     model: Model
     score: Score
     steps: tuple[Step, ...]
-    verdict: str
+    verdict: Verdict
     #: Splines beyond the declared and beyond the final model.
     ceiling_before: Ceiling
     ceiling_after: Ceiling
@@ -95,7 +96,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
                 model=model,
                 score=current,
                 steps=tuple(steps),
-                verdict="effect_found" if steps else "adequate",
+                verdict=Verdict.EFFECT_FOUND if steps else Verdict.ADEQUATE,
                 ceiling_before=ceiling_before,
                 ceiling_after=ceiling_after,
             )
@@ -183,7 +184,7 @@ def _with_rests(found: Trace) -> Trace:
     recording = found.rows.recording
     declared = {entry.effect for entry in recording.session.declared}
     names = {step.taken.candidate.effect.name for step in found.steps} | declared
-    if names & RUBBING or np.any(recording.device.friction) or found.verdict == "unexplained":
+    if names & RUBBING or np.any(recording.device.friction) or found.verdict == Verdict.UNEXPLAINED:
         return found
     rows = select_rows(recording, recording.fit_trials, rests=True)
     rows = rows.reweighted(found.ceiling_before.noise)
@@ -204,15 +205,15 @@ def _judged(found: Trace) -> Trace:
     steady = left.rank_z > MIN_Z and remains > LARGE_GAIN * left.model_loss
     real = (left.z > MIN_Z or steady) and remains > max(MIN_GAIN * left.model_loss, matters)
     if not found.steps and _once(found.rows):
-        return replace(found, verdict="not_identifiable", notes=(ONE_WAY,))
+        return replace(found, verdict=Verdict.NOT_IDENTIFIABLE, notes=(ONE_WAY,))
     if not found.steps:
-        return replace(found, verdict="unexplained" if real else "adequate")
+        return replace(found, verdict=Verdict.UNEXPLAINED if real else Verdict.ADEQUATE)
     explained = found.ceiling_before.model_loss - left.model_loss
     if real and explained < MIN_EXPLAINED * (explained + remains):
         names = ", ".join(step.taken.candidate.effect.name for step in found.steps)
         return replace(
             found,
-            verdict="unexplained",
+            verdict=Verdict.UNEXPLAINED,
             model=found.declared,
             score=found.declared_score,
             steps=(),
@@ -241,7 +242,7 @@ def _unnamed(
         model=declared,
         score=before,
         steps=(replace(step, equals=_others(step)),),
-        verdict="not_identifiable",
+        verdict=Verdict.NOT_IDENTIFIABLE,
         ceiling_before=ceiling_before,
         ceiling_after=ceiling_before,
         notes=(step.taken.refused,),

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import welch
 
+from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.accuracy import TrialError
 from analysis.closeloop.identification.noise_ceiling import Ceiling
 from analysis.closeloop.identification.spectrum import Peak, peaks
@@ -39,7 +40,7 @@ def unexplained(
     found: Trace,
     errors: list[TrialError],
     beyond: Mapping[int, list[Peak]],
-    verdict: str,
+    verdict: Verdict,
 ) -> dict[str, Any]:
     """Describe, per joint, what no effect explains: size, signals it depends on, band, where.
 
@@ -57,7 +58,7 @@ def unexplained(
         depends = [signal for signal, _ in left.depends_on]
         if joint in beyond:
             depends.append("time")
-        if not depends and verdict != "unexplained":
+        if not depends and verdict != Verdict.UNEXPLAINED:
             continue
         own = [error for error in errors if error.joint == joint and len(error.time) > 1]
         if not own:

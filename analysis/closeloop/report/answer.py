@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.catalogue import BY_NAME, VISCOELASTIC
+from analysis.closeloop.contract import SCHEMA, Verdict
 from analysis.closeloop.identification.accuracy import (
     TrialError,
     left_out_errors,
@@ -93,11 +94,11 @@ def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> An
         )
     beyond = oscillations(recording, fitted[1])
     verdict = found.verdict
-    if verdict == "adequate" and beyond:
-        verdict = "unexplained"
+    if verdict == Verdict.ADEQUATE and beyond:
+        verdict = Verdict.UNEXPLAINED
     effects, impedance = effect_entries(found), impedance_entries(found)
     report = {
-        "schema": 1,
+        "schema": SCHEMA,
         "verdict": verdict,
         "convention": CONVENTION,
         "effects": effects,
@@ -167,24 +168,24 @@ def _errors(
     return entries
 
 
-def _advice(found: Trace, verdict: str) -> list[str]:
+def _advice(found: Trace, verdict: Verdict) -> list[str]:
     advice = []
     for step in found.steps:
         effect = step.taken.candidate.effect
-        if step.equals or verdict == "not_identifiable":
+        if step.equals or verdict == Verdict.NOT_IDENTIFIABLE:
             advice.append(
                 f"To tell {effect.name} from what looks alike: {effect.separating_trial}."
             )
-    if verdict == "not_identifiable":
+    if verdict == Verdict.NOT_IDENTIFIABLE:
         advice.append(
             "Record the movement to and fro, at two or more speeds, with every speed as its own "
             "group."
         )
-    if verdict == "adequate" and not found.rows.grouped:
+    if verdict == Verdict.ADEQUATE and not found.rows.grouped:
         advice.append(
             "All fit trials share one group; another speed or posture would show more effects."
         )
-    if verdict == "unexplained":
+    if verdict == Verdict.UNEXPLAINED:
         advice.append(
             "No catalogued effect explains what is left; `unexplained` says on which recorded "
             "signals it depends. Record more there (EMG, temperature, the limb's own angle)."

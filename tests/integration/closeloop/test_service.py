@@ -16,7 +16,8 @@ import httpx2
 import psutil
 import pytest
 
-from analysis.closeloop.loop import FILES, close_loop
+from analysis.closeloop.contract import REPORT_FILES
+from analysis.closeloop.loop import close_loop
 from server.store import check, close_loops, create_engine, sessions
 from tests.integration.worker.test_process import TOKEN, Lab, until
 from tests.testbed.closeloop_sessions import write_session
@@ -101,7 +102,7 @@ def test_the_report_through_the_service_is_the_one_made_here(lab: Lab, tmp_path:
     }
     printed, _ = command.communicate(timeout=30)
     assert (command.returncode, json.loads(printed)) == (0, expected)
-    for name in FILES:
+    for name in REPORT_FILES:
         remote, local = (tmp_path / where / name for where in ("remote", "local"))
         assert remote.read_bytes() == local.read_bytes()
     worker.send_signal(signal.SIGTERM)

@@ -11,7 +11,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from analysis.closeloop.loop import FILES, close_loop
+from analysis.closeloop.contract import REPORT_FILES
+from analysis.closeloop.loop import close_loop
 from sim.effects.applied import AppliedEffects
 from tests.testbed.closeloop_effects import Arm
 from tests.testbed.closeloop_sessions import write_session
@@ -39,7 +40,7 @@ def test_coulomb_friction_is_found_added_and_the_error_falls(tmp_path: Path) -> 
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model_after.xml"))
     assert model.dof_frictionloss[1] == pytest.approx(torque["value"], rel=1e-4)
     assert model.jnt_stiffness[1] == pytest.approx(stiffness["after"], rel=1e-4)
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(FILES)
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(REPORT_FILES)
     # The model that was written follows the recording; the declared one needs to be pushed.
     simulated = report["confirmation"]["joints"]["elbow"]
     assert report["confirmation"]["ran"] and report["confirmation"]["trials"][0] == "holdout.csv"
