@@ -35,7 +35,8 @@ class ResultLog(Protocol):
     def results_after(self, study_id: str, cursor: int, limit: int) -> list[LoggedResult]:
         """Return up to `limit` results with seq > cursor, in order of seq.
 
-        None if the study has changed since `plan` was asked for: what is left is for the next call.
+        An empty list if there are none, or if the study has changed since `plan` was asked for:
+        what is left is for the next call.
         """
 
     def commit(
@@ -47,10 +48,13 @@ class ResultLog(Protocol):
         state: bytes,
         snapshot: dict[str, Any],
     ) -> bool:
-        """Replace cursor, state and snapshot at once; False if the cursor is not as expected."""
+        """Replace cursor, state and snapshot at once.
+
+        False if the cursor is not as expected, or the study has changed since `plan` was asked for.
+        """
 
     def pursue_goals(self) -> None:
-        """Extend the complete studies that are less precise than they were to be.
+        """Extend the complete studies that are less precise than their goals.
 
         The rule is `analysis.sensitivity.stopping.next_step`; studies whose snapshot lacks a result
         wait.

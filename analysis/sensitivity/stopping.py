@@ -100,50 +100,62 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class Step:
-    """What a study with a wanted precision does when all its rows are in."""
+class Goal:
+    """How precise the indices of one output should become, and what that may cost."""
 
-    #: How many rows it is to have in all; None if it is over.
+    output: str
+    #: Half width of every interval; None: as `advise` has it.
+    target: float | None
+    #: The study is not extended beyond this many rows.
+    up_to: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """What a study with a goal does when all its rows are in."""
+
+    #: How many rows it will have in all; None if it is extended no more.
     rows: int | None
     #: Whether every interval is as narrow as wanted.
     reached: bool
     sentence: str
 
 
-def next_step(
-    snapshot: Mapping[str, Any], output: str, *, target: float | None, most_rows: int
-) -> Step:
-    """Decide whether a complete study is extended, and to how many rows.
+def next_step(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step | None:
+    """Decide whether a study is extended, and to how many rows.
 
     By the widths of its intervals, as Sarrazin et al. 2016 judge convergence. It never more than
     doubles, since a forecast from few rows is a rough one. Sobol sequences grow to powers of two,
     and Latin hypercubes by whole hypercubes, where they are balanced.
 
     Args:
-        snapshot: of a study of which every row is complete.
-        output: the output whose indices are to be precise.
-        target: as in `advise`.
-        most_rows: rows beyond which it is not extended whatever its precision.
+        snapshot: of the study.
+        goal: what is wanted of it.
+        rows: how many rows the study has now.
+
+    Returns:
+        None while the snapshot lacks a row: the first rows to come in are not a fair sample.
 
     Raises:
         ValueError: as `advise`.
     """
-    rows = snapshot["rows_complete"]
-    advice = advise(snapshot, output, target)
+    if snapshot["rows_complete"] != rows:
+        return None
+    advice = advise(snapshot, goal.output, goal.target)
     if advice is None:
-        why = f"After {rows:,} rows {output} has no intervals: see why its runs failed."
+        why = f"After {rows:,} rows {goal.output} has no intervals: see why its runs failed."
         return Step(rows=None, reached=False, sentence=why)
     if advice.more_rows == 0:
         return Step(rows=None, reached=True, sentence=advice.sentence)
-    if rows >= most_rows:
-        why = f"It has its {rows:,} rows, and {most_rows:,} at most were allowed. "
+    if rows >= goal.up_to:
+        why = f"It has its {rows:,} rows, and {goal.up_to:,} at most were allowed. "
         return Step(rows=None, reached=False, sentence=why + advice.sentence)
     wanted = min(rows + advice.more_rows, 2 * rows)
     if snapshot["sampling"] == "latin_hypercube":
         wanted = -(-wanted // LATIN_HYPERCUBE_ROWS) * LATIN_HYPERCUBE_ROWS
     else:
         wanted = 1 << rows.bit_length()
-    wanted = min(wanted, most_rows)
+    wanted = min(wanted, goal.up_to)
     return Step(
         rows=wanted,
         reached=False,

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from rehyb.campaign.plans import LATER, Plan
 from rehyb.client import Client, Json
-from rehyb.client.precision import Goal, decide
+from rehyb.client.precision import decide
 from rehyb.errors import CampaignError, ServerError, Unreachable
 
 T = TypeVar("T")
@@ -198,9 +198,9 @@ class Campaign:
         """Return how many rows a complete phase is to have in all; None if it has enough."""
         if number == 1 or self._plan.most_rows is None:
             return None
-        goal = Goal(
-            output=self._plan.output, target=self._plan.target, most_rows=self._plan.most_rows
-        )
+        from analysis.sensitivity.stopping import Goal
+
+        goal = Goal(output=self._plan.output, target=self._plan.target, up_to=self._plan.most_rows)
         step = decide(snapshot, rows, goal)
         if step is None:
             return None

@@ -2,27 +2,15 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rehyb.client import Client, Json
 from rehyb.errors import Conflict, Invalid
 
 if TYPE_CHECKING:
-    from analysis.sensitivity.stopping import Step
+    from analysis.sensitivity.stopping import Goal, Step
 
 POLL_SECONDS = 1.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Goal:
-    """How precise the indices of one output are to be, and what that may cost."""
-
-    output: str
-    #: Half width of every interval; None: 0.02 of S and ST, a tenth of the largest mu*.
-    target: float | None
-    #: The study is not extended beyond this many rows.
-    most_rows: int
 
 
 def watch(
@@ -68,7 +56,7 @@ def watch(
         time.sleep(POLL_SECONDS)
 
 
-def decide(snapshot: Json, rows: int, goal: Goal) -> "Step | None":
+def decide(snapshot: Json, rows: int, goal: "Goal") -> "Step | None":
     """Return what a study with all results does next; None until the analysis has seen them all.
 
     Raises:
@@ -76,9 +64,7 @@ def decide(snapshot: Json, rows: int, goal: Goal) -> "Step | None":
     """
     from analysis.sensitivity.stopping import next_step
 
-    if snapshot["rows_complete"] < rows:
-        return None
     try:
-        return next_step(snapshot, goal.output, target=goal.target, most_rows=goal.most_rows)
+        return next_step(snapshot, goal, rows)
     except ValueError as error:
         raise Invalid(str(error)) from None

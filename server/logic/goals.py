@@ -5,20 +5,9 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
-from analysis.sensitivity.stopping import next_step
+from analysis.sensitivity.stopping import Goal, next_step
 from server.errors import InvalidStudyError
 from server.logic.study import MAX_ROWS, Plan, Study, extended
-
-
-@dataclass(frozen=True, kw_only=True)
-class Goal:
-    """A wanted precision, and what it may cost."""
-
-    output: str
-    #: Half width of every interval; None: as `analysis.sensitivity.stopping.advise` has it.
-    target: float | None
-    #: The study is not extended beyond this many rows.
-    up_to: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,12 +74,11 @@ def pursued(
     """
     if study.state != "complete" or pursuit.settled(study):
         return None
-    if snapshot["rows_complete"] != study.plan.rows:
-        return None
-    goal = pursuit.goal
     # A snapshot that an earlier version left may not say it.
     seen = {"sampling": study.plan.sampling, **snapshot}
-    step = next_step(seen, goal.output, target=goal.target, most_rows=goal.up_to)
+    step = next_step(seen, pursuit.goal, study.plan.rows)
+    if step is None:
+        return None
     said = {
         "rows": study.plan.rows,
         "extended_to": step.rows,

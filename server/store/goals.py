@@ -5,8 +5,9 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
 
+from analysis.sensitivity.stopping import Goal
 from server.errors import ConflictError
-from server.logic.goals import Goal, Pursuit, pursued
+from server.logic.goals import Pursuit, pursued
 from server.store.engine import insert, reading, writing
 from server.store.schema import estimator_states, goals, snapshots, studies
 from server.store.studies import find, save

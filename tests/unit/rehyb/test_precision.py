@@ -11,10 +11,10 @@ import pytest
 from analysis.designs import instance_parameters
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse
-from analysis.sensitivity.stopping import next_step
+from analysis.sensitivity.stopping import Goal, next_step
 from rehyb.cli import main
 from rehyb.client import Client
-from rehyb.client.precision import Goal, decide, watch
+from rehyb.client.precision import decide, watch
 from rehyb.errors import Conflict, Invalid
 from sim.evaluation import evaluate
 from tests.testbed.finished_study import RANGES
@@ -59,7 +59,9 @@ class Coordinator:
         goal = self.goal
         if goal is None or goal["settled"] or self.state != "complete":
             return
-        step = next_step(indices(self.rows), "y", target=goal["target"], most_rows=goal["up_to"])
+        wanted = Goal(output="y", target=goal["target"], up_to=goal["up_to"])
+        step = next_step(indices(self.rows), wanted, self.rows)
+        assert step is not None
         goal["steps"].append({"sentence": step.sentence})
         goal["settled"], goal["reached"] = step.rows is None, step.reached
         if step.rows is not None:
@@ -138,12 +140,12 @@ def test_no_goal_a_cancelled_study_and_an_unknown_output_are_errors() -> None:
 
 
 def test_what_a_complete_study_does_next_waits_for_the_analysis() -> None:
-    goal = Goal(output="y", target=0.001, most_rows=100)
+    goal = Goal(output="y", target=0.001, up_to=100)
     assert decide(indices(31), 32, goal) is None
     step = decide(indices(32), 32, goal)
     assert step is not None and step.rows == 64
     with pytest.raises(Invalid, match="has no output 'z': it has y"):
-        decide(indices(4), 4, Goal(output="z", target=0.1, most_rows=9))
+        decide(indices(4), 4, Goal(output="z", target=0.1, up_to=9))
 
 
 def test_the_command_says_what_it_decides_and_by_its_status_whether_it_got_there(

@@ -11,8 +11,9 @@ from fastapi.testclient import TestClient
 from sqlalchemy.engine import Engine
 
 from analysis.sensitivity.service import catch_up
+from analysis.sensitivity.stopping import Goal
 from server.errors import ConflictError, InvalidStudyError, NotFoundError
-from server.logic.goals import Goal, Pursuit, pursued, set_goal, shown
+from server.logic.goals import Pursuit, pursued, set_goal, shown
 from server.logic.study import Plan, Study, instance_id, parameters
 from server.logic.verdicts import Report
 from server.routes.progress import _follow, _look

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.sensitivity.service import analyse
 from analysis.sensitivity.snapshot import empty_snapshot
-from analysis.sensitivity.stopping import advise, next_step
+from analysis.sensitivity.stopping import Goal, advise, next_step
 from tests.testbed.studies import results_of, study_plan
 
 
@@ -107,14 +107,22 @@ def test_a_study_grows_step_by_step_until_it_is_precise_or_at_its_cap(
     half: float, sampling: str, rows: int, most_rows: int, expected: tuple[int | None, bool]
 ) -> None:
     shot = snapshot(half, sampling=sampling, rows=rows)
-    step = next_step(shot, "error", target=0.02, most_rows=most_rows)
+    step = next_step(shot, Goal(output="error", target=0.02, up_to=most_rows), rows)
+    assert step is not None
     assert (step.rows, step.reached) == expected
 
 
 def test_a_study_without_intervals_is_not_extended() -> None:
-    step = next_step(empty_snapshot(study_plan("morris", rows=3)), "y", target=0.1, most_rows=99)
+    nothing = empty_snapshot(study_plan("morris", rows=3))
+    step = next_step(nothing, Goal(output="y", target=0.1, up_to=99), 0)
+    assert step is not None
     assert (step.rows, step.reached) == (None, False)
     assert step.sentence == "After 0 rows y has no intervals: see why its runs failed."
+
+
+def test_a_study_is_judged_by_all_its_rows_only() -> None:
+    goal = Goal(output="error", target=0.02, up_to=5000)
+    assert next_step(snapshot(0.04, rows=300), goal, 301) is None
 
 
 @pytest.mark.parametrize("sampling", ["sobol", "latin_hypercube"])
@@ -123,7 +131,8 @@ def test_followed_to_its_end_a_study_is_as_precise_as_wanted(sampling: str) -> N
     while True:
         plan = study_plan("saltelli", rows=rows, sampling=sampling)
         shot = analyse(plan, results_of(plan))
-        step = next_step(shot, "y", target=0.15, most_rows=1000)
+        step = next_step(shot, Goal(output="y", target=0.15, up_to=1000), rows)
+        assert step is not None
         sizes.append(rows)
         if step.rows is None:
             break
