@@ -56,9 +56,9 @@ def _write(path: Path, study: Json, results: Path, format: str) -> None:
             write_parquet(path, study, results, units)
         else:
             from analysis.files.netcdf import write_netcdf
-            from analysis.files.table import Table
-            from analysis.reports.report import plan_of
+            from analysis.files.results_csv import read_table
+            from analysis.sensitivity.records import plan_of
 
-            write_netcdf(path, study, Table.read(plan_of(study), results), units)
+            write_netcdf(path, study, read_table(plan_of(study), results), units)
     except ModuleNotFoundError as error:
         raise RehybError(f"{format} needs {error.name}: pip install 'rehyb[files]'") from None

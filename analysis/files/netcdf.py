@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.io import netcdf_file
 
 from analysis.designs import row_width
-from analysis.files.table import Table
+from analysis.sensitivity.table import Table
 
 #: In `outcome`, where there is no result; in any other variable that is NaN.
 MISSING = -1

@@ -14,11 +14,11 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from analysis.designs import family
-from analysis.files.table import Table
 from analysis.reports.digits import with_interval
 from analysis.reports.figures.pairs import leading_pairs
 from analysis.reports.figures.scatter import DRAWN
 from analysis.reports.figures.together import largest_pairs
+from analysis.sensitivity.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

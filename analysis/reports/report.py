@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analysis.designs import family
-from analysis.designs.distributions import Distribution, scales
-from analysis.files.table import Table
+from analysis.files.results_csv import read_table
 from analysis.reports import hover
 from analysis.reports.figures import (
     convergence_figure,
@@ -28,9 +27,10 @@ from analysis.reports.figures import (
 )
 from analysis.reports.page import Picture, Section, page
 from analysis.sensitivity.comparison import Compared, compare, rows_of
-from analysis.sensitivity.records import StudyPlan
+from analysis.sensitivity.records import plan_of
 from analysis.sensitivity.remarks import remarks, warning
 from analysis.sensitivity.study_state import StudyState
+from analysis.sensitivity.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -103,29 +103,10 @@ def chapter(study: Mapping[str, Any], results: Path) -> Chapter:
         ValueError: the table is not one of this study.
     """
     plan = plan_of(study)
-    table = Table.read(plan, results)
+    table = read_table(plan, results)
     state = StudyState(plan)
     state.take(table.results())
     return Chapter(study=study, table=table, snapshot=state.snapshot(), estimator=state.estimator())
-
-
-def plan_of(study: Mapping[str, Any]) -> StudyPlan:
-    """Return what a study set out to do, from what `GET /v1/studies/{id}` says of it."""
-    return StudyPlan(
-        id=study["id"],
-        method=study["method"],
-        seed=study["seed"],
-        sampling=study["sampling"],
-        rows=study["rows"],
-        factors=tuple(factor["name"] for factor in study["factors"]),
-        outputs=tuple(study["outputs"]),
-        scales=scales(
-            {
-                factor["name"]: Distribution.from_json(factor["distribution"])
-                for factor in study["factors"]
-            }
-        ),
-    )
 
 
 def pictures(

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import row_width
-from analysis.files.table import Table
 from analysis.sensitivity.estimators import Estimate
 from analysis.sensitivity.estimators.martinez import fisher
+from analysis.sensitivity.table import Table
 
 Array = NDArray[np.float64]
 

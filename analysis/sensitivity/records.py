@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
-from analysis.designs.distributions import Scale
+from analysis.designs.distributions import Distribution, Scale, scales
 
 
 class NoSuchStudyError(LookupError):
@@ -28,6 +29,25 @@ class StudyPlan:
     #: Width of every factor's distribution, in its unit: what turns an effect per range into one
     #: per unit. No index depends on it.
     scales: Mapping[str, Scale] = field(default_factory=dict)
+
+
+def plan_of(study: Mapping[str, Any]) -> StudyPlan:
+    """Return what a study set out to do, from what `GET /v1/studies/{id}` says of it."""
+    return StudyPlan(
+        id=study["id"],
+        method=study["method"],
+        seed=study["seed"],
+        sampling=study["sampling"],
+        rows=study["rows"],
+        factors=tuple(factor["name"] for factor in study["factors"]),
+        outputs=tuple(study["outputs"]),
+        scales=scales(
+            {
+                factor["name"]: Distribution.from_json(factor["distribution"])
+                for factor in study["factors"]
+            }
+        ),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

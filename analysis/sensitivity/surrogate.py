@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import sobol_indices, uniform
 
 from analysis.designs import family, unit_row
-from analysis.files.table import Table
+from analysis.sensitivity.table import Table
 
 #: Runs a fit uses at most: its cost grows with their cube, 400 take some seconds.
 MOST_RUNS = 400

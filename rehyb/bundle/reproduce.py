@@ -12,7 +12,7 @@ from rehyb.client import Json
 from rehyb.errors import Invalid
 
 if TYPE_CHECKING:
-    from analysis.files.table import Table
+    from analysis.sensitivity.table import Table
     from server.logic.study import Plan
 
 #: Largest share by which a recomputed parameter or index may differ where the bits do: other
@@ -118,11 +118,11 @@ def _hashes(bundle: Bundle) -> Finding:
 
 
 def _table(bundle: Bundle) -> "Table":
-    from analysis.files.table import Table
-    from analysis.reports.report import plan_of
+    from analysis.files.results_csv import read_table
+    from analysis.sensitivity.records import plan_of
 
     try:
-        return Table.read(plan_of(bundle.study), bundle.results)
+        return read_table(plan_of(bundle.study), bundle.results)
     except (ValueError, OverflowError, TypeError) as error:
         what = str(error).replace(str(bundle.results), "results.csv")
         raise Invalid(f"results.csv cannot be read: {what}") from None

@@ -38,12 +38,12 @@ def surrogate(
 
 
 def _answer(study: Json, results: Path, output: str) -> Any:
-    from analysis.files.table import Table
-    from analysis.reports.report import plan_of
+    from analysis.files.results_csv import read_table
+    from analysis.sensitivity.records import plan_of
     from analysis.sensitivity.surrogate import answer
 
     try:
-        return answer(Table.read(plan_of(study), results), output)
+        return answer(read_table(plan_of(study), results), output)
     except ValueError as error:
         raise Invalid(str(error)) from None
     except ModuleNotFoundError as error:

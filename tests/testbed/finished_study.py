@@ -8,8 +8,7 @@ import httpx2
 
 from analysis.designs import instance_parameters
 from analysis.designs.distributions import Uniform
-from analysis.reports.report import plan_of
-from analysis.sensitivity.records import LoggedResult
+from analysis.sensitivity.records import LoggedResult, plan_of
 from analysis.sensitivity.service import analyse
 from rehyb.client import Client
 from sim.evaluation import evaluate, versions

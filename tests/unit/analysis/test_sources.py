@@ -13,8 +13,8 @@ ROOT = Path(str(analysis.__file__)).parent
 #: Modules that carry or show numbers, and make none.
 CARRIERS = {
     *("reports/hover.py", "reports/page.py", "reports/report.py", "reports/figures/style.py"),
-    *("sensitivity/records.py", "sensitivity/remarks.py"),
-    *("files/table.py", "files/netcdf.py", "files/parquet.py"),
+    *("sensitivity/records.py", "sensitivity/remarks.py", "sensitivity/table.py"),
+    *("files/results_csv.py", "files/netcdf.py", "files/parquet.py"),
 }
 
 #: An author and a year, or a place in the paper or in an ADR.

@@ -13,8 +13,7 @@ import pytest
 
 from analysis.designs import instance_parameters
 from analysis.designs.distributions import Uniform
-from analysis.reports.report import plan_of
-from analysis.sensitivity.records import LoggedResult
+from analysis.sensitivity.records import LoggedResult, plan_of
 from analysis.sensitivity.service import analyse
 from rehyb.cli import main
 from rehyb.client import Client

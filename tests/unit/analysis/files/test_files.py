@@ -14,7 +14,7 @@ import pytest
 from analysis.designs import METHODS, instance_parameters, row_width
 from analysis.files.netcdf import write_netcdf
 from analysis.files.parquet import GROUP, STUDY_KEY, columns, parquet, write_parquet
-from analysis.files.table import Table
+from analysis.files.results_csv import read_table
 from analysis.sensitivity.records import StudyPlan
 from tests.testbed.studies import FACTORS, results_of, study_plan
 
@@ -92,7 +92,7 @@ def test_a_study_without_results_is_a_file_too(tmp_path: Path) -> None:
     csv = write_csv(tmp_path / "r.csv", plan)
     write_parquet(tmp_path / "r.parquet", study, csv, UNITS)
     assert pa.parquet.read_table(tmp_path / "r.parquet").num_rows == 0
-    write_netcdf(tmp_path / "r.nc", study, Table.read(plan, csv), UNITS)
+    write_netcdf(tmp_path / "r.nc", study, read_table(plan, csv), UNITS)
     with netCDF4.Dataset(tmp_path / "r.nc") as file:
         assert file["outcome"][:].mask.all()
 
@@ -110,7 +110,7 @@ def test_netcdf_holds_rows_and_positions_for_an_independent_reader(
 ) -> None:
     plan = study_plan(method, rows=5)
     study = described(plan)
-    table = Table.read(plan, write_csv(tmp_path / "r.csv", plan))
+    table = read_table(plan, write_csv(tmp_path / "r.csv", plan))
     write_netcdf(tmp_path / "r.nc", study, table, UNITS)
     with netCDF4.Dataset(tmp_path / "r.nc") as file:
         width = row_width(method, len(FACTORS))

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.files.table import Table
 from analysis.reports import hover
 from analysis.reports.figures import (
     convergence_figure,
@@ -15,6 +14,7 @@ from analysis.reports.figures import (
     variance_figure,
 )
 from analysis.sensitivity.service import analyse
+from analysis.sensitivity.table import Table
 from tests.testbed.studies import results_of, study_plan
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from analysis.designs import METHODS, instance_parameters
-from analysis.files.table import Table
+from analysis.files.results_csv import read_table
 from analysis.reports.report import Units, chapter, write_report
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse
@@ -193,7 +193,7 @@ def test_points_that_stand_for_the_distributions_are_a_and_b_of_a_saltelli_row(
     for method, per_row in (("saltelli", 2), ("morris", 4)):
         plan = study_plan(method, rows=6)
         path = write_table(tmp_path / "r.csv", plan, results_of(plan, failed=[(2, 0)]))
-        points, values = Table.read(plan, path).sample("z")
+        points, values = read_table(plan, path).sample("z")
         assert points.shape == (6 * per_row - 1, 3)
         assert values.tolist() == [1e4 + 1e-3 * b**2 for b in points[:, 1]]
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from analysis.designs import METHODS, instance_parameters, row_width
-from analysis.files.table import Table
 from analysis.sensitivity.polynomial_chaos import fit_chaos
 from analysis.sensitivity.surrogate import GOOD, MOST_RUNS, answer
+from analysis.sensitivity.table import Table
 from tests.testbed.studies import FACTORS, study_plan
 
 Function = Callable[[dict[str, float]], float]

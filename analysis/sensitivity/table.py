@@ -1,10 +1,7 @@
-"""A study's results as a table of numbers, read from the CSV file that the coordinator writes."""
+"""A study's results as a table of numbers, one line per run."""
 
-import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import nan
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,35 +22,6 @@ class Table:
     points: NDArray[np.float64]
     #: Outputs, shape (lines, outputs); nan where a run failed.
     values: NDArray[np.float64]
-
-    @classmethod
-    def read(cls, plan: StudyPlan, path: Path) -> "Table":
-        """Read a study's `results.csv`.
-
-        Raises:
-            ValueError: the file is no table of this study.
-        """
-        rows, positions, outcomes = list[int](), list[int](), list[str]()
-        points, values = list[list[float]](), list[list[float]]()
-        with path.open(newline="") as file:
-            lines = csv.DictReader(file)
-            wanted = {"row", "position", "outcome", *plan.factors, *plan.outputs}
-            if missing := sorted(wanted - set(lines.fieldnames or ())):
-                raise ValueError(f"{path} is no table of study {plan.id}: no {', '.join(missing)}")
-            for line in lines:
-                rows.append(int(line["row"]))
-                positions.append(int(line["position"]))
-                outcomes.append(line["outcome"])
-                points.append([float(line[name]) for name in plan.factors])
-                values.append([float(line[name] or nan) for name in plan.outputs])
-        return cls(
-            plan=plan,
-            rows=np.array(rows, dtype=np.int64),
-            positions=np.array(positions, dtype=np.int64),
-            outcomes=tuple(outcomes),
-            points=np.array(points, dtype=np.float64).reshape(-1, len(plan.factors)),
-            values=np.array(values, dtype=np.float64).reshape(-1, len(plan.outputs)),
-        )
 
     def results(self) -> Iterator[LoggedResult]:
         """Yield the lines as the analysis takes them, numbered in this order."""

@@ -1,0 +1,39 @@
+"""A study's results as the CSV file that the coordinator writes."""
+
+import csv
+from math import nan
+from pathlib import Path
+
+import numpy as np
+
+from analysis.sensitivity.records import StudyPlan
+from analysis.sensitivity.table import Table
+
+
+def read_table(plan: StudyPlan, path: Path) -> Table:
+    """Read a study's `results.csv`.
+
+    Raises:
+        ValueError: the file is no table of this study.
+    """
+    rows, positions, outcomes = list[int](), list[int](), list[str]()
+    points, values = list[list[float]](), list[list[float]]()
+    with path.open(newline="") as file:
+        lines = csv.DictReader(file)
+        wanted = {"row", "position", "outcome", *plan.factors, *plan.outputs}
+        if missing := sorted(wanted - set(lines.fieldnames or ())):
+            raise ValueError(f"{path} is no table of study {plan.id}: no {', '.join(missing)}")
+        for line in lines:
+            rows.append(int(line["row"]))
+            positions.append(int(line["position"]))
+            outcomes.append(line["outcome"])
+            points.append([float(line[name]) for name in plan.factors])
+            values.append([float(line[name] or nan) for name in plan.outputs])
+    return Table(
+        plan=plan,
+        rows=np.array(rows, dtype=np.int64),
+        positions=np.array(positions, dtype=np.int64),
+        outcomes=tuple(outcomes),
+        points=np.array(points, dtype=np.float64).reshape(-1, len(plan.factors)),
+        values=np.array(values, dtype=np.float64).reshape(-1, len(plan.outputs)),
+    )
