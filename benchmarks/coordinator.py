@@ -86,8 +86,8 @@ def finish(client: Client, worker: Json, granted: Json) -> int:
 
 def finish_and_lease(client: Client, worker: Json, granted: Json, batch: int) -> Json:
     """Post a result for all that a lease holds and return the next one, as a worker does."""
-    wish = {"worker": worker, "models": ["ishigami"], "max_instances": batch}
-    answer = client.exchange(**done(worker, granted), wish=wish)
+    request = {"worker": worker, "models": ["ishigami"], "max_instances": batch}
+    answer = client.exchange(**done(worker, granted), request=request)
     assert all(verdict["verdict"] == "accepted" for verdict in answer["verdicts"])
     following: Json = answer["next"]
     return following

@@ -1,4 +1,4 @@
-"""How long to leave a coordinator alone that did not answer.
+"""How long to leave a coordinator alone that did not answer, or has no work.
 
 Full jitter (Brooker, "Exponential Backoff And Jitter", AWS Architecture Blog, 2015): a thousand
 workers that lose the same coordinator at the same moment must not all come back at the same moment.
@@ -10,6 +10,8 @@ from random import Random
 BASE_SECONDS = 0.5
 #: Upper end of every wait, in seconds: a coordinator that is back is noticed within this time.
 CAP_SECONDS = 10.0
+#: A draining worker stays this long for a coordinator that is away.
+FAREWELL_SECONDS = 10.0
 
 
 def full_jitter(failures: int, rng: Random) -> float:
@@ -25,3 +27,8 @@ def full_jitter(failures: int, rng: Random) -> float:
     # 2 ** 1000 overflows a float; the cap is reached long before.
     doublings = min(failures - 1, 16)
     return rng.uniform(0.0, min(CAP_SECONDS, BASE_SECONDS * 2.0**doublings))
+
+
+def without_work(retry_after: float, rng: Random) -> float:
+    """Return the seconds to wait when the coordinator has no work and names `retry_after`."""
+    return retry_after * rng.uniform(0.5, 1.0)

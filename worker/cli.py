@@ -11,7 +11,7 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 from random import Random
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -20,8 +20,9 @@ from rehyb.errors import RehybError
 from sim.models import MODELS
 from worker.agent import Agent
 from worker.close_loop import can_close_loops, close
-from worker.close_loop_jobs import Desk
-from worker.doctor import examine
+from worker.close_loop_jobs import CloseLoopJobs
+from worker.doctor import Verdict, examine
+from worker.leases import Leases
 from worker.machine import describe
 from worker.pool import Pool, available_cores
 from worker.spool import Spool
@@ -58,8 +59,7 @@ def work(
     url: Url = None,
     token: Token = None,
     processes: Annotated[
-        int | None,
-        typer.Option(min=1, help="Instances to run at once. Default: one per core."),
+        int | None, typer.Option(min=1, help="Instances to run at once. Default: one per core.")
     ] = None,
     max_idle: Annotated[
         float | None,
@@ -107,46 +107,55 @@ def work(
     # A line per request would bury everything else.
     logging.getLogger("httpx2").setLevel(logging.WARNING)
     count = processes or available_cores()
-    worker = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}"
+    worker: dict[str, Any] = {
+        "id": f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}",
+        "host": socket.gethostname(),
+        "versions": describe(),
+        "tags": [tag.strip() for tag in tags.split(",") if tag.strip()],
+    }
     with (
         Client(url, token, timeout=ANSWER_SECONDS) as client,
-        Client(url, token, timeout=ANSWER_SECONDS) as desk_client,
+        Client(url, token, timeout=ANSWER_SECONDS) as second_client,
     ):
         folder = spool or _default_spool(client.url)
-        described = {
-            "id": worker,
-            "host": socket.gethostname(),
-            "versions": describe(),
-            "tags": [tag.strip() for tag in tags.split(",") if tag.strip()],
-        }
-        desk = None
-        if can_close_loops():
-            from analysis.closeloop.code import digest
-
-            desk = Desk(
-                client=desk_client,
-                pool=Pool(1, loop_seconds, evaluate=close, memory_mb=loop_memory_mb),
-                folder=folder / "loops",
-                worker=described,
-                code=digest(),
-                rng=Random(),
-            )
         agent = Agent(
-            client=client,
+            leases=Leases(
+                client=client,
+                worker=worker,
+                models=tuple(MODELS),
+                processes=count,
+                batch=batch,
+                left=max_instances,
+                rng=Random(),
+            ),
             pool=Pool(count, instance_seconds, memory_mb=memory_mb),
-            spool=Spool(folder, worker),
-            worker=described,
-            models=tuple(MODELS),
-            batch=batch,
+            spool=Spool(folder, worker["id"]),
             max_idle=max_idle,
             rng=Random(),
-            max_instances=max_instances,
-            desk=desk,
+            close_loop_jobs=_close_loop_jobs(
+                second_client,
+                Pool(1, loop_seconds, evaluate=close, memory_mb=loop_memory_mb),
+                folder / "loops",
+                worker,
+            ),
         )
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: agent.stop())
-        logging.info("worker %s: %d processes for %s", worker, count, client.url)
+        logging.info("worker %s: %d processes for %s", worker["id"], count, client.url)
         agent.run()
+
+
+def _close_loop_jobs(
+    client: Client, pool: Pool, folder: Path, worker: dict[str, Any]
+) -> CloseLoopJobs | None:
+    """Return what closes loops here; None if this installation cannot."""
+    if not can_close_loops():
+        return None
+    from analysis.closeloop.code import digest
+
+    return CloseLoopJobs(
+        client=client, pool=pool, folder=folder, worker=worker, code=digest(), rng=Random()
+    )
 
 
 @app.command()
@@ -165,7 +174,7 @@ def doctor(
             print(f"{finding.verdict:8} {finding.check:12} {finding.detail}", flush=True)
     if as_json:
         print(json.dumps([asdict(finding) for finding in found], indent=2))
-    if any(finding.verdict == "failure" for finding in found):
+    if any(finding.verdict == Verdict.FAILURE for finding in found):
         raise typer.Exit(1)
 
 

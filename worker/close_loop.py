@@ -7,26 +7,17 @@ import os
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from worker.outcomes import Outcome
+
+if TYPE_CHECKING:
+    from sim.evaluation import Evaluation
 
 #: Beside the archive: the report's files, and what the child is at.
 OUT, PROGRESS = "out", "progress"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Closed:
-    """What became of a job, in the words of `sim.evaluation.Evaluation`."""
-
-    #: "ok", or "bad_session": the session cannot be analysed.
-    outcome: str
-    reason: str = ""
-    #: File, column and line of what is wrong with the session.
-    state: Mapping[str, Any] | None = None
-    outputs: Mapping[str, float] = field(default_factory=dict)
-    wall_seconds: float
 
 
 def can_close_loops() -> bool:
@@ -34,8 +25,11 @@ def can_close_loops() -> bool:
     return find_spec("analysis.closeloop") is not None and find_spec("matplotlib") is not None
 
 
-def close(_model: str, parameters: Mapping[str, Any]) -> Closed:
+def close(_model: str, parameters: Mapping[str, Any]) -> "Evaluation":
     """Close the loop on the zipped session at `parameters["archive"]`; its files go beside it.
+
+    Returns:
+        Outcome "ok", or "bad_session" with the state {"file", "column", "line"} of what is wrong.
 
     Raises:
         Exception: whatever else may go wrong; the pool calls it a crash.
@@ -43,6 +37,7 @@ def close(_model: str, parameters: Mapping[str, Any]) -> Closed:
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.loop import close_loop
     from analysis.closeloop.session.archive import unpacked
+    from sim.evaluation import Evaluation
 
     archive = Path(parameters["archive"])
     folder = archive.parent
@@ -61,10 +56,11 @@ def close(_model: str, parameters: Mapping[str, Any]) -> Closed:
         with unpacked(archive) as session:
             close_loop(session, folder / OUT, told)
     except SessionError as error:
-        return Closed(
-            outcome="bad_session",
+        return Evaluation(
+            outcome=Outcome.BAD_SESSION,
+            outputs={},
             reason=str(error),
             state={"file": error.file, "column": error.column, "line": error.line},
             wall_seconds=time.perf_counter() - started,
         )
-    return Closed(outcome="ok", wall_seconds=time.perf_counter() - started)
+    return Evaluation(outcome=Outcome.OK, outputs={}, wall_seconds=time.perf_counter() - started)

@@ -9,6 +9,7 @@ import logging
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -17,8 +18,10 @@ from typing import Any
 
 from rehyb.client import Client
 from rehyb.errors import Conflict, Invalid, NotFound, RehybError, ServerError, Unreachable
-from worker.backoff import full_jitter
+from worker import backoff
 from worker.close_loop import OUT, PROGRESS
+from worker.leases import renewal_time
+from worker.outcomes import Outcome
 from worker.pool import Pool
 from worker.scratch import Scratch, file_name, sweep
 
@@ -32,8 +35,6 @@ TELL_SECONDS = 0.5
 PAUSE_SECONDS = 5.0
 #: Characters told of a reason, and of a file's or a column's name.
 REASON_LENGTH, PLACE_LENGTH = 4000, 1000
-#: A draining worker stays this long for a coordinator that is away.
-FAREWELL_SECONDS = 10.0
 #: A worker that leaves at once waits no longer for an answer under way.
 LEAVE_SECONDS = 10.0
 #: A coordinator that fails at a report so often will not take it.
@@ -42,40 +43,30 @@ TRIES = 10
 Job = Mapping[str, Any]
 
 
-class Desk:
-    """Where a worker closes loops.
+@dataclass(kw_only=True)
+class CloseLoopJobs:
+    """Closes the loop on one session after the other."""
 
-    Args:
-        client: the coordinator; a connection of the desk's own.
-        pool: one child, which calls `worker.close_loop.close`.
-        folder: shared by the workers of one machine for one coordinator; made when needed.
-        worker: {"id", "host", "versions", "tags"} as the coordinator knows this worker.
-        code: digest of the code that closes loops here.
-        rng: spreads the waits of many workers.
-    """
+    #: The coordinator; a connection of its own, beside the agent's.
+    client: Client
+    #: One child, which calls `worker.close_loop.close`.
+    pool: Pool
+    #: Shared by the workers of one machine for one coordinator; made when needed.
+    folder: Path
+    #: {"id", "host", "versions", "tags"} as the coordinator knows this worker.
+    worker: Mapping[str, Any]
+    #: Digest of the code that closes loops here.
+    code: str
+    #: Spreads the waits of many workers.
+    rng: Random
+    #: How many processes of the machine it uses: 1 while it has a job, 0 otherwise.
+    busy: int = 0
 
-    def __init__(
-        self,
-        *,
-        client: Client,
-        pool: Pool,
-        folder: Path,
-        worker: Mapping[str, Any],
-        code: str,
-        rng: Random,
-    ) -> None:
-        self._client = client
-        self._pool = pool
-        self._folder = folder
-        self._worker = worker
-        self._code = code
-        self._rng = rng
+    def __post_init__(self) -> None:
         self._draining = Event()
         self._cut_short = Event()
-        self._thread = Thread(target=self._serve, name="desk", daemon=True)
+        self._thread = Thread(target=self._run, name="close-loop jobs", daemon=True)
         self._renew_at = 0.0
-        #: How many processes of the machine it uses: 1 while it has a job, 0 otherwise.
-        self.busy = 0
 
     def start(self) -> None:
         """Ask for work from now on."""
@@ -92,25 +83,25 @@ class Desk:
         if self._thread.ident is not None:
             self._thread.join(LEAVE_SECONDS)
 
-    def _serve(self) -> None:
+    def _run(self) -> None:
         with suppress(OSError):
-            sweep(self._folder)
+            sweep(self.folder)
         failures = 0
         while not self._draining.is_set():
             try:
-                job = self._client.lease_close_loop(self._worker)
-                wait, failures = self._client.retry_after * self._rng.uniform(0.5, 1.0), 0
+                job = self.client.lease_close_loop(self.worker)
+                wait, failures = backoff.without_work(self.client.retry_after, self.rng), 0
             except RehybError as error:
                 # The agent says what is wrong with the coordinator.
                 log.debug("no close-loop job: %s", error)
                 job, failures = None, failures + 1
-                wait = full_jitter(failures, self._rng)
+                wait = backoff.full_jitter(failures, self.rng)
             if job is None:
                 self._draining.wait(wait)
                 continue
             self.busy = 1
             try:
-                self._work(job)
+                self._close_loop(job)
             except (OSError, RehybError) as error:
                 log.warning("close-loop %s: %s", job["id"], error)
                 self._give_up(job, error)
@@ -119,44 +110,40 @@ class Desk:
             finally:
                 self.busy = 0
 
-    def _work(self, job: Job) -> None:
+    def _close_loop(self, job: Job) -> None:
         log.info("closing the loop on session %s", job["session"]["name"])
-        self._renew_at = time.monotonic() + job["ttl_seconds"] / 3.0
-        with Scratch(self._folder, job["lease"]) as folder:
+        self._renew_at = renewal_time(time.monotonic(), job["ttl_seconds"])
+        with Scratch(self.folder, job["lease"]) as folder:
             archive = folder / f"{file_name(job['session']['name'])}.zip"
             self._fetch(job, archive)
-            instance = {
-                "id": job["id"],
-                "model": "close-loop",
-                "parameters": {"archive": str(archive)},
-            }
+            parameters = {"archive": str(archive)}
             try:
-                self._pool.start(instance, None)
-                result = self._watch(job, folder / PROGRESS)
+                self.pool.start(
+                    {"id": job["id"], "model": "close-loop", "parameters": parameters}, None
+                )
+                result = self._wait_for_child(job, folder / PROGRESS)
             finally:
-                # What one session did to the process, the next one shall not feel.
-                self._pool.kill()
-            if result is None:
-                return
-            if result["outcome"] == "ok":
+                # Whatever one session did to the process, the next one gets a fresh one.
+                self.pool.kill()
+            if result is not None and result["outcome"] == Outcome.OK:
                 result = self._hand_in(job, folder / OUT)
             if result is not None:
                 log.warning("close-loop %s: %s", job["id"], result["reason"])
-                self._say(partial(self._fail, job, result))
+                self._until_heard(partial(self._report_failure, job, result))
 
     def _fetch(self, job: Job, archive: Path) -> None:
         """Download a job's session, keeping the lease however long that takes."""
         session = job["session"]
-        self._client.session_archive(session["id"], archive, lambda: self._keep(job, None))
+        self.client.session_archive(session["id"], archive, lambda: self._renew_if_due(job, None))
         with archive.open("rb") as file:
             if hashlib.file_digest(file, "sha256").hexdigest() != session["sha256"]:
                 raise ServerError(f"session {session['id']} did not arrive as it was uploaded")
 
-    def _watch(self, job: Job, progress: Path) -> dict[str, Any] | None:
+    def _wait_for_child(self, job: Job, progress: Path) -> dict[str, Any] | None:
         """Return what the child reports; None if the job is not ours any more, or given back."""
         told, tell_at = "", 0.0
         while True:
-            if finished := self._pool.wait(TICK_SECONDS):
+            if finished := self.pool.wait(TICK_SECONDS):
                 return finished[0].result
             if self._cut_short.is_set():
                 self._give_back(job)
@@ -165,46 +152,51 @@ class Desk:
             if stage != told and now >= tell_at:
                 told, tell_at, self._renew_at = stage, now + TELL_SECONDS, now
             try:
-                self._keep(job, stage)
+                self._renew_if_due(job, stage)
             except (Conflict, NotFound) as error:
                 log.warning("close-loop %s is no longer ours: %s", job["id"], error)
                 return None
 
-    def _keep(self, job: Job, progress: str | None) -> None:
-        """Renew a job's lease if that is due; a coordinator that is away is asked again soon."""
+    def _renew_if_due(self, job: Job, progress: str | None) -> None:
+        """Renew a job's lease if it is time; a coordinator that is away is asked again soon."""
         now = time.monotonic()
         if now < self._renew_at:
             return
         try:
-            self._client.renew_close_loop(job, progress)
-            self._renew_at = now + job["ttl_seconds"] / 3.0
+            self.client.renew_close_loop(job, progress)
+            self._renew_at = renewal_time(now, job["ttl_seconds"])
         except (Unreachable, ServerError) as error:
             log.info("close-loop %s cannot be renewed for now: %s", job["id"], error)
-            self._renew_at = now + self._rng.uniform(1.0, 2.0)
+            self._renew_at = now + self.rng.uniform(1.0, 2.0)
 
     def _hand_in(self, job: Job, out: Path) -> dict[str, Any] | None:
         """Hand in the report; returns what to say instead if the coordinator cannot use it."""
-        me = {"worker": self._worker["id"], "code": self._code}
+        maker = {"worker": self.worker["id"], "code": self.code}
         try:
-            self._say(partial(self._client.hand_in_report, job, out, **me))
+            self._until_heard(partial(self.client.hand_in_report, job, out, **maker))
         except Invalid as error:
             return _crashed(f"the coordinator cannot use the report: {error}")
         except ServerError as error:
             return _crashed(f"the coordinator fails at the report: {error}")
         return None
 
-    def _fail(self, job: Job, result: Mapping[str, Any]) -> None:
-        bad = result["outcome"] == "bad_session"
-        self._client.fail_close_loop(
+    def _report_failure(self, job: Job, result: Mapping[str, Any]) -> None:
+        bad = result["outcome"] == Outcome.BAD_SESSION
+        self.client.fail_close_loop(
             job,
-            worker=self._worker["id"],
+            worker=self.worker["id"],
             outcome=result["outcome"],
             reason=result["reason"][:REASON_LENGTH],
             where={name: _cut(value) for name, value in result["state"].items()} if bad else None,
         )
 
-    def _say(self, call: Callable[[], object]) -> None:
-        """Tell the coordinator what came of a job, as often as it takes."""
+    def _until_heard(self, call: Callable[[], object]) -> None:
+        """Tell the coordinator what came of a job, as often as it takes.
+
+        Raises:
+            ServerError: it has failed at it TRIES times.
+            RehybError: it refuses it.
+        """
         failures, refusals, leave_at = 0, 0, float("inf")
         while not self._cut_short.is_set():
             try:
@@ -217,9 +209,9 @@ class Desk:
                 if refusals >= TRIES:
                     raise
             # An event would wake up at once when draining begins, and ask without a pause.
-            time.sleep(full_jitter(failures, self._rng))
+            time.sleep(backoff.full_jitter(failures, self.rng))
             if self._draining.is_set():
-                leave_at = min(leave_at, time.monotonic() + FAREWELL_SECONDS)
+                leave_at = min(leave_at, time.monotonic() + backoff.FAREWELL_SECONDS)
             if time.monotonic() > leave_at:
                 log.warning("left without handing in a report: another worker will do it again")
                 return
@@ -228,18 +220,18 @@ class Desk:
         """Say that a job came to nothing here: counted if it is this machine's fault."""
         if isinstance(error, OSError):
             with suppress(RehybError):
-                self._fail(job, _crashed(f"on the worker: {error}"))
+                self._report_failure(job, _crashed(f"on the worker: {error}"))
         else:
             self._give_back(job)
 
     def _give_back(self, job: Job) -> None:
         # If it is not heard, the lease expires.
         with suppress(RehybError):
-            self._client.release_close_loop(job)
+            self.client.release_close_loop(job)
 
 
 def _crashed(reason: str) -> dict[str, Any]:
-    return {"outcome": "crashed", "reason": reason, "state": None}
+    return {"outcome": Outcome.CRASHED, "reason": reason, "state": None}
 
 
 def _cut(value: Any) -> Any:

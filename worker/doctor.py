@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
+from enum import StrEnum
 from pathlib import Path
 
 from rehyb.client import Client
@@ -20,13 +21,20 @@ CLOCK_SECONDS = 60.0
 SPOOL_BYTES = 200_000_000
 
 
-@dataclass(frozen=True, kw_only=True)
+class Verdict(StrEnum):
+    """How bad a finding is: only a failure keeps a worker from working."""
+
+    OK = "ok"
+    WARNING = "warning"
+    FAILURE = "failure"
+
+
+@dataclass(frozen=True)
 class Finding:
     """What one check found."""
 
     check: str
-    #: "ok", "warning" or "failure": only a failure keeps a worker from working.
-    verdict: str
+    verdict: Verdict
     #: One sentence: what is, and what would be right.
     detail: str
 
@@ -48,25 +56,22 @@ def _processor() -> Finding:
     cores = available_cores()
     found = cpu()
     if found == "unknown":
-        return _ok("processor", f"{cores} cores for this process")
+        return Finding("processor", Verdict.OK, f"{cores} cores for this process")
     if {"avx", "asimd"} & set(found.split()):
-        return _ok("processor", f"{cores} cores for this process, with {found}")
-    return Finding(
-        check="processor",
-        verdict="warning",
-        detail=f"{cores} cores without AVX: MuJoCo's own builds ask for it on x86-64",
-    )
+        return Finding("processor", Verdict.OK, f"{cores} cores for this process, with {found}")
+    detail = f"{cores} cores without AVX: MuJoCo's own builds ask for it on x86-64"
+    return Finding("processor", Verdict.WARNING, detail)
 
 
 def _simulation() -> Finding:
     try:
         digest, seconds = canary()
     except RehybError as error:
-        return Finding(check="simulation", verdict="failure", detail=str(error))
+        return Finding("simulation", Verdict.FAILURE, str(error))
     detail = f"the nominal elbow took {seconds:.2f} s; code {code()}, canary {digest}"
     if seconds > SLOW_SECONDS:
-        return Finding(check="simulation", verdict="warning", detail=f"{detail}: that is slow")
-    return _ok("simulation", detail)
+        return Finding("simulation", Verdict.WARNING, f"{detail}: that is slow")
+    return Finding("simulation", Verdict.OK, detail)
 
 
 def _disk(spool: Path) -> Finding:
@@ -78,33 +83,33 @@ def _disk(spool: Path) -> Finding:
         free = shutil.disk_usage(spool).free
     except OSError as error:
         detail = f"results cannot wait in {spool}: {error.strerror}; name another with --spool"
-        return Finding(check="spool", verdict="failure", detail=detail)
+        return Finding("spool", Verdict.FAILURE, detail)
     detail = f"{free / 1e9:.1f} GB are free for results in {spool}"
     if free < SPOOL_BYTES:
-        return Finding(check="spool", verdict="warning", detail=f"only {detail}")
-    return _ok("spool", detail)
+        return Finding("spool", Verdict.WARNING, f"only {detail}")
+    return Finding("spool", Verdict.OK, detail)
 
 
 def _coordinator(connect: Callable[[], Client]) -> Iterator[Finding]:
     try:
         with connect() as client:
             health = client.health()
-            yield _ok("coordinator", f"{client.url} answers")
+            yield Finding("coordinator", Verdict.OK, f"{client.url} answers")
             yield _clock(health.get("date"))
             yield _token(client)
     except RehybError as error:
-        yield Finding(check="coordinator", verdict="failure", detail=str(error))
+        yield Finding("coordinator", Verdict.FAILURE, str(error))
 
 
 def _clock(date: str | None) -> Finding:
     if date is None:
-        return Finding(check="clock", verdict="warning", detail="the coordinator tells no time")
+        return Finding("clock", Verdict.WARNING, "the coordinator tells no time")
     apart = time.time() - parsedate_to_datetime(date).timestamp()
     detail = f"{abs(apart):.0f} s apart from the coordinator's"
     if abs(apart) > CLOCK_SECONDS:
         detail += ": nothing is lost by that, but its log will not agree with others'"
-        return Finding(check="clock", verdict="warning", detail=detail)
-    return _ok("clock", detail)
+        return Finding("clock", Verdict.WARNING, detail)
+    return Finding("clock", Verdict.OK, detail)
 
 
 def _token(client: Client) -> Finding:
@@ -113,9 +118,5 @@ def _token(client: Client) -> Finding:
     except Unauthorized as error:
         # A worker's own token need not be good for reading.
         if error.problem.get("status") != 403:
-            return Finding(check="token", verdict="failure", detail=str(error))
-    return _ok("token", "the coordinator knows it")
-
-
-def _ok(check: str, detail: str) -> Finding:
-    return Finding(check=check, verdict="ok", detail=detail)
+            return Finding("token", Verdict.FAILURE, str(error))
+    return Finding("token", Verdict.OK, "the coordinator knows it")

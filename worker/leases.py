@@ -1,12 +1,27 @@
-"""What a worker has promised to compute, and how much it asks for."""
+"""What a worker has promised to compute: its leases, asked for, renewed and released."""
 
-from collections.abc import Mapping
+import logging
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from random import Random
 from typing import Any
+
+from rehyb.client import Client
+from rehyb.errors import Conflict, NotFound
+from worker.backoff import without_work
+
+log = logging.getLogger(__name__)
+
+#: {"worker", "models", "max_instances"} as `Client.lease` takes them.
+LeaseRequest = Mapping[str, Any]
 
 #: Work to ask for at once: little enough that the last rows of a study are spread over all
 #: workers, and much enough that asking does not matter.
 LEASE_SECONDS = 2.0
+#: Weight of the newest instance in the running mean of how long one takes.
+NEWEST_WEIGHT = 0.2
 
 
 @dataclass(kw_only=True)
@@ -19,11 +34,8 @@ class Lease:
     renew_at: float
     #: Instances without a result.
     open: set[Any] = field(default_factory=set)
-    #: Some of it will not be computed here, so the coordinator is to be told.
+    #: Some of it will not be computed here; the coordinator must hear of it.
     given_up: bool = False
-
-    def extend(self, now: float) -> None:
-        self.renew_at = now + self.ttl_seconds / 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +44,128 @@ class Ticket:
 
     lease: Lease
     instance: Mapping[str, Any]
+
+
+@dataclass(kw_only=True)
+class Leases:
+    """The leases of one worker."""
+
+    client: Client
+    #: {"id", "host", "versions", "tags"} as the coordinator knows this worker.
+    worker: Mapping[str, Any]
+    #: Names of the models that the children can evaluate.
+    models: Sequence[str]
+    #: How many instances run at the same time.
+    processes: int
+    #: The most instances to ask for at once.
+    batch: int
+    #: How many instances may still be begun; None: any number.
+    left: int | None = None
+    #: Spreads the waits of many workers.
+    rng: Random
+    #: Instances that no child has begun.
+    queue: deque[Ticket] = field(default_factory=deque)
+    _held: list[Lease] = field(default_factory=list)
+    _ask_at: float = 0.0
+    _seconds_each: float | None = None
+    #: Why no work fits this machine, as it was last told.
+    _ineligible: str = ""
+
+    def __len__(self) -> int:
+        return len(self._held)
+
+    @property
+    def any_finished(self) -> bool:
+        """Whether a lease has a result for each of its instances."""
+        return any(not lease.open for lease in self._held)
+
+    def request(self, now: float) -> LeaseRequest | None:
+        """Return what to ask for; None if it is too early, or no more may be begun."""
+        if now < self._ask_at or self.left == 0:
+            return None
+        size = lease_size(self._seconds_each, self.processes, self.batch)
+        if self.left is not None:
+            size = min(size, self.left)
+        return {"worker": self.worker, "models": self.models, "max_instances": size}
+
+    def ask(self, request: LeaseRequest, now: float) -> None:
+        """Ask for work by itself, without results."""
+        try:
+            self.take(self.client.lease(**request), None, now)
+        except Conflict as error:
+            self.take(None, str(error), now)
+
+    def take(self, granted: Mapping[str, Any] | None, ineligible: str | None, now: float) -> None:
+        """Queue the instances of a new lease; wait for a while if there is none.
+
+        Args:
+            granted: {"id", "fence", "ttl_seconds", "instances"}.
+            ineligible: why there is no lease although there is work.
+            now: seconds of a monotonic clock, as everywhere here.
+        """
+        if ineligible is not None:
+            # There is work, but not for this machine as it is: once in its log is enough.
+            if ineligible != self._ineligible:
+                log.warning("%s", ineligible)
+            self._ineligible = ineligible
+        if granted is None:
+            self._ask_at = now + without_work(self.client.retry_after, self.rng)
+            return
+        instances = granted["instances"]
+        if self.left is not None:
+            self.left -= len(instances)
+        lease = Lease(
+            id=granted["id"],
+            fence=granted["fence"],
+            ttl_seconds=granted["ttl_seconds"],
+            renew_at=renewal_time(now, granted["ttl_seconds"]),
+            open={instance["id"] for instance in instances},
+        )
+        self._held.append(lease)
+        self.queue.extend(Ticket(lease=lease, instance=instance) for instance in instances)
+
+    def finish(self, ticket: Ticket, seconds: float) -> None:
+        """Note that an instance has a result, and how long it took."""
+        ticket.lease.open.discard(ticket.instance["id"])
+        before = seconds if self._seconds_each is None else self._seconds_each
+        self._seconds_each = before + NEWEST_WEIGHT * (seconds - before)
+
+    def extend(self, lease_id: str, now: float) -> None:
+        """Note that the coordinator has just extended a lease; it need not be one of these."""
+        for lease in self._held:
+            if lease.id == lease_id:
+                lease.renew_at = renewal_time(now, lease.ttl_seconds)
+
+    def renew(self, now: float) -> None:
+        """Renew what is due; of a lease that is lost, nothing more is begun."""
+        for lease in [one for one in self._held if one.open and now >= one.renew_at]:
+            if _if_still_held(partial(self.client.renew, lease.id, lease.fence)):
+                self.extend(lease.id, now)
+                continue
+            log.warning("lease %s expired: its instances go to other workers", lease.id)
+            self._held.remove(lease)
+            # What runs goes on: a result that arrives late is still taken if nobody was faster.
+            self.queue = deque(ticket for ticket in self.queue if ticket.lease is not lease)
+
+    def release(self) -> None:
+        """Let go of the leases in which nothing is open."""
+        for lease in [one for one in self._held if not one.open]:
+            if lease.given_up:
+                _if_still_held(partial(self.client.release, lease.id, lease.fence))
+            self._held.remove(lease)
+
+    def give_up_queue(self) -> None:
+        """Leave to others what no child has begun."""
+        for ticket in self.queue:
+            ticket.lease.open.discard(ticket.instance["id"])
+            ticket.lease.given_up = True
+        self.queue.clear()
+
+    def give_up(self) -> None:
+        """Leave to others whatever has no result."""
+        for lease in self._held:
+            lease.given_up |= bool(lease.open)
+            lease.open.clear()
 
 
 def lease_size(seconds_each: float | None, processes: int, batch: int) -> int:
@@ -47,3 +181,17 @@ def lease_size(seconds_each: float | None, processes: int, batch: int) -> int:
     if seconds_each * batch <= LEASE_SECONDS * processes:
         return batch
     return max(1, int(LEASE_SECONDS * processes / seconds_each))
+
+
+def renewal_time(now: float, ttl_seconds: float) -> float:
+    """Return when to renew a lease that lives for `ttl_seconds` from `now`: two tries to spare."""
+    return now + ttl_seconds / 3.0
+
+
+def _if_still_held(call: Callable[[], object]) -> bool:
+    """Make a call about a lease; returns False if the lease is no longer this worker's."""
+    try:
+        call()
+    except (Conflict, NotFound):
+        return False
+    return True

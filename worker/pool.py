@@ -15,6 +15,7 @@ from math import isfinite
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from worker.outcomes import Outcome
 from worker.parent_death import die_with_parent
 
 Evaluate = Callable[[str, Mapping[str, Any]], Any]
@@ -121,8 +122,8 @@ class Pool:
                 result = child.collect()
             elif time.monotonic() - child.started >= self._instance_seconds:
                 child.kill()
-                result = _failure(
-                    child, "timed_out", f"still running after {self._instance_seconds:g} s"
+                result = child.failed(
+                    Outcome.TIMED_OUT, f"still running after {self._instance_seconds:g} s"
                 )
             else:
                 continue
@@ -170,8 +171,12 @@ class _Child:
             self._process.join(REAP_SECONDS)
             code = self._process.exitcode
             self.kill()
-            return _failure(self, "crashed", f"the process evaluating it {_how_it_ended(code)}")
+            return self.failed(Outcome.CRASHED, f"the process evaluating it {_how_it_ended(code)}")
         return {"instance": self.instance["id"], **report}
+
+    def failed(self, outcome: Outcome, reason: str) -> Result:
+        seconds = time.monotonic() - self.started
+        return {"instance": self.instance["id"], **_result(outcome, seconds, reason)}
 
     def kill(self) -> None:
         self.alive = False
@@ -180,14 +185,19 @@ class _Child:
         self.connection.close()
 
 
-def _failure(child: _Child, outcome: str, reason: str) -> Result:
+def _result(
+    outcome: str,
+    wall_seconds: float,
+    reason: str = "",
+    state: object = None,
+    outputs: Mapping[str, float] | None = None,
+) -> Result:
     return {
-        "instance": child.instance["id"],
         "outcome": outcome,
-        "outputs": {},
+        "outputs": dict(outputs or {}),
         "reason": reason,
-        "state": None,
-        "wall_seconds": time.monotonic() - child.started,
+        "state": state,
+        "wall_seconds": wall_seconds,
     }
 
 
@@ -226,28 +236,18 @@ def _report(evaluate: Evaluate, model: str, parameters: Mapping[str, float]) -> 
     """Evaluate one point and word the outcome as JSON that any coordinator can take."""
     started = time.monotonic()
     try:
-        evaluation = evaluate(model, parameters)
+        done = evaluate(model, parameters)
     except Exception as error:
-        return {
-            "outcome": "crashed",
-            "outputs": {},
-            "reason": f"{type(error).__name__}: {error}",
-            "state": {"traceback": traceback.format_exc()},
-            "wall_seconds": time.monotonic() - started,
-        }
-    outcome, reason = evaluation.outcome, evaluation.reason
-    outputs = {name: float(value) for name, value in evaluation.outputs.items()}
-    wrong = [name for name, value in outputs.items() if not isfinite(value)]
-    if wrong:
-        reason = f"{wrong[0]} came out as {outputs[wrong[0]]}"
-        outcome, outputs = "not_finite", {}
-    return {
-        "outcome": outcome,
-        "outputs": outputs,
-        "reason": reason,
-        "state": _as_json(evaluation.state),
-        "wall_seconds": evaluation.wall_seconds,
-    }
+        reason = f"{type(error).__name__}: {error}"
+        state = {"traceback": traceback.format_exc()}
+        return _result(Outcome.CRASHED, time.monotonic() - started, reason, state)
+    outputs = {name: float(value) for name, value in done.outputs.items()}
+    state = _as_json(done.state)
+    for name, value in outputs.items():
+        if not isfinite(value):
+            reason = f"{name} came out as {value}"
+            return _result(Outcome.NOT_FINITE, done.wall_seconds, reason, state)
+    return _result(done.outcome, done.wall_seconds, done.reason, state, outputs)
 
 
 def _as_json(value: Any) -> Any:

@@ -247,7 +247,7 @@ class Client(Sessions):
         fence: int,
         worker: str,
         results: Sequence[Mapping[str, Any]],
-        wish: Mapping[str, Any],
+        request: Mapping[str, Any],
     ) -> Json:
         """Post results and lease the next instances in one request.
 
@@ -256,14 +256,14 @@ class Client(Sessions):
             fence: the lease's.
             worker: who computed them.
             results: as for `post_results`.
-            wish: {"worker", "models", "max_instances"}, as for `lease`.
+            request: {"worker", "models", "max_instances"}, as for `lease`.
 
         Returns:
             {"verdicts", "next", "misfit"}: as `post_results` and `lease` return them, and why there
             is no next lease although there is work (None: there is a lease, or no work).
         """
         body = {"lease": lease, "fence": fence, "worker": worker, "results": list(results)}
-        return self._post_results({**body, "next": dict(wish)})
+        return self._post_results({**body, "next": dict(request)})
 
     def _post_results(self, body: Json) -> Json:
         response = self._send("POST", "/v1/results", body=body)

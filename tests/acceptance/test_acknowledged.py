@@ -95,12 +95,12 @@ def answers(client: Client) -> bool:
 def work(url: str, name: str, acknowledged: set[str], stop: threading.Event) -> None:
     """Post and lease until told to stop; note what was acknowledged."""
     who = {"id": name, "host": name, "versions": {}}
-    wish = {"worker": who, "models": ["ishigami"], "max_instances": 5}
+    request = {"worker": who, "models": ["ishigami"], "max_instances": 5}
     lease = None
     with Client(url, TOKEN, timeout=5.0) as client:
         while not stop.is_set():
             try:
-                lease = lease or client.lease(**wish)  # type: ignore[arg-type]
+                lease = lease or client.lease(**request)  # type: ignore[arg-type]
                 if lease is None:
                     continue
                 results: list[Any] = [
@@ -112,7 +112,7 @@ def work(url: str, name: str, acknowledged: set[str], stop: threading.Event) -> 
                     fence=lease["fence"],
                     worker=name,
                     results=results,
-                    wish=wish,
+                    request=request,
                 )
             except RehybError:
                 lease = None

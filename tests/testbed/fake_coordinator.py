@@ -11,6 +11,7 @@ import httpx2
 
 from rehyb.client import Client
 from worker.agent import Agent
+from worker.leases import Leases
 from worker.pool import Finished
 from worker.spool import Spool
 
@@ -34,7 +35,7 @@ class Coordinator:
         self.status: int | None = None
         self.misfits = 0
         self.sizes: list[int] = []
-        #: Knows nothing of wishes that come with results.
+        #: Knows nothing of requests for work that come with results.
         self.old = False
 
     def __call__(self, request: httpx2.Request) -> httpx2.Response:
@@ -165,16 +166,21 @@ class Work:
         self.agent = self.new_agent()
 
     def new_agent(self, name: str = "w1", max_instances: int | None = None) -> Agent:
-        return Agent(
+        leases = Leases(
             client=Client("http://c", "t", transport=httpx2.MockTransport(self.coordinator)),
-            pool=self.pool,  # type: ignore[arg-type]
-            spool=Spool(self.folder, name),
             worker={"id": name, "host": "h", "versions": {}},
             models=("ishigami",),
+            processes=self.pool.processes,
             batch=10,
+            left=max_instances,
+            rng=Random(1),
+        )
+        return Agent(
+            leases=leases,
+            pool=self.pool,  # type: ignore[arg-type]
+            spool=Spool(self.folder, name),
             max_idle=self.max_idle,
             rng=Random(1),
-            max_instances=max_instances,
         )
 
     def run_until(self, agent: Agent, done: Callable[[], bool]) -> None:

@@ -142,15 +142,15 @@ def test_an_exchange_posts_results_and_asks_for_more_in_one_request() -> None:
         told = {"verdicts": [], "next": None, "misfit": "begun with MuJoCo 3"}
         return httpx2.Response(409, json=told, headers={"Retry-After": "7"})
 
-    wish = {"worker": {"id": "w"}, "models": ["ishigami"], "max_instances": 4}
+    request = {"worker": {"id": "w"}, "models": ["ishigami"], "max_instances": 4}
     talking = client(answer)
     said = {"lease": "l", "fence": 1, "worker": "w", "results": [{"instance": "i"}]}
-    assert talking.exchange(**said, wish=wish) == {
+    assert talking.exchange(**said, request=request) == {
         "verdicts": [],
         "next": None,
         "misfit": "begun with MuJoCo 3",
     }
-    assert asked == [("/v1/results", {**said, "next": wish})]
+    assert asked == [("/v1/results", {**said, "next": request})]
     assert talking.retry_after == 7.0
 
 

@@ -8,15 +8,15 @@ import pytest
 
 from rehyb.errors import Unauthorized
 from tests.testbed.fake_coordinator import Work
-from worker.agent import TRIES
 from worker.pool import Finished
+from worker.posting import TRIES
 
 
 @pytest.fixture(autouse=True)
 def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Keep the tests to milliseconds: the lengths of the waits are not what they are about."""
     monkeypatch.setattr("worker.backoff.BASE_SECONDS", 0.005)
-    monkeypatch.setattr("worker.agent.FAREWELL_SECONDS", 0.05)
+    monkeypatch.setattr("worker.backoff.FAREWELL_SECONDS", 0.05)
 
 
 def test_every_leased_instance_gets_its_result_posted_under_its_lease(tmp_path: Path) -> None:
@@ -141,7 +141,7 @@ def test_a_result_at_which_the_coordinator_fails_is_set_aside_for_the_next_worke
 def test_what_was_set_aside_is_posted_again_after_a_while(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("worker.agent.ASIDE_SECONDS", 0.0)
+    monkeypatch.setattr("worker.posting.ASIDE_SECONDS", 0.0)
     monkeypatch.setattr("worker.agent.POST_SECONDS", 0.0)
     work = Work(tmp_path, [["a"], ["b"]], max_idle=None)
     # As a full disk would have it: everything fails, for longer than anybody tries.
@@ -198,7 +198,7 @@ def test_a_worker_that_fits_no_study_says_why_once_and_goes_on_asking(
 ) -> None:
     work = Work(tmp_path, [["a"]])
     work.coordinator.misfits = 3
-    work.agent._client.retry_after = 0.005
+    work.agent.leases.client.retry_after = 0.005
     work.agent.run()
     assert [record.message for record in caplog.records if record.levelname == "WARNING"] == [
         "this study was begun with MuJoCo 3"
@@ -222,7 +222,7 @@ def test_the_next_work_comes_with_the_acknowledgement_of_the_last(tmp_path: Path
     assert work.coordinator.calls == ["/v1/leases", *["/v1/results"] * 3]
 
 
-def test_an_older_coordinator_that_takes_no_wishes_gets_the_results_all_the_same(
+def test_an_older_coordinator_that_leases_nothing_with_results_gets_the_results_all_the_same(
     tmp_path: Path,
 ) -> None:
     work = Work(tmp_path, [["a"], ["b"]], processes=1)

@@ -1,13 +1,13 @@
-"""An agent beside a desk: the machine's share is kept, and neither leaves without the other."""
+"""An agent beside close-loop jobs: the machine is shared, and neither leaves without the other."""
 
 import threading
 from pathlib import Path
 
-from tests.unit.worker.test_agent import Work
+from tests.testbed.fake_coordinator import Work
 
 
-class Desk:
-    """A desk that is busy as long as it is told to be."""
+class Jobs:
+    """Close-loop jobs that keep a process busy as long as it is told to be."""
 
     def __init__(self, busy: int = 0) -> None:
         self.busy = busy
@@ -23,20 +23,20 @@ class Desk:
         self.said.append("close while busy" if self.busy else "close")
 
 
-def beside(desk: Desk, folder: Path, batches: list[list[str]], processes: int = 1) -> Work:
+def beside(jobs: Jobs, folder: Path, batches: list[list[str]], processes: int = 1) -> Work:
     work = Work(folder, batches, processes, max_idle=0.05)
-    work.agent._desk = desk  # type: ignore[assignment]
+    work.agent.close_loop_jobs = jobs  # type: ignore[assignment]
     return work
 
 
 def test_while_a_loop_is_closed_one_process_less_evaluates(tmp_path: Path) -> None:
-    desk = Desk(busy=1)
-    work = beside(desk, tmp_path, [["a"], ["b"]])
+    jobs = Jobs(busy=1)
+    work = beside(jobs, tmp_path, [["a"], ["b"]])
     sizes: list[int] = []
 
     def done() -> None:
         sizes.extend(work.coordinator.sizes)
-        desk.busy = 0
+        jobs.busy = 0
 
     threading.Timer(0.3, done).start()
     work.agent.run()
@@ -46,32 +46,32 @@ def test_while_a_loop_is_closed_one_process_less_evaluates(tmp_path: Path) -> No
 
 
 def test_the_other_processes_go_on(tmp_path: Path) -> None:
-    desk = Desk(busy=1)
-    work = beside(desk, tmp_path, [["a"], ["b"]], processes=2)
+    jobs = Jobs(busy=1)
+    work = beside(jobs, tmp_path, [["a"], ["b"]], processes=2)
 
     def both() -> bool:
         done = len(work.coordinator.results) == 2
         if done:
-            desk.busy = 0
+            jobs.busy = 0
         return done
 
     work.run_until(work.agent, both)
     assert set(work.coordinator.results) == {"a", "b"}
 
 
-def test_a_draining_worker_waits_for_its_desk_and_closes_it(tmp_path: Path) -> None:
-    desk = Desk(busy=1)
-    work = beside(desk, tmp_path, [])
-    threading.Timer(0.2, lambda: setattr(desk, "busy", 0)).start()
+def test_a_draining_worker_waits_for_its_close_loop_job_and_ends_it(tmp_path: Path) -> None:
+    jobs = Jobs(busy=1)
+    work = beside(jobs, tmp_path, [])
+    threading.Timer(0.2, lambda: setattr(jobs, "busy", 0)).start()
     work.agent.stop()
     work.agent.run()
-    assert desk.said == ["start", "drain", "close"]
+    assert jobs.said == ["start", "drain", "close"]
 
 
 def test_a_worker_told_twice_to_stop_leaves_at_once(tmp_path: Path) -> None:
-    desk = Desk(busy=1)
-    work = beside(desk, tmp_path, [])
+    jobs = Jobs(busy=1)
+    work = beside(jobs, tmp_path, [])
     work.agent.stop()
     work.agent.stop()
     work.agent.run()
-    assert desk.said[-1] == "close while busy"
+    assert jobs.said[-1] == "close while busy"

@@ -13,9 +13,9 @@ import pytest
 
 from rehyb.client import Client
 from rehyb.client.sessions import FILES
-from worker import close_loop_jobs as desks
+from worker import backoff, close_loop_jobs
 from worker.close_loop import OUT, PROGRESS, can_close_loops
-from worker.close_loop_jobs import Desk
+from worker.close_loop_jobs import CloseLoopJobs
 from worker.pool import Finished
 from worker.scratch import sweep
 
@@ -23,7 +23,7 @@ ARCHIVE = b"PK of a session"
 
 
 class Coordinator:
-    """As much of a coordinator as a desk can see."""
+    """As much of a coordinator as close-loop jobs can see."""
 
     def __init__(self) -> None:
         self.jobs = 1
@@ -97,9 +97,10 @@ class InstantPool:
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("TELL_SECONDS", "FAREWELL_SECONDS", "PAUSE_SECONDS"):
-        monkeypatch.setattr(desks, name, 0.01)
-    monkeypatch.setattr(desks, "full_jitter", lambda failures, rng: 0.001)
+    for name in ("TELL_SECONDS", "PAUSE_SECONDS"):
+        monkeypatch.setattr(close_loop_jobs, name, 0.01)
+    monkeypatch.setattr(backoff, "FAREWELL_SECONDS", 0.01)
+    monkeypatch.setattr(backoff, "full_jitter", lambda failures, rng: 0.001)
 
 
 @pytest.fixture
@@ -113,10 +114,10 @@ def pool() -> InstantPool:
 
 
 @pytest.fixture
-def desk(coordinator: Coordinator, pool: InstantPool, tmp_path: Path) -> Iterator[Desk]:
+def jobs(coordinator: Coordinator, pool: InstantPool, tmp_path: Path) -> Iterator[CloseLoopJobs]:
     transport = httpx2.MockTransport(coordinator)
     with Client("http://coordinator:1", "secret", transport=transport) as client:
-        desk = Desk(
+        jobs = CloseLoopJobs(
             client=client,
             pool=pool,  # type: ignore[arg-type]
             folder=tmp_path / "loops",
@@ -124,8 +125,8 @@ def desk(coordinator: Coordinator, pool: InstantPool, tmp_path: Path) -> Iterato
             code="c0de",
             rng=Random(1),
         )
-        yield desk
-        desk.close()
+        yield jobs
+        jobs.close()
 
 
 def until(ask: Callable[[], object]) -> None:
@@ -136,10 +137,10 @@ def until(ask: Callable[[], object]) -> None:
 
 
 def test_a_job_is_done_and_its_files_handed_in(
-    desk: Desk, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
+    jobs: CloseLoopJobs, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
 ) -> None:
-    desk.start()
-    until(lambda: coordinator.words("report") and not desk.busy)
+    jobs.start()
+    until(lambda: coordinator.words("report") and not jobs.busy)
     (said,) = coordinator.words("report")
     assert (said["lease"], said["fence"], said["worker"], said["code"]) == ("l", "1", "w", "c0de")
     assert all(f"<{name}>".encode() in said["files"] for name in FILES)
@@ -150,18 +151,18 @@ def test_a_job_is_done_and_its_files_handed_in(
 
 
 def test_a_coordinator_that_is_away_gets_the_report_when_it_is_back(
-    desk: Desk, coordinator: Coordinator
+    jobs: CloseLoopJobs, coordinator: Coordinator
 ) -> None:
     coordinator.away = 20
-    desk.start()
+    jobs.start()
     until(lambda: coordinator.words("report"))
 
 
 def test_a_coordinator_that_keeps_failing_is_left_alone(
-    desk: Desk, coordinator: Coordinator
+    jobs: CloseLoopJobs, coordinator: Coordinator
 ) -> None:
-    coordinator.sick, coordinator.jobs = desks.TRIES, 2
-    desk.start()
+    coordinator.sick, coordinator.jobs = close_loop_jobs.TRIES, 2
+    jobs.start()
     until(lambda: coordinator.words("report"))
     assert coordinator.sick == 0 and len(coordinator.words("report")) == 1
     (said,) = coordinator.words("failure")
@@ -169,97 +170,97 @@ def test_a_coordinator_that_keeps_failing_is_left_alone(
 
 
 def test_a_report_that_the_coordinator_cannot_use_is_a_failure_with_its_words(
-    desk: Desk, coordinator: Coordinator
+    jobs: CloseLoopJobs, coordinator: Coordinator
 ) -> None:
     coordinator.too_large = True
-    desk.start()
+    jobs.start()
     until(lambda: coordinator.words("failure"))
     (said,) = coordinator.words("failure")
     assert said["outcome"] == "crashed" and said["reason"].endswith("5 bytes at most")
 
 
 def test_a_bad_session_is_said_with_its_place(
-    desk: Desk, coordinator: Coordinator, pool: InstantPool
+    jobs: CloseLoopJobs, coordinator: Coordinator, pool: InstantPool
 ) -> None:
     place = {"file": "a.csv", "column": None, "line": 3}
     pool.result = {"outcome": "bad_session", "reason": "a.csv, line 3: no", "state": place}
-    desk.start()
+    jobs.start()
     until(lambda: coordinator.words("failure"))
     (said,) = coordinator.words("failure")
     assert said | place == said and said["reason"] == "a.csv, line 3: no"
 
 
 def test_a_crash_is_said_without_its_traceback(
-    desk: Desk, coordinator: Coordinator, pool: InstantPool
+    jobs: CloseLoopJobs, coordinator: Coordinator, pool: InstantPool
 ) -> None:
     pool.result = {"outcome": "crashed", "reason": "it was", "state": {"traceback": "..."}}
-    desk.start()
+    jobs.start()
     until(lambda: coordinator.words("failure"))
     (said,) = coordinator.words("failure")
     assert said["outcome"] == "crashed" and "traceback" not in said
 
 
 def test_a_job_that_is_no_longer_ours_is_dropped(
-    desk: Desk, coordinator: Coordinator, pool: InstantPool
+    jobs: CloseLoopJobs, coordinator: Coordinator, pool: InstantPool
 ) -> None:
     pool.endless = True
     coordinator.refuse = {"renew"}
-    desk.start()
-    until(lambda: pool.killed and not desk.busy)
+    jobs.start()
+    until(lambda: pool.killed and not jobs.busy)
     assert not coordinator.words("report") and not coordinator.words("failure")
 
 
 def test_a_lease_is_kept_while_the_work_goes_on(
-    desk: Desk, coordinator: Coordinator, pool: InstantPool
+    jobs: CloseLoopJobs, coordinator: Coordinator, pool: InstantPool
 ) -> None:
     coordinator.ttl, pool.endless = 0.01, True
-    desk.start()
+    jobs.start()
     until(lambda: len(coordinator.words("renew")) > 5)
-    assert desk.busy == 1
+    assert jobs.busy == 1
 
 
 def test_draining_finishes_the_job_and_asks_for_no_other(
-    desk: Desk, coordinator: Coordinator, pool: InstantPool
+    jobs: CloseLoopJobs, coordinator: Coordinator, pool: InstantPool
 ) -> None:
     coordinator.jobs, pool.endless = 2, True
-    desk.start()
-    until(lambda: desk.busy)
-    desk.drain()
+    jobs.start()
+    until(lambda: jobs.busy)
+    jobs.drain()
     pool.endless = False
-    until(lambda: coordinator.words("report") and not desk.busy)
-    desk.close()
+    until(lambda: coordinator.words("report") and not jobs.busy)
+    jobs.close()
     assert coordinator.jobs == 1
 
 
 def test_leaving_at_once_gives_the_job_back(
-    desk: Desk, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
+    jobs: CloseLoopJobs, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
 ) -> None:
     pool.endless = True
-    desk.start()
+    jobs.start()
     until(lambda: pool.archive.name)
-    desk.close()
+    jobs.close()
     assert coordinator.words("release") == [{"lease": "l", "fence": 1}]
     assert pool.killed and not (tmp_path / "loops").exists()
 
 
 def test_leaving_while_nobody_answers_takes_no_longer_than_a_farewell(
-    desk: Desk, coordinator: Coordinator
+    jobs: CloseLoopJobs, coordinator: Coordinator
 ) -> None:
     coordinator.away = 10**9
-    desk.start()
-    until(lambda: desk.busy)
-    desk.drain()
-    until(lambda: not desk.busy)
+    jobs.start()
+    until(lambda: jobs.busy)
+    jobs.drain()
+    until(lambda: not jobs.busy)
 
 
 def test_a_full_disk_is_this_machine_s_fault_and_is_counted(
-    desk: Desk, coordinator: Coordinator, monkeypatch: pytest.MonkeyPatch
+    jobs: CloseLoopJobs, coordinator: Coordinator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(desk, "_fetch", full)
-    desk.start()
+    monkeypatch.setattr(jobs, "_fetch", full)
+    jobs.start()
     until(lambda: coordinator.words("failure"))
     (said,) = coordinator.words("failure")
     assert said["outcome"] == "crashed" and "No space left" in said["reason"]
@@ -267,31 +268,31 @@ def test_a_full_disk_is_this_machine_s_fault_and_is_counted(
 
 
 def test_an_archive_that_did_not_arrive_whole_is_not_analysed(
-    desk: Desk, coordinator: Coordinator, pool: InstantPool
+    jobs: CloseLoopJobs, coordinator: Coordinator, pool: InstantPool
 ) -> None:
     coordinator.archive = ARCHIVE[:-1]
-    desk.start()
+    jobs.start()
     until(lambda: coordinator.words("release"))
     assert pool.archive == Path()
 
 
 def test_a_session_s_name_names_a_file_in_the_job_s_folder_and_no_other(
-    desk: Desk, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
+    jobs: CloseLoopJobs, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
 ) -> None:
     coordinator.name = "../../x\0/" + "y" * 300
-    desk.start()
+    jobs.start()
     until(lambda: coordinator.words("report"))
     assert pool.archive.parent.parent == tmp_path / "loops"
 
 
 def test_what_a_killed_worker_left_is_removed_and_what_a_living_one_has_is_not(
-    desk: Desk, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
+    jobs: CloseLoopJobs, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
 ) -> None:
     pool.endless = True
     dead = tmp_path / "loops" / "dead"
     dead.mkdir(parents=True)
     (dead / "session.zip").write_bytes(ARCHIVE)
-    desk.start()
+    jobs.start()
     until(lambda: pool.archive.name)
     assert not dead.exists()
     sweep(tmp_path / "loops")
