@@ -26,22 +26,22 @@ soak: $(READY)  ## Disturb studies in every way, twenty times over; half an hour
 		tests/acceptance/test_chaos.py tests/acceptance/test_acknowledged.py
 
 bench: .venv/.rivals  ## Print the figures that README and docs quote, and rivals beside them
-	$(BIN)/python -m benchmarks.table_1
-	$(BIN)/python -m benchmarks.side_by_side
-	$(BIN)/python -m benchmarks.cycle
+	$(BIN)/python -m benchmarks.simulation.table_1
+	$(BIN)/python -m benchmarks.service.side_by_side
+	$(BIN)/python -m benchmarks.service.cycle
 	$(MAKE) bench-analysis
 
 bench-sim: $(READY)  ## Print what an assessment costs and how the fidelities agree (8 minutes)
-	$(BIN)/python -m benchmarks.simulation
+	$(BIN)/python -m benchmarks.simulation.fidelities
 
 curves: $(READY)  ## Draw what each factor does alone (docs/measurements/one_at_a_time.png)
-	$(BIN)/python -m benchmarks.one_at_a_time docs/measurements/one_at_a_time.png
+	$(BIN)/python -m benchmarks.simulation.one_at_a_time docs/measurements/one_at_a_time.png
 
 bench-analysis: $(READY)  ## Errors, coverage and speed of the indices beside SALib and SciPy
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.analysis
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.indices
 
 bench-closeloop: $(READY)  ## Print how often closing the loop names the right effect
-	$(BIN)/python -m benchmarks.closeloop $(ARGS)
+	$(BIN)/python -m benchmarks.closeloop.synthetic $(ARGS)
 
 picture: $(READY)  ## Draw the arm in the exoskeleton (docs/understand/system.png)
 	$(BIN)/python -m sim.pictures.rendering docs/understand/system.png

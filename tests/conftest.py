@@ -7,7 +7,7 @@ from uuid import uuid4
 import pytest
 import sqlalchemy as sa
 
-from benchmarks.postgresql import serving
+from tests.testbed.postgresql import serving
 
 #: Names a running server instead, with a role that may make databases.
 VARIABLE = "REHYB_TEST_POSTGRES_URL"

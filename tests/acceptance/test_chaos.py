@@ -21,8 +21,8 @@ from test_nothing_is_lost import computed_in_one_go
 from rehyb import Client, RehybError
 from rehyb.client import Json
 from server.store import check, comparisons, create_engine
-from tests.testbed.adversary import Adversary
-from tests.testbed.lab import LEASE_SECONDS, PATIENCE, TOKEN, Lab
+from tests.testbed.fleet.adversary import Adversary
+from tests.testbed.fleet.lab import LEASE_SECONDS, PATIENCE, TOKEN, Lab
 
 #: 2 in `make test`, one on each database; more in `make soak`.
 ROUNDS = int(os.environ.get("REHYB_SOAK_ROUNDS", "2"))

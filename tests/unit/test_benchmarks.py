@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from benchmarks import measuring
-from benchmarks.coverage_tables import coverage, described
-from benchmarks.latency import lags
 from benchmarks.measuring import Target, Throughput, percentile, watch
-from benchmarks.million import Million
-from benchmarks.rivals import Rival
-from benchmarks.table import Round, beside, lines, targets
+from benchmarks.sensitivity.coverage_tables import coverage, described
+from benchmarks.sensitivity.latency import lags
+from benchmarks.service.million import Million
+from benchmarks.service.rivals import Rival
+from benchmarks.service.table import Round, beside, lines, targets
 
 
 def target(figure: float, *, at_least: bool) -> Target:

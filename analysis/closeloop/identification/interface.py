@@ -6,8 +6,8 @@ residual which candidates imitate: a curve over the angle looks like a hardening
 encoder, tissue and cuffs that rub look like friction of the joint. So on a session
 with the nominal model an effect is named only if its torque is larger than what the arm and its
 attachment alone are credited with over the plain arms of the full simulation
-(`python -m benchmarks.patient --plain`, docs/measurements/patient.md), or if it is friction or a
-reflex and leaves nothing to explain.
+(`python -m benchmarks.closeloop.patient --plain`, docs/measurements/patient.md), or if it is
+friction or a reflex and leaves nothing to explain.
 """
 
 from dataclasses import replace

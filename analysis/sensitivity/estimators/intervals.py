@@ -4,7 +4,8 @@ The jackknife (Tukey 1958; for groups, Busing, Meijer and van der Leeden 1999) t
 those eight numbers into a standard error, whatever the index; and where blocks are independent, as
 those of `sobol_blocks` are, it counts what a Sobol design gains, which resampling of rows cannot.
 Student's t with seven degrees of freedom makes up for eight blocks being few. How often intervals
-hold the truth, `benchmarks.coverage` prints; they were chosen on seeds that it does not use.
+hold the truth, `benchmarks.sensitivity.coverage` prints; they were chosen on seeds that it does not
+use.
 """
 
 from dataclasses import dataclass

@@ -10,7 +10,8 @@ What is taken for granted of the bend is `BEND`: between p = 2 and p = 4 the slo
 rises by at least this share of what it rose before. The share is 0.95 for the difference of two
 uniform numbers, 1.1 for a normal one, 0.9 for products of many uniform numbers, 2 if d is
 lognormal; a difference that is mostly 0 and else of one size has no bend at all, and nothing is
-added to it. It was chosen on 1000 seeds of `benchmarks.coverage` that its figures do not use.
+added to it. It was chosen on 1000 seeds of `benchmarks.sensitivity.coverage` that its figures do
+not use.
 """
 
 from dataclasses import dataclass

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.report.answer import answer
-from tests.testbed.closeloop_plants import ARM, CARRIAGE, write_recordings
+from tests.testbed.plants import ARM, CARRIAGE, write_recordings
 
 
 def names(report: dict[str, Any]) -> set[tuple[str, str]]:

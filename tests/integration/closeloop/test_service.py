@@ -20,7 +20,7 @@ from analysis.closeloop.contract import REPORT_FILES
 from analysis.closeloop.loop import close_loop
 from server.store import check, close_loops, create_engine, sessions
 from tests.integration.worker.test_process import TOKEN, Lab, until
-from tests.testbed.closeloop_sessions import write_session
+from tests.testbed.sessions import write_session
 
 SEED = 3
 #: Few trials: a second or two of work.

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from rehyb.errors import Unauthorized
-from tests.testbed.fake_coordinator import Work
+from tests.testbed.fleet.fake_coordinator import Work
 from worker.pool import Finished
 from worker.posting import TRIES
 

@@ -3,7 +3,7 @@
 import threading
 from pathlib import Path
 
-from tests.testbed.fake_coordinator import Work
+from tests.testbed.fleet.fake_coordinator import Work
 
 
 class Jobs:

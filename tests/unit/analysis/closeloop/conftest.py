@@ -10,8 +10,8 @@ from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.reading import Session, Trial
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import Sampling
-from tests.testbed.closeloop_effects import Arm
-from tests.testbed.closeloop_sessions import mjcf
+from tests.testbed.effects import Arm
+from tests.testbed.sessions import mjcf
 
 
 @pytest.fixture(scope="package")

@@ -6,8 +6,8 @@ import pytest
 
 from sim.effects.applied import AppliedEffects
 from sim.effects.elements import APPLIED, add_effect, add_spring
-from tests.testbed.closeloop_effects import Arm
-from tests.testbed.closeloop_sessions import mjcf
+from tests.testbed.effects import Arm
+from tests.testbed.sessions import mjcf
 
 PARAMETERS: dict[str, dict[str, float]] = {
     "stribeck_friction": {"torque": 1.0, "breakaway_excess": 2.0, "stribeck_velocity": 0.5},

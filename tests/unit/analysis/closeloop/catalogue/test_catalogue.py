@@ -8,7 +8,7 @@ from analysis.closeloop.identification.model import no_estimate
 from analysis.closeloop.identification.regression import keep_independent, solve
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lagged, shifted
-from tests.testbed.closeloop_effects import Arm
+from tests.testbed.effects import Arm
 
 CONTRACT = """
 coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_dependent_friction

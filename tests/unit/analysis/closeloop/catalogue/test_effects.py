@@ -14,8 +14,8 @@ from analysis.closeloop.identification.regression import select_rows
 from analysis.closeloop.session.recording import Recording
 from sim.effects.applied import AppliedEffects
 from sim.effects.elements import APPLIED, add_effect
-from tests.testbed.closeloop_effects import Arm
-from tests.testbed.closeloop_sessions import mjcf
+from tests.testbed.effects import Arm
+from tests.testbed.sessions import mjcf
 
 ELBOW = 1
 #: For every effect, a place in its grid and its coefficients.

@@ -13,7 +13,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.loop import close_loop
 from analysis.closeloop.report.answer import load_session
 from rehyb.cli import app
-from tests.testbed.closeloop_sessions import Arm, mjcf
+from tests.testbed.sessions import Arm, mjcf
 from tests.unit.analysis.closeloop.session.test_reading import HEADER, rows
 
 Spoil = Callable[[Path], None]

@@ -10,7 +10,7 @@ import pytest
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.report.answer import load_session
 from sim.assessment.nominal import nominal_model
-from tests.testbed.closeloop_sessions import Arm, mjcf
+from tests.testbed.sessions import Arm, mjcf
 from tests.unit.analysis.closeloop.session.test_reading import rows
 
 #: A log under a robot's own names: degrees, current instead of torque, separated by blanks.

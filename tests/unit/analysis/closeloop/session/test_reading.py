@@ -10,8 +10,8 @@ import pytest
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.report.answer import load_session
 from analysis.closeloop.session.plausibility import saturated_line
-from tests.testbed.closeloop_effects import GRAVITY, Arm
-from tests.testbed.closeloop_sessions import mjcf
+from tests.testbed.effects import GRAVITY, Arm
+from tests.testbed.sessions import mjcf
 
 HEADER = "time,shoulder.position,elbow.position,elbow.velocity,elbow.effort"
 ARM = Arm()

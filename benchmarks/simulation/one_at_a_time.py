@@ -1,6 +1,6 @@
 """Each factor of Table 1 alone over its range, the others nominal: curves and what they are like.
 
-`python -m benchmarks.one_at_a_time FILE.png [CONDITION=VALUE ...]`
+`python -m benchmarks.simulation.one_at_a_time FILE.png [CONDITION=VALUE ...]`
 """
 
 import sys
@@ -83,6 +83,8 @@ def main(path: Path, conditions: dict[str, float]) -> None:
 
 if __name__ == "__main__":
     if len(sys.argv) < 2:
-        sys.exit("usage: python -m benchmarks.one_at_a_time FILE.png [CONDITION=VALUE ...]")
+        sys.exit(
+            "usage: python -m benchmarks.simulation.one_at_a_time FILE.png [CONDITION=VALUE ...]"
+        )
     chosen = (argument.split("=") for argument in sys.argv[2:])
     main(Path(sys.argv[1]), {name: float(value) for name, value in chosen})

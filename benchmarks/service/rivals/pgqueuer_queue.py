@@ -11,8 +11,8 @@ from pgqueuer.models import Job
 from pgqueuer.queries import Queries
 
 from benchmarks.measuring import Throughput, watch
-from benchmarks.postgresql import Server
-from benchmarks.rivals import PROCESSES, Rival, processes
+from benchmarks.service.rivals import PROCESSES, Rival, processes
+from tests.testbed.postgresql import Server
 
 TASKS = 6000
 BATCHES = (10, 100)

@@ -1,9 +1,9 @@
 """How right the indices are, how honest their intervals, and how fast they stream.
 
-`make bench-analysis`, or `python -m benchmarks.analysis [SEEDS] [ALL DESIGNS] [RIVALS]`: 10 000
-seeds for the default base points, of which the other base points get 1000, SALib and SciPy 300,
-take a quarter of an hour of two idle cores. OpenBLAS must have one thread (the target says so):
-several processes with several threads each wait for each other.
+`make bench-analysis`, or `python -m benchmarks.sensitivity.indices [SEEDS] [ALL DESIGNS] [RIVALS]`:
+10 000 seeds for the default base points, of which the other base points get 1000, SALib and SciPy
+300, take a quarter of an hour of two idle cores. OpenBLAS must have one thread (the target says
+so): several processes with several threads each wait for each other.
 """
 
 import sys
@@ -13,10 +13,10 @@ import numpy as np
 
 from analysis.sensitivity.estimators import SaltelliEstimator
 from analysis.sensitivity.study_state import StudyState
-from benchmarks.coverage_tables import print_coverage_and_errors
-from benchmarks.functions import FACTORS
-from benchmarks.latency import PLAN, lags, results
 from benchmarks.machine import describe_machine
+from benchmarks.sensitivity.coverage_tables import print_coverage_and_errors
+from benchmarks.sensitivity.latency import PLAN, lags, results
+from tests.testbed.functions import FACTORS
 
 
 def print_speed(rows: int = 1_000_000) -> None:

@@ -1,4 +1,4 @@
-"""What `benchmarks.coverage` finds, as tables of Markdown: honesty and width of intervals, errors.
+"""Tables of Markdown of what `coverage` beside this finds: honesty and width of intervals, errors.
 
 Of 10 000 seeds an exactly honest interval at 90 % holds the truth in 0.894 to 0.906 of 19 cells in
 20 (binomial error 0.003), of 1000 seeds in 0.88 to 0.92 (0.0095), of 300 in 0.87 to 0.93 of nine in
@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.designs import DEFAULT_SAMPLING, SAMPLINGS
 from analysis.sensitivity.remarks import FEWEST_ROWS
-from benchmarks.coverage import (
+from benchmarks.sensitivity.coverage import (
     EFFECTS,
     FAILURES,
     FIRST_SEED,
@@ -28,7 +28,7 @@ from benchmarks.coverage import (
     true_effects,
     truths,
 )
-from benchmarks.functions import KNOWN
+from tests.testbed.functions import KNOWN
 
 HONEST = (0.87, 0.93)
 SYMBOLS = {"first_order": "S", "total_order": "ST", "mu": "mu", "mu_star": "mu*", "sigma": "sigma"}

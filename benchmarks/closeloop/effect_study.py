@@ -1,6 +1,6 @@
 """From measured trials to a new ranking, once through: docs/measurements/effect_study.md.
 
-`python -m benchmarks.effect_study [--rows 40] [--fidelity bushing]`
+`python -m benchmarks.closeloop.effect_study [--rows 40] [--fidelity bushing]`
 
 Records a relaxed arm in a robot whose elbow rubs, closes the loop with the nominal model, and runs
 the two studies of `rehyb study with-effect` on a coordinator and workers of this machine.
@@ -13,8 +13,8 @@ from pathlib import Path
 
 from analysis.closeloop.report.answer import answer
 from analysis.closeloop.report.effect_study import study_with_effects
+from benchmarks.closeloop.patient import CASES, session_of
 from benchmarks.machine import describe_machine
-from benchmarks.patient import CASES, session_of
 from rehyb.client import Client
 from rehyb.fleet import LocalFleet
 

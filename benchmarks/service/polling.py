@@ -1,6 +1,6 @@
 """How long a worker waits for a lease while fifty of them keep asking.
 
-`python -m benchmarks.polling`
+`python -m benchmarks.service.polling`
 """
 
 import random
@@ -11,9 +11,9 @@ from multiprocessing import get_context
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 
-from benchmarks.coordinator import TOKEN, coordinator, finish, lease, submit
 from benchmarks.machine import describe_machine
 from benchmarks.measuring import percentile
+from benchmarks.service.coordinator import TOKEN, coordinator, finish, lease, submit
 from rehyb.client import Client
 
 #: Together fifty workers.

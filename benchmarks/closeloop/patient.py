@@ -1,6 +1,6 @@
 """The full simulation as a patient, analysed blind with the nominal model: K_h before and after.
 
-`python -m benchmarks.patient [--fidelity campaign] [--plain] [CASE ...]`
+`python -m benchmarks.closeloop.patient [--fidelity campaign] [--plain] [CASE ...]`
 
 The truth is the slope of the elbow's own torque over its own angle, in the restoring sense, which
 only a simulation knows. `--plain` takes arms without any undeclared effect instead, of

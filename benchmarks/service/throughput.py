@@ -1,14 +1,15 @@
 """How fast a coordinator hands out instances and takes their results back, in real processes.
 
-`python -m benchmarks.service` measures it on SQLite; `make bench` beside what else there is.
+`python -m benchmarks.service.throughput` measures it on SQLite; `make bench` beside what else there
+is.
 """
 
 import tempfile
 from collections.abc import Sequence
 
-from benchmarks.coordinator import coordinator, submit, throughput
 from benchmarks.machine import describe_machine
 from benchmarks.measuring import Throughput
+from benchmarks.service.coordinator import coordinator, submit, throughput
 
 #: Instances per lease.
 BATCHES = (1, 10, 100)

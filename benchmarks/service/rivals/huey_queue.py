@@ -7,7 +7,7 @@ from typing import Any
 from huey import SqliteHuey
 
 from benchmarks.measuring import watch
-from benchmarks.rivals import PROCESSES, Rival, processes
+from benchmarks.service.rivals import PROCESSES, Rival, processes
 
 TASKS = 3000
 

@@ -6,8 +6,8 @@ import optuna
 import sqlalchemy as sa
 
 from benchmarks.measuring import watch
-from benchmarks.postgresql import Server
-from benchmarks.rivals import PROCESSES, Rival, processes
+from benchmarks.service.rivals import PROCESSES, Rival, processes
+from tests.testbed.postgresql import Server
 
 TRIALS = 300
 NAME = "rival"

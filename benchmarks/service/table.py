@@ -6,8 +6,8 @@ from math import inf
 from statistics import median
 
 from benchmarks.measuring import Target, Throughput, middle, percentile
-from benchmarks.million import Million
-from benchmarks.rivals import Rival
+from benchmarks.service.million import Million
+from benchmarks.service.rivals import Rival
 
 #: The batch that the coordinator is compared at.
 BATCH = 10

@@ -1,6 +1,7 @@
 """How often closing the loop is right, over synthetic sessions whose truth is known.
 
-`python -m benchmarks.closeloop [--seeds FIRST COUNT] [--clean COUNT] [--effects NAME ...] [--long]`
+`python -m benchmarks.closeloop.synthetic [--seeds FIRST COUNT] [--clean COUNT]
+[--effects NAME ...] [--long]`
 
 Protocol: four speeds in two postures and one holdout trial; effect over noise at least 3. Every
 session has random numbers of its own. Seeds below 6000 were used while developing; the default
@@ -29,8 +30,8 @@ import numpy as np
 from analysis.closeloop.loop import close_loop
 from analysis.closeloop.report.answer import answer
 from benchmarks.machine import describe_machine
-from tests.testbed.closeloop_effects import ABSORBED, BETWEEN, EFFECTS, OUTSIDE
-from tests.testbed.closeloop_sessions import write_session
+from tests.testbed.effects import ABSORBED, BETWEEN, EFFECTS, OUTSIDE
+from tests.testbed.sessions import write_session
 
 #: Pairs of effects that act through different signals.
 PAIRS = list(

@@ -1,6 +1,6 @@
 """Sessions recorded from a device that MuJoCo simulates under its controller.
 
-Unlike `tests/testbed/closeloop_sessions.py` nothing prescribes the motion: friction sticks, loads
+Unlike `tests/testbed/sessions.py` nothing prescribes the motion: friction sticks, loads
 bend the path, and the controller answers. The true model is the declared one with something changed
 in it.
 """

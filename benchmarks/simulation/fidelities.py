@@ -1,7 +1,8 @@
 """What an assessment costs, how far it can be believed, and how the fidelities agree.
 
-`python -m benchmarks.simulation [POINTS [MEASURED]]`: POINTS Sobol points of Table 1 (default 512);
-the time of the paper's study is extrapolated from MEASURED assessments (default 1000).
+`python -m benchmarks.simulation.fidelities [POINTS [MEASURED]]`: POINTS Sobol points of Table 1
+(default 512); the time of the paper's study is extrapolated from MEASURED assessments (default
+1000).
 """
 
 import sys
@@ -15,9 +16,9 @@ from multiprocessing import get_context
 import numpy as np
 from scipy.stats import qmc, spearmanr
 
-from benchmarks.batched import print_rates
 from benchmarks.machine import describe_machine
 from benchmarks.measuring import Target, say
+from benchmarks.simulation.batched import print_rates
 from sim.assessment.assess import Assessment, assess
 from sim.parameters.factors import NOMINAL, TABLE_1
 from sim.parameters.fidelity import CAMPAIGN, FIDELITIES, Fidelity

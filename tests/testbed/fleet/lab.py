@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from signal import Signals
 
-from tests.testbed.bad_network import BadNetwork
+from tests.testbed.fleet.bad_network import BadNetwork
 
 HERE = Path(__file__).parent
 TOKEN = "token-of-the-chaos"

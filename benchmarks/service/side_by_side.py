@@ -1,18 +1,17 @@
 """The coordinator beside what a user would take instead, and beside its targets, in one run.
 
-`python -m benchmarks.side_by_side`, with the extra `rivals`. All do the same: four worker processes
-take tasks, do nothing, and hand in a result, which is stored and outlives the worker. No system
-waits for the disk: a power cut may take the last second with it.
+`python -m benchmarks.service.side_by_side`, with the extra `rivals`. All do the same: four worker
+processes take tasks, do nothing, and hand in a result, which is stored and outlives the worker. No
+system waits for the disk: a power cut may take the last second with it.
 """
 
 import tempfile
 from pathlib import Path
 
-from benchmarks import million, polling, service
 from benchmarks.machine import describe_machine
 from benchmarks.measuring import say
-from benchmarks.postgresql import serving
-from benchmarks.rivals import (
+from benchmarks.service import million, polling, throughput
+from benchmarks.service.rivals import (
     Rival,
     celery_queue,
     huey_queue,
@@ -20,7 +19,8 @@ from benchmarks.rivals import (
     pgqueuer_queue,
     procrastinate_queue,
 )
-from benchmarks.table import HEADER, Round, beside, lines, targets
+from benchmarks.service.table import HEADER, Round, beside, lines, targets
+from tests.testbed.postgresql import serving
 
 #: Like SQLite's write-ahead log and Redis's file: commits do not wait for the disk.
 POSTGRESQL = ("synchronous_commit=off", "max_connections=100")
@@ -35,7 +35,7 @@ def main() -> None:
         say("waiting, and a study of a million instances")
         waits = polling.measure(Path(name))
         study = million.measure(Path(name))
-    print(f"\nTasks that do nothing, {service.PROCESSES} worker processes, results stored;")
+    print(f"\nTasks that do nothing, {throughput.PROCESSES} worker processes, results stored;")
     print(f"the middle of {ROUNDS} rounds, and the least and the most")
     print(HEADER)
     for line in lines(rounds):
@@ -53,7 +53,7 @@ def measured(what: str) -> Round:
     with tempfile.TemporaryDirectory(prefix="rehyb-bench-") as name, serving(POSTGRESQL) as server:
         folder = Path(name)
         say(f"{what}: rehyb on SQLite")
-        on_sqlite = service.measure(f"sqlite:///{folder}/rehyb.sqlite3")
+        on_sqlite = throughput.measure(f"sqlite:///{folder}/rehyb.sqlite3")
         for on_postgresql_rival in (pgqueuer_queue, procrastinate_queue, optuna_storage):
             say(f"{what}: {on_postgresql_rival.__name__}")
             rivals += on_postgresql_rival.measure(server)
@@ -61,7 +61,7 @@ def measured(what: str) -> Round:
             say(f"{what}: {file_rival.__name__}")
             rivals += file_rival.measure(folder)
         say(f"{what}: rehyb on PostgreSQL")
-        on_postgresql = service.measure(server.database("rehyb"), [server.pid])
+        on_postgresql = throughput.measure(server.database("rehyb"), [server.pid])
     return Round(on_sqlite=on_sqlite, on_postgresql=on_postgresql, rivals=rivals)
 
 

@@ -6,8 +6,8 @@ import sqlalchemy as sa
 from procrastinate import App, PsycopgConnector, SyncPsycopgConnector
 
 from benchmarks.measuring import watch
-from benchmarks.postgresql import Server
-from benchmarks.rivals import PROCESSES, Rival, processes
+from benchmarks.service.rivals import PROCESSES, Rival, processes
+from tests.testbed.postgresql import Server
 
 TASKS = 2000
 #: Jobs that one process works on at once: while one waits for the database, others go on.

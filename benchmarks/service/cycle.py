@@ -1,7 +1,8 @@
 """Where a coordinator's time goes while a worker posts ten results and leases ten instances.
 
-`python -m benchmarks.cycle`. Each part is measured within this process, again and again, and the
-quickest blocks count: processor time, which others on the machine lengthen but never shorten.
+`python -m benchmarks.service.cycle`. Each part is measured within this process, again and again,
+and the quickest blocks count: processor time, which others on the machine lengthen but never
+shorten.
 """
 
 import asyncio
@@ -15,10 +16,10 @@ from typing import Any
 from fastapi import FastAPI
 from pydantic import SecretStr
 
-from benchmarks.coordinator import TOKEN, coordinator, done, submit, throughput
 from benchmarks.machine import describe_machine
 from benchmarks.measuring import percentile
-from benchmarks.service import PROCESSES, ROWS, SECONDS
+from benchmarks.service.coordinator import TOKEN, coordinator, done, submit, throughput
+from benchmarks.service.throughput import PROCESSES, ROWS, SECONDS
 from server.app import create_app
 from server.logic.study import draw_up, parameters
 from server.logic.verdicts import Report

@@ -1,6 +1,6 @@
 """The nominal assessment beside the authors' model, and 100 wearers from all over Table 1.
 
-`python -m benchmarks.table_1 [POINTS]`
+`python -m benchmarks.simulation.table_1 [POINTS]`
 """
 
 import sys

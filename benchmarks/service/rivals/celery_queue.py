@@ -17,8 +17,8 @@ from redis import Redis
 from redis.exceptions import ConnectionError as NotReady
 
 from benchmarks.measuring import watch
-from benchmarks.postgresql import free_port
-from benchmarks.rivals import PROCESSES, Rival, processes
+from benchmarks.service.rivals import PROCESSES, Rival, processes
+from tests.testbed.postgresql import free_port
 
 TASKS = 4000
 CHUNK = 10

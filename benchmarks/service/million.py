@@ -1,6 +1,6 @@
 """A study of a million instances: submitting it, telling its progress, and memory meanwhile.
 
-`python -m benchmarks.million`
+`python -m benchmarks.service.million`
 """
 
 import sqlite3
@@ -11,9 +11,9 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.coordinator import TOKEN, complete, coordinator, submit
 from benchmarks.machine import describe_machine
 from benchmarks.measuring import percentile, rss_mb
+from benchmarks.service.coordinator import TOKEN, complete, coordinator, submit
 from rehyb.client import Client
 
 ROWS, WIDTH = 200_000, 5

@@ -3,7 +3,7 @@
 A forearm on a held upper arm: I q'' + m g l cos(posture + q) + K (q - q0) + D q' + effect = effort.
 The motion is prescribed (minimum-jerk sweeps to and fro), internal states are integrated at 4 times
 the sampling rate, and the sensors quantise, filter, jitter and add coloured noise. What is
-undeclared comes from `tests/testbed/closeloop_effects.py`.
+undeclared comes from `tests/testbed/effects.py`.
 
 The generator of random numbers is seeded by the seed and the effects together, so no two sessions
 share motion or noise. Seeds below 6000 are for developing; 6000 and above are for measuring.
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.testbed.closeloop_effects import (
+from tests.testbed.effects import (
     ABSORBED,
     BETWEEN,
     EFFECTS,
