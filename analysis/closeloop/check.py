@@ -54,10 +54,10 @@ def check(file: Path) -> dict[str, Any]:
 
     with unpacked(file) as folder:
         # MuJoCo takes a second to load: not for what is no session at all.
-        from analysis.closeloop.report.answer import load_session
+        from analysis.closeloop.load import load_session
 
-        session, recording = load_session(folder)
-    joints = recording.device.joints
+        recording = load_session(folder)
+    session, joints = recording.session, recording.device.joints
     return {
         "model": session.model,
         "declared_effects": [

@@ -20,7 +20,8 @@ from analysis.closeloop.identification.interface import unique_torque
 from analysis.closeloop.identification.model import declared_model, evaluate, impedances
 from analysis.closeloop.identification.regression import select_rows
 from analysis.closeloop.identification.tracing import Trace, trace
-from analysis.closeloop.report.answer import answer, load_session
+from analysis.closeloop.load import load_session
+from analysis.closeloop.report.answer import answer
 from benchmarks.machine import describe_machine
 from sim.assessment.patient import (
     EXERCISES,
@@ -121,7 +122,7 @@ def run(values: Mapping[str, float], fidelity: str) -> Outcome:
 
 def declared_stiffness(folder: Path) -> float:
     """Return what the declared model alone makes of a session's stiffness, Nm/rad."""
-    _, recording = load_session(folder)
+    recording = load_session(folder)
     rows = select_rows(recording, recording.fit_trials)
     model = declared_model(recording, rows)
     return impedances(model, evaluate(model, rows).coefficients)[recording.joints[0]]["stiffness"]
@@ -175,7 +176,7 @@ def print_plain(names: list[str], fidelity: str) -> None:
             except FailedError as failed:
                 print(f"{name:16s} the trial failed: {failed.failure.reason}")
                 continue
-            _, recording = load_session(Path(directory))
+            recording = load_session(Path(directory))
             found = sizes(trace(recording))
         largest = max([largest, *found.values()])
         text = ", ".join(f"{effect} {size:.2f} Nm" for effect, size in found.items())

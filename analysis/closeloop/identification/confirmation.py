@@ -14,7 +14,6 @@ import mujoco
 import numpy as np
 
 from analysis.closeloop.identification.repaired import repaired_model
-from analysis.closeloop.session.device import carry
 from analysis.closeloop.session.recording import Recording
 from sim.effects.applied import AppliedEffects
 from sim.effects.elements import PREFIX
@@ -88,7 +87,7 @@ def simulate(recording: Recording, xml: str, piece: slice) -> Run:
     spec = mujoco.MjSpec.from_string(xml)
     trial = recording.session.trials[int(recording.trial[piece.start])]
     if trial.added_mass is not None:
-        carry(spec, trial.added_mass)
+        trial.added_mass.hang(spec)
     spec.option.timestep = min(float(spec.option.timestep), STEP)
     spec.option.disableflags |= (
         mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT

@@ -21,7 +21,7 @@ from analysis.closeloop.identification.model import Model, evaluate, kept_column
 from analysis.closeloop.identification.noise_ceiling import ceiling
 from analysis.closeloop.identification.regression import Rows
 from analysis.closeloop.identification.tracing import Step, Trace
-from analysis.closeloop.session.reading import NOMINAL
+from analysis.closeloop.session.contents import NOMINAL
 
 #: Torque of an effect beyond what stiffness, damping and neutral angle absorb, Nm where it acts, up
 #: to which soft tissue, misalignment and muscles may be what it imitates.

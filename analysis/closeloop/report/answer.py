@@ -1,13 +1,12 @@
 """The whole answer to one session, in the contract's words."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from analysis.closeloop.catalogue import BY_NAME, VISCOELASTIC
 from analysis.closeloop.contract import SCHEMA, Verdict
 from analysis.closeloop.identification.accuracy import (
     TrialError,
@@ -21,13 +20,10 @@ from analysis.closeloop.identification.impedance import impedance_entries, undec
 from analysis.closeloop.identification.interface import beyond_interface
 from analysis.closeloop.identification.tracing import Trace, trace
 from analysis.closeloop.identification.unexplained import oscillations, smooth_part, unexplained
+from analysis.closeloop.load import load_session
 from analysis.closeloop.report.diagnostics import diagnose
 from analysis.closeloop.report.named import effect_entries
-from analysis.closeloop.session.device import load_device
-from analysis.closeloop.session.plausibility import check_signs, check_trial
-from analysis.closeloop.session.reading import Session, read_session
-from analysis.closeloop.session.recording import Recording, record
-from analysis.closeloop.session.trial_csv import read_trial
+from analysis.closeloop.session.recording import Recording
 
 CONVENTION = "restoring"
 
@@ -43,26 +39,6 @@ class Answer:
     after: list[TrialError]
 
 
-def load_session(folder: Path) -> tuple[Session, Recording]:
-    """Read a session, refuse what cannot be right, and bring it to one clock.
-
-    Raises:
-        SessionError: the first thing that is wrong.
-    """
-    session = read_session(folder, (VISCOELASTIC, *BY_NAME))
-    device = load_device(session)
-    declared = tuple(dict.fromkeys(entry.joint for entry in session.declared))
-    trials = []
-    for listed in session.trials:
-        trial = read_trial(folder, listed, device.recorded_joints, declared)
-        check_trial(trial, device)
-        trials.append(trial)
-    session = replace(session, trials=tuple(trials))
-    recording = record(session, device)
-    check_signs(recording)
-    return session, recording
-
-
 def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> Answer:
     """Close the loop on a session's folder.
 
@@ -70,7 +46,8 @@ def answer(folder: Path, progress: Callable[[str], None] = lambda _: None) -> An
         SessionError: the session cannot be analysed.
     """
     progress("reading")
-    session, recording = load_session(folder)
+    recording = load_session(folder)
+    session = recording.session
     found = beyond_interface(trace(recording, progress))
     progress("errors and intervals")
     rows = found.rows

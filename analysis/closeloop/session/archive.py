@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.session.reading import SESSION_FILE
+from analysis.closeloop.session.files import SESSION_FILE
 
 MAX_FILES = 500
 #: Unpacked, over all files: what 200 trials of two minutes at 1 kHz take, and room.

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import Device
-from analysis.closeloop.session.reading import Trial
 from analysis.closeloop.session.recording import Recording
 
 #: A hinge of a limb or its robot that goes further than this is recorded in degrees.

@@ -1,20 +1,22 @@
-"""A measured session: `session.json`, its trials and what each field may hold."""
+"""A session's `session.json`: what each field may hold."""
 
-import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from math import isfinite
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from collections.abc import Collection
+from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from analysis.closeloop.contract import SCHEMA
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.session.columns import ColumnMap, read_map
+from analysis.closeloop.session.columns import read_map
+from analysis.closeloop.session.contents import (
+    NOMINAL,
+    AddedMass,
+    ColumnMap,
+    DeclaredEffect,
+    Session,
+    Trial,
+)
+from analysis.closeloop.session.files import SESSION_FILE, Fields, inside, read_json
 
-SESSION_FILE = "session.json"
-#: The model word for the project's own nominal arm in the exoskeleton.
-NOMINAL = "nominal"
 MAX_TRIALS = 200
 MAX_JSON_BYTES = 1_000_000
 #: What `session.json` and each of its trials may say.
@@ -31,59 +33,8 @@ KEYS = (
 TRIAL_KEYS = ("file", "label", "group", "role", "added_mass", "effort_filter_hz", "columns")
 
 
-@dataclass(frozen=True, kw_only=True)
-class DeclaredEffect:
-    """An effect the user accounts for and whose values are unknown: fitted before and after."""
-
-    effect: str
-    joint: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class AddedMass:
-    """A known point mass that one trial carried."""
-
-    body: str
-    mass: float
-    #: In the body's frame, m.
-    position: tuple[float, float, float]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trial:
-    """One recording. Columns are float arrays of one length, under the names of the header."""
-
-    file: str
-    label: str
-    group: str
-    #: "fit" or "holdout".
-    role: str
-    added_mass: AddedMass | None = None
-    #: Known low-pass of the effort channel, Hz.
-    effort_filter_hz: float | None = None
-    #: How to read a file that has not the contract's own columns.
-    source: ColumnMap | None = None
-    time: np.ndarray = field(default_factory=lambda: np.empty(0))
-    columns: Mapping[str, np.ndarray] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Session:
-    """What `session.json` says; the trials hold their signals once they are read."""
-
-    folder: Path
-    model: str
-    height_m: float = 1.75
-    mass_kg: float = 70.0
-    declared: tuple[DeclaredEffect, ...] = ()
-    ignored_joints: tuple[str, ...] = ()
-    trials: tuple[Trial, ...] = ()
-    #: Keys of `session.json` that mean nothing here.
-    unknown: tuple[str, ...] = ()
-
-
-def read_session(folder: Path, known_effects: tuple[str, ...]) -> Session:
-    """Read `session.json`; the trials' files are looked at but not yet read.
+def read_session(folder: Path, known_effects: Collection[str]) -> Session:
+    """Read `session.json`; the trials' files are found but not yet read.
 
     Args:
         folder: the session's folder.
@@ -97,85 +48,33 @@ def read_session(folder: Path, known_effects: tuple[str, ...]) -> Session:
             "there is no such folder; name one with a session.json", file=str(folder)
         )
     path = inside(folder, SESSION_FILE, field_name=SESSION_FILE)
-    content = _json(path)
-    if content.get("schema") != 1 or isinstance(content.get("schema"), bool):
-        raise _wrong("schema", f"must be 1, not {content.get('schema')!r}")
-    model = _text(content, "model")
+    content = read_json(path, SESSION_FILE, MAX_JSON_BYTES, _once_each)
+    if not isinstance(content, dict):
+        raise SessionError("must hold one JSON object", file=SESSION_FILE)
+    fields = Fields(content, SESSION_FILE)
+    schema = fields.get("schema")
+    if schema != SCHEMA or isinstance(schema, bool):
+        raise fields.wrong("schema", f"must be {SCHEMA}, not {schema!r}")
+    model = fields.text("model")
     if model != NOMINAL:
         inside(folder, model, field_name="model")
-    subject = content.get("subject", {})
-    if not isinstance(subject, dict):
-        raise _wrong("subject", 'must be an object such as {"height_m": 1.75, "mass_kg": 70}')
-    default_filter = _optional_number(content, "effort_filter_hz", "effort_filter_hz", low=0.0)
+    wanted = 'such as {"height_m": 1.75, "mass_kg": 70}'
+    subject = fields.part("subject", fields.get("subject", {}), wanted)
+    filter_hz = _filter_hz(fields)
     return Session(
         folder=folder,
         model=model,
-        height_m=_number(subject.get("height_m", 1.75), "subject.height_m", low=0.5, high=2.5),
-        mass_kg=_number(subject.get("mass_kg", 70.0), "subject.mass_kg", low=10.0, high=300.0),
-        declared=_declared(content, known_effects),
-        ignored_joints=_names(content, "ignored_joints"),
-        trials=_trials(content, folder, default_filter),
-        unknown=_unknown(content),
+        height_m=subject.number("height_m", 1.75, low=0.5, high=2.5),
+        mass_kg=subject.number("mass_kg", 70.0, low=10.0, high=300.0),
+        declared=_declared(fields, known_effects),
+        ignored_joints=_joint_names(fields, "ignored_joints"),
+        trials=_trials(fields, folder, filter_hz),
+        unknown=_unknown(fields),
     )
 
 
-def inside(folder: Path, name: str, *, field_name: str) -> Path:
-    """Return the path of file `name` in `folder`.
-
-    Raises:
-        SessionError: the path is absolute, leaves the folder, or there is no such file.
-    """
-    if (
-        PurePosixPath(name).is_absolute()
-        or PureWindowsPath(name).is_absolute()
-        or PureWindowsPath(name).drive
-        or "\\" in name
-        or "\0" in name
-    ):
-        raise _wrong(field_name, f"{name!r} must be a relative path inside the session's folder")
-    path = folder / name
-    try:
-        within, there = path.resolve().is_relative_to(folder.resolve()), path.is_file()
-    except (OSError, RuntimeError, ValueError):
-        # Too long, a loop of links, or no text that a file system takes.
-        raise _wrong(field_name, f"{name[:60]!r} cannot be the name of a file") from None
-    if not within:
-        raise _wrong(field_name, f"{name!r} leaves the session's folder; keep every file inside it")
-    if not there:
-        raise SessionError(
-            f"there is no such file in {folder.name or folder}"
-            + ("" if name == SESSION_FILE else f", but {SESSION_FILE} names it as {field_name}"),
-            file=name,
-        )
-    return path
-
-
-def _json(path: Path) -> dict[str, Any]:
-    if path.stat().st_size > MAX_JSON_BYTES:
-        raise SessionError(f"is larger than {MAX_JSON_BYTES} bytes", file=SESSION_FILE)
-    try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_once_each)
-    except OSError as error:
-        raise SessionError(f"cannot be read: {error.strerror}", file=SESSION_FILE) from None
-    except UnicodeDecodeError:
-        raise SessionError("is not UTF-8 text", file=SESSION_FILE) from None
-    except json.JSONDecodeError as error:
-        raise SessionError(
-            f"is not JSON: {error.msg}", file=SESSION_FILE, line=error.lineno
-        ) from None
-    except SessionError:
-        raise
-    except RecursionError:
-        raise SessionError("is nested too deeply", file=SESSION_FILE) from None
-    except ValueError:
-        raise SessionError("holds a number with too many digits", file=SESSION_FILE) from None
-    if not isinstance(content, dict):
-        raise SessionError("must hold one JSON object", file=SESSION_FILE)
-    return content
-
-
 def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Make an object of its pairs; of two equal keys one would be lost without a word."""
+    """Make an object of its pairs; one of two equal names would be lost in silence."""
     content = dict(pairs)
     if len(content) < len(pairs):
         names = [name for name, _ in pairs]
@@ -184,144 +83,104 @@ def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return content
 
 
-def _unknown(content: Mapping[str, Any]) -> tuple[str, ...]:
+def _unknown(fields: Fields) -> tuple[str, ...]:
     """Return where the file says something that no analysis reads: often a slip of the pen."""
-    found = [name for name in content if name not in KEYS]
-    for number, trial in enumerate(content["trials"]):
+    found = [name for name in fields.content if name not in KEYS]
+    for number, trial in enumerate(fields.get("trials")):
         found += [f"trials[{number}].{name}" for name in trial if name not in TRIAL_KEYS]
     return tuple(name.encode(errors="backslashreplace").decode() for name in found)
 
 
-def _declared(
-    content: Mapping[str, Any], known_effects: tuple[str, ...]
-) -> tuple[DeclaredEffect, ...]:
-    entries = _list(content, "declared_effects")
+def _declared(fields: Fields, known_effects: Collection[str]) -> tuple[DeclaredEffect, ...]:
     declared: list[DeclaredEffect] = []
-    for number, entry in enumerate(entries):
-        where = f"declared_effects[{number}]"
-        if not isinstance(entry, dict):
-            raise _wrong(where, 'must be an object with "effect" and "joint"')
-        effect = _text(entry, "effect", where)
+    for number, entry in enumerate(fields.entries("declared_effects")):
+        own = fields.part(f"declared_effects[{number}]", entry, 'with "effect" and "joint"')
+        effect = own.text("effect")
         if effect not in known_effects:
-            raise _wrong(
-                f"{where}.effect", f"{effect!r} is unknown; take one of {', '.join(known_effects)}"
+            raise own.wrong(
+                "effect", f"{effect!r} is unknown; take one of {', '.join(known_effects)}"
             )
-        found = DeclaredEffect(effect=effect, joint=_text(entry, "joint", where))
+        found = DeclaredEffect(effect=effect, joint=own.text("joint"))
         if found in declared:
-            raise _wrong(where, f"{effect} of {found.joint} is declared twice")
+            raise own.wrong("", f"{effect} of {found.joint} is declared twice")
         declared.append(found)
     return tuple(declared)
 
 
-def _trials(
-    content: Mapping[str, Any], folder: Path, default_filter: float | None
-) -> tuple[Trial, ...]:
-    session_map = read_map(content.get("columns"), folder, "columns", inside)
-    entries = content.get("trials")
+def _trials(fields: Fields, folder: Path, filter_hz: float | None) -> tuple[Trial, ...]:
+    session_map = read_map(fields, "columns", folder)
+    entries = fields.get("trials")
     if not isinstance(entries, list) or not entries:
-        raise _wrong("trials", "must list at least one trial")
+        raise fields.wrong("trials", "must list at least one trial")
     if len(entries) > MAX_TRIALS:
-        raise _wrong("trials", f"lists {len(entries)} trials; at most {MAX_TRIALS} are analysed")
+        raise fields.wrong(
+            "trials", f"lists {len(entries)} trials; at most {MAX_TRIALS} are analysed"
+        )
     trials: list[Trial] = []
     paths: set[Path] = set()
     for number, entry in enumerate(entries):
-        where = f"trials[{number}]"
-        if not isinstance(entry, dict):
-            raise _wrong(where, 'must be an object with "file"')
-        file = _text(entry, "file", where)
-        path = inside(folder, file, field_name=f"{where}.file").resolve()
+        own = fields.part(f"trials[{number}]", entry, 'with "file"')
+        file = own.text("file")
+        path = inside(folder, file, field_name=own.path("file")).resolve()
         if path in paths:
-            raise _wrong(f"{where}.file", f"{file!r} is listed twice; list each trial once")
+            raise own.wrong("file", f"{file!r} is listed twice; list each trial once")
         paths.add(path)
-        role = entry.get("role", "fit")
-        if role not in ("fit", "holdout"):
-            raise _wrong(f"{where}.role", f"must be 'fit' or 'holdout', not {role!r}")
-        label, group = entry.get("label", file), entry.get("group", file)
-        if not (_is_text(label) and _is_text(group)):
-            raise _wrong(where, "label and group must be text")
-        own_map = read_map(entry.get("columns"), folder, f"{where}.columns", inside)
-        filter_hz = _optional_number(
-            entry, "effort_filter_hz", f"{where}.effort_filter_hz", low=0.0
-        )
-        trials.append(
-            Trial(
-                file=file,
-                label=label,
-                group=group,
-                role=role,
-                added_mass=_added_mass(entry.get("added_mass"), f"{where}.added_mass"),
-                effort_filter_hz=default_filter if filter_hz is None else filter_hz,
-                source=own_map or session_map,
-            )
-        )
+        trials.append(_trial(own, file, folder, session_map, filter_hz))
     if all(trial.role == "holdout" for trial in trials):
-        raise _wrong("trials", "every trial is a holdout; at least one must be there to be fitted")
+        raise fields.wrong(
+            "trials", "every trial is a holdout; at least one must be there to be fitted"
+        )
     return tuple(trials)
 
 
-def _added_mass(entry: Any, where: str) -> AddedMass | None:
-    if entry is None:
-        return None
-    if not isinstance(entry, dict):
-        raise _wrong(where, 'must be an object with "body", "mass_kg" and "position"')
-    position = entry.get("position", [0, 0, 0])
-    if not isinstance(position, list) or len(position) != 3:
-        raise _wrong(f"{where}.position", "must be three numbers in m, in the body's frame")
-    x, y, z = (_number(value, f"{where}.position", low=-10.0, high=10.0) for value in position)
-    return AddedMass(
-        body=_text(entry, "body", where),
-        mass=_number(entry.get("mass_kg"), f"{where}.mass_kg", low=0.0, high=1000.0),
-        position=(x, y, z),
+def _trial(
+    own: Fields, file: str, folder: Path, session_map: ColumnMap | None, filter_hz: float | None
+) -> Trial:
+    """Return one entry of the trials; map and filter are the session's own, its defaults."""
+    role = own.get("role", "fit")
+    if role not in ("fit", "holdout"):
+        raise own.wrong("role", f"must be 'fit' or 'holdout', not {role!r}")
+    label, group = own.get("label", file), own.get("group", file)
+    if not (_is_text(label) and _is_text(group)):
+        raise own.wrong("", "label and group must be text")
+    own_map = read_map(own, "columns", folder)
+    own_filter_hz = _filter_hz(own)
+    return Trial(
+        file=file,
+        label=label,
+        group=group,
+        role=role,
+        added_mass=_added_mass(own),
+        effort_filter_hz=filter_hz if own_filter_hz is None else own_filter_hz,
+        source=own_map or session_map,
     )
 
 
-def _wrong(where: str, detail: str) -> SessionError:
-    return SessionError(f"{where} {detail}", file=SESSION_FILE)
+def _added_mass(trial: Fields) -> AddedMass | None:
+    entry = trial.get("added_mass")
+    if entry is None:
+        return None
+    own = trial.part("added_mass", entry, 'with "body", "mass_kg" and "position"')
+    position = own.get("position", [0, 0, 0])
+    if not isinstance(position, list) or len(position) != 3:
+        raise own.wrong("position", "must be three numbers in m, in the body's frame")
+    x, y, z = (own.checked_number("position", value, low=-10.0, high=10.0) for value in position)
+    return AddedMass(
+        body=own.text("body"), mass=own.number("mass_kg", high=1000.0), position=(x, y, z)
+    )
 
 
-def _list(content: Mapping[str, Any], name: str) -> list[Any]:
-    entries = content.get(name, [])
-    if not isinstance(entries, list):
-        raise _wrong(name, "must be a list")
-    return entries
+def _filter_hz(fields: Fields) -> float | None:
+    return None if fields.get("effort_filter_hz") is None else fields.number("effort_filter_hz")
 
 
-def _names(content: Mapping[str, Any], name: str) -> tuple[str, ...]:
-    entries = _list(content, name)
+def _joint_names(fields: Fields, name: str) -> tuple[str, ...]:
+    entries = fields.entries(name)
     if not all(isinstance(entry, str) for entry in entries):
-        raise _wrong(name, "must be a list of joint names")
+        raise fields.wrong(name, "must be a list of joint names")
     return tuple(entries)
 
 
-def _text(content: Mapping[str, Any], name: str, where: str = "") -> str:
-    value = content.get(name)
-    if not isinstance(value, str) or not value:
-        raise _wrong(f"{where}.{name}" if where else name, f"must be a name, not {value!r}")
-    return value
-
-
-def _optional_number(
-    content: Mapping[str, Any], name: str, where: str, *, low: float
-) -> float | None:
-    value = content.get(name)
-    return None if value is None else _number(value, where, low=low, high=float("inf"))
-
-
-def _number(value: Any, where: str, *, low: float, high: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
-        raise _wrong(where, f"must be a finite number, not {str(value)[:40]}")
-    if not low < value <= high and not (low < 0 and value == low):
-        raise _wrong(where, f"must be more than {low:g} and at most {high:g}, not {value:g}")
-    return float(value)
-
-
 def _is_text(value: Any) -> bool:
-    """Say whether a JSON value is text that can be written: JSON can hold half a character."""
+    """Whether a JSON value is text that can be written: JSON can hold half a character."""
     return isinstance(value, str) and value == value.encode(errors="replace").decode()
-
-
-def _finite(value: float) -> bool:
-    try:
-        return isfinite(value)
-    except OverflowError:
-        return False

@@ -1,27 +1,16 @@
-"""All trials as arrays at the working rate: what residual, effects and ceiling come from."""
+"""All trials as arrays at the working rate: the source of residuals, effects and noise ceiling."""
 
-import itertools
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analysis.closeloop.errors import SessionError
+from analysis.closeloop.session.contents import AddedMass, Session
 from analysis.closeloop.session.device import Device
-from analysis.closeloop.session.reading import SESSION_FILE, AddedMass, Session
-from analysis.closeloop.session.signals import (
-    REST_SHARE,
-    Sampling,
-    Stretch,
-    choose_sampling,
-    derivatives,
-    extra_columns,
-    lowpass,
-    stretches,
-)
+from analysis.closeloop.session.signals import REST_SHARE, Sampling, lowpass
 
-#: Of how many samples one is computed of what depends on position only.
+#: What depends on position alone changes slowly: it is computed at every so many samples.
 REST_STEP = 4
 
 
@@ -32,8 +21,7 @@ class Recording:
     device: Device
     session: Session
     sampling: Sampling
-    pieces: list[Stretch]
-    #: Where each piece lies in the arrays.
+    #: Where each stretch between gaps lies in the arrays.
     slices: list[slice]
     #: Trial number of each sample, (n,).
     trial: np.ndarray
@@ -160,56 +148,3 @@ class Recording:
                     position[own], velocity[own], acceleration[own], masses=masses
                 )
         return torque
-
-
-def record(session: Session, device: Device) -> Recording:
-    """Bring a session's trials to one clock and differentiate them.
-
-    Raises:
-        SessionError: no joint both moves and has an effort in the trials that may be fitted.
-    """
-    pieces, rate = stretches(session.trials, device)
-    fit_trials = tuple(i for i, trial in enumerate(session.trials) if trial.role == "fit")
-    if not any(piece.trial in fit_trials for piece in pieces):
-        raise SessionError(
-            "no trial has half a second of samples without a gap", file=session.trials[0].file
-        )
-    moving = np.zeros(len(device.joints), dtype=bool)
-    measured = np.zeros(len(device.joints), dtype=bool)
-    for piece in pieces:
-        if piece.trial in fit_trials:
-            moving |= np.ptp(piece.position, axis=0) > MOVING
-            measured |= ~np.isnan(piece.effort).any(axis=0)
-    joints = tuple(int(joint) for joint in np.flatnonzero(moving & measured))
-    if not joints:
-        raise SessionError(
-            "no joint with a recorded effort moves; excite at least one joint", file=SESSION_FILE
-        )
-    sampling = choose_sampling(pieces, rate, moving)
-    parts = [derivatives(piece.position, sampling) for piece in pieces]
-    lengths = [len(part[0]) for part in parts]
-    starts = np.concatenate([[0], np.cumsum(lengths)])
-    every = slice(None, None, sampling.decimation)
-    return Recording(
-        device=device,
-        session=session,
-        sampling=sampling,
-        pieces=pieces,
-        slices=[slice(int(a), int(b)) for a, b in itertools.pairwise(starts)],
-        trial=np.repeat([piece.trial for piece in pieces], lengths),
-        time=np.concatenate([piece.time[every] for piece in pieces]),
-        position=np.concatenate([part[0] for part in parts]),
-        velocity=np.concatenate([part[1] for part in parts]),
-        acceleration=np.concatenate([part[2] for part in parts]),
-        effort=np.concatenate(
-            [lowpass(piece.effort, sampling.fit_cutoff, rate)[every] for piece in pieces]
-        ),
-        extra=np.concatenate([piece.extra[every] for piece in pieces]),
-        extra_names=extra_columns(session.trials, device),
-        joints=joints,
-        fit_trials=fit_trials,
-    )
-
-
-#: Least travel of a moving joint, rad or m: above what an encoder's last digits do.
-MOVING = 5e-3

@@ -6,20 +6,13 @@ never smoothed where errors are reported; for fitting, effort and every regresso
 low-pass, so that what the filter takes away it takes from both sides.
 """
 
-import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from scipy.signal import butter, lfilter, lfilter_zi, welch
 
-from analysis.closeloop.session.device import Device
-from analysis.closeloop.session.reading import Trial
-
-#: Steps longer than this many medians are gaps; nothing is interpolated across one.
-GAP_STEPS = 5.0
-#: Shortest stretch between gaps that is analysed, s.
-MIN_STRETCH = 0.5
 #: Bounds of the kinematic cutoff, Hz.
 CUTOFFS = (8.0, 60.0)
 #: Rate at which regressors are computed, over the cutoff; at least this many Hz if recorded so.
@@ -28,18 +21,6 @@ OVERSAMPLING, MIN_RATE = 8.0, 200.0
 FIT_SHARE = 0.5
 #: A joint counts as at rest below this share of its fastest motion.
 REST_SHARE = 0.01
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stretch:
-    """An evenly sampled piece of a trial at the recorded rate; arrays have shape (n, joints)."""
-
-    trial: int
-    time: np.ndarray
-    position: np.ndarray
-    #: NaN where a joint has no effort.
-    effort: np.ndarray
-    extra: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -59,90 +40,18 @@ class Sampling:
         return FIT_SHARE * self.cutoff
 
 
-def stretches(trials: tuple[Trial, ...], device: Device) -> tuple[list[Stretch], float]:
-    """Bring every trial to the session's one even clock and split it at gaps.
-
-    Returns:
-        The stretches in order, and their common rate in Hz.
-    """
-    step = float(np.median([np.median(np.diff(trial.time)) for trial in trials]))
-    names = extra_columns(trials, device)
-    pieces = []
-    for number, trial in enumerate(trials):
-        gaps = np.flatnonzero(np.diff(trial.time) > GAP_STEPS * max(step, _step(trial)))
-        bounds = [0, *(gaps + 1), len(trial.time)]
-        for start, stop in itertools.pairwise(bounds):
-            raw = trial.time[start:stop]
-            if stop - start < 20 or raw[-1] - raw[0] < MIN_STRETCH:
-                continue
-            time = raw[0] + step * np.arange(int((raw[-1] - raw[0]) / step + 1e-6) + 1)
-            pieces.append(
-                Stretch(
-                    trial=number,
-                    time=time,
-                    position=_resampled(trial, device, raw, time, start, stop, "position"),
-                    effort=_resampled(trial, device, raw, time, start, stop, "effort"),
-                    extra=np.column_stack(
-                        [
-                            np.interp(time, raw, trial.columns[name][start:stop])
-                            if name in trial.columns
-                            else np.full(len(time), np.nan)
-                            for name in names
-                        ]
-                        or [np.empty((len(time), 0))]
-                    ),
-                )
-            )
-    return pieces, 1.0 / step
-
-
-def extra_columns(trials: tuple[Trial, ...], device: Device) -> tuple[str, ...]:
-    """Return the columns that are no joint's own signal, in order of appearance."""
-    own = {
-        f"{joint}.{word}"
-        for joint in device.joints
-        for word in ("position", "velocity", "acceleration", "effort")
-    }
-    names = dict.fromkeys(name for trial in trials for name in trial.columns if name not in own)
-    return tuple(names)
-
-
-def _step(trial: Trial) -> float:
-    return float(np.median(np.diff(trial.time)))
-
-
-def _resampled(
-    trial: Trial,
-    device: Device,
-    raw: np.ndarray,
-    time: np.ndarray,
-    start: int,
-    stop: int,
-    word: str,
-) -> np.ndarray:
-    columns = []
-    for joint in device.joints:
-        signal = trial.columns.get(f"{joint}.{word}")
-        if signal is None or (joint in device.ignored_joints and word == "position"):
-            fill = device.reference[device.dof(joint)] if word == "position" else np.nan
-            columns.append(np.full(len(time), fill))
-        else:
-            columns.append(np.interp(time, raw, signal[start:stop]))
-    return np.column_stack(columns)
-
-
-def choose_sampling(pieces: list[Stretch], rate: float, moving: np.ndarray) -> Sampling:
+def choose_sampling(positions: Sequence[np.ndarray], rate: float, moving: np.ndarray) -> Sampling:
     """Choose the kinematic cutoff where motion sinks into the encoder's noise.
 
     Args:
-        pieces: the stretches.
-        rate: their rate, Hz.
+        positions: of every stretch, (n, joints) each.
+        rate: at which they were recorded, Hz.
         moving: which joints move, shape (joints,).
     """
     highest = CUTOFFS[0]
-    for piece in pieces:
+    for position in positions:
         for joint in np.flatnonzero(moving):
-            signal = piece.position[:, joint]
+            signal = position[:, joint]
             if np.ptp(signal) < 1e-6 or len(signal) < 64:
                 continue
             window = min(len(signal), max(64, int(4.0 * rate)))

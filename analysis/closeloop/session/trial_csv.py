@@ -2,19 +2,17 @@
 
 import csv
 import io
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.session.columns import translated
-from analysis.closeloop.session.reading import Trial
+from analysis.closeloop.session.columns import check_width, csv_lines, translated
+from analysis.closeloop.session.contents import Trial
+from analysis.closeloop.session.files import read_text
 
 TIME = "time"
-#: Words of the field's JointState.
-QUANTITIES = ("position", "velocity", "acceleration", "effort")
 MAX_BYTES = 400_000_000
 MAX_COLUMNS = 500
 MIN_SAMPLES = 50
@@ -36,15 +34,7 @@ def read_trial(
     Raises:
         SessionError: the file cannot be used.
     """
-    path = folder / trial.file
-    if path.stat().st_size > MAX_BYTES:
-        raise SessionError(f"is larger than {MAX_BYTES // 1_000_000} MB", file=trial.file)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise SessionError("is not UTF-8 text", file=trial.file) from None
-    except OSError as error:
-        raise SessionError(f"cannot be read: {error.strerror}", file=trial.file) from None
+    text = read_text(folder / trial.file, trial.file, MAX_BYTES)
     if "\0" in text:
         line = text[: text.index("\0")].count("\n") + 1
         raise SessionError("holds a zero byte; is it a CSV file?", file=trial.file, line=line)
@@ -59,24 +49,7 @@ def read_trial(
             file=trial.file,
             line=len(table) + 1,
         )
-    bad = np.argwhere(~np.isfinite(table))
-    if len(bad):
-        row, column = bad[0]
-        raise SessionError(
-            f"holds {table[row, column]}, not a finite number; remove the row (a gap is allowed)",
-            file=trial.file,
-            column=names[column],
-            line=int(row) + 2,
-        )
-    large = np.argwhere(np.abs(table) > MAX_VALUE)
-    if len(large):
-        row, column = large[0]
-        raise SessionError(
-            f"holds {table[row, column]:g}, which nothing in SI units is at a joint",
-            file=trial.file,
-            column=names[column],
-            line=int(row) + 2,
-        )
+    _check_values(table, names, trial.file)
     time = table[:, names.index(TIME)]
     _check_time(time, trial.file)
     columns = {name: table[:, i] for i, name in enumerate(names) if name != TIME}
@@ -108,32 +81,23 @@ def _check_header(
             raise SessionError(f"column {number + 1} has no name", file=file, line=1)
         if name in names[:number]:
             raise SessionError("stands twice in the header", file=file, column=name, line=1)
-    needed = [TIME, *(f"{joint}.position" for joint in joints)]
-    for name in needed:
-        if name not in names:
-            hint = "" if name == TIME else ", or list the joint in ignored_joints of session.json"
-            raise SessionError(
-                f"is missing; the header needs a column {name}{hint}",
-                file=file,
-                column=name,
-                line=1,
-            )
+    hint = "or list the joint in ignored_joints of session.json"
+    needed = {TIME: f"the header needs a column {TIME}"}
+    for joint in joints:
+        position = f"{joint}.position"
+        needed[position] = f"the header needs a column {position}, {hint}"
     for joint in declared:
-        if f"{joint}.effort" not in names:
-            raise SessionError(
-                f"is missing; {joint} has a declared effect, which needs its motor torque to fit",
-                file=file,
-                column=f"{joint}.effort",
-                line=1,
-            )
+        needed[f"{joint}.effort"] = (
+            f"{joint} has a declared effect, which needs its motor torque to fit"
+        )
     efforts = [f"{joint}.effort" for joint in joints]
     if not any(name in names for name in efforts):
-        raise SessionError(
-            f"is missing; at least one joint needs its motor torque ({', '.join(efforts)})",
-            file=file,
-            column=efforts[0],
-            line=1,
+        needed.setdefault(
+            efforts[0], f"at least one joint needs its motor torque ({', '.join(efforts)})"
         )
+    for name, why in needed.items():
+        if name not in names:
+            raise SessionError(f"is missing; {why}", file=file, column=name, line=1)
 
 
 def _numbers(body: str, names: list[str], file: str) -> np.ndarray:
@@ -148,13 +112,10 @@ def _numbers(body: str, names: list[str], file: str) -> np.ndarray:
     except (ValueError, UserWarning):
         pass
     rows: list[list[float]] = []
-    for number, cells in enumerate(_lines(body, file), start=2):
+    for number, cells in enumerate(csv_lines(body, file), start=2):
         if not cells and not body.splitlines()[number - 1 :]:
             break
-        if len(cells) != len(names):
-            raise SessionError(
-                f"has {len(cells)} cells; the header has {len(names)}", file=file, line=number
-            )
+        check_width(cells, names, file, number)
         for name, cell in zip(names, cells, strict=True):
             try:
                 float(cell)
@@ -167,37 +128,32 @@ def _numbers(body: str, names: list[str], file: str) -> np.ndarray:
     return np.array(rows, dtype=float).reshape(len(rows), len(names))
 
 
-def _lines(body: str, file: str) -> Iterator[list[str]]:
-    reader = csv.reader(io.StringIO(body))
-    try:
-        yield from reader
-    except csv.Error as error:
-        raise SessionError(f"is no CSV: {error}", file=file, line=reader.line_num + 1) from None
+def _check_values(table: np.ndarray, names: list[str], file: str) -> None:
+    for wrong, why in (
+        (~np.isfinite(table), "not a finite number; remove the row (a gap is allowed)"),
+        (np.abs(table) > MAX_VALUE, "which nothing in SI units is at a joint"),
+    ):
+        if wrong.any():
+            row, column = np.argwhere(wrong)[0]
+            raise SessionError(
+                f"holds {table[row, column]:g}, {why}",
+                file=file,
+                column=names[column],
+                line=int(row) + 2,
+            )
 
 
 def _check_time(time: np.ndarray, file: str) -> None:
     steps = np.diff(time)
+    step = float(np.median(steps))
+    line, detail = 3, ""
     if np.any(steps <= 0.0):
         row = int(np.argmax(steps <= 0.0)) + 1
-        raise SessionError(
-            f"must increase, but {time[row]:g} follows {time[row - 1]:g}",
-            file=file,
-            column=TIME,
-            line=row + 2,
-        )
-    step = float(np.median(steps))
-    if step > 0.2:
-        raise SessionError(
-            f"steps by {step:g}; time is in seconds and needs at least 5 samples a second"
-            + (" (are these milliseconds?)" if step >= 0.5 else ""),
-            file=file,
-            column=TIME,
-            line=3,
-        )
-    if step < 1e-5:
-        raise SessionError(
-            f"steps by {step:g} s; more than 100 kHz is not a joint's record",
-            file=file,
-            column=TIME,
-            line=3,
-        )
+        line, detail = row + 2, f"must increase, but {time[row]:g} follows {time[row - 1]:g}"
+    elif step > 0.2:
+        detail = f"steps by {step:g}; time is in seconds and needs at least 5 samples a second"
+        detail += " (are these milliseconds?)" if step >= 0.5 else ""
+    elif step < 1e-5:
+        detail = f"steps by {step:g} s; more than 100 kHz is not a joint's record"
+    if detail:
+        raise SessionError(detail, file=file, column=TIME, line=line)

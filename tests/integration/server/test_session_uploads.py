@@ -16,7 +16,7 @@ from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.report.answer import load_session
+from analysis.closeloop.load import load_session
 from server import checking
 from server.app import create_app
 from server.settings import Settings

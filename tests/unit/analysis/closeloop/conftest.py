@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from analysis.closeloop.session.contents import Session, Trial
 from analysis.closeloop.session.device import Device
-from analysis.closeloop.session.reading import Session, Trial
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import Sampling
 from tests.testbed.effects import Arm
@@ -24,10 +24,9 @@ def recording() -> Recording:
     a = -0.4 * w**2 * np.sin(t[:, None] * w)
     trial = Trial(file="a.csv", label="a", group="a", role="fit")
     return Recording(
-        device=Device(mujoco.MjSpec.from_string(mjcf(Arm())), "device.xml", ()),
+        device=Device(mujoco.MjSpec.from_string(mjcf(Arm())), ()),
         session=Session(folder=Path(), model="device.xml", trials=(trial,)),
         sampling=Sampling(recorded=200.0, working=200.0, cutoff=20.0),
-        pieces=[],
         slices=[slice(0, len(t))],
         trial=np.zeros(len(t), dtype=int),
         time=t,

@@ -18,7 +18,7 @@ from analysis.closeloop.identification.uncertainty import (
     leave_out,
     variance,
 )
-from analysis.closeloop.session.reading import DeclaredEffect, Trial
+from analysis.closeloop.session.contents import DeclaredEffect, Trial
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import Sampling
 
@@ -46,7 +46,6 @@ def trials_recording(recording: Recording, count: int) -> Recording:
         device=recording.device,
         session=replace(recording.session, trials=trials, declared=declared),
         sampling=Sampling(recorded=RATE, working=RATE, cutoff=15.0),
-        pieces=[],
         slices=[slice(i * size, (i + 1) * size) for i in range(count)],
         trial=np.repeat(np.arange(count), size),
         time=np.arange(count * size) / RATE,

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.closeloop.report.answer import load_session
+from analysis.closeloop.load import load_session
 from analysis.closeloop.report.preview import preview, remarks
 from tests.unit.analysis.closeloop.session.test_reading import Folder
 
@@ -16,7 +16,7 @@ def folder(tmp_path: Path) -> Folder:
 
 
 def noticed(folder: Folder) -> str:
-    _, recording = load_session(folder.write())
+    recording = load_session(folder.write())
     return "; ".join(remarks(recording, 0))
 
 
@@ -53,7 +53,7 @@ def test_a_trial_that_moves_one_way_and_rests_is_told(folder: Folder) -> None:
 def test_the_picture_shows_each_analysed_joints_position_velocity_and_effort(
     folder: Folder,
 ) -> None:
-    _, recording = load_session(folder.write())
+    recording = load_session(folder.write())
     axes = preview(recording, 0).axes
     assert [a.get_ylabel() for a in axes] == ["elbow, rad", "rad/s", "effort, Nm"]
     assert all(len(a.lines) == 2 for a in axes)

@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.load import load_session
 from analysis.closeloop.loop import close_loop
-from analysis.closeloop.report.answer import load_session
 from rehyb.cli import app
 from tests.testbed.sessions import Arm, mjcf
 from tests.unit.analysis.closeloop.session.test_reading import HEADER, rows
@@ -255,7 +255,7 @@ def test_bad_input_is_one_error_that_says_where(folder: Path, what: str) -> None
 
 def test_the_sound_session_is_read_and_what_nobody_reads_is_told(folder: Path) -> None:
     words(declared_effect=[], trials=[{"file": "a.csv", "groupe": "slow"}])(folder)
-    session, _ = load_session(folder)
+    session = load_session(folder).session
     assert session.unknown == ("declared_effect", "trials[0].groupe")
 
 
@@ -293,5 +293,5 @@ def test_large_values_of_time_are_no_fault(folder: Path) -> None:
     table[:, 0] += 1.7e9
     lines = [",".join(f"{x:.14g}" for x in row) for row in table]
     (folder / "a.csv").write_text("\n".join([HEADER, *lines]) + "\n")
-    _, recording = load_session(folder)
+    recording = load_session(folder)
     assert np.isfinite(recording.acceleration).all()

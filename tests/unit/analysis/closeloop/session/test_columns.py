@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.report.answer import load_session
+from analysis.closeloop.load import load_session
 from sim.assessment.nominal import nominal_model
 from tests.testbed.sessions import Arm, mjcf
 from tests.unit.analysis.closeloop.session.test_reading import rows
@@ -51,7 +51,8 @@ def write_log(path: Path, **spoilt: str) -> None:
 
 def test_a_robots_own_names_and_units_become_the_contracts(tmp_path: Path) -> None:
     write_log(tmp_path)
-    read, recording = load_session(session(tmp_path, UR_MAP))
+    recording = load_session(session(tmp_path, UR_MAP))
+    read = recording.session
     columns = read.trials[0].columns
     assert set(columns) == {"shoulder.position", "elbow.position", "elbow.effort"}
     assert columns["elbow.position"] == pytest.approx(rows()[:, 2], abs=1e-7)
@@ -62,9 +63,9 @@ def test_a_robots_own_names_and_units_become_the_contracts(tmp_path: Path) -> No
 def test_a_map_may_be_a_file_of_the_folder_or_belong_to_one_trial(tmp_path: Path) -> None:
     write_log(tmp_path)
     (tmp_path / "ur.json").write_text(json.dumps(UR_MAP))
-    by_file, _ = load_session(session(tmp_path, "ur.json"))
+    by_file = load_session(session(tmp_path, "ur.json")).session
     trials = [{"file": "log.txt", "columns": UR_MAP}]
-    by_trial, _ = load_session(session(tmp_path, None, trials=trials))
+    by_trial = load_session(session(tmp_path, None, trials=trials)).session
     for name, signal in by_file.trials[0].columns.items():
         assert np.array_equal(signal, by_trial.trials[0].columns[name])
 
@@ -72,7 +73,7 @@ def test_a_map_may_be_a_file_of_the_folder_or_belong_to_one_trial(tmp_path: Path
 def test_a_log_without_a_clock_has_a_rate(tmp_path: Path) -> None:
     write_log(tmp_path)
     sources = {name: source for name, source in UR_MAP["map"].items() if name != "time"}  # type: ignore[attr-defined]
-    read, _ = load_session(session(tmp_path, {**UR_MAP, "map": sources, "rate_hz": 200}))
+    read = load_session(session(tmp_path, {**UR_MAP, "map": sources, "rate_hz": 200})).session
     assert read.trials[0].time == pytest.approx(rows()[:, 0], abs=1e-9)
 
 
@@ -98,7 +99,8 @@ def test_the_nesm_bench_is_read_with_the_nominal_arm(tmp_path: Path) -> None:
     position = bench(tmp_path)
     declared = [{"effect": "viscoelastic_joint", "joint": "J4"}]
     folder = session(tmp_path, "nesm_bench", model="nominal", declared_effects=declared)
-    read, recording = load_session(folder)
+    recording = load_session(folder)
+    read = recording.session
     trial = read.trials[0]
     assert trial.time[0] == 70.0 and np.diff(trial.time) == pytest.approx(0.01)
     for joint in range(4):
@@ -111,7 +113,9 @@ def test_a_preset_can_be_corrected_line_by_line(tmp_path: Path) -> None:
     bench(tmp_path)
     columns = {"preset": "nesm_bench", "map": {"J2.position": {"from": 9, "scale": -np.pi / 180}}}
     declared = [{"effect": "viscoelastic_joint", "joint": "J4"}]
-    read, _ = load_session(session(tmp_path, columns, model="nominal", declared_effects=declared))
+    read = load_session(
+        session(tmp_path, columns, model="nominal", declared_effects=declared)
+    ).session
     assert read.trials[0].columns["J2.position"] == pytest.approx(np.pi / 2)
 
 

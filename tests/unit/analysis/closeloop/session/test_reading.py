@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.report.answer import load_session
+from analysis.closeloop.load import load_session
 from analysis.closeloop.session.plausibility import saturated_line
 from tests.testbed.effects import GRAVITY, Arm
 from tests.testbed.sessions import mjcf
@@ -65,7 +65,8 @@ def refusal(folder: Folder) -> SessionError:
 
 
 def test_a_clean_session_is_read_with_its_signals(folder: Folder) -> None:
-    session, recording = load_session(folder.write())
+    recording = load_session(folder.write())
+    session = recording.session
     assert session.trials[0].group == "a.csv" and session.trials[0].role == "fit"
     elbow = recording.device.joints.index("elbow")
     inside = slice(100, -100)
@@ -232,13 +233,13 @@ def test_a_model_that_reaches_out_or_is_no_chain_is_refused(
 def test_unknown_columns_are_kept_to_explain_a_residual(folder: Folder) -> None:
     folder.header += ",wrist.position"
     folder.table = np.column_stack([folder.table, np.sin(folder.table[:, 0])])
-    _, recording = load_session(folder.write())
+    recording = load_session(folder.write())
     assert recording.extra_names == ("wrist.position",)
 
 
 def test_nothing_is_interpolated_across_a_gap(folder: Folder) -> None:
     folder.table = np.delete(folder.table, slice(800, 1000), axis=0)
-    _, recording = load_session(folder.write())
+    recording = load_session(folder.write())
     assert len(recording.slices) == 2
     assert not np.any((recording.time > 4.0) & (recording.time < 4.98))
 
@@ -246,5 +247,5 @@ def test_nothing_is_interpolated_across_a_gap(folder: Folder) -> None:
 def test_an_ignored_joint_needs_no_column(folder: Folder) -> None:
     folder.session["ignored_joints"] = ["shoulder"]
     folder.header = HEADER.replace("shoulder.position", "other")
-    _, recording = load_session(folder.write())
+    recording = load_session(folder.write())
     assert recording.device.recorded_joints == ("elbow",)

@@ -1,0 +1,31 @@
+"""Load a session: read its files, refuse what cannot be right, bring its trials to one clock."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from analysis.closeloop.catalogue import BY_NAME, VISCOELASTIC
+from analysis.closeloop.session.mjcf import load_device
+from analysis.closeloop.session.plausibility import check_signs, check_trial
+from analysis.closeloop.session.reading import read_session
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.stretches import record
+from analysis.closeloop.session.trial_csv import read_trial
+
+
+def load_session(folder: Path) -> Recording:
+    """Return the recording of the session in `folder`.
+
+    Raises:
+        SessionError: the first thing that is wrong.
+    """
+    session = read_session(folder, (VISCOELASTIC, *BY_NAME))
+    device = load_device(session)
+    declared = tuple(dict.fromkeys(entry.joint for entry in session.declared))
+    trials = []
+    for listed in session.trials:
+        trial = read_trial(folder, listed, device.recorded_joints, declared)
+        check_trial(trial, device)
+        trials.append(trial)
+    recording = record(replace(session, trials=tuple(trials)), device)
+    check_signs(recording)
+    return recording

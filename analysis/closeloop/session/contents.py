@@ -1,0 +1,98 @@
+"""What a session consists of: the device's name, the trials, and what the user declares."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import mujoco
+
+#: The model word for the project's own nominal arm in the exoskeleton.
+NOMINAL = "nominal"
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclaredEffect:
+    """An effect the user accounts for and whose values are unknown: fitted before and after."""
+
+    effect: str
+    joint: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class AddedMass:
+    """A known point mass that one trial carried."""
+
+    body: str
+    mass: float
+    #: In the body's frame, m.
+    position: tuple[float, float, float]
+
+    def hang(self, spec: "mujoco.MjSpec") -> None:
+        """Hang the mass on its body of `spec`."""
+        body = spec.body(self.body).add_body(pos=list(self.position))
+        body.explicitinertial = True
+        body.mass = self.mass
+        # Without it MuJoCo takes the body's own position for its centre of mass, and doubles the
+        # lever.
+        body.ipos = [0.0, 0.0, 0.0]
+        # MuJoCo wants a positive inertia; this one is a sphere of a millimetre.
+        body.inertia = [max(1e-12, 4e-7 * self.mass)] * 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Where a foreign log holds one signal, and what makes it SI."""
+
+    #: A name of the header, or the number of a line or column, counted from 1.
+    signal: str | int
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColumnMap:
+    """How to read a foreign log."""
+
+    #: "columns": one sample a line under a header; "rows": one signal a line, no header.
+    layout: str
+    separator: str
+    #: Clock of a log that has none, Hz.
+    rate_hz: float | None
+    sources: Mapping[str, Source]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """One recording. Columns are float arrays of one length, under the names of the header."""
+
+    file: str
+    label: str
+    group: str
+    #: "fit" or "holdout".
+    role: str
+    added_mass: AddedMass | None = None
+    #: Known low-pass of the effort channel, Hz.
+    effort_filter_hz: float | None = None
+    #: How to read a file that does not have the contract's own columns.
+    source: ColumnMap | None = None
+    time: np.ndarray = field(default_factory=lambda: np.empty(0))
+    columns: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """What `session.json` says; the trials hold their signals once they are read."""
+
+    folder: Path
+    model: str
+    height_m: float = 1.75
+    mass_kg: float = 70.0
+    declared: tuple[DeclaredEffect, ...] = ()
+    ignored_joints: tuple[str, ...] = ()
+    trials: tuple[Trial, ...] = ()
+    #: Keys of `session.json` that mean nothing here.
+    unknown: tuple[str, ...] = ()

@@ -1,0 +1,117 @@
+"""The model of a session as a stranger's file: an open chain in MJCF, refused if it is more."""
+
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.session.contents import NOMINAL, Session
+from analysis.closeloop.session.device import Device
+from analysis.closeloop.session.files import SESSION_FILE, inside, read_text
+from sim.assessment.nominal import nominal_spec
+
+MAX_MODEL_BYTES = 5_000_000
+#: Deepest nesting of elements, and how many bodies: beyond, no arm and no robot is meant.
+MAX_DEPTH, MAX_BODIES = 100, 200
+#: Elements and attributes of an MJCF file that reach outside it or break an open chain.
+REFUSED_ELEMENTS = {
+    "include": "an included file",
+    "plugin": "a plugin",
+    "extension": "a plugin",
+    "freejoint": "a free joint",
+    "attach": "an attached model",
+    "model": "an attached model",
+    "equality": "an equality constraint, which closes the chain",
+    "replicate": "a generator of bodies",
+    "composite": "a generator of bodies",
+    "flexcomp": "a generator of bodies",
+    "flex": "a deformable body",
+}
+
+
+def load_device(session: Session) -> Device:
+    """Load the session's model and check every name in `session.json` against it.
+
+    Raises:
+        SessionError: the model cannot be used, or a name is not in it.
+    """
+    if session.model == NOMINAL:
+        spec = nominal_spec(height_m=session.height_m, mass_kg=session.mass_kg)
+    else:
+        spec = _read_mjcf(inside(session.folder, session.model, field_name="model"), session.model)
+    device = Device(spec=spec, ignored_joints=session.ignored_joints)
+    try:
+        joint_types = device.model.jnt_type
+    except ValueError as error:
+        raise _refused(error, session.model) from None
+    kinds = {mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE}
+    if any(mujoco.mjtJoint(joint_type) not in kinds for joint_type in joint_types):
+        raise SessionError("may have hinge and slide joints only", file=session.model)
+    if not device.joints or not all(device.joints):
+        raise SessionError("must have joints, each with a name", file=session.model)
+    for name in session.ignored_joints:
+        _known(name, device.joints, "ignored_joints")
+    for number, declared in enumerate(session.declared):
+        _known(declared.joint, device.recorded_joints, f"declared_effects[{number}].joint")
+    for number, trial in enumerate(session.trials):
+        if trial.added_mass is not None:
+            _known(trial.added_mass.body, device.bodies, f"trials[{number}].added_mass.body")
+    if not device.recorded_joints:
+        raise SessionError("ignored_joints leaves no joint to analyse", file=SESSION_FILE)
+    return device
+
+
+def _known(name: str, names: tuple[str, ...], where: str) -> None:
+    if name not in names:
+        raise SessionError(
+            f"{where} {name!r} is unknown; the model has {', '.join(n for n in names if n)}",
+            file=SESSION_FILE,
+        )
+
+
+def _read_mjcf(path: Path, name: str) -> mujoco.MjSpec:
+    text = read_text(path, name, MAX_MODEL_BYTES)
+    # Entities could unfold without end, and only a document type can define them.
+    if re.search(r"<!(DOCTYPE|ENTITY)", text, re.IGNORECASE):
+        raise SessionError("may not define a document type or entities", file=name)
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise SessionError(f"is not XML: {error}", file=name, line=error.position[0]) from None
+    if root.tag != "mujoco":
+        raise SessionError(f"must be an MJCF file (<mujoco>), not <{root.tag}>", file=name)
+    _check_size(root, name)
+    for element in root.iter():
+        if element.tag in REFUSED_ELEMENTS:
+            raise SessionError(
+                f"<{element.tag}> is {REFUSED_ELEMENTS[element.tag]}; "
+                "a session's model is one open chain in one file",
+                file=name,
+            )
+        if any(key.startswith("file") for key in element.attrib):
+            raise SessionError(
+                f"<{element.tag}> needs an external file; draw with primitive geoms", file=name
+            )
+    try:
+        return mujoco.MjSpec.from_string(text)
+    except ValueError as error:
+        raise _refused(error, name) from None
+
+
+def _refused(error: ValueError, name: str) -> SessionError:
+    return SessionError(f"MuJoCo refuses it: {' '.join(str(error).split())}", file=name)
+
+
+def _check_size(root: ElementTree.Element, name: str) -> None:
+    """Refuse a file that would take MuJoCo very long, or overflow its stack."""
+    level, depth = [root], 0
+    while level:
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise SessionError(f"nests elements more than {MAX_DEPTH} deep", file=name)
+        level = [child for element in level for child in element]
+    count = sum(1 for _ in root.iter("body"))
+    if count > MAX_BODIES:
+        raise SessionError(f"has {count} bodies; at most {MAX_BODIES}", file=name)
