@@ -16,13 +16,13 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from test_nothing_is_lost import computed_in_one_go
 
 from rehyb import Client, RehybError
 from rehyb.client import Json
 from server.store import check, comparisons, create_engine
 from tests.testbed.fleet.adversary import Adversary
-from tests.testbed.fleet.lab import LEASE_SECONDS, PATIENCE, TOKEN, Lab
+from tests.testbed.fleet.bad_lab import LEASE_SECONDS, PATIENCE, TOKEN, BadLab
+from tests.testbed.studies import computed_in_one_go
 
 #: 2 in `make test`, one on each database; more in `make soak`.
 ROUNDS = int(os.environ.get("REHYB_SOAK_ROUNDS", "2"))
@@ -50,14 +50,14 @@ DISK_FULL = "database or disk is full|No space left on device"
 
 
 @pytest.fixture
-def lab(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Lab]:
+def lab(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[BadLab]:
     """A laboratory with its own database: a SQLite file in odd rounds, PostgreSQL in even ones."""
     number = request.param
     if number % 2:
         url = f"sqlite:///{tmp_path}/lab.sqlite3"
     else:
         url = request.getfixturevalue("empty_database")()
-    lab = Lab(tmp_path, url, seed=number)
+    lab = BadLab(tmp_path, url, seed=number)
     yield lab
     lab.close()
 
@@ -79,7 +79,7 @@ def title(number: int) -> str:
     return f"{'sqlite' if number % 2 else 'postgresql'}-{number}"
 
 
-def torment(lab: Lab, blow: str, rng: random.Random) -> None:
+def torment(lab: BadLab, blow: str, rng: random.Random) -> None:
     """Do one thing to one process that no process should suffer."""
     worker = rng.choice(lab.workers)
     if blow == "kill worker":
@@ -109,7 +109,7 @@ def torment(lab: Lab, blow: str, rng: random.Random) -> None:
 
 @pytest.mark.parametrize("lab", range(1, ROUNDS + 1), indirect=True, ids=title)
 def test_whatever_goes_wrong_every_instance_counts_once_and_the_bits_are_the_same(
-    lab: Lab,
+    lab: BadLab,
     request: pytest.FixtureRequest,
     capsys: pytest.CaptureFixture[str],
     totals: Counter[str],

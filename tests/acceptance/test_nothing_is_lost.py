@@ -9,13 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from analysis.designs import instance_parameters
-from analysis.designs.distributions import Distribution
-from analysis.sensitivity.service import LoggedResult, StudyPlan, analyse
 from rehyb import Client, Unreachable
 from rehyb.client import Json
 from rehyb.fleet import LocalFleet
-from sim.evaluation import evaluate
+from tests.testbed.studies import computed_in_one_go
 
 #: Takes a few seconds, so that every blow falls in its midst.
 STUDY: Json = {
@@ -26,41 +23,6 @@ STUDY: Json = {
     "seed": 3,
 }
 WIDTH = 5
-
-
-def computed_in_one_go(study: Json) -> Json:
-    """Return the final snapshot as one process computes it, without fleet, server or database."""
-    distributions = {
-        factor["name"]: Distribution.from_json(factor["distribution"])
-        for factor in study["factors"]
-    }
-    results = []
-    for row in range(study["rows"]):
-        points = instance_parameters(
-            study["method"], study["sampling"], study["seed"], row, distributions
-        )
-        for position, parameters in enumerate(points):
-            done = evaluate(study["model"], parameters)
-            results.append(
-                LoggedResult(
-                    seq=len(results) + 1,
-                    instance=f"{row}-{position}",
-                    row=row,
-                    position=position,
-                    outcome=done.outcome,
-                    outputs=dict(done.outputs),
-                )
-            )
-    plan = StudyPlan(
-        id=study["id"],
-        method=study["method"],
-        seed=study["seed"],
-        sampling=study["sampling"],
-        rows=study["rows"],
-        factors=tuple(distributions),
-        outputs=tuple(study["outputs"]),
-    )
-    return analyse(plan, results)
 
 
 def test_killed_workers_coordinators_and_analyses_leave_no_trace_in_the_indices(

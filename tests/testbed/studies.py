@@ -6,6 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from analysis.designs import instance_parameters
 from analysis.designs.distributions import Distribution, Uniform, scales
 from analysis.sensitivity.records import LoggedResult, StudyPlan
+from analysis.sensitivity.service import analyse
+from rehyb.client import Json
+from sim.evaluation import evaluate
 
 Function = Callable[[Mapping[str, float]], Mapping[str, float]]
 
@@ -60,3 +63,25 @@ def results_of(
                 )
             )
     return results
+
+
+def computed_in_one_go(study: Json) -> Json:
+    """Return the final snapshot as one process computes it, without fleet, server or database."""
+    distributions = {
+        factor["name"]: Distribution.from_json(factor["distribution"])
+        for factor in study["factors"]
+    }
+    plan = StudyPlan(
+        id=study["id"],
+        method=study["method"],
+        seed=study["seed"],
+        sampling=study["sampling"],
+        rows=study["rows"],
+        factors=tuple(distributions),
+        outputs=tuple(study["outputs"]),
+    )
+
+    def outputs(point: Mapping[str, float]) -> Mapping[str, float]:
+        return evaluate(study["model"], point).outputs
+
+    return analyse(plan, results_of(plan, outputs, distributions=distributions))

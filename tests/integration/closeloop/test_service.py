@@ -19,7 +19,7 @@ import pytest
 from analysis.closeloop.contract import REPORT_FILES
 from analysis.closeloop.loop import close_loop
 from server.store import check, close_loops, create_engine, sessions
-from tests.integration.worker.test_process import TOKEN, Lab, until
+from tests.testbed.fleet.lab import TOKEN, Lab, until
 from tests.testbed.sessions import write_session
 
 SEED = 3

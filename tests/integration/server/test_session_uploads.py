@@ -23,10 +23,8 @@ from server.settings import Settings
 from server.store import upgrade
 from server.store.engine import reading
 from server.store.schema import session_parts, sessions
-from tests.unit.analysis.closeloop.session.test_bad_input import BAD, folder, linked, words
-from tests.unit.analysis.closeloop.session.test_reading import HEADER, rows
-
-__all__ = ["folder"]
+from tests.testbed.bad_sessions import BAD, linked, words
+from tests.testbed.session_folder import HEADER, Folder, rows
 
 TOKEN = "sessions"
 #: What is refused before and after MuJoCo has a look, one of each kind. `make check` tries all of
@@ -39,6 +37,14 @@ SAMPLE = (
     "bodies nested to death",
     "time that stands still",
 )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A session that is right until a test spoils it."""
+    path = tmp_path / "session"
+    path.mkdir()
+    return Folder(path).write()
 
 
 @pytest.fixture

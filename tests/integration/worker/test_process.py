@@ -4,82 +4,20 @@ A child that is stopped with SIGSTOP stands for an instance that takes long: no 
 """
 
 import os
-import re
 import signal
-import socket
 import sqlite3
 import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from rehyb import Client
+from tests.testbed.fleet.lab import Lab, until
 
-TOKEN = "token-of-the-worker-tests"
 #: Enough instances that a worker is in the midst of them when it gets its signal.
 STUDY = {"name": "many", "model": "ishigami", "method": "morris", "rows": 5000}
-
-
-def until(ask: Callable[[], object], seconds: float = 30.0) -> None:
-    """Wait until the answer is true."""
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        if ask():
-            return
-        time.sleep(0.02)
-    raise AssertionError(f"still not so after {seconds} s")
-
-
-class Lab:
-    """A coordinator and the workers started for it, all in one folder."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-        self.environment = os.environ | {
-            "REHYB_TOKEN": TOKEN,
-            "REHYB_URL": f"http://127.0.0.1:{port}",
-            "REHYB_PORT": str(port),
-            "REHYB_DATABASE_URL": f"sqlite:///{folder}/lab.sqlite3",
-        }
-        self.client = Client(self.environment["REHYB_URL"], TOKEN)
-        self.processes: list[subprocess.Popen[bytes]] = []
-        self.coordinator = self.start_coordinator()
-
-    def start_coordinator(self) -> subprocess.Popen[bytes]:
-        log = self.folder / f"coordinator-{len(self.processes)}.log"
-        self.coordinator = self._start(log, "rehyb", "coordinator")
-        until(lambda: re.search("^listening on ", log.read_text()))
-        return self.coordinator
-
-    def start_worker(self, *options: str) -> subprocess.Popen[bytes]:
-        spool = str(self.folder / "spool")
-        log = self.folder / f"worker-{len(self.processes)}.log"
-        return self._start(log, "worker", "--spool", spool, "--processes", "1", *options)
-
-    def _start(self, log: Path, *command: str) -> subprocess.Popen[bytes]:
-        with log.open("wb") as file:
-            process = subprocess.Popen(
-                [sys.executable, "-m", *command],
-                env=self.environment,
-                stdout=file,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
-        self.processes.append(process)
-        return process
-
-    def close(self) -> None:
-        self.client.close()
-        for process in self.processes:
-            process.kill()
-            process.wait()
 
 
 @pytest.fixture

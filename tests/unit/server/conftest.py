@@ -16,21 +16,9 @@ from server.logic.verdicts import Report
 from server.settings import Settings
 from server.store import create_engine, queue, upgrade
 from server.store.offers import Grant
+from tests.testbed.clock import Clock
 
 TOKEN = "correct horse"
-
-
-class Clock:
-    """Seconds since the epoch, as a test wants them."""
-
-    def __init__(self) -> None:
-        self.now = 1_000_000.0
-
-    def __call__(self) -> float:
-        return self.now
-
-    def advance(self, seconds: float) -> None:
-        self.now += seconds
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

@@ -15,8 +15,8 @@ from server.logic.close_loops import FILES
 from server.store import check, close_loops, sessions
 from server.store.engine import writing
 from server.store.schema import close_loops as close_loops_table
+from tests.testbed.clock import Clock
 from tests.testbed.rest_bodies import is_problem
-from tests.unit.server.conftest import Clock
 
 Json = dict[str, Any]
 

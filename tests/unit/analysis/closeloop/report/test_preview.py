@@ -7,7 +7,7 @@ import pytest
 
 from analysis.closeloop.load import load_session
 from analysis.closeloop.report.preview import preview, remarks
-from tests.unit.analysis.closeloop.session.test_reading import Folder
+from tests.testbed.session_folder import Folder
 
 
 @pytest.fixture

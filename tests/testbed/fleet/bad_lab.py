@@ -1,0 +1,140 @@
+"""A coordinator, an analysis and workers on bad machines, each restarted when it dies."""
+
+import json
+import os
+import re
+import socket
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from signal import Signals
+
+from tests.testbed.fleet.bad_network import BadNetwork
+
+HERE = Path(__file__).parent
+TOKEN = "token-of-the-chaos"
+LEASE_SECONDS = 2.0
+#: Enough of them that hosts meet.
+SHARE = "0.05"
+#: Seconds for what takes two on a machine with nothing else to do.
+PATIENCE = 200.0
+
+
+class BadLab:
+    """What a study needs, on one machine, with everything it writes in one folder.
+
+    Args:
+        folder: an empty one.
+        database: the coordinator's.
+        seed: of what the network does.
+    """
+
+    def __init__(self, folder: Path, database: str, seed: int) -> None:
+        self.folder = folder
+        self.database = database
+        (folder / "trouble").mkdir()
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        self.url = f"http://127.0.0.1:{port}"
+        self.network = BadNetwork(port, seed)
+        self.environment = os.environ | {
+            "REHYB_TOKEN": TOKEN,
+            "REHYB_URL": self.network.url,
+            "REHYB_PORT": str(port),
+            "REHYB_DATABASE_URL": database,
+            "REHYB_LEASE_SECONDS": str(LEASE_SECONDS),
+            "REHYB_RECOMPUTE_SHARE": SHARE,
+            "TROUBLE": str(folder / "trouble"),
+        }
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._commands: dict[str, list[str]] = {}
+        #: Settings of single processes, beside those of all.
+        self.settings: dict[str, dict[str, str]] = {}
+        self.add("coordinator", str(HERE / "bad_coordinator.py"))
+        self.until(lambda: re.search("^listening on ", self.log("coordinator"), re.M))
+        self.add("analysis", "-m", "rehyb", "analysis")
+
+    @property
+    def workers(self) -> list[str]:
+        """Names of the workers."""
+        return [name for name in self._commands if name.startswith("worker")]
+
+    def add(self, name: str, *command: str, **settings: str) -> None:
+        """Start a process, which is to be started again whenever it has died."""
+        self._commands[name] = [sys.executable, *command]
+        self.settings[name] = settings
+        self.revive()
+
+    def add_worker(self, name: str, **settings: str) -> None:
+        """Start a worker on a machine of its own."""
+        spool = str(self.folder / f"spool-{name}")
+        limits = ["--processes", "1", "--instance-seconds", "4", "--spool", spool]
+        self.add(name, str(HERE / "saboteur.py"), *limits, MACHINE=f"machine-of-{name}", **settings)
+
+    def revive(self) -> None:
+        """Start what has died."""
+        for name, command in self._commands.items():
+            process = self.processes.get(name)
+            if process is None or process.poll() is not None:
+                with (self.folder / f"{name}.log").open("ab") as log:
+                    self.processes[name] = subprocess.Popen(
+                        command,
+                        env=self.environment | self.settings[name],
+                        stdout=log,
+                        stderr=log,
+                        start_new_session=True,
+                    )
+
+    def start_a_second_coordinator(self) -> str:
+        """Return what it says before it gives up."""
+        ended = subprocess.run(
+            [sys.executable, "-m", "rehyb", "coordinator"],
+            env=self.environment | {"REHYB_PORT": "0"},
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+        assert ended.returncode == 1
+        return ended.stderr
+
+    def signal(self, name: str, number: Signals) -> None:
+        """Send a signal to one process."""
+        self.processes[name].send_signal(number)
+
+    def log(self, name: str) -> str:
+        """Return what a process has written so far."""
+        return (self.folder / f"{name}.log").read_text(errors="replace")
+
+    def failures(self) -> list[str]:
+        """Return the exceptions at which the coordinator failed to answer, in its own words."""
+        said = [json.loads(line) for line in self.log("coordinator").splitlines() if '"ex' in line]
+        return [entry["exception"] for entry in said if "exception" in entry]
+
+    def trouble(self) -> Counter[str]:
+        """Return what has gone wrong within workers, counted."""
+        marks = (self.folder / "trouble").iterdir()
+        found = Counter(f"instance: {mark.name.split('-')[0]}" for mark in marks)
+        found["spool: disk full"] = sum(
+            self.log(name).count("results are kept in memory") for name in self.workers
+        )
+        return found
+
+    def close(self) -> None:
+        """End everything at once."""
+        self.network.close()
+        for process in self.processes.values():
+            process.kill()
+            process.wait()
+
+    @staticmethod
+    def until(ask: Callable[[], object], seconds: float = PATIENCE) -> None:
+        """Wait until the answer is true."""
+        deadline = time.monotonic() + seconds
+        while not ask():
+            assert time.monotonic() < deadline, f"still not so after {seconds} s"
+            time.sleep(0.05)
