@@ -10,8 +10,10 @@ from math import pi
 from types import MappingProxyType
 from typing import NamedTuple
 
+from sim.parameters.conditions import CONDITIONS, CONTACT_ONLY
 from sim.parameters.effects import EFFECT_FACTORS
-from sim.parameters.factors import CONDITIONS, TABLE_1, Factor
+from sim.parameters.factors import Factor
+from sim.parameters.wearer import TABLE_1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,8 +56,6 @@ _ASSESSMENT_UNITS: Mapping[str, str] = MappingProxyType(
         "tracking_rmse": "rad",
     }
 )
-#: Conditions that only contact has.
-CONTACT_ONLY = ("cuff_friction", "strap_tension", "tissue_coupling")
 
 
 def _assessment(name: str, description: str, conditions: tuple[Factor, ...] = CONDITIONS) -> Model:

@@ -31,8 +31,8 @@ from sim.assessment.patient import (
     write_session,
 )
 from sim.assessment.validity import FailedError
-from sim.parameters.factors import NOMINAL
 from sim.parameters.fidelity import FIDELITIES
+from sim.parameters.wearer import NOMINAL
 
 #: An arm at rest as in an assessment of spasticity: the passive force of the paper's muscles makes
 #: it 6 Nm/rad stiff. With the refitted ones it has 0.4, as a healthy arm, of which errors in per
@@ -187,7 +187,7 @@ def print_plain(names: list[str], fidelity: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("cases", nargs="*", metavar="CASE", help="default: all")
-    parser.add_argument("--fidelity", default="campaign", choices=("bushing", *FIDELITIES))
+    parser.add_argument("--fidelity", default="campaign", choices=tuple(FIDELITIES))
     parser.add_argument("--plain", action="store_true", help="arms without an effect")
     options = parser.parse_args()
     known = PLAIN if options.plain else CASES

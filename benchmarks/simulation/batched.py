@@ -14,13 +14,12 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from sim.assessment.assess import assess, prepare
-from sim.assessment.system import System
-from sim.assessment.target import ELBOW_TARGET
+from sim.assessment.assess import assess
 from sim.parameters.conditions import split
-from sim.parameters.fidelity import CAMPAIGN
-from sim.robot.device import NESM
-from sim.robot.seat import reset_to_start
+from sim.parameters.fidelity import CAMPAIGN, FIDELITIES
+from sim.system.build import build_system
+from sim.system.start import reset_to_start
+from sim.system.system import System
 
 #: Wearers of a batch and steps of each.
 WEARERS, STEPS = 16, 200
@@ -47,8 +46,7 @@ def systems_of(fidelity: str) -> list[System]:
     found = []
     for mass in np.linspace(0.5, 1.5, WEARERS):
         wearer, conditions = split({"forearm_mass": float(mass)})
-        system, _ = prepare(wearer, conditions, fidelity, ELBOW_TARGET, NESM)
-        found.append(system)
+        found.append(build_system(wearer, conditions, FIDELITIES[fidelity]))
     return found
 
 

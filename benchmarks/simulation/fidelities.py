@@ -20,8 +20,8 @@ from benchmarks.machine import describe_machine
 from benchmarks.measuring import Target, say
 from benchmarks.simulation.batched import print_rates
 from sim.assessment.assess import Assessment, assess
-from sim.parameters.factors import NOMINAL, TABLE_1
 from sim.parameters.fidelity import CAMPAIGN, FIDELITIES, Fidelity
+from sim.parameters.wearer import NOMINAL, TABLE_1
 
 SEED = 3
 #: Points on which the fidelities are compared with `reference`.
@@ -56,7 +56,7 @@ def print_speed() -> dict[str, float]:
     """Print and return the seconds of one assessment by fidelity."""
     print("\nSeconds per assessment, one process (median of 20, nominal wearer)")
     medians = {}
-    for fidelity in ("bushing", *FIDELITIES):
+    for fidelity in FIDELITIES:
         assess({}, fidelity=fidelity)
         seconds = []
         for _ in range(20):

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.machine import describe_machine
 from sim.assessment.assess import assess
-from sim.parameters.factors import TABLE_1
+from sim.parameters.wearer import TABLE_1
 from sim.pictures.figures import new_figure
 
 POINTS = 21

@@ -13,8 +13,8 @@ from scipy.stats import qmc
 
 from benchmarks.machine import describe_machine
 from sim.assessment.assess import assess
-from sim.body.elbow_muscles import PAPER_MUSCLES, REFITTED_MUSCLES
-from sim.parameters.factors import NOMINAL, TABLE_1
+from sim.body.muscles.elbow import PAPER_MUSCLES, REFITTED_MUSCLES
+from sim.parameters.wearer import NOMINAL, TABLE_1
 from sim.validation.isometric import (
     ANGLES_DEG,
     COMMON_DEG,

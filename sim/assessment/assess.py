@@ -1,8 +1,7 @@
 """One automated assessment: parameters in, one `Assessment` out.
 
-`sim.assessment.protocol` runs it with explicit contact, `sim.interface.bushing` without; what was
-recorded is regressed here. Whatever goes wrong is a named outcome with the state it happened in,
-never a number.
+`sim.assessment.protocol` runs it; what was recorded is regressed here. Whatever goes wrong is a
+named outcome with the state it happened in, never a number.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -18,22 +17,18 @@ from sim.assessment.estimation import Fit, IllConditionedError, estimate_forms
 from sim.assessment.nominal import nominal_model
 from sim.assessment.protocol import run_protocol
 from sim.assessment.record import Record
-from sim.assessment.system import System, build_system
-from sim.assessment.target import ELBOW_TARGET, TARGETS, Target
 from sim.assessment.validity import FailedError, Failure, check_outcome
-from sim.interface.bushing import build_bushings, run_bushings
-from sim.parameters.conditions import Conditions, split
-from sim.parameters.fidelity import CAMPAIGN, FIDELITIES, Fidelity
-from sim.parameters.wearer import Wearer
+from sim.parameters.conditions import split
+from sim.parameters.fidelity import CAMPAIGN, Fidelity, fidelity_of
+from sim.parameters.target import ELBOW_TARGET, TARGETS
 from sim.robot.control import CONTROLLERS
-from sim.robot.device import NESM, Device, load_device
-from sim.robot.seat import reset_to_start
+from sim.robot.device import NESM, load_device
+from sim.system.build import build_system
+from sim.system.start import reset_to_start
+from sim.system.system import System
 
 #: Called at every step with the system and its data, which it must leave as they are.
 Watch = Callable[[System, mujoco.MjData], None]
-
-#: The fidelity without contact.
-BUSHING = "bushing"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,12 +61,11 @@ def assess(
     """Assess one joint of one wearer.
 
     Args:
-        values: factors of Table 1 and of `sim.parameters.factors.CONDITIONS` (SI units); one left
-            out is nominal.
+        values: factors of Table 1 and of `sim.parameters.conditions.CONDITIONS` (SI units); one
+            left out is nominal.
         controller: "pid" (the device's gains) or "pd" (without the integral: equation 19).
-        fidelity: a key of `sim.parameters.fidelity.FIDELITIES`, "bushing" for no contact at all, or
-            a discretisation of one's own.
-        target: a key of `sim.assessment.target.TARGETS`: the elbow or a joint of the shoulder.
+        fidelity: a key of `sim.parameters.fidelity.FIDELITIES`, or a discretisation of one's own.
+        target: a key of `sim.parameters.target.TARGETS`: the elbow or a joint of the shoulder.
         device: one of `sim.robot.device.DEVICES`, or the path of an MJCF file
             (`docs/use/devices.md`).
         watch: sees every step, for a film (`sim.pictures.film`).
@@ -90,13 +84,13 @@ def assess(
     if controller == "pd":
         conditions = replace(conditions, integral_gain=0.0)
     robot = load_device(device)
-    system, run = prepare(wearer, conditions, fidelity, TARGETS[target], robot)
+    system = build_system(wearer, conditions, fidelity_of(fidelity), TARGETS[target], robot)
     data = reset_to_start(system)
     record = None
     diagnostics: dict[str, float] = {}
     try:
         with _watched(system, watch):
-            record = run(system, data)
+            record = run_protocol(system, data)
         outputs = _evaluate(record, diagnostics)
     except FailedError as failed:
         return Assessment(
@@ -121,25 +115,6 @@ def _watched(system: System, watch: Watch | None) -> Iterator[None]:
         yield
     finally:
         mujoco.set_mjcb_control(None)
-
-
-def prepare(
-    wearer: Wearer,
-    conditions: Conditions,
-    fidelity: str | Fidelity,
-    target: Target,
-    device: Device,
-) -> tuple[System, Callable[..., Record]]:
-    """Return the system at a fidelity and what runs it; ValueError if the fidelity is unknown."""
-    gains = conditions.gains(device.gains)
-    if fidelity == BUSHING:
-        return build_bushings(wearer, gains, conditions, target, device), run_bushings
-    if isinstance(fidelity, str):
-        if fidelity not in FIDELITIES:
-            known = ", ".join((BUSHING, *FIDELITIES))
-            raise ValueError(f"unknown fidelity {fidelity!r}: expected one of {known}")
-        fidelity = FIDELITIES[fidelity]
-    return build_system(wearer, gains, conditions, fidelity, target, device), run_protocol
 
 
 def inferred_torques(record: Record) -> tuple[np.ndarray, np.ndarray]:

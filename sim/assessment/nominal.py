@@ -13,7 +13,7 @@ import numpy as np
 from sim.assessment.chain import RigidChain, rigid_chain
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, empty_spec, fill_forearm, fill_upper_arm
 from sim.body.soft_tissue import ELEMENT_RADIUS, Sleeve, sleeves
-from sim.interface.cuffs import STRAP_MASS
+from sim.interface.straps import STRAP_MASS
 from sim.parameters.wearer import NOMINAL_WEARER, Wearer
 from sim.robot.control import Gains
 from sim.robot.device import ELBOW_JOINT, NESM, Device, add_exoskeleton

@@ -14,15 +14,16 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.assessment.assess import prepare
 from sim.assessment.estimation import fit
+from sim.assessment.protocol import run_protocol
 from sim.assessment.record import Record
 from sim.assessment.steps import Motion
-from sim.assessment.target import ELBOW_TARGET
 from sim.parameters.conditions import split
-from sim.parameters.fidelity import CAMPAIGN, Fidelity
+from sim.parameters.fidelity import CAMPAIGN, Fidelity, fidelity_of
+from sim.parameters.target import ELBOW_TARGET
 from sim.robot.device import JOINTS, NESM
-from sim.robot.seat import reset_to_start
+from sim.system.build import build_system
+from sim.system.start import reset_to_start
 
 #: The sigmoid's half width in its rates: at that distance from its centre it has hardly begun.
 SETTLED = 5.0
@@ -89,9 +90,9 @@ def record_exercise(
     start = replace(NESM.start(ELBOW_TARGET.name), angles=START)
     robot = replace(NESM, starts={ELBOW_TARGET.name: start})
     wearer, conditions = split(values)
-    system, run = prepare(wearer, conditions, fidelity, ELBOW_TARGET, robot)
+    system = build_system(wearer, conditions, fidelity_of(fidelity), ELBOW_TARGET, robot)
     motion = to_and_fro(exercise, START[system.moved], system.fidelity.step)
-    return run(system, reset_to_start(system), motion)
+    return run_protocol(system, reset_to_start(system), motion)
 
 
 def true_impedance(records: list[Record]) -> tuple[float, float]:

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.assessment.system import System
-from sim.assessment.target import ELBOW_TARGET
+from sim.assessment.steps import Motion
 from sim.body.skeleton import extension_stop_torque
+from sim.interface.interface import Loads
+from sim.parameters.target import ELBOW_TARGET
+from sim.system.system import System
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,25 +48,16 @@ class Record:
 
 
 def record_of(
-    system: System,
-    time: np.ndarray,
-    reference: np.ndarray,
-    states: np.ndarray,
-    sensed: np.ndarray,
-    contact_force: np.ndarray,
-    normal_force: np.ndarray,
+    system: System, motion: Motion, states: np.ndarray, sensed: np.ndarray, loads: Loads
 ) -> Record:
     """Return the record of a movement of n steps.
 
     Args:
         system: that moved.
-        time: seconds since the movement began, shape (n,).
-        reference: the moved joint's desired angle, rad, shape (n,).
+        motion: that the robot followed.
         states: before each step and after the last, shape (n + 1, nstate).
-        sensed: sensors of each step, shape (n, nsensordata), the torques first
-            (`sim.assessment.sensors`).
-        contact_force: N, shape (n, 2).
-        normal_force: N, shape (n,).
+        sensed: sensors of each step, shape (n, nsensordata), the torques first.
+        loads: in each step.
     """
     position, velocity = np.split(states[:, 1:], [system.model.nq], axis=1)
     q = position[:-1, system.human_qpos]
@@ -76,8 +69,8 @@ def record_of(
         device=system.device.name,
         joint=system.target.joint,
         exo_joint=system.moved,
-        time=time,
-        reference=reference,
+        time=motion[0],
+        reference=motion[1],
         theta=position[:-1, system.exo_qpos],
         theta_velocity=exo_velocity[:-1],
         theta_acceleration=acceleration,
@@ -85,8 +78,8 @@ def record_of(
         q=q,
         q_velocity=velocity[:-1, system.human_dof],
         human_torque=sensed[:, motors] + _stop_torque(system, q),
-        contact_force=contact_force,
-        normal_force=normal_force,
+        contact_force=loads.contact_force,
+        normal_force=loads.normal_force,
     )
 
 

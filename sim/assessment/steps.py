@@ -5,22 +5,21 @@ A loop in Python that reads forces and poses at every step costs a quarter of an
 sensors, which hold quantities of one instant: that in which the step begins.
 """
 
-from collections.abc import Callable
+from dataclasses import fields
 
 import mujoco
 import numpy as np
 from mujoco import rollout
 
-from sim.assessment.system import System
 from sim.assessment.validity import FailedError, Failure, Postures, first_failure
-from sim.body.activation import ActivationPattern
+from sim.body.activation import ActivationPattern, muscle_lengthening
 from sim.effects.carried import CarriedEffects
+from sim.interface.interface import Loads
 from sim.robot.control import DURATION, extension_reference
+from sim.system.system import System
 
 #: Time (s) and the moved joint's desired angle (rad) and velocity (rad/s), shape (n,) each.
 Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
-#: What the detectors look at, from states before each step, shape (n, nstate), and sensors.
-Look = Callable[[np.ndarray, np.ndarray], Postures]
 
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
@@ -39,14 +38,31 @@ def movement(system: System) -> Motion:
     return time, reference, velocity
 
 
+def activation_pattern(
+    system: System, data: mujoco.MjData, reference: np.ndarray
+) -> ActivationPattern:
+    """Return the activation of a movement along `reference` (rad, shape (n,)) from `data`."""
+    lengthening = np.zeros(len(system.contracted))
+    if system.conditions.reflex_gain > 0.0:
+        dof = system.human_dof[system.target.joint]
+        lengthening = muscle_lengthening(system.model, data, dof, system.contracted)
+    return ActivationPattern(
+        system.conditions,
+        reference,
+        level=system.activation,
+        step=system.fidelity.step,
+        lengthening=lengthening,
+    )
+
+
 def follow(
-    system: System, data: mujoco.MjData, carried: CarriedEffects, motion: Motion, look: Look
-) -> tuple[np.ndarray, np.ndarray]:
+    system: System, data: mujoco.MjData, carried: CarriedEffects, motion: Motion
+) -> tuple[np.ndarray, np.ndarray, Loads]:
     """Let the controllers follow `motion` from the state of `data`; leave the last state there.
 
     Returns:
-        States before each step and after the last, shape (n + 1, nstate), and the sensors of each
-        step, shape (n, nsensordata).
+        States before each step and after the last, shape (n + 1, nstate), the sensors of each step,
+        shape (n, nsensordata), and its loads.
 
     Raises:
         FailedError: a detector fired; `data` holds the state after the step that it fired at.
@@ -58,10 +74,10 @@ def follow(
     control[:, inputs] = system.start
     control[:, inputs[moved]] = reference
     control[:, inputs[moved] + 1] = velocity
-    pattern = ActivationPattern(system, data, reference)
+    pattern = activation_pattern(system, data, reference)
     dof = 1 + model.nq + system.human_dof[system.target.joint]
     states = np.empty((len(time) + 1, mujoco.mj_stateSize(model, _STATE)))
-    sensed = np.empty((len(time), model.nsensordata))
+    sensed, pieces = np.empty((len(time), model.nsensordata)), []
     # Who watches must see nothing beyond a failure.
     size = 1 if mujoco.get_mjcb_control() else pattern.horizon
     for first in range(0, len(time), size):
@@ -72,13 +88,35 @@ def follow(
         pattern.velocity[piece] = ahead[:-1, dof]
         begun = len(sensed[piece]) if diverged is None else diverged[0]
         judged = slice(first, first + begun)
-        found = first_failure(look(states[judged], sensed[judged])) if begun else None
+        found = None
+        if begun:
+            pieces.append(system.interface.loads(model, sensed[judged]))
+            found = first_failure(_postures(system, states[judged], pieces[-1]))
         if found:
             mujoco.mj_setState(model, data, states[first + found[0] + 1], _STATE)
             raise FailedError(found[1], "movement")
         if diverged:
             raise FailedError(diverged[1], "movement")
-    return states, sensed
+    return states, sensed, _joined(pieces)
+
+
+def _postures(system: System, states: np.ndarray, loads: Loads) -> Postures:
+    """Return what the detectors look at, from states before each step and loads."""
+    return Postures(
+        exo_angle=states[:, 1 + system.exo_qpos[system.moved]],
+        human_angle=states[:, 1 + system.human_qpos[system.target.joint]],
+        exo_range=system.exo_range,
+        human_range=system.human_range,
+        loads=loads,
+    )
+
+
+def _joined(pieces: list[Loads]) -> Loads:
+    """Return the loads of one movement from those of its parts."""
+    if len(pieces) == 1:
+        return pieces[0]
+    names = [entry.name for entry in fields(Loads)]
+    return Loads(**{n: np.concatenate([getattr(piece, n) for piece in pieces]) for n in names})
 
 
 def roll_out(
@@ -119,12 +157,16 @@ def _divergence(data: mujoco.MjData, states: np.ndarray) -> tuple[int, Failure] 
     # A rollout that diverged repeats its last state, and with it the time.
     good = finite[1:] & (np.diff(states[:, 0]) > 0.0)
     steps = len(good) if good.all() else int(np.argmin(good))
-    at = f"{states[steps, 0]:.2f} s"
-    reason = f"the state is not finite at {at}"
-    if warnings.any():
-        name = mujoco.mjtWarning(int(warnings.argmax())).name.removeprefix("mjWARN_")
-        reason = f"the engine warned {name} at {at}"
-    return steps, Failure(name="diverged", reason=reason)
+    return steps, divergence(data, "the state is", states[steps, 0])
+
+
+def divergence(data: mujoco.MjData, what: str, time: float) -> Failure:
+    """Return the failure of an engine that warned, or of a value ("... is") that is not finite."""
+    reason = f"{what} not finite at {time:.2f} s"
+    if data.warning.number.any():
+        name = mujoco.mjtWarning(int(data.warning.number.argmax())).name.removeprefix("mjWARN_")
+        reason = f"the engine warned {name} at {time:.2f} s"
+    return Failure(name="diverged", reason=reason)
 
 
 def _stepped(

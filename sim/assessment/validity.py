@@ -9,6 +9,8 @@ from math import degrees, radians
 
 import numpy as np
 
+from sim.interface.interface import Loads
+
 #: Every way an assessment can end beside "ok", with what a reader should know about it.
 FAILURES = {
     "diverged": "the simulation produced values that are not finite, or the engine warned",
@@ -81,55 +83,64 @@ def check_start(*, human_speed: np.ndarray, exo_error: np.ndarray) -> Failure | 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Posture:
-    """What the detectors look at in one step."""
+class Postures:
+    """What the detectors look at in a movement of n steps."""
 
-    #: Angles of the assessed joint, rad, and its ranges.
-    exo_angle: float
-    human_angle: float
+    #: Angles of the assessed joint, rad, shape (n,), and its ranges.
+    exo_angle: np.ndarray
+    human_angle: np.ndarray
     exo_range: tuple[float, float]
     human_range: tuple[float, float]
-    #: Per limb: bone beyond what the tissue leaves free, m; positive is bone in cuff.
-    penetration: np.ndarray
-    #: Per limb: cuff centre beyond the end of the tissue, m; negative is inside.
-    overhang: np.ndarray
-    #: Sum of normal forces on both limbs, N.
-    normal_force: float
+    loads: Loads
+
+    def extremes(self) -> set[int]:
+        """Return the steps at which any quantity that a detector looks at is at its worst."""
+        worst = [
+            np.abs(self.human_angle - self.exo_angle),
+            self.loads.normal_force,
+            *self.loads.penetration.T,
+            *self.loads.overhang.T,
+        ]
+        for angle in (self.exo_angle, self.human_angle):
+            worst += [angle, -angle]
+        # A value that is not finite is found as well: argmax takes a NaN for the largest.
+        return {int(np.argmax(values)) for values in worst}
 
 
-def check_posture(posture: Posture) -> Failure | None:
+def check_posture(postures: Postures, step: int) -> Failure | None:
     """Judge one step of the movement."""
-    values = (posture.exo_angle, posture.human_angle, posture.normal_force)
-    if not (np.all(np.isfinite(values)) and np.all(np.isfinite(posture.penetration))):
+    exo, human = float(postures.exo_angle[step]), float(postures.human_angle[step])
+    loads = postures.loads
+    force, penetration = float(loads.normal_force[step]), loads.penetration[step]
+    if not (np.all(np.isfinite((exo, human, force))) and np.all(np.isfinite(penetration))):
         return Failure(name="diverged", reason="a joint angle or force is not finite")
-    difference = abs(posture.human_angle - posture.exo_angle)
+    difference, overhang = abs(human - exo), loads.overhang[step].max()
     if difference > MAX_ANGLE_DIFFERENCE:
         return Failure(
             name="slipped",
             reason=f"human and robot joint differ by {degrees(difference):.0f} degrees "
             f"(allowed: {degrees(MAX_ANGLE_DIFFERENCE):.0f})",
         )
-    if posture.overhang.max() > MAX_OVERHANG:
+    if overhang > MAX_OVERHANG:
         return Failure(
             name="slipped",
-            reason=f"the cuff lies {posture.overhang.max() * 1e3:.0f} mm beyond the tissue "
+            reason=f"the cuff lies {overhang * 1e3:.0f} mm beyond the tissue "
             f"(allowed: {MAX_OVERHANG * 1e3:.0f})",
         )
-    if posture.penetration.max() > MAX_PENETRATION:
+    if penetration.max() > MAX_PENETRATION:
         return Failure(
             name="penetrated",
-            reason=f"the bone is {posture.penetration.max() * 1e3:.1f} mm in the cuff's wall "
+            reason=f"the bone is {penetration.max() * 1e3:.1f} mm in the cuff's wall "
             f"(allowed: {MAX_PENETRATION * 1e3:.0f})",
         )
-    if posture.normal_force > MAX_NORMAL_FORCE:
+    if force > MAX_NORMAL_FORCE:
         return Failure(
             name="jammed",
-            reason=f"contact forces sum to {posture.normal_force:.0f} N "
-            f"(allowed: {MAX_NORMAL_FORCE:.0f})",
+            reason=f"contact forces sum to {force:.0f} N (allowed: {MAX_NORMAL_FORCE:.0f})",
         )
     for name, owner, angle, (low, high) in (
-        ("human_joint_limit", "human", posture.human_angle, posture.human_range),
-        ("exo_joint_limit", "robot's", posture.exo_angle, posture.exo_range),
+        ("human_joint_limit", "human", human, postures.human_range),
+        ("exo_joint_limit", "robot's", exo, postures.exo_range),
     ):
         if not low + LIMIT_MARGIN < angle < high - LIMIT_MARGIN:
             return Failure(
@@ -140,51 +151,12 @@ def check_posture(posture: Posture) -> Failure | None:
     return None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Postures:
-    """A movement of n steps as the detectors look at it: `Posture` with steps along axis 0."""
-
-    exo_angle: np.ndarray
-    human_angle: np.ndarray
-    exo_range: tuple[float, float]
-    human_range: tuple[float, float]
-    #: Shape (n, 2), as is overhang.
-    penetration: np.ndarray
-    overhang: np.ndarray
-    normal_force: np.ndarray
-
-    def at(self, step: int) -> Posture:
-        """Return one step."""
-        return Posture(
-            exo_angle=float(self.exo_angle[step]),
-            human_angle=float(self.human_angle[step]),
-            exo_range=self.exo_range,
-            human_range=self.human_range,
-            penetration=self.penetration[step],
-            overhang=self.overhang[step],
-            normal_force=float(self.normal_force[step]),
-        )
-
-    def extremes(self) -> set[int]:
-        """Return the steps at which any quantity that a detector looks at is at its worst."""
-        worst = [
-            np.abs(self.human_angle - self.exo_angle),
-            self.normal_force,
-            *self.penetration.T,
-            *self.overhang.T,
-        ]
-        for angle in (self.exo_angle, self.human_angle):
-            worst += [angle, -angle]
-        # A value that is not finite is found as well: argmax takes a NaN for the largest.
-        return {int(np.argmax(values)) for values in worst}
-
-
 def first_failure(postures: Postures) -> tuple[int, Failure] | None:
     """Return the first step of a movement that a detector fires at, and the failure."""
-    if all(check_posture(postures.at(step)) is None for step in postures.extremes()):
+    if all(check_posture(postures, step) is None for step in postures.extremes()):
         return None
     for step in range(len(postures.exo_angle)):
-        failure = check_posture(postures.at(step))
+        failure = check_posture(postures, step)
         if failure:
             return step, failure
     return None

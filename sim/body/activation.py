@@ -8,35 +8,47 @@ faster than a threshold is activated more, in proportion to what exceeds it, aft
 import mujoco
 import numpy as np
 
-from sim.assessment.system import System
+from sim.parameters.conditions import Conditions
 
 
 class ActivationPattern:
-    """The activation of every co-contracting muscle of one system during its movement.
+    """The activation of every co-contracting muscle during one movement.
 
     The reflex knows the joint's velocity alone: a muscle is stretched when the joint turns the way
     that lengthens it at the start.
     """
 
-    def __init__(self, system: System, data: mujoco.MjData, reference: np.ndarray) -> None:
-        """Prepare the pattern of the movement along `reference` (rad, shape (n,)) from `data`."""
-        conditions = system.conditions
+    def __init__(
+        self,
+        conditions: Conditions,
+        reference: np.ndarray,
+        *,
+        level: float,
+        step: float,
+        lengthening: np.ndarray,
+    ) -> None:
+        """Prepare the pattern of a movement.
+
+        Args:
+            conditions: with the rise of activation and the reflex.
+            reference: the joint's desired angle, rad, shape (n,).
+            level: activation before the movement, 0 to 1.
+            step: seconds between two angles.
+            lengthening: how much each muscle lengthens as the joint turns, of which only the sign
+                matters, shape (muscles,).
+        """
         travelled = reference - reference[0]
         progress = travelled / travelled[np.abs(travelled).argmax()]
         #: Activation without the reflex, shape (n,).
-        self.level = system.activation * (1.0 + conditions.activation_rise * progress)
+        self.level = level * (1.0 + conditions.activation_rise * progress)
         self._gain, self._threshold = conditions.reflex_gain, conditions.reflex_threshold
         #: Steps from a stretch to the muscles' input.
-        self.delay = max(1, round(conditions.reflex_delay / system.fidelity.step))
-        #: Whether activation is anything but constant.
-        self.varies = conditions.activation_rise != 0.0 or self._gain > 0.0
+        self.delay = max(1, round(conditions.reflex_delay / step))
         #: Steps whose activation is known in advance.
         self.horizon = self.delay if self._gain > 0.0 else len(reference)
         #: The human joint's velocity before each step, rad/s; the caller fills it, shape (n,).
         self.velocity = np.zeros(len(reference))
-        self._lengthens = np.zeros(len(system.contracted))
-        if self._gain > 0.0:
-            self._lengthens = np.sign(_lengthening(system, data))
+        self._lengthens = np.sign(lengthening)
 
     def activations(self, first: int, count: int) -> np.ndarray:
         """Return the activations of `count` steps from `first`, shape (count, muscles).
@@ -54,12 +66,14 @@ class ActivationPattern:
         return activations
 
 
-def _lengthening(system: System, data: mujoco.MjData) -> np.ndarray:
-    """Return by how much each muscle lengthens as the human joint turns, m/rad."""
-    probe = mujoco.MjData(system.model)
+def muscle_lengthening(
+    model: mujoco.MjModel, data: mujoco.MjData, dof: int, muscles: np.ndarray
+) -> np.ndarray:
+    """Return by how much muscles (their actuators) lengthen as a joint (its dof) turns, m/rad."""
+    probe = mujoco.MjData(model)
     probe.qpos[:] = data.qpos
-    probe.qvel[system.human_dof[system.target.joint]] = 1.0
-    mujoco.mj_fwdPosition(system.model, probe)
-    mujoco.mj_fwdVelocity(system.model, probe)
-    lengthening: np.ndarray = probe.actuator_velocity[system.contracted]
+    probe.qvel[dof] = 1.0
+    mujoco.mj_fwdPosition(model, probe)
+    mujoco.mj_fwdVelocity(model, probe)
+    lengthening: np.ndarray = probe.actuator_velocity[muscles]
     return lengthening

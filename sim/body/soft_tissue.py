@@ -6,14 +6,13 @@ two elements) and one that preserves the volume (a tendon over all). They are sp
 1's N/m means N/m: the authors' own equality constraints scale with the element's mass.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
-from typing import TypedDict
 
 import mujoco
 import numpy as np
 
-from sim.parameters.factors import TISSUE_COUPLING
+from sim.parameters.conditions import TISSUE_COUPLING
 from sim.parameters.fidelity import CAMPAIGN, Fidelity
 from sim.parameters.wearer import Wearer
 
@@ -89,45 +88,34 @@ def sleeves(
     Masses are what the paper's totals (2.25 and 1.31 kg) leave beside 1.761 and 0.962 kg.
     """
     su, sl = wearer.upper_arm_scale, wearer.forearm_scale
-    common = _Common(
+    upper_arm = Sleeve(
+        name="upper_arm",
+        bone="humerus",
+        radius=0.040,
+        start=0.09 * su,
+        end=0.22 * su,
+        axis_y=0.0,
+        axis_z=0.0,
+        mass=0.489,
+        elasticity=tissue_scale * wearer.upper_arm_elasticity,
         viscosity=tissue_scale * VISCOSITY,
         rings=fidelity.rings,
         per_ring=fidelity.per_ring,
         coupling=coupling,
     )
-    return (
-        Sleeve(
-            name="upper_arm",
-            bone="humerus",
-            radius=0.040,
-            start=0.09 * su,
-            end=0.22 * su,
-            axis_y=0.0,
-            axis_z=0.0,
-            mass=0.489,
-            elasticity=tissue_scale * wearer.upper_arm_elasticity,
-            **common,
-        ),
-        Sleeve(
-            name="forearm",
-            bone="ulna",
-            radius=0.035,
-            start=0.06 * sl,
-            end=0.22 * sl,
-            axis_y=-0.01 * sl,
-            axis_z=0.015 * sl,
-            mass=0.351,
-            elasticity=tissue_scale * wearer.forearm_elasticity,
-            **common,
-        ),
+    forearm = replace(
+        upper_arm,
+        name="forearm",
+        bone="ulna",
+        radius=0.035,
+        start=0.06 * sl,
+        end=0.22 * sl,
+        axis_y=-0.01 * sl,
+        axis_z=0.015 * sl,
+        mass=0.351,
+        elasticity=tissue_scale * wearer.forearm_elasticity,
     )
-
-
-class _Common(TypedDict):
-    viscosity: float
-    rings: int
-    per_ring: int
-    coupling: float
+    return upper_arm, forearm
 
 
 def element_name(sleeve: Sleeve, ring: int, index: int) -> str:

@@ -2,50 +2,114 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from sim.parameters.effects import EFFECT_FACTORS, PREFIX, effects_of
-from sim.parameters.factors import CONDITIONS, NOMINAL
-from sim.parameters.wearer import Wearer, wearer_of
-from sim.robot.control import Gains
+from sim.parameters.factors import Factor, check_bounds, factor, factors_of
+from sim.parameters.wearer import NOMINAL, NOMINAL_LENGTHS, Wearer, wearer_of
+
+#: With it the compression test encloses the moduli of the paper's figure 6 from 10 to 20 % strain.
+TISSUE_COUPLING = 0.17
+
+Range = tuple[float, float]
+
+
+def _condition(unit: str, nominal: float, study: Range, bounds: Range, description: str) -> Any:
+    return factor(unit, nominal, study, description, bounds=bounds, optional=True)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Conditions:
-    """The factors of `sim.parameters.factors.CONDITIONS`, in SI units."""
+    """Unit, nominal value, range that a lab may meet, bounds and meaning of each condition."""
 
-    activation: float
-    cuff_friction: float
-    strap_tension: float
-    tissue_scale: float
-    cuff_position: float
-    cuff_compliance: float
-    robot_friction: float
-    movement_amplitude: float
-    movement_rate: float
-    proportional_gain: float
-    derivative_gain: float
-    integral_gain: float
-    activation_rise: float
-    reflex_gain: float
-    reflex_threshold: float
-    reflex_delay: float
-    refitted_muscles: float
-    tissue_coupling: float
-    upper_cuff_position: float
-    seat_angle: float
-    nominal_upper_arm_length: float
-    nominal_forearm_length: float
-    extension_stop: float
+    activation: float = _condition(
+        "1", 0.4, (0.2, 0.5), (0.0, 1.0), "co-contraction of the joint's muscles"
+    )
+    cuff_friction: float = _condition(
+        "1", 0.5, (0.3, 0.8), (0.0, 2.0), "Coulomb friction of cuff and strap on the arm"
+    )
+    strap_tension: float = _condition(
+        "N", 30.0, (15.0, 60.0), (0.0, 200.0), "tension each strap is closed with"
+    )
+    tissue_scale: float = _condition(
+        "1", 1.0, (0.2, 1.0), (0.01, 10.0), "stiffness and viscosity of all tissue"
+    )
+    cuff_position: float = _condition(
+        "m", 0.0, (-0.02, 0.02), (-0.05, 0.05), "forearm cuff, from its place towards the hand"
+    )
+    cuff_compliance: float = _condition(
+        "m/N", 0.0, (0.0, 0.002), (0.0, 1.0), "forearm cuff on a slide along the forearm"
+    )
+    robot_friction: float = _condition(
+        "Nm", 0.0, (0.0, 3.0), (0.0, 30.0), "Coulomb friction of the joint, undeclared"
+    )
+    movement_amplitude: float = _condition(
+        "rad", 1.7453292519943295, (1.2, 1.75), (0.05, 2.0), "range of the movement"
+    )
+    movement_rate: float = _condition("1/s", 2.0, (1.5, 3.0), (0.1, 10.0), "rate of the sigmoid")
+    proportional_gain: float = _condition(
+        "1", 1.0, (0.5, 4.0), (0.0, 20.0), "the controller's, over the device's own"
+    )
+    derivative_gain: float = _condition(
+        "1", 1.0, (0.5, 2.0), (0.0, 20.0), "the controller's, over the device's own"
+    )
+    integral_gain: float = _condition(
+        "1", 1.0, (0.0, 8.0), (0.0, 20.0), "the controller's; 0: equation 19"
+    )
+    activation_rise: float = _condition(
+        "1", 0.0, (-0.5, 0.5), (-1.0, 5.0), "activation gained by the movement's end, as a share"
+    )
+    reflex_gain: float = _condition(
+        "s/rad", 0.0, (0.0, 0.4), (0.0, 10.0), "activation of a stretch reflex per excess velocity"
+    )
+    reflex_threshold: float = _condition(
+        "rad/s", 0.5, (0.25, 0.75), (0.0, 20.0), "velocity at which the reflex begins"
+    )
+    reflex_delay: float = _condition(
+        "s", 0.05, (0.02, 0.1), (0.0, 1.0), "from stretch to the muscles' input"
+    )
+    refitted_muscles: float = _condition(
+        "1", 1.0, (0.0, 1.0), (0.0, 1.0), "0: the paper's; from 0.5: refitted to its figure 3"
+    )
+    tissue_coupling: float = _condition(
+        "1",
+        TISSUE_COUPLING,
+        (0.0, 1.0),
+        (0.0, 10.0),
+        "springs between tissue elements, over their own",
+    )
+    upper_cuff_position: float = _condition(
+        "m", 0.0, (-0.02, 0.02), (-0.05, 0.05), "upper arm cuff, moved towards the elbow"
+    )
+    seat_angle: float = _condition(
+        "rad",
+        0.0,
+        (-0.35, 0.1),
+        (-0.7, 0.25),
+        "robot's elbow when the straps were closed, from start",
+    )
+    nominal_upper_arm_length: float = _condition(
+        "m",
+        NOMINAL_LENGTHS[0],
+        (0.3337, 0.3637),
+        (0.2, 0.6),
+        "at this length the human elbow lies on the robot's axis",
+    )
+    nominal_forearm_length: float = _condition(
+        "m", NOMINAL_LENGTHS[1], (0.319, 0.349), (0.2, 0.6), "length of the forearm as it is drawn"
+    )
+    extension_stop: float = _condition(
+        "Nm/rad", 30.0, (0.0, 60.0), (0.0, 1000.0), "passive stiffness of the elbow below 5 degrees"
+    )
     #: Undeclared effects that are on, with their parameters (`sim.parameters.effects`).
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
-    def gains(self, own: Gains) -> Gains:
-        """Return the controllers' gains on a device whose `own` these factors multiply."""
-        return Gains(
-            kp=self.proportional_gain * own.kp,
-            kv=self.derivative_gain * own.kv,
-            ki=self.integral_gain * own.ki,
-        )
+
+#: Not in the paper's Table 1, at their nominal values unless a study asks for others.
+CONDITIONS: tuple[Factor, ...] = factors_of(Conditions)
+#: Those that only explicit contact has.
+CONTACT_ONLY = ("cuff_friction", "strap_tension", "tissue_coupling")
+DEFAULT_CONDITIONS = Conditions()
 
 
 def conditions_of(values: Mapping[str, float]) -> Conditions:
@@ -55,36 +119,9 @@ def conditions_of(values: Mapping[str, float]) -> Conditions:
         ValueError: a value is outside what the simulation can mean.
     """
     effects = effects_of({n: value for n, value in values.items() if n.startswith(PREFIX)})
-    chosen = {factor.name: factor.nominal for factor in CONDITIONS}
-    chosen |= {n: value for n, value in values.items() if not n.startswith(PREFIX)}
-    for name, low, high in (
-        ("activation", 0.0, 1.0),
-        ("cuff_friction", 0.0, 2.0),
-        ("strap_tension", 0.0, 200.0),
-        ("tissue_scale", 0.01, 10.0),
-        ("cuff_position", -0.05, 0.05),
-        ("cuff_compliance", 0.0, 1.0),
-        ("robot_friction", 0.0, 30.0),
-        ("movement_amplitude", 0.05, 2.0),
-        ("movement_rate", 0.1, 10.0),
-        ("proportional_gain", 0.0, 20.0),
-        ("derivative_gain", 0.0, 20.0),
-        ("integral_gain", 0.0, 20.0),
-        ("activation_rise", -1.0, 5.0),
-        ("reflex_gain", 0.0, 10.0),
-        ("reflex_threshold", 0.0, 20.0),
-        ("reflex_delay", 0.0, 1.0),
-        ("refitted_muscles", 0.0, 1.0),
-        ("tissue_coupling", 0.0, 10.0),
-        ("upper_cuff_position", -0.05, 0.05),
-        ("seat_angle", -0.7, 0.25),
-        ("nominal_upper_arm_length", 0.2, 0.6),
-        ("nominal_forearm_length", 0.2, 0.6),
-        ("extension_stop", 0.0, 1000.0),
-    ):
-        if not low <= chosen[name] <= high:
-            raise ValueError(f"{name} must lie between {low:g} and {high:g}, not {chosen[name]}")
-    return Conditions(**chosen, effects=effects)
+    own = {n: value for n, value in values.items() if not n.startswith(PREFIX)}
+    check_bounds(CONDITIONS, own)
+    return Conditions(**own, effects=effects)
 
 
 def split(values: Mapping[str, float]) -> tuple[Wearer, Conditions]:
@@ -108,6 +145,3 @@ def split(values: Mapping[str, float]) -> tuple[Wearer, Conditions]:
         nominal_forearm_length=conditions.nominal_forearm_length,
     )
     return wearer, conditions
-
-
-DEFAULT_CONDITIONS = conditions_of({})

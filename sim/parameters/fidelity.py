@@ -1,17 +1,16 @@
-"""How finely cuffs, straps and tissue are divided: the same arm, at three prices.
+"""How finely cuffs, straps and tissue are divided: the same arm, at four prices.
 
-`docs/measurements/fidelities.md` has the convergence study behind these; the bushing model, which
-has no contact at all, is `sim.interface.bushing`.
+`docs/measurements/fidelities.md` has the convergence study behind these.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fidelity:
-    """A discretisation of the interface with explicit contact."""
+    """A discretisation of the interface."""
 
     name: str
     #: Time step, s; a contact's time constant is never below two steps.
@@ -31,6 +30,9 @@ class Fidelity:
     onset: tuple[float, float] = (0.7, 0.0005)
     #: Whether friction is bounded by pyramids instead of elliptic cones.
     pyramids: bool = False
+    #: Whether tissue, cuffs and straps meet in explicit contact; if not, bushings join them
+    #: (`sim.interface.bushing`), and of the divisions above only validity looks at the tissue's.
+    contact: bool = True
 
     @property
     def elements(self) -> int:
@@ -38,15 +40,6 @@ class Fidelity:
         return self.rings * self.per_ring
 
 
-SCREENING = Fidelity(
-    name="screening",
-    step=0.0125,
-    rings=8,
-    per_ring=8,
-    strap_rows=1,
-    strap_across=6,
-    particle_inertia=12.0,
-)
 CAMPAIGN = Fidelity(
     name="campaign",
     step=0.015,
@@ -56,17 +49,30 @@ CAMPAIGN = Fidelity(
     strap_across=6,
     particle_inertia=9.0,
 )
-REFERENCE = Fidelity(
+BUSHING = replace(CAMPAIGN, name="bushing", step=0.01, contact=False)
+SCREENING = replace(
+    CAMPAIGN, name="screening", step=0.0125, rings=8, strap_rows=1, particle_inertia=12.0
+)
+REFERENCE = replace(
+    CAMPAIGN,
     name="reference",
     step=0.005,
-    rings=12,
     per_ring=12,
-    strap_rows=3,
     strap_across=8,
     particle_inertia=10.0,
     impratio=20.0,
     onset=(0.95, 0.002),
 )
 FIDELITIES: Mapping[str, Fidelity] = MappingProxyType(
-    {fidelity.name: fidelity for fidelity in (SCREENING, CAMPAIGN, REFERENCE)}
+    {fidelity.name: fidelity for fidelity in (BUSHING, SCREENING, CAMPAIGN, REFERENCE)}
 )
+
+
+def fidelity_of(choice: str | Fidelity) -> Fidelity:
+    """Return the fidelity of a name, or `choice` itself; ValueError if the name is unknown."""
+    if isinstance(choice, Fidelity):
+        return choice
+    if choice not in FIDELITIES:
+        known = ", ".join(FIDELITIES)
+        raise ValueError(f"unknown fidelity {choice!r}: expected one of {known}")
+    return FIDELITIES[choice]

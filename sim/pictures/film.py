@@ -7,8 +7,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from sim.assessment.system import System
 from sim.pictures.rendering import Stage
+from sim.system.system import System
 
 #: Frames of a film per simulated second, and its size, pixels.
 RATE = 25

@@ -9,11 +9,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.assessment.system import System, build_system
 from sim.parameters.wearer import NOMINAL_WEARER
 from sim.pictures.figures import new_figure
-from sim.robot.control import PID
-from sim.robot.seat import reset_to_start
+from sim.system.build import build_system
+from sim.system.start import reset_to_start
+from sim.system.system import System
 
 #: Picture size, pixels.
 WIDTH, HEIGHT = 1200, 900
@@ -93,7 +93,7 @@ def draw_system(path: Path) -> str:
     Where EGL or OSMesa and the extra `rendering` are installed MuJoCo renders the scene, without a
     display; elsewhere a side view is drawn from the same geometry.
     """
-    system = build_system(NOMINAL_WEARER, PID)
+    system = build_system(NOMINAL_WEARER)
     data = reset_to_start(system)
     data.qpos[[system.exo_qpos[3], system.human_qpos[3]]] = ELBOW_ANGLE
     mujoco.mj_forward(system.model, data)

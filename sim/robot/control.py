@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.parameters.conditions import Conditions
+
 
 @dataclass(frozen=True, kw_only=True)
 class Gains:
@@ -13,10 +15,15 @@ class Gains:
     kv: float
     ki: float
 
+    def under(self, conditions: Conditions) -> "Gains":
+        """Return a device's gains times what `conditions` multiply them by."""
+        return Gains(
+            kp=conditions.proportional_gain * self.kp,
+            kv=conditions.derivative_gain * self.kv,
+            ki=conditions.integral_gain * self.ki,
+        )
 
-#: The NESM's gains in the authors' code. With equation 19 alone the loaded shoulder sags by more
-#: than 20 degrees.
-PID = Gains(kp=50.0, kv=15.0, ki=25.0)
+
 #: "pid": the device's own gains. "pd": without the integral, equation 19 to the letter.
 CONTROLLERS = ("pid", "pd")
 

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sim.interface.cuffs import Cuff
 from sim.robot.control import Gains
+from sim.robot.cuff import Cuff
 
 #: Joints by the number of the human joint they move: abduction, flexion, rotation, elbow.
 JOINTS = ("J1", "J2", "J3", "J4")

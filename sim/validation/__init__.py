@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.body.elbow_muscles import PAPER_MUSCLES
+from sim.body.muscles.elbow import PAPER_MUSCLES
 from sim.validation.compression import (
     ELASTICITIES,
     OGNEVA_CONTRACTED,

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from sim.assessment.solver import set_solver
 from sim.body.skeleton import empty_spec
 from sim.body.soft_tissue import (
     ELEMENT_RADIUS,
@@ -18,10 +17,10 @@ from sim.body.soft_tissue import (
     set_contacts,
     sleeves,
 )
-from sim.parameters.conditions import DEFAULT_CONDITIONS
-from sim.parameters.factors import TISSUE_COUPLING
+from sim.parameters.conditions import DEFAULT_CONDITIONS, TISSUE_COUPLING
 from sim.parameters.fidelity import REFERENCE
 from sim.parameters.wearer import NOMINAL_WEARER
+from sim.system.solver import set_solver
 
 #: Force on each plate, N, in increasing steps.
 LOADS_N = np.array([1, 2, 5, 10, 20, 35, 55, 80, 110, 150, 190, 250, 320, 400], dtype=float)

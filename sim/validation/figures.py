@@ -13,7 +13,7 @@ from sim.validation.isometric import ANGLES_DEG, MEASURED, IsometricTest
 def isometric_figure(test: IsometricTest, papers: IsometricTest, path: Path) -> Path:
     """Draw both torque curves over the elbow angle beside the measured data; return `path`.
 
-    `papers` is the test of an arm with `sim.body.elbow_muscles.PAPER_MUSCLES`.
+    `papers` is the test of an arm with `sim.body.muscles.elbow.PAPER_MUSCLES`.
     """
     figure = new_figure(width=9.0, height=3.8)
     for column, title in enumerate(("Flexion", "Extension")):

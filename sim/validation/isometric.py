@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.body.elbow_muscles import REFITTED_MUSCLES, ElbowMuscles
-from sim.body.muscle_tables import Muscle
-from sim.body.muscles import add_muscles
+from sim.body.muscles.attach import add_muscles
+from sim.body.muscles.elbow import REFITTED_MUSCLES
+from sim.body.muscles.muscle import ElbowMuscles, Muscle
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_torso, empty_spec
 from sim.parameters.wearer import NOMINAL_WEARER, Wearer
 

@@ -14,7 +14,7 @@ ALLOWED = {
     "sim": set(),
     "analysis": set(),
     "migrations": {"server.store"},
-    "server": {"analysis", "sim.models", "sim.parameters.factors", "migrations"},
+    "server": {"analysis", "sim.models", "sim.parameters", "migrations"},
     "worker": {"sim", "rehyb.client", "rehyb.errors", "analysis.closeloop"},
     "rehyb": {"sim", "analysis", "server", "worker"},
 }

@@ -12,7 +12,7 @@ from server.app import create_app
 from server.settings import Settings
 from sim.assessment.validity import FAILURES
 from sim.models import ELBOW
-from sim.parameters.factors import CONDITIONS
+from sim.parameters.conditions import CONDITIONS
 from sim.robot.device import DEVICES
 
 ROOT = Path(__file__).parents[2]

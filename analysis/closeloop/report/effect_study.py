@@ -5,7 +5,7 @@ from typing import Any
 
 from sim.models import MODELS, WITH_EFFECTS
 from sim.parameters.effects import PREFIX, UNDECLARED, Parameter
-from sim.parameters.factors import TABLE_1
+from sim.parameters.wearer import TABLE_1
 
 #: Parameters that are choices, not quantities: a study keeps what was found.
 CHOICES = ("side", "power", "order")

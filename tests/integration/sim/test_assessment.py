@@ -8,30 +8,26 @@ import numpy as np
 import pytest
 
 from sim.assessment.assess import Assessment, assess
-from sim.assessment.system import build_system
+from sim.assessment.donning import close_straps, slacken_straps
 from sim.assessment.validity import FAILURES
 from sim.evaluation import evaluate
-from sim.interface.cuffs import segment_names
+from sim.interface.straps import segment_names
 from sim.models import ELBOW
-from sim.parameters.factors import CONDITIONS, TABLE_1
 from sim.parameters.fidelity import CAMPAIGN, FIDELITIES
-from sim.parameters.wearer import NOMINAL_WEARER
+from sim.parameters.wearer import NOMINAL_WEARER, TABLE_1
 from sim.pictures.figures import assessment_figure
 from sim.pictures.rendering import draw_system
-from sim.robot.control import DURATION, PID
+from sim.robot.control import DURATION
 from sim.robot.device import NESM
-from sim.robot.seat import close_straps, reset_to_start, slacken_straps
+from sim.system.build import build_system
+from sim.system.start import reset_to_start
 from sim.validation import validate
 from sim.validation.compression import (
     OGNEVA_CONTRACTED,
     OGNEVA_RELAXED,
     run_compression_test,
 )
-
-
-@pytest.fixture(scope="module")
-def nominal() -> Assessment:
-    return assess({})
+from tests.integration.sim.conftest import Assess
 
 
 def test_the_nominal_assessment_reports_every_output(nominal: Assessment) -> None:
@@ -52,9 +48,9 @@ def test_nominal_stiffness_lies_where_the_reference_has_it(nominal: Assessment) 
     )
 
 
-def test_the_papers_own_muscles_are_a_condition() -> None:
+def test_the_papers_own_muscles_are_a_condition(assessed: Assess) -> None:
     """Authors' model: estimate and truth 4.5 and about 6; without a constant 8.5 and 9.7."""
-    outputs = assess({"refitted_muscles": 0.0}).outputs
+    outputs = assessed({"refitted_muscles": 0.0}).outputs
     assert outputs["stiffness_true"] == pytest.approx(6.5, abs=0.7)
     assert outputs["stiffness_estimate"] == pytest.approx(5.0, abs=0.6)
     assert outputs["stiffness_true_paper"] == pytest.approx(9.2, abs=1.0)
@@ -77,10 +73,11 @@ def test_the_same_wearer_gives_the_same_bits(nominal: Assessment) -> None:
 
 
 def test_a_heavier_forearm_raises_the_estimate_by_gravity_the_nominal_model_lacks(
+    assessed: Assess,
     nominal: Assessment,
 ) -> None:
     """About 1 Nm/rad per kg, in the authors' model too; the muscles' own stiffness stays."""
-    heavy = assess({"forearm_mass": 0.962 + 0.5})
+    heavy = assessed({"forearm_mass": 0.962 + 0.5})
     gain = heavy.outputs["stiffness_estimate"] - nominal.outputs["stiffness_estimate"]
     assert gain / 0.5 == pytest.approx(1.0, abs=0.25)
     assert heavy.outputs["stiffness_true"] == pytest.approx(
@@ -88,10 +85,10 @@ def test_a_heavier_forearm_raises_the_estimate_by_gravity_the_nominal_model_lack
     )
 
 
-def test_the_robots_own_friction_lands_in_the_estimate_alone() -> None:
+def test_the_robots_own_friction_lands_in_the_estimate_alone(assessed: Assess) -> None:
     """With the paper's muscles, whose stiffness hardly depends on the range that is covered."""
     smooth, rubbing = (
-        assess({"refitted_muscles": 0.0, "robot_friction": torque}).outputs
+        assessed({"refitted_muscles": 0.0, "robot_friction": torque}).outputs
         for torque in (0.0, 2.79)
     )
     assert rubbing["damping_estimate"] < smooth["damping_estimate"] - 1.0
@@ -99,9 +96,11 @@ def test_the_robots_own_friction_lands_in_the_estimate_alone() -> None:
 
 
 @pytest.mark.parametrize("corner", ["low", "high"])
-def test_wearers_at_the_ends_of_each_range_can_be_assessed(corner: str) -> None:
+def test_wearers_and_conditions_at_the_ends_of_each_range_can_be_assessed(
+    assessed: Assess, corner: str
+) -> None:
     for factor in ELBOW.factors:
-        assessment = assess({factor.name: getattr(factor, corner)})
+        assessment = assessed({factor.name: getattr(factor, corner)})
         assert assessment.outcome == "ok", (factor.name, assessment.reason)
 
 
@@ -128,9 +127,9 @@ def test_wearers_at_the_ends_of_each_range_can_be_assessed(corner: str) -> None:
     ],
 )
 def test_what_cannot_be_believed_is_a_named_outcome_with_its_state(
-    values: Mapping[str, float], options: Mapping[str, str], outcome: str
+    assessed: Assess, values: Mapping[str, float], options: Mapping[str, str], outcome: str
 ) -> None:
-    assessment = assess(values, **options)  # type: ignore[arg-type]
+    assessment = assessed(values, **options)  # type: ignore[arg-type]
     assert assessment.outcome == outcome
     assert outcome in FAILURES
     assert assessment.outputs == {}
@@ -139,26 +138,34 @@ def test_what_cannot_be_believed_is_a_named_outcome_with_its_state(
     assert set(assessment.state) == {"time", "phase", "qpos", "qvel", "act"}
 
 
-def test_stiffer_controllers_follow_better_and_find_the_same(nominal: Assessment) -> None:
-    stiff = assess({"proportional_gain": 4.0, "derivative_gain": 2.0, "integral_gain": 8.0}).outputs
+def test_stiffer_controllers_follow_better_and_find_the_same(
+    assessed: Assess, nominal: Assessment
+) -> None:
+    stiff = assessed(
+        {"proportional_gain": 4.0, "derivative_gain": 2.0, "integral_gain": 8.0}
+    ).outputs
     assert stiff["tracking_rmse"] < 0.25 * nominal.outputs["tracking_rmse"]
     assert stiff["stiffness_error"] == pytest.approx(nominal.outputs["stiffness_error"], abs=0.1)
 
 
-def test_equation_19_is_a_controller_without_an_integral(nominal: Assessment) -> None:
-    without = assess({"integral_gain": 0.0})
-    assert without.outputs == assess({}, controller="pd").outputs
+def test_equation_19_is_a_controller_without_an_integral(
+    assessed: Assess, nominal: Assessment
+) -> None:
+    without = assessed({"integral_gain": 0.0})
+    assert without.outputs == assessed({}, controller="pd").outputs
     assert without.outputs["tracking_rmse"] > nominal.outputs["tracking_rmse"]
 
 
-def test_a_wearer_of_nominal_lengths_is_the_same_whatever_these_are(nominal: Assessment) -> None:
+def test_a_wearer_of_nominal_lengths_is_the_same_whatever_these_are(
+    assessed: Assess, nominal: Assessment
+) -> None:
     lengths = {"upper_arm_length": 0.3637, "forearm_length": 0.349}
-    same = assess(lengths | {f"nominal_{name}": length for name, length in lengths.items()})
+    same = assessed(lengths | {f"nominal_{name}": length for name, length in lengths.items()})
     assert same.outputs == nominal.outputs
 
 
 def test_an_arm_without_a_strap_is_never_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim.interface.cuffs.STRAP_STIFFNESS", 20.0)
+    monkeypatch.setattr("sim.interface.straps.STRAP_STIFFNESS", 20.0)
     assert assess({"strap_tension": 0.1}).outcome in FAILURES
 
 
@@ -175,7 +182,7 @@ def test_bad_options_are_refused_in_a_sentence() -> None:
 
 def test_sparse_and_dense_solvers_agree_on_a_loaded_arm() -> None:
     """MuJoCo 4.0.0 fails this: its sparse Newton factorises such trees wrongly."""
-    system = build_system(NOMINAL_WEARER, PID)
+    system = build_system(NOMINAL_WEARER)
     data = reset_to_start(system)
     stiffness = system.model.tendon_stiffness[system.straps].copy()
     slacken_straps(system, data)
@@ -197,7 +204,7 @@ def test_sparse_and_dense_solvers_agree_on_a_loaded_arm() -> None:
 
 
 def test_closed_straps_keep_the_tension_they_were_pulled_with() -> None:
-    system = build_system(NOMINAL_WEARER, PID)
+    system = build_system(NOMINAL_WEARER)
     data = reset_to_start(system)
     stiffness = system.model.tendon_stiffness[system.straps].copy()
     slacken_straps(system, data)
@@ -205,7 +212,7 @@ def test_closed_straps_keep_the_tension_they_were_pulled_with() -> None:
     close_straps(system, data, stiffness)
     rest = system.model.tendon_lengthspring[system.straps, 0]
     tension = stiffness * (data.ten_length[system.straps] - rest)
-    assert len(tension) == sum(len(segment_names(cuff)) for cuff in NESM.cuffs)
+    assert len(tension) == sum(len(segment_names(cuff, CAMPAIGN)) for cuff in NESM.cuffs)
     assert tension == pytest.approx(30.0 / CAMPAIGN.strap_rows, abs=0.1)
 
 
@@ -226,13 +233,13 @@ def test_a_record_keeps_the_movement_with_named_arrays(nominal: Assessment, tmp_
 
 
 def test_a_recorded_assessment_and_the_system_can_be_looked_at(
-    nominal: Assessment, tmp_path: Path
+    assessed: Assess, nominal: Assessment, tmp_path: Path
 ) -> None:
     assert assessment_figure(nominal, tmp_path / "trial.png").stat().st_size > 20_000
     assert draw_system(tmp_path / "system.png") in ("rendered", "drawn")
     assert (tmp_path / "system.png").stat().st_size > 20_000
     with pytest.raises(ValueError, match="nothing was recorded"):
-        assessment_figure(assess({"upper_arm_length": 0.48}), tmp_path / "no.png")
+        assessment_figure(assessed({"upper_arm_length": 0.48}), tmp_path / "no.png")
 
 
 def test_validation_reports_the_papers_figures_3_and_6_with_pictures(tmp_path: Path) -> None:
@@ -247,36 +254,37 @@ def test_validation_reports_the_papers_figures_3_and_6_with_pictures(tmp_path: P
     assert rows["Young's modulus of the stiffest tissue at 10% strain"].measured > 66.0
 
 
-@pytest.mark.parametrize("end", ["low", "high"])
-def test_conditions_at_the_ends_of_their_ranges_can_be_assessed(end: str) -> None:
-    for factor in CONDITIONS:
-        assessment = assess({factor.name: getattr(factor, end)})
-        assert assessment.outcome == "ok", (factor.name, assessment.reason)
-
-
-def test_looser_straps_and_softer_tissue_let_the_arm_give_way_more(nominal: Assessment) -> None:
+def test_looser_straps_and_softer_tissue_let_the_arm_give_way_more(
+    assessed: Assess, nominal: Assessment
+) -> None:
     difference = nominal.diagnostics["largest_angle_difference_deg"]
     for values in ({"strap_tension": 15.0}, {"tissue_scale": 0.2}, {"cuff_friction": 0.1}):
-        loose = assess(values)
+        loose = assessed(values)
         assert loose.diagnostics["largest_angle_difference_deg"] > difference, values
         assert loose.outputs["stiffness_error"] < nominal.outputs["stiffness_error"]
 
 
-def test_a_sliding_cuff_removes_what_a_long_upper_arm_does_to_the_estimate() -> None:
+def test_a_sliding_cuff_removes_what_a_long_upper_arm_does_to_the_estimate(
+    assessed: Assess,
+) -> None:
     long = {"upper_arm_length": 0.3778}
-    fixed, sliding = assess(long), assess({**long, "cuff_compliance": 0.01})
+    fixed, sliding = assessed(long), assessed({**long, "cuff_compliance": 0.01})
     assert fixed.outputs["stiffness_error"] < sliding.outputs["stiffness_error"] - 0.5
 
 
-def test_every_fidelity_finds_the_same_stiffness(nominal: Assessment) -> None:
-    for fidelity in FIDELITIES:
-        other = assess({}, fidelity=fidelity)
+def test_every_fidelity_with_contact_finds_the_same_stiffness(
+    assessed: Assess, nominal: Assessment
+) -> None:
+    for fidelity in (name for name, fidelity in FIDELITIES.items() if fidelity.contact):
+        other = assessed({}, fidelity=fidelity)
         for name in ("stiffness_estimate", "stiffness_true", "stiffness_error"):
             assert other.outputs[name] == pytest.approx(nominal.outputs[name], abs=0.15)
 
 
-def test_a_reflex_acts_in_contact_as_the_threshold_says(nominal: Assessment) -> None:
-    reflex = assess({"reflex_gain": 0.2})
+def test_a_reflex_acts_in_contact_as_the_threshold_says(
+    assessed: Assess, nominal: Assessment
+) -> None:
+    reflex = assessed({"reflex_gain": 0.2})
     assert reflex.record is not None and nominal.record is not None
     fast = int(np.argmax(-nominal.record.q_velocity[:, 3] > 0.5))
     # Three steps of 15 ms are the delay, and it takes one more until muscles pull.
@@ -300,54 +308,56 @@ LONG_HEAVY_STIFF = {
     [{}, {"refitted_muscles": 0.0}, {"refitted_muscles": 0.0, "extension_stop": 0.0}],
 )
 def test_long_heavy_arms_are_kept_from_hyperextension(
-    condition: dict[str, float], upper_arm_mass: float
+    assessed: Assess, condition: dict[str, float], upper_arm_mass: float
 ) -> None:
-    assessment = assess({**LONG_HEAVY_STIFF, "upper_arm_mass": upper_arm_mass, **condition})
+    assessment = assessed({**LONG_HEAVY_STIFF, "upper_arm_mass": upper_arm_mass, **condition})
     assert assessment.outcome == "ok", assessment.reason
 
 
-def test_refitted_muscles_need_the_stop_that_keeps_long_heavy_arms_from_hyperextension() -> None:
+def test_refitted_muscles_need_the_stop_that_keeps_long_heavy_arms_from_hyperextension(
+    assessed: Assess,
+) -> None:
     corner = {**LONG_HEAVY_STIFF, "upper_arm_mass": 0.3, "extension_stop": 0.0}
-    assert assess(corner).outcome == "human_joint_limit"
+    assert assessed(corner).outcome == "human_joint_limit"
 
 
-def test_an_extension_stop_acts_on_nobody_who_does_not_reach_it() -> None:
+def test_an_extension_stop_acts_on_nobody_who_does_not_reach_it(assessed: Assess) -> None:
     short = {"forearm_length": 0.2827}
-    assert assess({**short, "extension_stop": 60.0}).outputs == assess(short).outputs
+    assert assessed({**short, "extension_stop": 60.0}).outputs == assessed(short).outputs
 
 
 def errors_over(
-    name: str, points: int, quantity: str = "stiffness_error"
+    assessed: Assess, name: str, points: int, quantity: str = "stiffness_error"
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return values of a factor over its range, the others nominal, and their errors."""
     (factor,) = (factor for factor in TABLE_1 if factor.name == name)
     values = np.linspace(factor.low, factor.high, points)
-    return values, np.array([assess({name: x}).outputs[quantity] for x in values])
+    return values, np.array([assessed({name: float(x)}).outputs[quantity] for x in values])
 
 
-def test_one_factor_at_a_time_behaves_as_the_paper_reports() -> None:
+def test_one_factor_at_a_time_behaves_as_the_paper_reports(assessed: Assess) -> None:
     """Upper arm mass next to nothing, lines over the forearm's, a bend over long upper arms."""
-    masses, of_mass = errors_over("forearm_mass", 5)
+    masses, of_mass = errors_over(assessed, "forearm_mass", 5)
     assert np.corrcoef(masses, of_mass)[0, 1] ** 2 > 0.98
-    lengths, of_length = errors_over("forearm_length", 7)
+    lengths, of_length = errors_over(assessed, "forearm_length", 7)
     assert np.corrcoef(lengths, of_length)[0, 1] ** 2 > 0.9
-    assert np.ptp(errors_over("upper_arm_mass", 5)[1]) < 0.1 * np.ptp(of_mass)
-    of_upper_arm = errors_over("upper_arm_length", 5)[1]
+    assert np.ptp(errors_over(assessed, "upper_arm_mass", 5)[1]) < 0.1 * np.ptp(of_mass)
+    of_upper_arm = errors_over(assessed, "upper_arm_length", 5)[1]
     assert of_upper_arm[-1] < of_upper_arm[-2] < of_upper_arm[2]
-    assert np.ptp(errors_over("forearm_elasticity", 5)[1]) < 0.1 * np.ptp(of_upper_arm)
+    assert np.ptp(errors_over(assessed, "forearm_elasticity", 5)[1]) < 0.1 * np.ptp(of_upper_arm)
 
 
-def test_softness_matters_little() -> None:
+def test_softness_matters_little(assessed: Assess) -> None:
     """The authors' model: 0.4 Nm/rad, in their form, over the range of either elasticity."""
     for name in ("upper_arm_elasticity", "forearm_elasticity"):
-        assert np.ptp(errors_over(name, 3, "stiffness_error_authors")[1]) < 0.4
-        assert np.ptp(errors_over(name, 3)[1]) < 0.6
+        assert np.ptp(errors_over(assessed, name, 3, "stiffness_error_authors")[1]) < 0.4
+        assert np.ptp(errors_over(assessed, name, 3)[1]) < 0.6
 
 
-def test_the_true_stiffness_holds_what_the_extension_stop_adds() -> None:
+def test_the_true_stiffness_holds_what_the_extension_stop_adds(assessed: Assess) -> None:
     """An arm that is stretched beyond the stop's angle is stiffer, and the estimate says so too."""
     long = {"forearm_length": 0.3455}
-    free, stopped = (assess({**long, "extension_stop": stop}) for stop in (0.0, 30.0))
+    free, stopped = (assessed({**long, "extension_stop": stop}) for stop in (0.0, 30.0))
     assert free.record is not None and stopped.record is not None
     assert stopped.record.q[:, 3].min() < np.radians(5.0)
     for quantity in ("stiffness_true", "stiffness_estimate"):
@@ -357,8 +367,10 @@ def test_the_true_stiffness_holds_what_the_extension_stop_adds() -> None:
     )
 
 
-def test_straps_closed_elsewhere_move_to_the_start_and_leave_a_mark(nominal: Assessment) -> None:
-    seated = assess({"seat_angle": -0.35})
+def test_straps_closed_elsewhere_move_to_the_start_and_leave_a_mark(
+    assessed: Assess, nominal: Assessment
+) -> None:
+    seated = assessed({"seat_angle": -0.35})
     assert seated.outcome == "ok", seated.reason
     assert seated.record is not None and nominal.record is not None
     assert seated.record.theta[0, 3] == pytest.approx(nominal.record.theta[0, 3], abs=1e-3)

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from sim.assessment.assess import assess
+from sim.assessment.protocol import run_protocol
 from sim.evaluation import evaluate
-from sim.interface import bushing
-from sim.interface.bushing import build_bushings, run_bushings
 from sim.models import ASSESSMENTS, ELBOW_BUSHING, MODELS
-from sim.parameters.conditions import DEFAULT_CONDITIONS
-from sim.parameters.factors import TABLE_1
-from sim.parameters.wearer import NOMINAL_WEARER
-from sim.robot.control import PID
-from sim.robot.seat import reset_to_start
+from sim.parameters.fidelity import BUSHING
+from sim.parameters.wearer import NOMINAL_WEARER, TABLE_1
+from sim.system.build import build_system
+from sim.system.start import reset_to_start
+from tests.integration.sim.conftest import Assess
 
 
 def at(unit: float | np.ndarray) -> dict[str, float]:
@@ -26,8 +25,8 @@ def at(unit: float | np.ndarray) -> dict[str, float]:
     }
 
 
-def test_the_nominal_wearer_is_as_stiff_as_with_contact() -> None:
-    without, contact = assess({}, fidelity="bushing"), assess({})
+def test_the_nominal_wearer_is_as_stiff_as_with_contact(assessed: Assess) -> None:
+    without, contact = assessed({}, fidelity="bushing"), assessed({})
     assert without.outcome == "ok"
     for name, tolerance in (("stiffness_estimate", 0.8), ("stiffness_true", 0.6)):
         assert without.outputs[name] == pytest.approx(contact.outputs[name], abs=tolerance)
@@ -36,23 +35,23 @@ def test_the_nominal_wearer_is_as_stiff_as_with_contact() -> None:
     )
 
 
-def test_it_ranks_wearers_nearly_as_contact_does() -> None:
+def test_it_ranks_wearers_nearly_as_contact_does(assessed: Assess) -> None:
     rng = np.random.default_rng(5)
     points = [at(rng.random(len(TABLE_1))) for _ in range(16)]
     ranks = [
         np.argsort(
-            np.argsort([assess(p, fidelity=f).outputs["stiffness_estimate"] for p in points])
+            np.argsort([assessed(p, fidelity=f).outputs["stiffness_estimate"] for p in points])
         )
         for f in ("bushing", "screening")
     ]
     assert np.corrcoef(ranks)[0, 1] > 0.8
 
 
-def test_the_response_is_smooth() -> None:
+def test_the_response_is_smooth(assessed: Assess) -> None:
     """A thousandth of the range moves the estimate by a thousandth of what the range does."""
     lengths = np.linspace(0.33, 0.3301, 5)
     estimates = [
-        assess({"upper_arm_length": x}, fidelity="bushing").outputs["stiffness_estimate"]
+        assessed({"upper_arm_length": x}, fidelity="bushing").outputs["stiffness_estimate"]
         for x in lengths
     ]
     assert np.abs(np.diff(estimates, 2)).max() < 1e-4
@@ -61,8 +60,8 @@ def test_the_response_is_smooth() -> None:
 
 def test_the_arm_begins_at_rest() -> None:
     """Newton's method finds the same start as waiting in the locked robot for a long time."""
-    system = build_bushings(NOMINAL_WEARER, PID, DEFAULT_CONDITIONS)
-    record = run_bushings(system, reset_to_start(system))
+    system = build_system(NOMINAL_WEARER, fidelity=BUSHING)
+    record = run_protocol(system, reset_to_start(system))
     data = reset_to_start(system)
     data.act[system.model.actuator_actadr[system.contracted]] = system.activation
     data.ctrl[system.contraction_inputs] = system.activation
@@ -75,17 +74,16 @@ def test_the_arm_begins_at_rest() -> None:
     assert np.abs(record.q_velocity[1]).max() < 0.01
 
 
-def test_halving_the_step_hardly_matters(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_halving_the_step_hardly_matters() -> None:
     coarse = assess({}, fidelity="bushing").outputs
-    monkeypatch.setattr("sim.interface.bushing.FIDELITY", replace(bushing.FIDELITY, step=0.005))
-    fine = assess({}, fidelity="bushing").outputs
+    fine = assess({}, fidelity=replace(BUSHING, step=0.005)).outputs
     assert coarse["stiffness_estimate"] == pytest.approx(fine["stiffness_estimate"], abs=0.2)
     assert coarse["stiffness_error"] == pytest.approx(fine["stiffness_error"], abs=0.2)
 
 
-def test_no_corner_of_table_1_diverges() -> None:
+def test_no_corner_of_table_1_diverges(assessed: Assess) -> None:
     outcomes = [
-        assess(at(np.array(corner)), fidelity="bushing").outcome
+        assessed(at(np.array(corner)), fidelity="bushing").outcome
         for corner in product((0.0, 1.0), repeat=len(TABLE_1))
     ]
     assert outcomes.count("ok") >= 56

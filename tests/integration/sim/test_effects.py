@@ -4,6 +4,7 @@ import pytest
 
 from sim.assessment.assess import assess
 from sim.parameters.effects import UNDECLARED
+from tests.integration.sim.conftest import Assess
 
 #: One setting of every effect that is large enough to be seen in an assessment.
 SETTINGS = {
@@ -29,9 +30,9 @@ def factors(name: str, parameters: dict[str, float]) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("name", UNDECLARED)
-def test_every_effect_changes_the_torque_that_the_clinic_sees(name: str) -> None:
-    plain = assess({}, fidelity="bushing")
-    other = assess(factors(name, SETTINGS[name]), fidelity="bushing")
+def test_every_effect_changes_the_torque_that_the_clinic_sees(assessed: Assess, name: str) -> None:
+    plain = assessed({}, fidelity="bushing")
+    other = assessed(factors(name, SETTINGS[name]), fidelity="bushing")
     assert other.outcome == "ok", other.reason
     assert plain.record is not None and other.record is not None
     change = other.record.motor_torque[:, 3] - plain.record.motor_torque[:, 3]
@@ -39,7 +40,7 @@ def test_every_effect_changes_the_torque_that_the_clinic_sees(name: str) -> None
 
 
 @pytest.mark.parametrize("fidelity", ["bushing", "screening"])
-def test_friction_by_any_name_is_the_same_friction(fidelity: str) -> None:
+def test_friction_by_any_name_is_the_same_friction(assessed: Assess, fidelity: str) -> None:
     """The condition, the native element, and a level set anew at each step."""
     ways = [
         {"robot_friction": 2.0},
@@ -49,7 +50,7 @@ def test_friction_by_any_name_is_the_same_friction(fidelity: str) -> None:
         factors("load_dependent_friction", {"torque": 2.0}),
         factors("position_dependent_friction", {"torque_middle": 2.0}),
     ]
-    found = [assess(way, fidelity=fidelity).outputs["stiffness_estimate"] for way in ways]
+    found = [assessed(way, fidelity=fidelity).outputs["stiffness_estimate"] for way in ways]
     assert found[1:] == pytest.approx([found[0]] * 5, abs=1e-9)
 
 
@@ -59,9 +60,9 @@ def test_stepping_in_python_gives_what_the_engine_rolls_out() -> None:
     assert stepped == pytest.approx(dict(rolled), abs=1e-8)
 
 
-def test_a_torque_gain_scales_what_the_motor_reports() -> None:
+def test_a_torque_gain_scales_what_the_motor_reports(assessed: Assess) -> None:
     plain, scaled = (
-        assess(factors("torque_gain", {"gain": gain}), fidelity="screening").record
+        assessed(factors("torque_gain", {"gain": gain}), fidelity="screening").record
         for gain in (1.0, 1.25)
     )
     assert plain is not None and scaled is not None
@@ -70,18 +71,18 @@ def test_a_torque_gain_scales_what_the_motor_reports() -> None:
     assert plain.motor_torque[:, 3].std() > 1.2 * scaled.motor_torque[:, 3].std()
 
 
-def test_a_reflex_of_the_limb_is_no_part_of_the_true_stiffness() -> None:
-    plain = assess({}, fidelity="bushing").outputs
-    reflex = assess(
+def test_a_reflex_of_the_limb_is_no_part_of_the_true_stiffness(assessed: Assess) -> None:
+    plain = assessed({}, fidelity="bushing").outputs
+    reflex = assessed(
         factors("stretch_reflex", SETTINGS["stretch_reflex"]), fidelity="bushing"
     ).outputs
     assert reflex["stiffness_true"] == pytest.approx(plain["stiffness_true"], rel=0.02)
     assert reflex["damping_estimate"] < plain["damping_estimate"] - 0.5
 
 
-def test_a_spring_at_the_end_of_the_range_resists_extension() -> None:
-    plain = assess({}, fidelity="bushing").record
-    ended = assess(
+def test_a_spring_at_the_end_of_the_range_resists_extension(assessed: Assess) -> None:
+    plain = assessed({}, fidelity="bushing").record
+    ended = assessed(
         factors("end_range_torque", SETTINGS["end_range_torque"]), fidelity="bushing"
     ).record
     assert plain is not None and ended is not None

@@ -1,33 +1,44 @@
 """Every detector fires on its own kind of failure and on nothing else."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from sim.assessment.validity import (
     FAILURES,
-    Posture,
     Postures,
     check_outcome,
     check_posture,
     check_start,
     first_failure,
 )
+from sim.interface.interface import Loads
 
-GOOD = Posture(
-    exo_angle=np.radians(60.0),
-    human_angle=np.radians(65.0),
-    exo_range=(np.radians(-20.0), np.radians(125.0)),
-    human_range=(np.radians(-10.0), np.radians(145.0)),
-    penetration=np.array([-0.01, -0.02]),
-    overhang=np.array([-0.05, -0.06]),
-    normal_force=500.0,
-)
+ANGLES = {"exo_angle": np.radians(60.0), "human_angle": np.radians(65.0)}
+LOADS = {"penetration": [-0.01, -0.02], "overhang": [-0.05, -0.06], "normal_force": 500.0}
+STEPS = 10
+
+
+def movement(**changes: ArrayLike) -> Postures:
+    """Return ten plausible steps, with some quantities changed in all of them or step by step."""
+
+    def steps(name: str, plausible: ArrayLike) -> np.ndarray:
+        shape = (STEPS, *np.shape(plausible))
+        return np.broadcast_to(np.asarray(changes.get(name, plausible)), shape)
+
+    return Postures(
+        **{name: steps(name, value) for name, value in ANGLES.items()},
+        exo_range=(np.radians(-20.0), np.radians(125.0)),
+        human_range=(np.radians(-10.0), np.radians(145.0)),
+        loads=Loads(
+            contact_force=np.zeros((STEPS, 2)),
+            **{name: steps(name, value) for name, value in LOADS.items()},
+        ),
+    )
 
 
 def test_a_plausible_trial_passes_every_detector() -> None:
-    assert check_posture(GOOD) is None
+    assert check_posture(movement(), 0) is None
     assert check_start(human_speed=np.full(4, 0.01), exo_error=np.zeros(4)) is None
     assert check_outcome(tracking_rmse=0.11, r_squared=0.98) is None
 
@@ -45,8 +56,10 @@ def test_a_plausible_trial_passes_every_detector() -> None:
         ({"normal_force": float("inf")}, "diverged"),
     ],
 )
-def test_a_posture_that_cannot_be_believed_has_a_name(change: dict, name: str) -> None:  # type: ignore[type-arg]
-    failure = check_posture(replace(GOOD, **change))
+def test_a_posture_that_cannot_be_believed_has_a_name(
+    change: dict[str, ArrayLike], name: str
+) -> None:
+    failure = check_posture(movement(**change), 0)
     assert failure is not None
     assert failure.name == name
     assert failure.name in FAILURES
@@ -76,16 +89,6 @@ def test_a_trial_that_explains_nothing_is_no_number(
     failure = check_outcome(tracking_rmse=rmse, r_squared=r_squared)
     assert failure is not None
     assert failure.name == name
-
-
-def movement(**changes: np.ndarray) -> Postures:
-    """Ten steps of the good posture, some of them changed."""
-    steps = 10
-    values = {
-        name: np.repeat(np.asarray(getattr(GOOD, name))[None], steps, axis=0)
-        for name in ("exo_angle", "human_angle", "penetration", "overhang", "normal_force")
-    }
-    return Postures(exo_range=GOOD.exo_range, human_range=GOOD.human_range, **(values | changes))
 
 
 def test_a_movement_fails_at_the_first_step_that_a_detector_fires_at() -> None:

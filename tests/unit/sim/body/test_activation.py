@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from sim.assessment.assess import assess
+from sim.assessment.steps import activation_pattern
 from sim.body.activation import ActivationPattern
-from sim.body.muscle_tables import ELBOW_EXTENSORS, ELBOW_FLEXORS
-from sim.interface.bushing import build_bushings
+from sim.body.muscles.holzbaur import CO_CONTRACTING, ELBOW_EXTENSORS, ELBOW_FLEXORS
 from sim.parameters.conditions import conditions_of
+from sim.parameters.fidelity import BUSHING
 from sim.parameters.wearer import NOMINAL_WEARER
-from sim.robot.control import PID
-from sim.robot.seat import reset_to_start
+from sim.system.build import build_system
+from sim.system.start import reset_to_start
 
 FLEXORS = [muscle.name for muscle in ELBOW_FLEXORS]
 STEPS = 100
@@ -20,16 +21,15 @@ STEPS = 100
 
 def pattern_of(values: Mapping[str, float]) -> tuple[ActivationPattern, np.ndarray]:
     """Return a pattern over 1 s and which of its muscles flex."""
-    system = build_bushings(NOMINAL_WEARER, PID, conditions_of(values))
-    pattern = ActivationPattern(system, reset_to_start(system), np.linspace(1.9, 0.2, STEPS))
-    names = [muscle.name for muscle in system.target.muscles]
+    system = build_system(NOMINAL_WEARER, conditions_of(values), BUSHING)
+    pattern = activation_pattern(system, reset_to_start(system), np.linspace(1.9, 0.2, STEPS))
+    names = [muscle.name for muscle in CO_CONTRACTING[system.target.muscles]]
     assert len(names) == len(FLEXORS) + len(ELBOW_EXTENSORS)
     return pattern, np.isin(names, FLEXORS)
 
 
 def test_activation_is_constant_unless_asked_otherwise() -> None:
     pattern, _ = pattern_of({"activation": 0.3})
-    assert not pattern.varies
     pattern.velocity[:] = -5.0
     assert np.all(pattern.activations(0, STEPS) == 0.3)
 

@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.body.elbow_muscles import PAPER_MUSCLES, REFITTED_MUSCLES, ElbowMuscles
-from sim.body.muscle_lengths import elbow_length_ranges
-from sim.body.muscles import add_muscles
+from sim.body.muscles.attach import add_muscles
+from sim.body.muscles.elbow import PAPER_MUSCLES, REFITTED_MUSCLES
+from sim.body.muscles.lengths import elbow_length_ranges
+from sim.body.muscles.muscle import ElbowMuscles
 from sim.body.skeleton import (
     HAND_MASS,
     HUMAN_JOINTS,
@@ -20,7 +21,7 @@ from sim.body.skeleton import (
     extension_stop_torque,
 )
 from sim.body.soft_tissue import add_soft_tissue, element_name, sleeves
-from sim.parameters.factors import TISSUE_COUPLING
+from sim.parameters.conditions import TISSUE_COUPLING
 from sim.parameters.fidelity import FIDELITIES
 from sim.parameters.wearer import NOMINAL_WEARER, Wearer
 from sim.validation.isometric import run_isometric_test

@@ -6,14 +6,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.body.elbow_muscles import (
+from sim.body.muscles.attach import add_muscles
+from sim.body.muscles.elbow import (
     EXCURSION,
     FIBRE_LENGTHS,
     PAPER_MUSCLES,
     REFITTED_MUSCLES,
-    ElbowMuscles,
 )
-from sim.body.muscles import add_muscles
+from sim.body.muscles.muscle import ElbowMuscles
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_torso, empty_spec
 from sim.parameters.wearer import NOMINAL_WEARER
 from sim.validation.isometric import (

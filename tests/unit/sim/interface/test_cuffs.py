@@ -4,16 +4,18 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.assessment.system import System, build_system
 from sim.body.skeleton import ELBOW_RANGE
 from sim.body.soft_tissue import sleeves
-from sim.interface.cuffs import cuff_box_name, cuffs, particle_name
+from sim.interface.cuffs import BOX_ANGLES, cuff_box_name, place_cuffs
+from sim.interface.seat import seated_elbow_angle
+from sim.interface.straps import particle_name, strap_angles
 from sim.parameters.conditions import conditions_of
 from sim.parameters.fidelity import CAMPAIGN
 from sim.parameters.wearer import NOMINAL_WEARER, wearer_of
-from sim.robot.control import PID
 from sim.robot.device import NESM
-from sim.robot.seat import reset_to_start, seated_elbow_angle
+from sim.system.build import build_system
+from sim.system.start import reset_to_start
+from sim.system.system import System
 
 START = NESM.start("elbow").angles
 CUFFS = NESM.cuffs
@@ -21,12 +23,12 @@ CUFFS = NESM.cuffs
 
 @pytest.fixture(scope="module")
 def system() -> System:
-    return build_system(NOMINAL_WEARER, PID)
+    return build_system(NOMINAL_WEARER)
 
 
 @pytest.mark.parametrize("cuff", CUFFS, ids=lambda cuff: cuff.name)
 def test_box_frames_are_right_handed(cuff: object) -> None:
-    for angle in [*cuff.cuff_angles, *cuff.strap_angles]:  # type: ignore[attr-defined]
+    for angle in [*BOX_ANGLES, *strap_angles(CAMPAIGN)]:
         frame = cuff.box_frame(angle)  # type: ignore[attr-defined]
         assert np.linalg.det(frame) == pytest.approx(1.0)
         assert frame.T @ frame == pytest.approx(np.eye(3))
@@ -38,8 +40,8 @@ def test_every_compiled_box_faces_the_axis_of_its_cuff(system: System) -> None:
     for cuff in CUFFS:
         link = data.body(cuff.link)
         frame = link.xmat.reshape(3, 3)
-        boxes = [(cuff_box_name(cuff, i), a) for i, a in enumerate(cuff.cuff_angles)]
-        boxes += [(particle_name(cuff, 0, i), a) for i, a in enumerate(cuff.strap_angles)]
+        boxes = [(cuff_box_name(cuff, i), a) for i, a in enumerate(BOX_ANGLES)]
+        boxes += [(particle_name(cuff, 0, i), a) for i, a in enumerate(strap_angles(CAMPAIGN))]
         for name, angle in boxes:
             geom = data.geom(name)
             assert geom.xmat.reshape(3, 3)[:, 1] == pytest.approx(frame @ cuff.normal(angle))
@@ -93,7 +95,7 @@ def test_the_seat_is_within_the_elbows_range_all_over_table_1(upper: float, fore
 @pytest.mark.parametrize("seat", [-0.35, 0.1])
 def test_the_straps_may_be_closed_at_another_elbow_angle(seat: float) -> None:
     """There, too, the forearm's axis passes through the centre of its cuff."""
-    system = build_system(NOMINAL_WEARER, PID, conditions_of({"seat_angle": seat}))
+    system = build_system(NOMINAL_WEARER, conditions_of({"seat_angle": seat}))
     data = reset_to_start(system)
     mujoco.mj_forward(system.model, data)
     assert data.qpos[system.exo_qpos[3]] == pytest.approx(START[3] + seat)
@@ -104,7 +106,8 @@ def test_the_straps_may_be_closed_at_another_elbow_angle(seat: float) -> None:
 
 
 def test_cuffs_move_along_their_limbs() -> None:
-    moved = cuffs(CUFFS, CAMPAIGN, position=-0.01, upper_position=0.02)
+    conditions = conditions_of({"cuff_position": -0.01, "upper_cuff_position": 0.02})
+    moved = place_cuffs(CUFFS, conditions)
     for cuff, before, distance in zip(moved, CUFFS, (0.02, -0.01), strict=True):
         way = np.array(cuff.centre) - before.centre
         assert way == pytest.approx(distance * np.array(before.along))

@@ -3,10 +3,9 @@
 import pytest
 
 from sim.models import ELBOW, MODELS
-from sim.parameters.conditions import DEFAULT_CONDITIONS, split
-from sim.parameters.factors import CONDITIONS, NOMINAL, TABLE_1
-from sim.parameters.wearer import NOMINAL_WEARER, wearer_of
-from sim.robot.control import PID, Gains
+from sim.parameters.conditions import CONDITIONS, DEFAULT_CONDITIONS, split
+from sim.parameters.wearer import NOMINAL, NOMINAL_WEARER, TABLE_1, wearer_of
+from sim.robot.control import Gains
 
 
 def test_every_nominal_value_lies_in_its_range() -> None:
@@ -54,6 +53,7 @@ def test_a_value_that_is_no_wearer_is_refused_in_a_sentence(
 def test_what_is_not_in_table_1_is_off_unless_a_study_asks_for_it() -> None:
     assert ELBOW.sampled == TABLE_1
     assert all(f.low <= f.nominal <= f.high for f in CONDITIONS)
+    assert all(f.bounds[0] <= f.low < f.high <= f.bounds[1] for f in CONDITIONS)
     assert {f.name for f in CONDITIONS} == set(vars(DEFAULT_CONDITIONS)) - {"effects"}
 
 
@@ -74,8 +74,9 @@ def test_lengths_are_over_the_nominal_ones_that_a_study_may_choose() -> None:
 
 def test_gains_are_multiples_of_the_devices_own() -> None:
     _, conditions = split({"proportional_gain": 2.0, "derivative_gain": 0.5, "integral_gain": 0.0})
-    assert conditions.gains(PID) == Gains(kp=100.0, kv=7.5, ki=0.0)
-    assert DEFAULT_CONDITIONS.gains(PID) == PID
+    own = Gains(kp=50.0, kv=15.0, ki=25.0)
+    assert own.under(conditions) == Gains(kp=100.0, kv=7.5, ki=0.0)
+    assert own.under(DEFAULT_CONDITIONS) == own
 
 
 def test_every_model_names_its_factors_and_outputs_once() -> None:

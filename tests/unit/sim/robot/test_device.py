@@ -8,13 +8,13 @@ import pytest
 
 from sim.assessment.assess import assess
 from sim.assessment.nominal import nominal_model
-from sim.assessment.system import build_system
-from sim.assessment.target import TARGETS
 from sim.models import ASSESSMENTS
+from sim.parameters.target import TARGETS
 from sim.parameters.wearer import NOMINAL_WEARER
-from sim.robot.control import PID
+from sim.robot.control import Gains
 from sim.robot.device import DEVICES, FOLDER, JOINTS, NESM, load_device
-from sim.robot.seat import reset_to_start
+from sim.system.build import build_system
+from sim.system.start import reset_to_start
 
 ORTHOSIS = FOLDER / "elbow_orthosis.xml"
 
@@ -30,7 +30,7 @@ def variant(tmp_path: Path, old: str, new: str) -> str:
 
 def test_the_nesm_has_the_papers_joints_gains_and_limits() -> None:
     assert NESM.joints == JOINTS
-    assert NESM.gains == PID
+    assert NESM.gains == Gains(kp=50.0, kv=15.0, ki=25.0)
     assert set(NESM.starts) == set(TARGETS)
     model = NESM.spec().compile()
     assert model.actuator_forcerange == pytest.approx(np.tile([-60.0, 60.0], (4, 1)))
@@ -42,10 +42,10 @@ def test_the_nesm_has_the_papers_joints_gains_and_limits() -> None:
 def test_the_upper_arm_lies_in_its_cuff_at_every_start_of_every_device(name: str) -> None:
     device = load_device(name)
     for target in device.starts:
-        system = build_system(NOMINAL_WEARER, device.gains, target=TARGETS[target], device=device)
+        system = build_system(NOMINAL_WEARER, target=TARGETS[target], device=device)
         data = reset_to_start(system)
         mujoco.mj_kinematics(system.model, data)
-        cuff, _ = system.cuffs
+        cuff, _ = system.interface.cuffs
         frame = data.body(cuff.link).xmat.reshape(3, 3)
         in_world = frame @ np.column_stack([cuff.along, cuff.opening, cuff.wall])
         humerus = data.body("humerus")

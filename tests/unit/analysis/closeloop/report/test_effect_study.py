@@ -11,7 +11,7 @@ from analysis.closeloop.report.effect_study import GoingOnError, study_with_effe
 from rehyb.cli import app
 from server.logic.study import FactorChoice, draw_up
 from sim.parameters.effects import UNDECLARED
-from sim.parameters.factors import TABLE_1
+from sim.parameters.wearer import TABLE_1
 
 
 def effect(name: str, **parameters: tuple[float, float, float]) -> dict[str, Any]:

@@ -4,17 +4,16 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.assessment.sensors import contact_forces, seats
-from sim.assessment.system import System, build_system
 from sim.body.soft_tissue import BONE_CLEARANCE
 from sim.parameters.wearer import NOMINAL_WEARER
-from sim.robot.control import PID
-from sim.robot.seat import reset_to_start
+from sim.system.build import build_system
+from sim.system.start import reset_to_start
+from sim.system.system import System
 
 
 @pytest.fixture(scope="module")
 def loaded() -> tuple[System, mujoco.MjData]:
-    system = build_system(NOMINAL_WEARER, PID)
+    system = build_system(NOMINAL_WEARER)
     data = reset_to_start(system)
     data.ctrl[system.contraction_inputs] = 0.4
     mujoco.mj_step(system.model, data, 20)
@@ -37,17 +36,18 @@ def test_the_forces_on_each_limb_are_those_of_its_contacts(
         sign = 1.0 if "_tissue_" in names[1] else -1.0
         resultant[limb] += sign * contact.frame.reshape(3, 3).T @ wrench[:3]
         normal += wrench[0]
-    forces, total = contact_forces(model, data.sensordata[None], system.sleeves)
+    loads = system.interface.loads(model, data.sensordata[None])
     expected = [np.linalg.norm(resultant[name]) for name in ("upper_arm", "forearm")]
-    assert forces[0] == pytest.approx(expected, rel=1e-9)
-    assert total[0] == pytest.approx(normal, rel=1e-9)
+    assert loads.contact_force[0] == pytest.approx(expected, rel=1e-9)
+    assert loads.normal_force[0] == pytest.approx(normal, rel=1e-9)
     assert min(expected) > 1.0
 
 
 def test_a_cuffs_place_is_seen_from_its_bone(loaded: tuple[System, mujoco.MjData]) -> None:
     system, data = loaded
-    penetration, overhang = seats(system.model, data.sensordata[None], system.cuffs, system.sleeves)
-    for i, (cuff, sleeve) in enumerate(zip(system.cuffs, system.sleeves, strict=True)):
+    loads = system.interface.loads(system.model, data.sensordata[None])
+    limbs = zip(system.interface.cuffs, system.interface.sleeves, strict=True)
+    for i, (cuff, sleeve) in enumerate(limbs):
         link, bone = data.body(cuff.link), data.body(sleeve.bone)
         distance = []
         for share in (0.0, -1.0, 1.0):
@@ -56,5 +56,6 @@ def test_a_cuffs_place_is_seen_from_its_bone(loaded: tuple[System, mujoco.MjData
             x, y, z = bone.xmat.reshape(3, 3).T @ (world - bone.xpos)
             distance.append(np.hypot(y - sleeve.axis_y, z - sleeve.axis_z))
             if share == 0.0:
-                assert overhang[0, i] == pytest.approx(max(sleeve.start - x, x - sleeve.end))
-        assert penetration[0, i] == pytest.approx(max(distance) - cuff.radius + BONE_CLEARANCE)
+                assert loads.overhang[0, i] == pytest.approx(max(sleeve.start - x, x - sleeve.end))
+        deepest = max(distance) - cuff.radius + BONE_CLEARANCE
+        assert loads.penetration[0, i] == pytest.approx(deepest)

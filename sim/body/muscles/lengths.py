@@ -4,21 +4,14 @@ MuJoCo could sweep them, but only in a compiled arm for each wearer, which takes
 quarter of an assessment without contact; a test compares the two.
 """
 
-from dataclasses import replace
 from functools import cache, lru_cache
 from math import radians
 
 import mujoco
 import numpy as np
 
-from sim.body.elbow_muscles import (
-    REFITTED_MUSCLES,
-    TROCHLEA,
-    TROCHLEA_RADIUS,
-    TROCHLEA_SIDE,
-    ElbowMuscles,
-)
-from sim.body.muscle_tables import Muscle
+from sim.body.muscles.elbow import REFITTED_MUSCLES, TROCHLEA, TROCHLEA_RADIUS, TROCHLEA_SIDE
+from sim.body.muscles.muscle import ElbowMuscles, Muscle
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_torso, bone_point, empty_spec
 from sim.parameters.wearer import NOMINAL_WEARER, Wearer
 
@@ -41,15 +34,8 @@ def elbow_length_ranges(
     The shoulder is flexed to 90 degrees, as in the isometric tests that the operating ranges were
     fitted to. Only the lengths of the wearer matter.
     """
-    nominal = NOMINAL_WEARER
-    of_these_lengths = replace(
-        wearer,
-        upper_arm_mass=nominal.upper_arm_mass,
-        forearm_mass=nominal.forearm_mass,
-        upper_arm_elasticity=nominal.upper_arm_elasticity,
-        forearm_elasticity=nominal.forearm_elasticity,
-    )
-    return dict(_ranges(of_these_lengths, elbow))
+    lengths = {name: value for name, value in vars(wearer).items() if name.endswith("_length")}
+    return dict(_ranges(Wearer(**lengths), elbow))
 
 
 # Most wearers of a design's row have the same lengths.

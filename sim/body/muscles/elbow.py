@@ -9,20 +9,15 @@ slacker. Both then peak where measured torques do. `docs/understand/muscles.md` 
 side.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
-from sim.body.muscle_tables import ELBOW_EXTENSORS, ELBOW_FLEXORS, Muscle, MuscleGroup, Point
+from sim.body.muscles.holzbaur import ELBOW_EXTENSORS, ELBOW_FLEXORS
+from sim.body.muscles.muscle import ElbowMuscles, Muscle, MuscleGroup, Point
 from sim.body.skeleton import ELBOW, HUMERUS_SHRINK
-
-
-@dataclass(frozen=True, kw_only=True)
-class ElbowMuscles:
-    """One fit of the muscles that move the elbow; its groups have the same muscles by name."""
-
-    flexors: MuscleGroup
-    extensors: MuscleGroup
 
 
 def _near_elbow(distal: float, medial: float, anterior: float) -> Point:
@@ -89,4 +84,8 @@ REFITTED_MUSCLES = ElbowMuscles(
         shortest_active=0.25,
         passive_force=0.25,
     ),
+)
+#: Every fit by the name under which it can be chosen.
+ELBOW_FITS: Mapping[str, ElbowMuscles] = MappingProxyType(
+    {"paper": PAPER_MUSCLES, "refitted": REFITTED_MUSCLES}
 )

@@ -1,6 +1,8 @@
-"""How MuJoCo is to solve a system: integrator, cone, Newton's method, and an order for it."""
+"""How MuJoCo solves a system: integrator, cone, Newton's method, and an order for it."""
 
 import mujoco
+
+from sim.parameters.fidelity import Fidelity
 
 
 def set_solver(spec: mujoco.MjSpec, step: float) -> None:
@@ -20,7 +22,21 @@ def set_solver(spec: mujoco.MjSpec, step: float) -> None:
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
 
 
-def let_the_solver_reorder(spec: mujoco.MjSpec) -> None:
+def set_interface_solver(spec: mujoco.MjSpec, fidelity: Fidelity) -> None:
+    """Choose what depends on whether exoskeleton and arm meet in contact."""
+    option = spec.option
+    if not fidelity.contact:
+        # Nothing meets, and nine dense columns are cheaper than their pattern.
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        return
+    option.impratio = fidelity.impratio
+    if fidelity.pyramids:
+        option.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+    _let_the_solver_reorder(spec)
+
+
+def _let_the_solver_reorder(spec: mujoco.MjSpec) -> None:
     """Add an edge between two fixed points, which moves nothing and meets nothing.
 
     Newton's sparse solver looks for an order with little fill-in only in models that have a flex.

@@ -1,20 +1,15 @@
 """Muscles of shoulder, elbow and forearm on a wearer's bones (paper, section 2.2.1, equation 17).
 
-`sim.body.muscle_tables` and `sim.body.elbow_muscles` say which; `sim.validation.isometric` checks
-the elbow's torques.
+`sim.body.muscles.holzbaur` and `elbow` say which; `sim.validation.isometric` checks the elbow's
+torques.
 """
 
 import mujoco
 
-from sim.body.elbow_muscles import (
-    REFITTED_MUSCLES,
-    TROCHLEA,
-    TROCHLEA_RADIUS,
-    TROCHLEA_SIDE,
-    ElbowMuscles,
-)
-from sim.body.muscle_lengths import elbow_length_ranges
-from sim.body.muscle_tables import FOREARM_ROTATORS, SHOULDER_MUSCLES, Muscle, MuscleGroup
+from sim.body.muscles.elbow import REFITTED_MUSCLES, TROCHLEA, TROCHLEA_RADIUS, TROCHLEA_SIDE
+from sim.body.muscles.holzbaur import FOREARM_ROTATORS, SHOULDER_MUSCLES
+from sim.body.muscles.lengths import elbow_length_ranges
+from sim.body.muscles.muscle import ElbowMuscles, Muscle, MuscleGroup
 from sim.body.skeleton import bone_point
 from sim.parameters.wearer import Wearer
 

@@ -1,0 +1,51 @@
+"""What every interface between exoskeleton and arm offers, whatever it is made of."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from sim.body.soft_tissue import Sleeve
+from sim.interface.seat import seated_elbow_angle
+from sim.parameters.wearer import Wearer
+from sim.robot.cuff import Cuff
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loads:
+    """What cuffs and straps do to upper arm and forearm in n steps."""
+
+    #: Resultant force on each limb, N, shape (n, 2).
+    contact_force: np.ndarray
+    #: Sum of all normal forces between exoskeleton and arm, N, shape (n,).
+    normal_force: np.ndarray
+    #: Bone beyond what the tissue leaves free, m, shape (n, 2); positive is bone in cuff.
+    penetration: np.ndarray
+    #: Cuff centre beyond the end of the tissue, m, shape (n, 2); negative is inside.
+    overhang: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interface(ABC):
+    """How an exoskeleton holds an arm: each limb's tissue in its cuff."""
+
+    wearer: Wearer
+    #: Tissue of upper arm and forearm, and the cuff and strap of each.
+    sleeves: tuple[Sleeve, Sleeve]
+    cuffs: tuple[Cuff, Cuff]
+    #: The exoskeleton's elbow angle when the straps are closed, rad.
+    closed_at: float
+
+    @property
+    def seated_elbow(self) -> float:
+        """The human elbow's angle at that moment, rad."""
+        return seated_elbow_angle(self.wearer, self.sleeves[1], self.cuffs[1], self.closed_at)
+
+    @abstractmethod
+    def add(self, spec: mujoco.MjSpec) -> None:
+        """Join arm and exoskeleton in a spec that has both, and add what measures the loads."""
+
+    @abstractmethod
+    def loads(self, model: mujoco.MjModel, sensed: np.ndarray) -> Loads:
+        """Return the loads in n steps from their sensors, shape (n, nsensordata)."""
