@@ -11,8 +11,14 @@ import sim
 def digest() -> str:
     """Return a digest of the sources that a report depends on, 16 hexadecimal digits."""
     found = hashlib.sha256()
-    for folder in (Path(__file__).parent, Path(str(sim.__file__)).parent):
-        for path in sorted((*folder.rglob("*.py"), *folder.rglob("*.xml"))):
+    here, simulation = Path(__file__).parent, Path(str(sim.__file__)).parent
+    pages = here.parent / "reports"
+    for folder, patterns in (
+        (here, ("*.py",)),
+        (simulation, ("*.py", "*.xml")),
+        (pages, ("html.py", "wording.py", "templates/*")),
+    ):
+        for path in sorted(path for pattern in patterns for path in folder.rglob(pattern)):
             found.update(path.relative_to(folder).as_posix().encode() + b"\0")
             found.update(path.read_bytes() + b"\0")
     return found.hexdigest()[:16]

@@ -14,10 +14,11 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from analysis.designs import family
-from analysis.reports.digits import with_interval
 from analysis.reports.figures.pairs import leading_pairs
 from analysis.reports.figures.scatter import DRAWN
 from analysis.reports.figures.together import largest_pairs
+from analysis.reports.wording import with_interval, words
+from analysis.sensitivity.estimators import SYMBOLS
 from analysis.sensitivity.table import Table
 
 if TYPE_CHECKING:
@@ -26,11 +27,8 @@ if TYPE_CHECKING:
 
 Panel = dict[str, Any]
 
-#: By method: the indices of a factor with their symbols in the paper.
-_SYMBOLS = {
-    "morris": {"mu_star": "μ*", "sigma": "σ"},
-    "saltelli": {"first_order": "S", "total_order": "ST"},
-}
+#: By family of methods: the indices that are drawn.
+_DRAWN = {"morris": ("mu_star", "sigma"), "saltelli": ("first_order", "total_order")}
 
 
 def runs_table(table: Table, output: str) -> dict[str, Any]:
@@ -85,7 +83,7 @@ def together(figure: Figure, snapshot: Mapping[str, Any], output: str) -> list[P
         [
             pair["value"],
             place,
-            f"{' and '.join(map(_words, pair['factors']))}: "
+            f"{' and '.join(map(words, pair['factors']))}: "
             f"{_interval(pair['value'], pair['low'], pair['high'])}, n {pair['n']:,}",
         ]
         for place, pair in enumerate(drawn)
@@ -99,9 +97,7 @@ def convergence(figure: Figure, snapshot: Mapping[str, Any], output: str) -> lis
     entry = snapshot["outputs"][output]
     series, complete = entry["convergence"], snapshot["rows_complete"]
     panels = []
-    for axes, (index, symbol) in zip(
-        figure.axes, _SYMBOLS[family(snapshot["method"])].items(), strict=True
-    ):
+    for axes, index in zip(figure.axes, _DRAWN[family(snapshot["method"])], strict=True):
         marks = []
         for name, curves in series["factors"].items():
             ends = [curves[index][end] for end in ("value", "low", "high")]
@@ -109,8 +105,9 @@ def convergence(figure: Figure, snapshot: Mapping[str, Any], output: str) -> lis
             if complete not in series["rows"]:
                 last = entry["factors"][name][index]
                 points.append((complete, last["value"], last["low"], last["high"]))
+            start = f"{words(name)}, "
             marks += [
-                [rows, value, f"{_words(name)}, {rows:,} rows: {symbol} {_interval(value, *ends)}"]
+                [rows, value, f"{start}{rows:,} rows: {SYMBOLS[index]} {_interval(value, *ends)}"]
                 for rows, value, *ends in points
                 if value is not None
             ]
@@ -142,11 +139,11 @@ def _panel(figure: Figure, axes: Axes) -> Panel:
 
 def _told(snapshot: Mapping[str, Any], name: str, entry: Mapping[str, Any]) -> str:
     indices = ", ".join(
-        f"{symbol} {_interval(**entry[index])}"
-        for index, symbol in _SYMBOLS[family(snapshot["method"])].items()
+        f"{SYMBOLS[index]} {_interval(**entry[index])}"
+        for index in _DRAWN[family(snapshot["method"])]
         if entry[index]["value"] is not None
     )
-    return f"{_words(name)}: {indices}, n {entry['n']:,}"
+    return f"{words(name)}: {indices}, n {entry['n']:,}"
 
 
 def _interval(value: float, low: float | None, high: float | None) -> str:
@@ -156,7 +153,3 @@ def _interval(value: float, low: float | None, high: float | None) -> str:
 def _short(value: float) -> float | None:
     """Return a number in four digits: enough to find a place on a screen."""
     return float(f"{value:.4g}") if isfinite(value) else None
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")

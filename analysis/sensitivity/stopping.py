@@ -12,16 +12,14 @@ from typing import Any
 
 from analysis.designs import family, row_width
 from analysis.designs.points import LATIN_HYPERCUBE_ROWS
+from analysis.sensitivity.estimators import SYMBOLS
 
 #: Half width wanted of variance shares, and of mu* as a share of the largest mu*.
 SHARE_TARGET = 0.02
 EFFECT_TARGET = 0.1
 
-#: By method: the indices that must be precise, with their symbols in the paper.
-_WANTED = {
-    "morris": {"mu_star": "μ*"},
-    "saltelli": {"first_order": "S", "total_order": "ST"},
-}
+#: By family of methods: the indices that must be precise.
+_WANTED = {"morris": ("mu_star",), "saltelli": ("first_order", "total_order")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +76,7 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
         more = _round_up(complete * ((half / target) ** 2 - 1.0))
     runs = more * row_width(snapshot["method"], len(factors))
     reach = f"±{target:.2g}"
-    now = f"the widest interval, {wanted[name]} of {factor}, has ±{half:.2g}"
+    now = f"the widest interval, {SYMBOLS[name]} of {factor}, has ±{half:.2g}"
     if more == 0:
         sentence = f"Every index of {output} is within {reach}: {now}."
     else:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.designs import family
+from analysis.designs import family, row_width
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 
 
@@ -37,6 +37,16 @@ class Table:
                 outcome=outcome,
                 outputs=found if outcome == "ok" else {},
             )
+
+    def by_row(self, output: str) -> NDArray[np.float64]:
+        """Return an output's values at A, B and A_B^(i), shape (rows, factors + 2).
+
+        Of a variance-based study (Saltelli et al. 2010); nan where no value came.
+        """
+        o, factors = self.plan.outputs.index(output), len(self.plan.factors)
+        rows = np.full((self.plan.rows, row_width(self.plan.method, factors)), np.nan)
+        rows[self.rows, self.positions] = self.values[:, o]
+        return rows[:, : factors + 2]
 
     def sample(self, output: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return points and values of one output that stand for the factors' distributions.

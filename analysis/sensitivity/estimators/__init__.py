@@ -9,8 +9,12 @@ from analysis.sensitivity.estimators.morris import MorrisEstimator
 from analysis.sensitivity.estimators.saltelli import SaltelliEstimator
 from analysis.sensitivity.estimators.second_order import SecondOrderEstimator
 
+#: Indices of single factors, with their symbols in the paper.
+SYMBOLS = {"mu": "μ", "mu_star": "μ*", "sigma": "σ", "first_order": "S", "total_order": "ST"}
+
 __all__ = [
     "OF_PAIRS",
+    "SYMBOLS",
     "Estimate",
     "Estimator",
     "Moments",

@@ -1,9 +1,20 @@
-"""Numbers with the digits that their intervals allow (JCGM 2008, section 7.2.6: two at most).
+"""How a report writes names and numbers.
 
-JCGM 2008 is the Guide to the expression of uncertainty in measurement.
+Numbers have the digits that their intervals allow: two of the half width at most (JCGM 2008, Guide
+to the expression of uncertainty in measurement, section 7.2.6).
 """
 
 from math import floor, log10
+
+
+def words(name: str) -> str:
+    """Return a name as a reader would write it."""
+    return name.replace("_", " ")
+
+
+def with_unit(name: str, unit: str) -> str:
+    """Return a name as a reader would write it, and its unit if it has one."""
+    return f"{words(name)} ({unit})" if unit else words(name)
 
 
 def with_interval(value: float, low: float | None, high: float | None) -> tuple[str, str]:

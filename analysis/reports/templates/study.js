@@ -1,5 +1,5 @@
 // Shows values at the pointer, marks the same run in every panel, and sorts tables.
-// Figures are images; data-panels says where their panels lie (analysis/hover.py).
+// Figures are images; data-panels says where their panels lie (analysis/reports/hover.py).
 "use strict";
 
 const NEAR = 16; // pixels

@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.reports.digits import with_interval
+from analysis.reports.wording import with_interval
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,194 @@
+"""The pictures of a study: which of the paper's figures its method has, and what they show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.designs import METHODS
+from analysis.reports import hover
+from analysis.reports.figures import (
+    convergence_figure,
+    distribution_figure,
+    pairs_figure,
+    scatter_figure,
+    screening_figure,
+    together_figure,
+    variance_figure,
+)
+from analysis.reports.html import data_uri
+from analysis.sensitivity.estimators import Estimator
+from analysis.sensitivity.table import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Widest that a figure is shown, so that the letters of all have one size.
+_PIXELS_PER_INCH = 92
+
+
+@dataclass(frozen=True, kw_only=True)
+class Subject:
+    """What the pictures are of: one output of a study."""
+
+    table: Table
+    snapshot: Mapping[str, Any]
+    estimator: Estimator
+    output: str
+    #: Of the output and of the factors, or "".
+    unit: str
+    factor_units: Sequence[str]
+    #: Factors in the order of their colours; the study's if empty.
+    palette: Sequence[str] = ()
+
+    @property
+    def order(self) -> Sequence[str]:
+        """The factors, the most influential first as far as that is known."""
+        known: Sequence[str] | None = self.snapshot["outputs"][self.output]["ranking"]["order"]
+        return known or self.table.plan.factors
+
+    @property
+    def clouds(self) -> NDArray[np.float64]:
+        """mu* and sigma of every replicate, shape (2, replicates, factors)."""
+        statistics = self.estimator.statistics()
+        o = self.table.plan.outputs.index(self.output)
+        return np.stack([statistics[name].weighted[1:, o] for name in ("mu_star", "sigma")])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A figure with what it shows."""
+
+    #: Short, for file names.
+    name: str
+    title: str
+    caption: str
+    figure: Figure
+    #: What it shows at the pointer (`analysis.reports.hover`).
+    panels: Sequence[hover.Panel]
+
+    @property
+    def width(self) -> str:
+        """How wide it is shown, in pixels."""
+        return f"{self.figure.get_figwidth() * _PIXELS_PER_INCH:.0f}"
+
+    @property
+    def uri(self) -> str:
+        """The figure as an SVG image in the page, with clouds of points as pixels inside it."""
+        return data_uri(self.figure, "svg")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Kind:
+    """A picture that studies of some methods have."""
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[[Subject], Figure]
+    panels: Callable[[Figure, Subject], list[hover.Panel]]
+    methods: Sequence[str] = METHODS
+
+
+_KINDS = (
+    _Kind(
+        name="plane",
+        title="Elementary effects",
+        caption="Left: mean magnitude and spread of the elementary effects with their intervals, "
+        "each the effect of a factor's whole range; below the dotted line an effect is mostly "
+        "monotonic and without interactions, left of the dashed one it is less than a tenth of the "
+        "largest. Right: where bootstrap replicates put them. Near the origin a factor does little "
+        "(paper, figure 8).",
+        methods=("morris",),
+        draw=lambda s: screening_figure(s.snapshot, s.output, s.unit, s.clouds, s.palette),
+        panels=lambda figure, s: hover.plane(figure, s.snapshot, s.output),
+    ),
+    _Kind(
+        name="shares",
+        title="Shares of the variance",
+        caption="Share of the output's variance due to a factor alone (S) and in company (ST), "
+        "with intervals; ST near 0 means that the factor may take any value; left of the dashed "
+        "line, a share of 0.05, it does too little to matter (paper, figure 10).",
+        methods=("saltelli", "saltelli_second_order"),
+        draw=lambda s: variance_figure(s.snapshot, s.output, s.unit),
+        panels=lambda figure, s: hover.shares(figure, s.snapshot, s.output),
+    ),
+    _Kind(
+        name="together",
+        title="Pairs of factors",
+        caption="Share of the output's variance that two factors have together beyond what each "
+        "has alone (Saltelli 2002), the largest, and the same from growing parts of the sample.",
+        methods=("saltelli_second_order",),
+        draw=lambda s: together_figure(s.snapshot, s.output),
+        panels=lambda figure, s: hover.together(figure, s.snapshot, s.output),
+    ),
+    _Kind(
+        name="convergence",
+        title="Convergence",
+        caption="The same indices from the first 8, 16, 32, ... rows. Bands are intervals, cut off "
+        "where the first ones would dwarf the rest; lines that still move ask for more rows "
+        "(paper, figure 11).",
+        draw=lambda s: convergence_figure(s.snapshot, s.output, s.unit, s.palette),
+        panels=lambda figure, s: hover.convergence(figure, s.snapshot, s.output),
+    ),
+    _Kind(
+        name="distribution",
+        title="Distribution of the output",
+        caption="What the sampled uncertainty does to the output. Variance stands for uncertainty "
+        "as far as this has one hump and little skew (paper, figure 9).",
+        draw=lambda s: distribution_figure(s.table.sample(s.output)[1], s.output, s.unit),
+        panels=lambda figure, s: [],
+    ),
+    _Kind(
+        name="scatter",
+        title="Output against each factor",
+        caption="Every run, and the mean of each tenth of a factor's range (paper, figure 12).",
+        draw=lambda s: scatter_figure(
+            *s.table.sample(s.output), s.table.plan.factors, s.output, s.unit, s.factor_units
+        ),
+        panels=lambda figure, s: hover.scatter(figure, s.table.plan.factors, s.output),
+    ),
+    _Kind(
+        name="pairs",
+        title="Pairs of the leading factors",
+        caption="Two factors against each other, the output as colour. A pattern along a diagonal "
+        "hints at an interaction (paper, figure 13).",
+        draw=lambda s: pairs_figure(
+            *s.table.sample(s.output),
+            s.table.plan.factors,
+            s.order,
+            s.output,
+            s.unit,
+            s.factor_units,
+        ),
+        panels=lambda figure, s: hover.pairs(figure, s.order),
+    ),
+)
+
+
+def pictures(subject: Subject) -> list[Picture]:
+    """Return every figure of the paper that the study's method has, drawn.
+
+    Raises:
+        ValueError: the study has no such output.
+    """
+    drawn = []
+    for kind in _KINDS:
+        if subject.snapshot["method"] in kind.methods:
+            figure = kind.draw(subject)
+            # Places of panels are settled when a figure is drawn, and not before.
+            figure.draw_without_rendering()
+            drawn.append(
+                Picture(
+                    name=kind.name,
+                    title=kind.title,
+                    caption=kind.caption,
+                    figure=figure,
+                    panels=kind.panels(figure, subject),
+                )
+            )
+    return drawn

@@ -1,0 +1,42 @@
+"""Pages are made of escaped pieces, and a picture is the same bytes each time."""
+
+import numpy as np
+import pytest
+
+from analysis.reports.figures import distribution_figure
+from analysis.reports.html import _templates, cell, data_uri
+from analysis.reports.tables import Grid
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (None, "–"),
+        (0.123456, "0.1235"),
+        (7, "7"),
+        ("<b>", "<b>"),
+        ([1.23456, None, "Hz"], "1.235, –, Hz"),
+        ({"value": None, "low": None, "high": None}, "–"),
+        ({"value": 0.12345, "low": None, "high": None}, "0.123"),
+        ({"value": 0.5763, "low": 0.3212, "high": 0.8512}, "0.58 <small>[0.32, 0.85]</small>"),
+    ],
+)
+def test_a_cell_shows_a_value_with_the_digits_that_it_has(value: object, shown: str) -> None:
+    assert cell(value) == shown
+
+
+def test_names_from_outside_stay_text() -> None:
+    grid = Grid(head=["<th>"], rows=[["<i>", {"value": 1.0, "low": 0.5, "high": 1.5}]], title="<&>")
+    pieces = _templates().get_template("macros.html").module
+    text = pieces.grid(grid)  # type: ignore[attr-defined]
+    assert "<h3>&lt;&amp;&gt;</h3>" in text and "<td>&lt;i&gt;</td>" in text
+    assert "<th>&lt;th&gt;</th>" in text and "<td>1.00 <small>[0.50, 1.50]</small></td>" in text
+
+
+@pytest.mark.parametrize("kind", ["svg", "png"])
+def test_the_same_figure_is_the_same_image(kind: str) -> None:
+    once, again = (
+        data_uri(distribution_figure(np.arange(9.0), "y"), kind, dpi=30)  # type: ignore[arg-type]
+        for _ in range(2)
+    )
+    assert once == again and once.startswith(f"data:image/{kind}")
