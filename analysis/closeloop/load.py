@@ -3,13 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
-from analysis.closeloop.catalogue import BY_NAME, VISCOELASTIC
 from analysis.closeloop.session.mjcf import load_device
 from analysis.closeloop.session.plausibility import check_signs, check_trial
 from analysis.closeloop.session.reading import read_session
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.stretches import record
 from analysis.closeloop.session.trial_csv import read_trial
+from sim.effects.catalogue import BY_NAME
 
 
 def load_session(folder: Path) -> Recording:
@@ -18,7 +18,7 @@ def load_session(folder: Path) -> Recording:
     Raises:
         SessionError: the first thing that is wrong.
     """
-    session = read_session(folder, (VISCOELASTIC, *BY_NAME))
+    session = read_session(folder, tuple(BY_NAME))
     device = load_device(session)
     declared = tuple(dict.fromkeys(entry.joint for entry in session.declared))
     trials = []

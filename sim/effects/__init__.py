@@ -1,1 +1,4 @@
-"""Adding an effect to a MuJoCo model: a native element where one exists, else an applied torque."""
+"""Effects that a joint may have and a nominal model lacks: one class each, for every use.
+
+A new effect is a class in the file of its family and a line in `catalogue`.
+"""

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from sim.effects.applied import AppliedEffects
-from sim.effects.elements import add_effect
+from sim.effects.catalogue import BY_NAME
 from sim.parameters.conditions import Conditions
 from sim.parameters.effects import NO_ANGLE, UNDECLARED
 from sim.robot.control import Gains
@@ -76,7 +76,7 @@ def add_undeclared(
             motor.forcerange = gain * np.array(motor.forcerange)
             continue
         owner = robot if UNDECLARED[name].owner == "robot" else human
-        add_effect(spec, name, owner, _for_element(parameters))
+        BY_NAME[name].add(spec, owner, _for_element(parameters))
 
 
 def _for_element(parameters: Parameters) -> dict[str, float]:

@@ -1,109 +1,96 @@
-"""How each effect enters a MuJoCo model.
+"""Elements of a MuJoCo model that effects need.
 
-Native elements need nothing at run time. What MuJoCo has no element for becomes an actuator named
-`effect_NAME_JOINT` and a custom text that holds its parameters; `sim.effects.applied` computes the
-torque at every step.
+What MuJoCo has no element for becomes an actuator named `effect_NAME_JOINT` and a custom text that
+holds its parameters; `sim.effects.applied` computes the torque at every step.
 """
 
 import json
-from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 
-#: Effects that `sim.effects.applied` can compute.
-APPLIED = (
-    "stribeck_friction",
-    "asymmetric_friction",
-    "load_dependent_friction",
-    "position_dependent_friction",
-    "nonlinear_stiffness",
-    "end_range_torque",
-    "torque_ripple",
-    "hysteresis",
-    "stretch_reflex",
-    "thixotropy",
-    "drift",
-    "cross_joint_coupling",
-)
+from sim.effects.parameter import Values
+
+if TYPE_CHECKING:
+    import mujoco
+
 #: Prefix of the custom texts and actuators of applied torques.
 PREFIX = "effect_"
 
 
-def add_effect(
-    spec: mujoco.MjSpec, name: str, joint: str, parameters: Mapping[str, float]
-) -> str | None:
-    """Add an effect to a joint of `spec`.
-
-    Args:
-        spec: the model under construction; changed in place.
-        name: an effect of the catalogue.
-        joint: the joint's name.
-        parameters: the effect's parameters, SI units.
-
-    Returns:
-        The element that now carries it, or None if no MuJoCo model can (it is left unchanged).
+def joint_of(spec: "mujoco.MjSpec", joint: str) -> "mujoco.MjsJoint":
+    """Return a joint by its name.
 
     Raises:
-        ValueError: a parameter is missing or the result is not physical.
+        ValueError: there is none.
     """
-    target = spec.joint(joint)
-    if target is None:
+    found = spec.joint(joint)
+    if found is None:
         raise ValueError(f"the model has no joint {joint!r}")
-    if name in APPLIED:
-        return _add_applied(spec, name, joint, parameters)
-    match name:
-        case "coulomb_friction":
-            target.frictionloss += parameters["torque"]
-            return "joint/@frictionloss"
-        case "viscous_friction":
-            add_damping(target, parameters["damping"])
-            return "joint/@damping"
-        case "joint_stiffness":
-            k = parameters["stiffness"]
-            add_spring(target, k, -parameters["torque_at_zero"] / k if k else 0.0)
-            return "joint/@stiffness"
-        case "added_inertia":
-            if target.armature + parameters["inertia"] < 0:
-                raise ValueError("the joint's inertia would be negative")
-            target.armature += parameters["inertia"]
-            return "joint/@armature"
-        case "payload":
-            add_point_mass(spec, joint, parameters["mass"], parameters["distance"])
-            return "body/@mass"
-        case "torque_offset":
-            # The motor has to add this torque, so the joint feels its opposite.
-            _add_constant(spec, joint, -parameters["torque"])
-            return "actuator/general/@biasprm"
-        case "position_offset":
-            target.ref += parameters["offset"]
-            return "joint/@ref"
-        case "torque_gain":
-            for motor in _motors(spec, joint):
-                motor.gainprm[0] *= parameters["gain"]
-                motor.biasprm[:3] = np.array(motor.biasprm[:3]) * parameters["gain"]
-            return "actuator/general/@gainprm"
-        case "actuator_lag" if parameters["time_constant"] > 0:
-            for motor in _motors(spec, joint):
-                motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
-                motor.dynprm[0] = parameters["time_constant"]
-            return "actuator/general/@dynprm (filter)"
-        case "time_delay" if parameters["delay"] > 0:
-            for motor in _motors(spec, joint):
-                motor.delay = parameters["delay"]
-                motor.nsample = int(np.ceil(parameters["delay"] / spec.option.timestep)) + 1
-            return "actuator/general/@delay"
-    return None
+    return found
 
 
-def add_damping(joint: mujoco.MjsJoint, damping: float) -> None:
+def add_applied(spec: "mujoco.MjSpec", name: str, joint: str, parameters: Values) -> str:
+    """Add the actuator and the text of an effect whose torque is computed at every step."""
+    label = f"{PREFIX}{name}_{joint}"
+    _add_motor(spec, label, joint)
+    content = {"effect": name, "joint": joint, "parameters": dict(parameters)}
+    spec.add_text(name=label, data=json.dumps(content).replace('"', "'"))
+    return f"applied torque: actuator {label}, custom/text {label}"
+
+
+def add_constant(spec: "mujoco.MjSpec", name: str, joint: str, torque: float) -> None:
+    """Add a constant torque that the joint feels."""
+    import mujoco
+
+    actuator = _add_motor(spec, f"{PREFIX}{name}_{joint}", joint)
+    actuator.gainprm[0] = 0.0
+    actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+    actuator.biasprm[0] = torque
+
+
+def add_filter(spec: "mujoco.MjSpec", joint: str, time_constant: float) -> None:
+    """Let the joint's motors lag behind their controls."""
+    import mujoco
+
+    for motor in motors_of(spec, joint):
+        motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+        motor.dynprm[0] = time_constant
+
+
+def add_delay(spec: "mujoco.MjSpec", joint: str, delay: float) -> str:
+    """Let the joint's motors act a fixed time late; return the element."""
+    for motor in motors_of(spec, joint):
+        motor.delay = delay
+        motor.nsample = int(np.ceil(delay / spec.option.timestep)) + 1
+    return "actuator/general/@delay"
+
+
+def motors_of(spec: "mujoco.MjSpec", joint: str) -> "list[mujoco.MjsActuator]":
+    """Return the joint's motors; a model without gets one, which is where the effort enters."""
+    motors = [
+        actuator
+        for actuator in spec.actuators
+        if actuator.target == joint and not actuator.name.startswith(PREFIX)
+    ]
+    return motors or [_add_motor(spec, f"{joint}_motor", joint)]
+
+
+def _add_motor(spec: "mujoco.MjSpec", name: str, joint: str) -> "mujoco.MjsActuator":
+    import mujoco
+
+    joint_of(spec, joint)
+    return spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint)
+
+
+def add_damping(joint: "mujoco.MjsJoint", damping: float) -> None:
     """Add to a joint's linear damping, Nm s/rad."""
     polynomial = np.array(joint.damping)
     polynomial[0] += damping
     joint.damping = polynomial
 
 
-def add_spring(joint: mujoco.MjsJoint, stiffness: float, neutral: float) -> None:
+def add_spring(joint: "mujoco.MjsJoint", stiffness: float, neutral: float) -> None:
     """Add a linear spring (Nm/rad, rad) to a joint that may have one; two springs make one."""
     polynomial = np.array(joint.stiffness)
     total = polynomial[0] + stiffness
@@ -113,12 +100,14 @@ def add_spring(joint: mujoco.MjsJoint, stiffness: float, neutral: float) -> None
     joint.stiffness = polynomial
 
 
-def add_point_mass(spec: mujoco.MjSpec, joint: str, mass: float, distance: float) -> None:
+def add_point_mass(spec: "mujoco.MjSpec", joint: str, mass: float, distance: float) -> None:
     """Add `mass` (kg; negative takes away) on the line from the joint's body to its centre of mass.
 
     Raises:
         ValueError: what is left would have no mass.
     """
+    import mujoco
+
     model = spec.copy().compile()
     number = int(model.jnt_bodyid[model.joint(joint).id])
     body = spec.body(model.body(number).name)
@@ -147,34 +136,3 @@ def add_point_mass(spec: mujoco.MjSpec, joint: str, mass: float, distance: float
     body.fullinertia = np.full(6, np.nan)
     for geom in body.geoms:
         geom.mass = 0.0
-
-
-def _add_constant(spec: mujoco.MjSpec, joint: str, torque: float) -> None:
-    actuator = spec.add_actuator(
-        name=f"{PREFIX}torque_offset_{joint}", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint
-    )
-    actuator.gainprm[0] = 0.0
-    actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-    actuator.biasprm[0] = torque
-
-
-def _motors(spec: mujoco.MjSpec, joint: str) -> list[mujoco.MjsActuator]:
-    """Return the joint's motors; a model without gets one, which is where the effort enters."""
-    motors = [
-        actuator
-        for actuator in spec.actuators
-        if actuator.target == joint and not actuator.name.startswith(PREFIX)
-    ]
-    return motors or [
-        spec.add_actuator(name=f"{joint}_motor", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint)
-    ]
-
-
-def _add_applied(
-    spec: mujoco.MjSpec, name: str, joint: str, parameters: Mapping[str, float]
-) -> str:
-    label = f"{PREFIX}{name}_{joint}"
-    spec.add_actuator(name=label, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint)
-    content = {"effect": name, "joint": joint, "parameters": dict(parameters)}
-    spec.add_text(name=label, data=json.dumps(content).replace('"', "'"))
-    return f"applied torque: actuator {label}, custom/text {label}"

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import decimate
 
-from analysis.closeloop.catalogue import RUBBING
 from analysis.closeloop.identification.model import Model, kept_columns, prediction
 from analysis.closeloop.identification.regression import Rows, resting, solve
 from analysis.closeloop.session.recording import Recording
@@ -38,11 +37,8 @@ def settled(model: Model, coefficients: np.ndarray) -> np.ndarray:
     """
     recording = model.recording
     predicted = prediction(model, coefficients)
-    start = 0
-    for term in model.terms:
-        own = coefficients[start : start + len(term.kept)]
-        start += len(term.kept)
-        if term.name not in RUBBING or term.joint not in term.columns:
+    for term, own in model.split(coefficients):
+        if not term.rubs or term.joint not in term.columns:
             continue
         joint = term.joint
         sliding = model.transformed(kept_columns(term))[joint] @ own

@@ -1,12 +1,11 @@
-"""Try every effect of the catalogue beside a model: the ladder that a name is chosen from."""
+"""Try every effect of the catalogue beside a model: the candidates that a name is chosen from."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.closeloop.catalogue import RUBBING, candidates
-from analysis.closeloop.catalogue.effect import Candidate, Estimate, Theta
 from analysis.closeloop.identification.model import (
+    Candidate,
     Channel,
     Model,
     Term,
@@ -22,21 +21,15 @@ from analysis.closeloop.identification.regression import (
     keep_independent,
     score,
 )
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import EFFECTS
+from sim.effects.effect import Theta
+from sim.effects.motion import Estimate
 
 #: An effect whose torque the declared unknowns imitate to this share cannot be named.
 MIN_UNIQUE = 0.02
 #: A little of what a Dahl spring stores comes back; more than this share is a drive.
 MAX_GIVEN = 0.25
-#: A gain or lag beyond these is another effect in disguise.
-GAINS = (0.33, 3.0)
-#: No more than this share of the declared inertia can turn out not to be there.
-MAX_REMOVED = 0.7
-#: Friction that takes more than this share of the load locks a transmission: nobody could move the
-#: robot by hand. What looks like it is Coulomb friction beside something else.
-MAX_LOAD_SHARE = 0.5
-#: Slowest drive, s: a loop closed around a slower one cannot follow a limb. Soft tissue relaxes in
-#: 0.1 to 1 s (viscosity over stiffness, Table 1), and looks like one.
-MAX_LAG = 0.16
 ONE_WAY = (
     "the only trial moves in one direction: friction, damping, stiffness and neutral angle cannot "
     "be told apart"
@@ -59,6 +52,22 @@ class Option:
     refused: str = ""
     #: Simpler effects of the model that it takes the place of.
     replaced: frozenset[tuple[str, int]] = frozenset()
+
+    @property
+    def theta(self) -> Theta:
+        """Its non-linear parameters in the model."""
+        parts: list[Term | Channel] = [*self.model.terms, *self.model.channels]
+        return next(part.theta for part in parts if part.candidate == self.candidate)
+
+
+def candidates(recording: Recording) -> list[Candidate]:
+    """Return every effect at every joint it can be asked of, simplest first."""
+    return [
+        Candidate(effect=effect, joint=joint)
+        for joint in recording.joints
+        for effect in EFFECTS
+        if effect.applies(recording, joint)
+    ]
 
 
 def ladder(model: Model, rows: Rows, current: Score) -> list[Option]:
@@ -95,14 +104,8 @@ def _sharpened(options: list[Option], rows: Rows, current: Score) -> list[Option
             if gain > option.gain:
                 option = replace(option, model=model, score=scored, gain=gain, z=gain / error)
         sharp.append(option)
-    plausible = [option for option in sharp if not _too_late(option)]
+    plausible = [o for o in sharp if o.candidate.effect.plausible_theta(o.theta)]
     return sorted(plausible, key=lambda option: -option.gain)
-
-
-def _too_late(option: Option) -> bool:
-    """Whether what looks like a drive's lag is longer than that of any drive."""
-    channels = [c for c in option.model.channels if c.candidate == option.candidate]
-    return any(abs(c.theta.get("time_constant", 0.0)) > MAX_LAG for c in channels)
 
 
 def _without_included(model: Model, candidate: Candidate) -> Model:
@@ -111,7 +114,7 @@ def _without_included(model: Model, candidate: Candidate) -> Model:
         for term in model.terms
         if term.candidate is None
         or term.joint != candidate.joint
-        or term.name not in candidate.effect.includes
+        or term.candidate.effect.name not in candidate.effect.includes
     )
     return replace(model, terms=keep)
 
@@ -128,17 +131,11 @@ def _try(
     if found is None:
         return None
     tried, scored = found
-    if effect.name == "torque_gain":
-        gain = 1.0 + float(scored.coefficients[-1])
-        if not 1.0 / GAINS[1] < gain < 1.0 / GAINS[0]:
-            return None
-    if effect.name == "added_inertia":
-        own = model.recording.own_inertia[rows.samples[candidate.joint], candidate.joint]
-        if float(scored.coefficients[-1]) < -MAX_REMOVED * float(own.min()):
-            return None
-    if effect.name == "load_dependent_friction" and scored.coefficients[-1] > MAX_LOAD_SHARE:
+    samples = rows.samples[candidate.joint]
+    own = scored.coefficients[len(scored.coefficients) - len(scored.variant.kept) :]
+    if not effect.plausible(own, model.recording, candidate.joint, samples):
         return None
-    rubs = effect.name in RUBBING and not _corrects(model, candidate)
+    rubs = effect.rubs and not _corrects(model, candidate)
     if rubs and _drives(tried, scored, candidate):
         return None
     gain, error = compare(current.losses, scored.losses)
@@ -158,7 +155,7 @@ def _corrects(model: Model, candidate: Candidate) -> bool:
     return bool(
         device.friction[joint]
         or device.model.dof_damping[joint]
-        or any(term.joint == joint and term.name in RUBBING for term in model.terms)
+        or any(term.joint == joint and term.rubs for term in model.terms)
     )
 
 
@@ -187,7 +184,7 @@ def _best_term(
     if not np.any(scored.coefficients[base.shape[1] :]):
         return None
     term = Term(
-        name=effect.name,
+        effect=effect,
         joint=joint,
         columns=effect.columns(model.recording, joint, scored.variant.theta, estimate),
         lower=effect.lower,
@@ -244,12 +241,7 @@ def refined(option: Option, rows: Rows, rounds: int = 4) -> tuple[Model, Score]:
     """Refine the non-linear parameters on all fit rows."""
     candidate, model, current = option.candidate, option.model, option.score
     own = next((term for term in model.terms if term.candidate == candidate), None)
-    if own is None:
-        rest = replace(model, channels=model.channels[:-1])
-        theta = model.channels[-1].theta
-    else:
-        rest = replace(model, terms=tuple(term for term in model.terms if term is not own))
-        theta = own.theta
+    rest, theta = model.without(candidate), option.theta
     for scale in REFINEMENTS[:rounds]:
         estimate = _estimate_beside(model, current, own)
         if candidate.effect.uses_estimate and own is not None:
@@ -271,11 +263,10 @@ def refined(option: Option, rows: Rows, rounds: int = 4) -> tuple[Model, Score]:
 
 def _estimate_beside(model: Model, current: Score, own: Term | None) -> Estimate:
     """Return the estimate of the fitted model without the torque of the effect in question."""
-    coefficients, start = np.array(current.coefficients), 0
-    for term in model.terms:
+    coefficients = np.array(current.coefficients)
+    for term, part in model.split(coefficients):
         if own is not None and term.candidate is not None and term.candidate == own.candidate:
-            coefficients[start : start + len(term.kept)] = 0.0
-        start += len(term.kept)
+            part[:] = 0.0
     return estimate_of(model, coefficients)
 
 
@@ -289,7 +280,7 @@ def _refusal(model: Model, rows: Rows, candidate: Candidate, scored: Score) -> s
         return ""
     columns, own = scored.variant.columns, scored.coefficients[-width:]
     left = columns - base @ np.linalg.lstsq(base, columns, rcond=None)[0]
-    here = {term.name for term in model.terms if term.joint == candidate.joint}
+    here = {t.effect.name for t in model.terms if t.effect and t.joint == candidate.joint}
     if here.intersection(candidate.effect.includes):
         # The part that is there already does not count: only what goes beyond it has to show.
         beyond = (left**2).sum(axis=0) > MIN_UNIQUE * (columns**2).sum(axis=0)

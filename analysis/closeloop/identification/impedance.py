@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from analysis.closeloop.catalogue.effect import Candidate
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.candidates import Option
-from analysis.closeloop.identification.model import Model, evaluate, impedances
+from analysis.closeloop.identification.model import Candidate, Model, evaluate, impedances
 from analysis.closeloop.identification.regression import Rows
 from analysis.closeloop.identification.tracing import Trace
 from analysis.closeloop.identification.uncertainty import leave_out
@@ -99,13 +98,10 @@ def alternatives(found: Trace) -> dict[str, Refits]:
 
 def _exchanged(model: Model, taken: Candidate, option: Option) -> Model:
     """Return the model with the effect that was taken replaced by an option's."""
-    terms = tuple(t for t in model.terms if t.candidate != taken)
-    channels = tuple(c for c in model.channels if c.candidate != taken)
+    rest = model.without(taken)
+    other = option.candidate
     return replace(
-        model,
-        terms=(*terms, *(t for t in option.model.terms if t.candidate == option.candidate)),
-        channels=(
-            *channels,
-            *(c for c in option.model.channels if c.candidate == option.candidate),
-        ),
+        rest,
+        terms=(*rest.terms, *(t for t in option.model.terms if t.candidate == other)),
+        channels=(*rest.channels, *(c for c in option.model.channels if c.candidate == other)),
     )

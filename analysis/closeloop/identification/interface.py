@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.closeloop.catalogue import RUBBING
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.candidates import ONE_WAY
 from analysis.closeloop.identification.model import Model, evaluate, kept_columns
@@ -28,7 +27,7 @@ from analysis.closeloop.session.contents import NOMINAL
 LIMIT = 2.0
 #: ... unless it acts with the direction of the motion and alone explains this share of what is
 #: explainable, which cuffs and tissue never do; a curve over the angle they imitate whole.
-WHOLE, DIRECTED = 0.98, RUBBING | {"viscous_friction", "stretch_reflex"}
+WHOLE = 0.98
 REMARK = (
     "the nominal arm is rigid and aligned with the robot (q = theta): soft tissue, joints that are "
     "not aligned and stiffness that changes with the angle leave a residual like the one that "
@@ -72,11 +71,7 @@ def beyond_interface(found: Trace) -> Trace:
             notes=(*found.notes, REMARK),
         )
     keys = {step.taken.candidate.key for step in kept}
-    reduced = replace(
-        model,
-        terms=tuple(t for t in model.terms if t.candidate is None or t.candidate.key in keys),
-        channels=tuple(c for c in model.channels if c.candidate.key in keys),
-    )
+    reduced = model.keeping(lambda candidate: candidate.key in keys)
     return replace(
         found,
         model=reduced,
@@ -97,7 +92,7 @@ def _exceeds(
 
 def _explains_all(found: Trace, step: Step) -> bool:
     """Whether one effect of the direction alone leaves nothing that splines could explain."""
-    if step.taken.candidate.effect.name not in DIRECTED:
+    if not step.taken.candidate.effect.directed:
         return False
     left = ceiling(step.taken.model, found.rows)
     explained = found.ceiling_before.model_loss - left.model_loss
@@ -113,10 +108,8 @@ def unique_torque(
     The root of its mean square weighted by its own power: the size where it acts, which a catch
     that acts for a moment has as well as friction that always does.
     """
-    candidate, start = step.taken.candidate, 0
-    for term in model.terms:
-        own = coefficients[start : start + len(term.kept)]
-        start += len(term.kept)
+    candidate = step.taken.candidate
+    for term, own in model.split(coefficients):
         if term.candidate is None or term.candidate.key != candidate.key:
             continue
         torque = rows.stack(model.transformed(kept_columns(term)), len(term.kept)) @ own

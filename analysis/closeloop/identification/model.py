@@ -1,12 +1,11 @@
 """A model of the balance: the declared unknowns and the effects added so far, with their fit."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from math import prod
 
 import numpy as np
 
-from analysis.closeloop.catalogue import BY_NAME, VISCOELASTIC
-from analysis.closeloop.catalogue.effect import Candidate, Columns, Effect, Estimate, Theta
 from analysis.closeloop.identification.regression import (
     Rows,
     Score,
@@ -15,22 +14,44 @@ from analysis.closeloop.identification.regression import (
     score,
 )
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.signals import lagged, lowpass, shifted
+from analysis.closeloop.session.signals import lagged
+from sim.effects.catalogue import BY_NAME
+from sim.effects.effect import Columns, Effect, Theta
+from sim.effects.elastic import Viscoelastic
+from sim.effects.motion import Estimate
 
 EMPTY = Variant(theta={}, columns=np.empty((0, 0)), kept=())
 
 
 @dataclass(frozen=True, kw_only=True)
-class Term:
-    """A block of columns in the model: a declared unknown or an added effect."""
+class Candidate:
+    """An effect at a joint."""
 
-    name: str
+    effect: Effect
+    joint: int
+
+    @property
+    def key(self) -> tuple[str, int]:
+        return self.effect.name, self.joint
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """A block of columns in the model: a declared effect, an added one, or none at all."""
+
     joint: int
     columns: Columns
-    lower: tuple[float, ...]
+    lower: tuple[float, ...] = (-np.inf,)
     theta: Theta = field(default_factory=dict)
     kept: tuple[int, ...] = ()
+    effect: Effect | None = None
+    #: What was added; None if declared.
     candidate: Candidate | None = None
+
+    @property
+    def rubs(self) -> bool:
+        """Whether the motion does not determine its torque at rest."""
+        return self.effect is not None and self.effect.rubs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +81,8 @@ class Model:
         for joint, column in columns.items():
             for channel in self.channels:
                 if channel.candidate.joint == joint:
-                    column = through(self.recording, column, channel.theta)
+                    effect = channel.candidate.effect
+                    column = effect.through(self.recording, column, channel.theta)
             out[joint] = _known_filter(self.recording, column)
         return out
 
@@ -98,6 +120,26 @@ class Model:
     def with_term(self, term: Term) -> "Model":
         return replace(self, terms=(*self.terms, term))
 
+    def keeping(self, wanted: Callable[[Candidate], bool]) -> "Model":
+        """Return the model with what is declared and the added effects that are wanted."""
+        return replace(
+            self,
+            terms=tuple(t for t in self.terms if t.candidate is None or wanted(t.candidate)),
+            channels=tuple(c for c in self.channels if wanted(c.candidate)),
+        )
+
+    def without(self, candidate: Candidate) -> "Model":
+        """Return the model without an added effect."""
+        return self.keeping(lambda other: other != candidate)
+
+    def split(self, coefficients: np.ndarray) -> Iterator[tuple[Term, np.ndarray]]:
+        """Return every term with its own of the model's coefficients, (..., its kept columns)."""
+        start = 0
+        for term in self.terms:
+            stop = start + len(term.kept)
+            yield term, coefficients[..., start:stop]
+            start = stop
+
 
 def kept_columns(term: Term) -> Columns:
     return {joint: columns[:, list(term.kept)] for joint, columns in term.columns.items()}
@@ -113,14 +155,11 @@ def declared_model(recording: Recording, rows: Rows) -> Model:
         joint = recording.device.joints.index(declared.joint)
         if joint not in recording.joints:
             continue
-        if declared.effect == VISCOELASTIC:
-            q, v = recording.position[:, joint], recording.velocity[:, joint]
-            columns = {joint: np.column_stack([q, v, np.ones_like(q)])}
-            choices.append(
-                [Term(name=VISCOELASTIC, joint=joint, columns=columns, lower=(-np.inf,))]
-            )
-        elif options := _declared_terms(recording, BY_NAME[declared.effect], joint):
-            choices.append(options)
+        effect = BY_NAME[declared.effect]
+        if not effect.channel:
+            thetas = effect.thetas(recording, joint, no_estimate(recording))
+            choices.append([_declared(recording, effect, joint, theta) for theta in thetas])
+    choices = [options for options in choices if options]
     taken = [options[len(options) // 2] for options in choices]
 
     for scale in (0.0, 1.0, 0.5, 0.25):
@@ -137,17 +176,14 @@ def declared_model(recording: Recording, rows: Rows) -> Model:
 
 def _nearby(recording: Recording, term: Term, scale: float) -> list[Term]:
     """Return a declared effect with its non-linear parameters a little smaller and larger."""
-    if term.name == VISCOELASTIC:
-        return []
-    effect, estimate = BY_NAME[term.name], no_estimate(recording)
-    return [
-        replace(
-            term,
-            theta=theta,
-            columns=effect.columns(recording, term.joint, theta, estimate),
-        )
-        for theta in effect.neighbours(term.theta, scale)
-    ]
+    assert term.effect is not None
+    near = term.effect.neighbours(term.theta, scale)
+    return [_declared(recording, term.effect, term.joint, theta) for theta in near]
+
+
+def _declared(recording: Recording, effect: Effect, joint: int, theta: Theta) -> Term:
+    columns = effect.columns(recording, joint, theta, no_estimate(recording))
+    return Term(effect=effect, joint=joint, columns=columns, theta=theta)
 
 
 def _joined(recording: Recording, terms: list[Term], rows: Rows) -> Model:
@@ -155,23 +191,6 @@ def _joined(recording: Recording, terms: list[Term], rows: Rows) -> Model:
     for term in terms:
         model = with_independent(model, term, rows)
     return model
-
-
-def _declared_terms(recording: Recording, effect: Effect, joint: int) -> list[Term]:
-    """Return a declared effect with every choice of its non-linear parameters."""
-    estimate = no_estimate(recording)
-    if effect.channel:
-        return []
-    return [
-        Term(
-            name=effect.name,
-            joint=joint,
-            columns=effect.columns(recording, joint, theta, estimate),
-            lower=(-np.inf,),
-            theta=theta,
-        )
-        for theta in effect.thetas(recording, joint, estimate)
-    ]
 
 
 def with_independent(model: Model, term: Term, rows: Rows) -> Model:
@@ -205,10 +224,7 @@ def prediction(model: Model, coefficients: np.ndarray) -> np.ndarray:
     out = np.full_like(recording.position, np.nan)
     for joint, known in model.known().items():
         out[:, joint] = known[:, 0]
-    start = 0
-    for term in model.terms:
-        own = coefficients[start : start + len(term.kept)]
-        start += len(term.kept)
+    for term, own in model.split(coefficients):
         for joint, columns in model.transformed(kept_columns(term)).items():
             out[:, joint] += columns @ own
     return out
@@ -230,48 +246,24 @@ def estimate_of(model: Model, coefficients: np.ndarray) -> Estimate:
 def impedances(model: Model, coefficients: np.ndarray) -> dict[int, dict[str, float]]:
     """Return stiffness, damping and neutral angle of every joint with a declared impedance.
 
-    In the restoring sense: the joint feels -K (q - q0) - D q'. A found torque gain divides the
-    whole balance, so what the fit calls K is K over the gain.
+    In the restoring sense: the joint feels -K (q - q0) - D q'.
     """
-    found = {}
-    scale = gains(model, coefficients)
-    start = 0
-    for term in model.terms:
-        own = dict(zip(term.kept, coefficients[start : start + len(term.kept)], strict=True))
-        start += len(term.kept)
-        if term.name == VISCOELASTIC:
-            k, d, c = (own.get(i, 0.0) * scale.get(term.joint, 1.0) for i in range(3))
-            neutral = -c / k if abs(k) > 1e-9 else float("nan")
-            found[term.joint] = {"stiffness": k, "damping": d, "neutral_angle": neutral}
-    return found
+    return {
+        term.joint: term.effect.impedance(
+            dict(zip(term.kept, own, strict=True)), gain(model, coefficients, term.joint)
+        )
+        for term, own in model.split(coefficients)
+        if isinstance(term.effect, Viscoelastic)
+    }
 
 
-def gains(model: Model, coefficients: np.ndarray) -> dict[int, float]:
-    """Return the torque gain of each joint that has one: effort = (1 + c) times the declared."""
-    found, start = {}, 0
-    for term in model.terms:
-        if term.name == "torque_gain":
-            found[term.joint] = 1.0 / max(1.0 + float(coefficients[start]), 0.05)
-        start += len(term.kept)
-    return found
-
-
-def through(recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
-    """Return what the effort must be for `column` to arrive at the joint through a channel."""
-    out = np.empty_like(column)
-    for piece in recording.slices:
-        part = column[piece]
-        if "delay" in theta:
-            # The joint feels effort(t - d), so the effort is what the joint needs d later.
-            out[piece] = shifted(part, theta["delay"], recording.rate)
-        elif theta["time_constant"] > 0:
-            # Above the fit's band a slope of the torque, a third derivative, is noise alone.
-            smooth = lowpass(part, recording.sampling.fit_cutoff, recording.rate)
-            slope = np.gradient(smooth, 1.0 / recording.rate, axis=0)
-            out[piece] = part + theta["time_constant"] * slope
-        else:
-            out[piece] = lagged(part, -theta["time_constant"], recording.rate)
-    return out
+def gain(model: Model, coefficients: np.ndarray, joint: int) -> float:
+    """Return the torque at a joint over its effort: 1 unless an effect that scales it was found."""
+    return prod(
+        term.effect.gain(own)
+        for term, own in model.split(coefficients)
+        if term.effect is not None and term.joint == joint
+    )
 
 
 def _known_filter(recording: Recording, column: np.ndarray) -> np.ndarray:

@@ -8,17 +8,14 @@ is largest, looks like a late motor or a little inertia.
 
 import numpy as np
 
-from analysis.closeloop.catalogue import RUBBING
 from analysis.closeloop.identification.candidates import Option
-from analysis.closeloop.identification.model import Model, Term, evaluate, through
+from analysis.closeloop.identification.model import Model, Term, evaluate
 from analysis.closeloop.identification.regression import Rows, compare
 
 #: How far the passage is moved and widened, s.
 SHIFT = 0.01
 #: Standard errors that an effect has to gain beside a passage that is free.
 MIN_Z = 3.0
-#: Effects of the passage itself.
-OWN = RUBBING | {"hysteresis", "backlash", "thixotropy"}
 
 
 def only_passage(option: Option, model: Model, rows: Rows) -> bool:
@@ -31,7 +28,7 @@ def only_passage(option: Option, model: Model, rows: Rows) -> bool:
     """
     joint = option.candidate.joint
     free = _passage(model, joint, tuple(model.terms))
-    if free is None or option.candidate.effect.name in OWN:
+    if free is None or option.candidate.effect.at_reversals:
         return False
     without = evaluate(model.with_term(free), rows)
     beside = evaluate(option.model.with_term(free), rows)
@@ -58,22 +55,12 @@ def _passage(model: Model, joint: int, terms: tuple[Term, ...]) -> Term | None:
         terms: whose friction; what the device itself declares counts too.
     """
     recording = model.recording
-    columns = [
-        term.columns[joint][:, [0]]
-        for term in terms
-        if term.joint == joint and term.name in RUBBING
-    ]
+    columns = [term.columns[joint][:, [0]] for term in terms if term.joint == joint and term.rubs]
     if recording.device.friction[joint]:
         columns.append((recording.inverse - recording.rigid)[:, [joint]])
     if not columns:
         return None
     friction = np.concatenate(columns, axis=1)
-    late, early = (through(recording, friction, {"delay": shift}) for shift in (SHIFT, -SHIFT))
+    late, early = (recording.shifted(friction, shift) for shift in (SHIFT, -SHIFT))
     both = np.concatenate([late - early, late + early - 2.0 * friction], axis=1)
-    return Term(
-        name="passage",
-        joint=joint,
-        columns={joint: both},
-        lower=(-np.inf,),
-        kept=tuple(range(both.shape[1])),
-    )
+    return Term(joint=joint, columns={joint: both}, kept=tuple(range(both.shape[1])))

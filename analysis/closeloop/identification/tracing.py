@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import norm
 
-from analysis.closeloop.catalogue import BY_NAME, RUBBING
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.candidates import ONE_WAY, Option, ladder, one_way, refined
 from analysis.closeloop.identification.model import Model, declared_model, evaluate
@@ -19,6 +18,7 @@ from analysis.closeloop.identification.noise_ceiling import Ceiling, ceiling
 from analysis.closeloop.identification.presliding import only_passage
 from analysis.closeloop.identification.regression import Rows, Score, compare, rank_z, select_rows
 from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
 
 MAX_EFFECTS = 3
 #: A gain must exceed this many of its standard errors: some 30 candidates at each of three steps.
@@ -182,9 +182,10 @@ def _better(again: Found, found: Found) -> bool:
 def _with_rests(found: Trace) -> Trace:
     """Fit once more with the samples at rest, unless friction makes them worthless."""
     recording = found.rows.recording
-    declared = {entry.effect for entry in recording.session.declared}
-    names = {step.taken.candidate.effect.name for step in found.steps} | declared
-    if names & RUBBING or np.any(recording.device.friction) or found.verdict == Verdict.UNEXPLAINED:
+    effects = [BY_NAME[entry.effect] for entry in recording.session.declared]
+    effects += [step.taken.candidate.effect for step in found.steps]
+    rubs = any(effect.rubs for effect in effects)
+    if rubs or np.any(recording.device.friction) or found.verdict == Verdict.UNEXPLAINED:
         return found
     rows = select_rows(recording, recording.fit_trials, rests=True)
     rows = rows.reweighted(found.ceiling_before.noise)
@@ -291,13 +292,12 @@ def _carries_more(option: Option, taken: Option) -> bool:
     the gain then, and what hangs on a limb has both mass and inertia.
     """
     a, b = option.candidate, taken.candidate
-    carried = {"payload", "added_inertia"}
-    beside = {c.effect.name for c in option.model.effects if c.joint == a.joint and c != a}
+    beside = [c.effect for c in option.model.effects if c.joint == a.joint and c != a]
     return (
-        b.effect.name == "torque_gain"
+        b.effect.scales_effort
         and a.joint == b.joint
-        and a.effect.name in carried - beside
-        and bool(carried & beside)
+        and a.effect.adds_mass
+        and any(effect.adds_mass for effect in beside)
         and not option.refused
     )
 
@@ -347,11 +347,7 @@ def _retested(
         if len(steps) < 2:
             break
         key = step.taken.candidate.key
-        rest = replace(
-            model,
-            terms=tuple(t for t in model.terms if t.candidate is None or t.candidate.key != key),
-            channels=tuple(c for c in model.channels if c.candidate.key != key),
-        )
+        rest = model.without(step.taken.candidate)
         without = evaluate(rest, rows)
         missed, error = compare(without.losses, current.losses)
         if missed < MIN_Z * error or missed < MIN_GAIN * without.loss:

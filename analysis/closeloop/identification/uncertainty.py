@@ -44,8 +44,6 @@ MIN_TRIALS = 4
 #: Ways to cut the range into places: of which signal, how many parts, and whether either direction
 #: is on its own.
 CUTS = (("position", 8, True), ("position", 3, False), ("velocity", 3, False))
-#: Parameters of the grid that are choices, not numbers to have an interval.
-CHOICES = {"side", "power", "load", "viscous", "smooth", "width", "offset"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,10 +230,9 @@ def _slopes(
     for part in parts:
         if part.candidate is None:
             continue
-        for name, value in part.theta.items():
-            if name in CHOICES:
-                continue
-            step = 1e-3 + 0.02 * abs(value) if name not in ("delay", "time_constant") else 5e-4
+        for parameter in part.candidate.effect.steps:
+            name, value = parameter.name, part.theta[parameter.name]
+            step = parameter.at(value)
             up, down = (
                 prediction(_moved(model, part, name, value + sign * step), coefficients)
                 for sign in (1.0, -1.0)
@@ -255,9 +252,7 @@ def _moved(model: Model, part: Term | Channel, name: str, value: float) -> Model
         moved = replace(part, theta=theta)
         return replace(model, channels=tuple(moved if c is part else c for c in model.channels))
     assert part.candidate is not None
-    effect = part.candidate.effect
-    if effect.uses_estimate and name not in ("order", "offset"):
-        return model
-    columns = effect.columns(model.recording, part.joint, theta, no_estimate(model.recording))
+    estimate = no_estimate(model.recording)
+    columns = part.candidate.effect.columns(model.recording, part.joint, theta, estimate)
     moved_term = replace(part, theta=theta, columns=columns)
     return replace(model, terms=tuple(moved_term if t is part else t for t in model.terms))

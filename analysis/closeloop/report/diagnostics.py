@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from scipy.signal import coherence
 
-from analysis.closeloop.catalogue.effect import travel
 from analysis.closeloop.identification.model import Model, prediction
 from analysis.closeloop.identification.noise_ceiling import hats
 from analysis.closeloop.identification.regression import Rows
 from analysis.closeloop.session.recording import Recording
+from sim.effects.motion import travel
 
 #: Largest lag of the whiteness test, s, and how sure its bounds are (two sides).
 LAGS, QUANTILE = 1.0, 1.96

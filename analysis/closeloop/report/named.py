@@ -4,10 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from analysis.closeloop.catalogue import BY_NAME
-from analysis.closeloop.identification.model import Model, gains
+from analysis.closeloop.identification.model import Candidate, Channel, Model, Term, gain
 from analysis.closeloop.identification.tracing import Step, Trace, p_value
 from analysis.closeloop.identification.uncertainty import Fits, leave_out
+from analysis.closeloop.session.recording import Recording
+from sim.effects.effect import Theta
+from sim.effects.parameter import unit_at
 
 
 def effect_entries(found: Trace) -> list[dict[str, Any]]:
@@ -23,14 +25,15 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
     entries = []
     for step in steps:
         assert fits is not None
-        effect, joint = step.taken.candidate.effect, step.taken.candidate.joint
+        candidate = step.taken.candidate
+        effect, joint = candidate.effect, candidate.joint
         others = list(dict.fromkeys(o.candidate.effect.name for o in step.equals))
         others = [name for name in others if name != effect.name]
         entries.append(
             {
                 "name": effect.name,
                 "joint": recording.device.joints[joint],
-                "parameters": _parameters(model, coefficients, fits, effect.name, joint),
+                "parameters": _parameters(model, coefficients, fits, candidate),
                 "indistinguishable_from": others,
                 "separating_trial": effect.separating_trial if others or not named else None,
                 "evidence": {
@@ -49,63 +52,51 @@ def _share(step: Step) -> float:
 
 
 def _parameters(
-    model: Model,
-    coefficients: np.ndarray,
-    fits: Fits,
-    name: str,
-    joint: int,
+    model: Model, coefficients: np.ndarray, fits: Fits, candidate: Candidate
 ) -> dict[str, Any]:
     """Return the physical parameters with their intervals."""
-    effect, start = BY_NAME[name], 0
-    theta: dict[str, float] = {}
-    kept: tuple[int, ...] = ()
-    own, refitted = np.empty(0), np.empty((0, 0))
-    for channel in model.channels:
-        if channel.candidate.key == (name, joint):
-            theta = dict(channel.theta)
-    for term in model.terms:
-        stop = start + len(term.kept)
-        if term.candidate is not None and term.candidate.key == (name, joint):
-            theta, kept, own = dict(term.theta), term.kept, coefficients[start:stop]
-            refitted = fits.coefficients[:, start:stop]
-        start = stop
-    scale = gains(model, coefficients).get(joint, 1.0)
+    effect, joint, recording = candidate.effect, candidate.joint, model.recording
+    parts: list[Term | Channel] = [*model.terms, *model.channels]
+    theta = next(part.theta for part in parts if part.candidate == candidate)
+    own: dict[int, float] = {}
+    refitted: dict[int, np.ndarray] = {}
+    for (term, found), (_, spread) in zip(
+        model.split(coefficients), model.split(fits.coefficients), strict=True
+    ):
+        if term.candidate == candidate:
+            own = dict(zip(term.kept, found.tolist(), strict=True))
+            refitted = dict(zip(term.kept, spread.T, strict=True))
+    scale = gain(model, coefficients, joint)
     entries = {}
-    for key, parameter in effect.parameters(model.recording, joint, theta).items():
-        lowest = -np.inf
-        if parameter.column is not None:
-            if parameter.column not in kept:
-                continue
-            at = kept.index(parameter.column)
-            value, spread = float(own[at]), refitted[:, at]
-            if parameter.also is not None and parameter.also[0] in kept:
-                other = kept.index(parameter.also[0])
-                value += parameter.also[1] * float(own[other])
-                spread = spread + parameter.also[1] * refitted[:, other]
-            if name == "torque_gain":
-                value, spread = 1.0 / (1.0 + value), 1.0 / np.maximum(1.0 + spread, 0.05)
-            else:
-                value, spread = value * parameter.scale * scale, spread * parameter.scale * scale
-                if parameter.also is None and parameter.scale > 0:
-                    bound = effect.lower[min(parameter.column, len(effect.lower) - 1)]
-                    lowest = bound * parameter.scale * scale
+    for key, reading in effect.readings(recording, joint, theta).items():
+        if reading.column is None:
+            value, lowest = reading.of({}), -np.inf
+            every = _moved(fits, candidate, recording, theta, key)
+        elif reading.column in own:
+            value = reading.of(own, scale)
+            lowest = reading.lowest(effect.bound(reading.column), scale)
+            every = np.asarray(reading.of(refitted, scale))
         else:
-            assert parameter.value is not None
-            value = parameter.value
-            spread = np.full(len(fits.coefficients), value)
-            for (own_name, own_joint, theta_name), values in fits.thetas.items():
-                if (own_name, own_joint) != (name, joint):
-                    continue
-                step = 1e-6 * max(1.0, abs(theta[theta_name]))
-                moved = {**theta, theta_name: theta[theta_name] + step}
-                shifted = effect.parameters(model.recording, joint, moved)[key].value
-                assert shifted is not None
-                slope = (shifted - value) / step
-                if slope:
-                    spread = value + slope * (values - theta[theta_name])
-        entries[key] = {
-            "value": value,
-            "ci90": list(fits.interval(spread, value, lowest)),
-            "unit": parameter.unit,
-        }
+            continue
+        unit = unit_at(effect.unit(key, theta), hinge=recording.is_hinge(joint))
+        interval = list(fits.interval(every, float(value), lowest))
+        entries[key] = {"value": value, "ci90": interval, "unit": unit}
     return entries
+
+
+def _moved(
+    fits: Fits, candidate: Candidate, recording: Recording, theta: Theta, key: str
+) -> np.ndarray:
+    """Return a fixed parameter with the non-linear parameters of each fit, to first order."""
+    effect, joint = candidate.effect, candidate.joint
+    value = effect.fixed(recording, joint, theta)[key]
+    spread = np.full(len(fits.coefficients), value)
+    for (name, own_joint, theta_name), values in fits.thetas.items():
+        if (name, own_joint) != candidate.key:
+            continue
+        step = 1e-6 * max(1.0, abs(theta[theta_name]))
+        moved = {**theta, theta_name: theta[theta_name] + step}
+        slope = (effect.fixed(recording, joint, moved)[key] - value) / step
+        if slope:
+            spread = value + slope * (values - theta[theta_name])
+    return spread

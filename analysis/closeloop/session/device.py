@@ -64,6 +64,17 @@ class Device:
         low, high = self.model.jnt_range[number]
         return float(low), float(high)
 
+    def centre_of_mass(self, joint: int) -> np.ndarray | None:
+        """Return that of a joint's body in its frame, m, (3,); None if it lies on the axis."""
+        body = int(self.model.jnt_bodyid[joint])
+        centre = np.array(self.model.body_ipos[body])
+        if self.model.body_mass[body] <= 0.0 or np.linalg.norm(centre) < 1e-3:
+            geoms = np.flatnonzero(self.model.geom_bodyid == body)
+            if len(geoms) == 0:
+                return None
+            centre = np.array(self.model.geom_pos[geoms[0]])
+        return centre if np.linalg.norm(centre) >= 1e-3 else None
+
     @cached_property
     def friction(self) -> np.ndarray:
         """Declared Coulomb friction of every degree of freedom, Nm or N, shape (nv,)."""

@@ -1,5 +1,6 @@
 """All trials as arrays at the working rate: the source of residuals, effects and noise ceiling."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -8,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from analysis.closeloop.session.contents import AddedMass, Session
 from analysis.closeloop.session.device import Device
-from analysis.closeloop.session.signals import REST_SHARE, Sampling, lowpass
+from analysis.closeloop.session.signals import REST_SHARE, Sampling, lagged, lowpass, shifted
 
 #: What depends on position alone changes slowly: it is computed at every so many samples.
 REST_STEP = 4
@@ -79,9 +80,19 @@ class Recording:
             found[:, joint] = (self._at_rest(self.position, joint) - self.static)[:, joint]
         return found
 
-    def carried(self, body: str, position: np.ndarray) -> np.ndarray:
-        """Return the torque that one more kilogram at `position` of `body` needs."""
-        key = ("carried", body, *position)
+    def is_hinge(self, joint: int) -> bool:
+        """Whether the joint turns; else it slides."""
+        return self.device.is_hinge(self.device.joints[joint])
+
+    def centre_of_mass(self, joint: int) -> np.ndarray | None:
+        """Return that of the joint's body in its frame, (3,); None if it lies on the axis."""
+        return self.device.centre_of_mass(joint)
+
+    def mass_torque(self, joint: int, position: np.ndarray) -> np.ndarray:
+        """Return the torque of one more kilogram at `position` of the joint's body."""
+        model = self.device.model
+        body = model.body(model.jnt_bodyid[joint]).name
+        key = ("mass", body, *position)
         if key not in self.cache:
             mass = AddedMass(body=body, mass=1.0, position=(position[0], position[1], position[2]))
             motion = self.position, self.velocity, self.acceleration
@@ -100,9 +111,32 @@ class Recording:
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
         """Pass columns (n, ...) through the fit's low-pass, piece by piece."""
+        cutoff = self.sampling.fit_cutoff
+        return self._by_piece(columns, lambda piece: lowpass(piece, cutoff, self.rate))
+
+    def smoothed(self, columns: np.ndarray) -> np.ndarray:
+        """Pass columns (n, ...) through the low-pass of the positions, piece by piece."""
+        cutoff = self.sampling.cutoff
+        return self._by_piece(columns, lambda piece: lowpass(piece, cutoff, self.rate))
+
+    def shifted(self, columns: np.ndarray, seconds: float) -> np.ndarray:
+        """Return columns(t + seconds), (n, ...), piece by piece."""
+        return self._by_piece(columns, lambda piece: shifted(piece, seconds, self.rate))
+
+    def lagged(self, columns: np.ndarray, time_constant: float) -> np.ndarray:
+        """Return columns (n, ...) behind a first-order low-pass, piece by piece."""
+        return self._by_piece(columns, lambda piece: lagged(piece, time_constant, self.rate))
+
+    def derivative(self, columns: np.ndarray) -> np.ndarray:
+        """Return the rate of change of columns (n, ...), piece by piece."""
+        return self._by_piece(columns, lambda piece: np.gradient(piece, 1.0 / self.rate, axis=0))
+
+    def _by_piece(
+        self, columns: np.ndarray, change: Callable[[np.ndarray], np.ndarray]
+    ) -> np.ndarray:
         out = np.empty_like(columns)
         for piece in self.slices:
-            out[piece] = lowpass(columns[piece], self.sampling.fit_cutoff, self.rate)
+            out[piece] = change(columns[piece])
         return out
 
     def _at_rest(self, position: np.ndarray, accelerated: int | None = None) -> np.ndarray:

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from sim.effects.applied import AppliedEffects
-from sim.effects.elements import APPLIED, add_effect, add_spring
+from sim.effects.catalogue import BY_NAME
+from sim.effects.elements import add_spring
 from tests.testbed.effects import Arm
 from tests.testbed.sessions import mjcf
 
@@ -33,7 +34,7 @@ def spec() -> mujoco.MjSpec:
 
 def added(name: str, parameters: dict[str, float]) -> mujoco.MjModel:
     changed = spec()
-    assert add_effect(changed, name, "elbow", parameters) is not None
+    assert BY_NAME[name].add(changed, "elbow", parameters) is not None
     return mujoco.MjModel.from_xml_string(changed.to_xml())
 
 
@@ -81,7 +82,7 @@ def test_a_payload_changes_what_holding_and_moving_take(mass: float) -> None:
 
 def test_more_mass_than_there_is_cannot_be_taken_away() -> None:
     with pytest.raises(ValueError, match="mass of"):
-        add_effect(spec(), "payload", "elbow", {"mass": -5.0, "distance": 0.2})
+        BY_NAME["payload"].add(spec(), "elbow", {"mass": -5.0, "distance": 0.2})
 
 
 def test_a_torque_offset_needs_no_control() -> None:
@@ -124,7 +125,7 @@ def test_an_applied_torque_is_its_equation(name: str, q: float, v: float, torque
     assert found == pytest.approx(torque, abs=5e-3)
 
 
-@pytest.mark.parametrize("name", APPLIED)
+@pytest.mark.parametrize("name", PARAMETERS)
 def test_every_applied_effect_runs(name: str) -> None:
     model = added(name, PARAMETERS[name])
     data = mujoco.MjData(model)
@@ -139,5 +140,5 @@ def test_every_applied_effect_runs(name: str) -> None:
 def test_what_mujoco_cannot_hold_leaves_the_model_alone() -> None:
     changed = spec()
     before = changed.to_xml()
-    assert add_effect(changed, "backlash", "elbow", {"gap": 0.01}) is None
+    assert BY_NAME["backlash"].add(changed, "elbow", {"gap": 0.01}) is None
     assert changed.to_xml() == before

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.closeloop.catalogue import BY_NAME, EFFECTS
 from analysis.closeloop.identification.model import no_estimate
 from analysis.closeloop.identification.regression import keep_independent, solve
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lagged, shifted
+from sim.effects.catalogue import BY_NAME, EFFECTS
 from tests.testbed.effects import Arm
 
 CONTRACT = """
@@ -19,7 +19,7 @@ series_elasticity backlash hysteresis stretch_reflex thixotropy drift cross_join
 
 
 def test_the_catalogue_has_the_names_of_the_contract() -> None:
-    assert sorted(BY_NAME) == sorted(CONTRACT.split())
+    assert sorted(e.name for e in EFFECTS) == sorted(CONTRACT.split())
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
@@ -33,8 +33,8 @@ def test_an_effect_has_finite_columns_parameters_with_units_and_words(
     if effect.name != "torque_ripple":  # it looks for orders in a residual, and here is none
         assert thetas
     for theta in thetas[:3]:
-        parameters = effect.parameters(recording, 1, theta)
-        assert all(parameter.unit for parameter in parameters.values())
+        parameters = effect.readings(recording, 1, theta)
+        assert all(effect.unit(name, theta) for name in parameters)
         if effect.channel:
             continue
         columns = effect.columns(recording, 1, theta, estimate)

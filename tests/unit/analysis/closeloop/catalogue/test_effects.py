@@ -6,18 +6,23 @@ import mujoco
 import numpy as np
 import pytest
 
-from analysis.closeloop.catalogue import BY_NAME, EFFECTS
-from analysis.closeloop.catalogue.effect import Candidate, Estimate, Theta
 from analysis.closeloop.identification.candidates import _try, refined
-from analysis.closeloop.identification.model import Channel, Model, evaluate, no_estimate
+from analysis.closeloop.identification.model import Candidate, Channel, Model, evaluate, no_estimate
 from analysis.closeloop.identification.regression import select_rows
 from analysis.closeloop.session.recording import Recording
 from sim.effects.applied import AppliedEffects
-from sim.effects.elements import APPLIED, add_effect
+from sim.effects.catalogue import BY_NAME, EFFECTS
+from sim.effects.effect import AppliedEffect, Theta
+from sim.effects.motion import Estimate
 from tests.testbed.effects import Arm
 from tests.testbed.sessions import mjcf
 
 ELBOW = 1
+APPLIED = [
+    effect.name
+    for effect in EFFECTS
+    if isinstance(effect, AppliedEffect) and effect.element == "applied torque"
+]
 #: For every effect, a place in its grid and its coefficients.
 TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
     "coulomb_friction": ({"smooth": 0.02}, (0.8,)),
@@ -62,20 +67,12 @@ def torque(recording: Recording, name: str, estimate: Estimate) -> np.ndarray:
 def values(recording: Recording, name: str) -> dict[str, float]:
     """Return the physical parameters of the effect's truth."""
     theta, coefficients = TRUTH[name]
-    found = {}
-    for key, parameter in BY_NAME[name].parameters(recording, ELBOW, theta).items():
-        if parameter.column is None:
-            assert parameter.value is not None
-            found[key] = parameter.value
-            continue
-        found[key] = parameter.scale * coefficients[parameter.column]
-        if parameter.also is not None:
-            found[key] += parameter.also[1] * coefficients[parameter.also[0]]
-    return found
+    readings = BY_NAME[name].readings(recording, ELBOW, theta)
+    return {key: float(r.of(dict(enumerate(coefficients)))) for key, r in readings.items()}
 
 
 def test_there_is_a_truth_for_every_effect() -> None:
-    assert set(TRUTH) == set(BY_NAME)
+    assert set(TRUTH) == {effect.name for effect in EFFECTS}
 
 
 @pytest.mark.parametrize("name", [effect.name for effect in EFFECTS])
@@ -113,7 +110,7 @@ def test_an_effect_is_found_again_in_rich_data(name: str, recording: Recording) 
 def test_an_applied_torque_is_the_catalogues_torque(name: str, recording: Recording) -> None:
     spec = mujoco.MjSpec.from_string(mjcf(Arm()))
     spec.option.timestep = 1.0 / recording.rate
-    assert add_effect(spec, name, "elbow", values(recording, name)) is not None
+    assert BY_NAME[name].add(spec, "elbow", values(recording, name)) is not None
     model = mujoco.MjModel.from_xml_string(spec.to_xml())
     effects, data = AppliedEffects(model), mujoco.MjData(model)
     felt = np.empty(len(recording.time))
@@ -141,7 +138,7 @@ def test_a_native_element_is_the_catalogues_torque(name: str, recording: Recordi
     for change in (False, True):
         spec = mujoco.MjSpec.from_string(mjcf(Arm()))
         if change:
-            assert add_effect(spec, name, "elbow", values(recording, name)) is not None
+            assert BY_NAME[name].add(spec, "elbow", values(recording, name)) is not None
         model = mujoco.MjModel.from_xml_string(spec.to_xml())
         data, out = mujoco.MjData(model), np.empty((50, 2))
         for row, i in enumerate(range(0, 1000, 20)):

@@ -8,7 +8,6 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from analysis.closeloop.catalogue import VISCOELASTIC
 from analysis.closeloop.identification.model import Model, declared_model, evaluate, impedances
 from analysis.closeloop.identification.regression import Rows, select_rows
 from analysis.closeloop.identification.uncertainty import (
@@ -21,6 +20,7 @@ from analysis.closeloop.identification.uncertainty import (
 from analysis.closeloop.session.contents import DeclaredEffect, Trial
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import Sampling
+from sim.effects.catalogue import VISCOELASTIC
 
 RATE, SECONDS, ELBOW = 50.0, 6.0, 1
 STIFFNESS, DAMPING = 4.0, 0.4
@@ -41,7 +41,7 @@ def trials_recording(recording: Recording, count: int) -> Recording:
     trials = tuple(
         Trial(file=f"{i}.csv", label=str(i), group=str(i), role="fit") for i in range(count)
     )
-    declared = (DeclaredEffect(effect=VISCOELASTIC, joint="elbow"),)
+    declared = (DeclaredEffect(effect=VISCOELASTIC.name, joint="elbow"),)
     return Recording(
         device=recording.device,
         session=replace(recording.session, trials=trials, declared=declared),

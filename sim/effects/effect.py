@@ -1,0 +1,207 @@
+"""What every effect answers: its regressors, its torque in simulation, its element, its words.
+
+The balance of a joint is effort = inverse dynamics + declared unknowns + effect, so a torque here
+is what the motor has to add: along the motion if the effect resists. The joint feels its opposite.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from sim.effects.functions import Signal
+from sim.effects.motion import Estimate, Motion, RecordedMotion, Recording
+from sim.effects.parameter import Parameter, Reading, Step, Values
+
+if TYPE_CHECKING:
+    import mujoco
+
+#: Non-linear parameters of one variant of an effect.
+Theta = Mapping[str, float]
+#: For each joint (column number) that an effect acts on, its columns, shape (n, coefficients).
+Columns = Mapping[int, np.ndarray]
+
+
+class Effect(ABC):
+    """One effect; a subclass gives the torque and says what a person would look for."""
+
+    name: str
+    #: Number of parameters: the simpler of two equals wins.
+    complexity: int
+    signature: str
+    #: The MuJoCo element that carries it.
+    element: str
+    #: The trial that tells it from what it is confused with.
+    separating_trial: str
+    #: Physical parameters by name.
+    parameters: Mapping[str, Parameter]
+
+    # In a simulated assessment.
+    #: Whose joint has it; None if no assessment can have it.
+    owner: Literal["robot", "human"] | None = None
+
+    # In a fit.
+    #: Parameters that are coefficients, in the order of the columns.
+    coefficients: tuple[str, ...] = ()
+    #: Lower bound of every coefficient (the last repeats); -inf if either sign is physical.
+    lower: tuple[float, ...] = (-np.inf,)
+    #: Non-linear parameters that have an interval.
+    steps: tuple[Step, ...] = ()
+    #: Whether the columns depend on the estimate so far.
+    uses_estimate: bool = False
+    #: Whether the effect acts on the whole effort channel (`through`) instead of adding torque.
+    channel: bool = False
+
+    # Beside other effects.
+    #: Effects whose torque is a special case of this one.
+    includes: tuple[str, ...] = ()
+    #: Effects that this one imitates nearly whole: only a paired test tells the two apart.
+    twins: tuple[str, ...] = ()
+    #: Whether the motion does not determine its torque at rest, as that of friction.
+    rubs: bool = False
+    #: Whether its torque goes with the direction of the motion, as no soft tissue's does.
+    directed: bool = False
+    #: Whether it acts at reversals, where friction turns.
+    at_reversals: bool = False
+    #: Whether it is further mass or inertia of what the joint moves.
+    adds_mass: bool = False
+    #: Whether it multiplies the whole effort, and with it every coefficient.
+    scales_effort: bool = False
+
+    def applies(self, recording: Recording, joint: int) -> bool:
+        """Whether the effect can be asked of this joint of this device."""
+        return True
+
+    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
+        """Return the grid of non-linear parameters; one empty entry if there is none."""
+        return [{}]
+
+    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
+        """Return parameters around `theta` to refine it; `scale` shrinks towards zero."""
+        return []
+
+    def columns(
+        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
+    ) -> Columns:
+        """Return what the motor has to add for one unit of each coefficient."""
+        return {}
+
+    def through(self, recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
+        """Return what the effort must be for `column`, (n, k), to arrive at the joint."""
+        return column
+
+    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
+        """Return the physical parameters that are no coefficients."""
+        return {}
+
+    def readings(self, recording: Recording, joint: int, theta: Theta) -> dict[str, Reading]:
+        """Return where each physical parameter comes from."""
+        found = {name: Reading(column=i) for i, name in enumerate(self.coefficients)}
+        values = self.fixed(recording, joint, theta)
+        return found | {name: Reading(value=value) for name, value in values.items()}
+
+    def unit(self, parameter: str, theta: Theta) -> str:
+        """Return a parameter's unit at a hinge."""
+        return self.parameters[parameter].unit
+
+    def bound(self, column: int) -> float:
+        """Return the lower bound of a coefficient."""
+        return self.lower[min(column, len(self.lower) - 1)]
+
+    def plausible_theta(self, theta: Theta) -> bool:
+        """Whether the effect can be what its non-linear parameters say."""
+        return True
+
+    def plausible(
+        self, coefficients: np.ndarray, recording: Recording, joint: int, samples: np.ndarray
+    ) -> bool:
+        """Whether the effect can be what its fitted coefficients say.
+
+        Args:
+            coefficients: of the columns that were kept.
+            recording: that was fitted.
+            joint: the joint's column.
+            samples: those of the joint that were fitted.
+        """
+        return True
+
+    def gain(self, coefficients: np.ndarray) -> float:
+        """Return the torque at the joint over its effort, from the fitted coefficients."""
+        return 1.0
+
+    def motor_gain(self, parameters: Values) -> float:
+        """Return the torque at the joint over what its motor reports."""
+        return 1.0
+
+    def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str | None:
+        """Add the effect to a joint of `spec`.
+
+        Args:
+            spec: the model under construction; changed in place.
+            joint: the joint's name.
+            parameters: SI units.
+
+        Returns:
+            The element that now carries it, or None if no MuJoCo model can (it is left unchanged).
+
+        Raises:
+            ValueError: a parameter is missing or the result is not physical.
+        """
+        return None
+
+
+class AppliedEffect(Effect):
+    """An effect that MuJoCo has no element for: its torque is computed at every step."""
+
+    element = "applied torque"
+
+    @abstractmethod
+    def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
+        """Return what the motor has to add at each step of a simulation, with its own memory.
+
+        Args:
+            parameters: SI units.
+            step: of the simulation, s.
+        """
+
+    def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str | None:
+        from sim.effects.elements import add_applied
+
+        return add_applied(spec, self.name, joint, parameters)
+
+
+class Law(AppliedEffect):
+    """An effect whose torque is a function of the joint's motion: one law for all uses."""
+
+    @abstractmethod
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        """Return what the motor has to add; linear in the parameters that are coefficients."""
+
+    def motion(
+        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
+    ) -> RecordedMotion:
+        """Return the recorded motion as the law is told it."""
+        return RecordedMotion(recording=recording, joint=joint, smooth=theta.get("smooth", 0.0))
+
+    def columns(
+        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
+    ) -> Columns:
+        motion = self.motion(recording, joint, theta, estimate)
+        readings = self.readings(recording, joint, theta)
+        used = sorted(set().union(*(reading.columns for reading in readings.values())))
+        columns = []
+        for number in used:
+            unit = {other: float(other == number) for other in used}
+            parameters = {name: float(reading.of(unit)) for name, reading in readings.items()}
+            torque = self.torque(parameters, motion)
+            columns.append(np.broadcast_to(torque, recording.time.shape))
+        return {joint: np.column_stack(columns)}
+
+    def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
+        return lambda motion: float(self.torque(parameters, motion))
+
+
+def scaled(theta: Theta, name: str, scale: float, step: float = 0.4) -> list[Theta]:
+    """Return `theta` with one positive parameter a little smaller and larger."""
+    return [{**theta, name: theta[name] * (1 + sign * step * scale)} for sign in (-1, 1)]

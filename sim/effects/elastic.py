@@ -1,0 +1,223 @@
+"""Elastic torques of a joint beyond the declared linear spring, and that spring.
+
+Passive joint torque is flat in the middle of the range and steep towards its ends (Riener and
+Edrich 1999); MuJoCo has polynomial `stiffness` and soft joint ranges for both.
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim.effects.effect import Columns, Effect, Law, Theta
+from sim.effects.elements import add_damping, add_spring, joint_of
+from sim.effects.functions import Signal, at_least, at_most, expm1
+from sim.effects.motion import Estimate, Motion, Recording, travel
+from sim.effects.parameter import Parameter, Step, Values, named, size
+
+if TYPE_CHECKING:
+    import mujoco
+
+#: Power that stands for an exponential, and the width of that over half the range of motion.
+EXPONENTIAL, END_WIDTH = 0.0, 0.35
+#: Which way a one-sided effect acts.
+SIDE = Parameter(
+    unit="1",
+    low=-1.0,
+    high=1.0,
+    neutral=1.0,
+    description="+1 acts in flexion, -1 in extension",
+    choice=True,
+    in_joint_frame=True,
+)
+
+
+def sign_of(side: float) -> float:
+    """Return the sign of a side, which a study may sample between -1 and 1."""
+    return 1.0 if side >= 0.0 else -1.0
+
+
+class Viscoelastic(Effect):
+    """The declared impedance of the paper's equation (3): K (q - q0) + D q'.
+
+    Not a candidate: a session declares it, and the fit tells K, D and the torque -K q0.
+    """
+
+    name = "viscoelastic_joint"
+    complexity = 3
+    signature = "the torque is a plane over position and velocity"
+    element = "joint/@stiffness, joint/@damping"
+    separating_trial = "move through the whole range, both ways, at three speeds"
+    includes = ("torque_offset", "viscous_friction", "joint_stiffness")
+    parameters = named(
+        stiffness=Parameter(unit="Nm/rad", description="K"),
+        damping=Parameter(unit="Nm s/rad", description="D"),
+        neutral_angle=Parameter(unit="rad", description="q0", in_joint_frame=True),
+    )
+
+    def columns(
+        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
+    ) -> Columns:
+        q, v = recording.position[:, joint], recording.velocity[:, joint]
+        return {joint: np.column_stack([q, v, np.ones_like(q)])}
+
+    def impedance(self, coefficients: Mapping[int, float], gain: float) -> dict[str, float]:
+        """Return stiffness, damping and neutral angle (NaN without stiffness).
+
+        Args:
+            coefficients: by column; one that was dropped is zero.
+            gain: torque at the joint over the effort: it divides the whole balance, so what the
+                fit calls K is K over the gain.
+        """
+        k, d, c = (coefficients.get(i, 0.0) * gain for i in range(3))
+        neutral = -c / k if abs(k) > 1e-9 else float("nan")
+        return {"stiffness": k, "damping": d, "neutral_angle": neutral}
+
+    def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
+        target = joint_of(spec, joint)
+        add_spring(target, parameters["stiffness"], parameters["neutral_angle"])
+        add_damping(target, parameters["damping"])
+        return self.element
+
+
+class JointStiffness(Law):
+    """A linear spring: K (q - q_ref)."""
+
+    name = "joint_stiffness"
+    complexity = 2
+    signature = "the residual is a straight line against position, the same both ways"
+    element = "joint/@stiffness"
+    separating_trial = "move slowly through the whole range, both ways"
+    includes = ("torque_offset",)
+    parameters = named(
+        stiffness=Parameter(unit="Nm/rad", description="of the spring"),
+        torque_at_zero=Parameter(unit="Nm", description="what the motor adds at position 0"),
+    )
+    coefficients = ("stiffness", "torque_at_zero")
+    lower = (0.0, -np.inf)
+
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        return parameters["stiffness"] * motion.position + parameters["torque_at_zero"]
+
+    def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
+        k = parameters["stiffness"]
+        neutral = -parameters["torque_at_zero"] / k if k else 0.0
+        add_spring(joint_of(spec, joint), k, neutral)
+        return self.element
+
+
+class NonlinearStiffness(Law):
+    """A hardening spring: K3 (q - c)^3."""
+
+    name = "nonlinear_stiffness"
+    complexity = 2
+    signature = (
+        "against position the residual is a curve with a bend at both ends, the same both ways"
+    )
+    separating_trial = "move slowly through a wider range, both ways"
+    owner = "human"
+    parameters = named(
+        cubic_stiffness=size("Nm/rad3", 5.0, "hardening of the limb's joint", low=-5.0),
+        centre=Parameter(
+            unit="rad",
+            low=0.5,
+            high=1.5,
+            neutral=1.0,
+            description="angle without torque",
+            in_joint_frame=True,
+        ),
+    )
+    coefficients = ("cubic_stiffness",)
+    steps = (Step("centre"),)
+
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        return parameters["cubic_stiffness"] * (motion.position - parameters["centre"]) ** 3
+
+    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
+        middle, half = travel(recording, joint)
+        return [{"centre": middle + half * share} for share in np.linspace(-1.4, 1.4, 15)]
+
+    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
+        return [{"centre": theta["centre"] + sign * 0.1 * scale} for sign in (-1, 1)]
+
+    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
+        return {"centre": theta["centre"]}
+
+
+class EndRange(Law):
+    """A spring that only begins at an angle near one end: K max(0, q - a)^p, or exponential."""
+
+    name = "end_range_torque"
+    complexity = 3
+    signature = (
+        "the residual is flat over most of the range and rises at one end, the same both ways"
+    )
+    separating_trial = "move slowly beyond the angle where the torque begins, both ways"
+    owner = "human"
+    parameters = named(
+        stiffness=size("Nm/rad", 20.0, "steepness (Nm/rad2 or Nm by the power)"),
+        onset=Parameter(
+            unit="rad",
+            low=0.2,
+            high=1.8,
+            neutral=1.5,
+            description="angle where it begins",
+            in_joint_frame=True,
+        ),
+        side=SIDE,
+        power=Parameter(
+            unit="1",
+            low=0.0,
+            high=2.0,
+            neutral=1.0,
+            description="1 or 2; 0 stands for an exponential",
+            floor=0.0,
+            ceiling=4.0,
+            choice=True,
+        ),
+        width=Parameter(
+            unit="rad",
+            low=0.1,
+            high=0.5,
+            neutral=0.3,
+            description="width of the exponential",
+            floor=0.01,
+        ),
+    )
+    coefficients = ("stiffness",)
+    lower = (0.0,)
+    steps = (Step("onset"),)
+
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        side, power = sign_of(parameters["side"]), parameters["power"]
+        beyond = at_least(0.0, side * (motion.position - parameters["onset"]))
+        if power == EXPONENTIAL:
+            rise = expm1(at_most(20.0, beyond / parameters["width"]))
+        else:
+            rise = beyond**power
+        return side * parameters["stiffness"] * rise
+
+    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
+        middle, half = travel(recording, joint)
+        return [
+            {"side": side, "onset": middle + side * half * share, "power": power}
+            for side in (-1.0, 1.0)
+            for share in (0.3, 0.45, 0.6, 0.75, 0.87)
+            for power in (1.0, 2.0, EXPONENTIAL)
+        ]
+
+    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
+        return [{**theta, "onset": theta["onset"] + sign * 0.08 * scale} for sign in (-1, 1)]
+
+    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
+        return {
+            "onset": theta["onset"],
+            "side": theta["side"],
+            "power": theta["power"],
+            "width": END_WIDTH * travel(recording, joint)[1],
+        }
+
+    def unit(self, parameter: str, theta: Theta) -> str:
+        if parameter != "stiffness":
+            return super().unit(parameter, theta)
+        return {EXPONENTIAL: "Nm", 1.0: "Nm/rad", 2.0: "Nm/rad2"}[theta["power"]]

@@ -1,0 +1,277 @@
+"""Friction: torque against the direction of motion, and what makes it vary.
+
+Armstrong-Helouvry, Dupont and Canudas de Wit 1994 (survey of friction models); direction-dependent
+friction as found in ball screws (Janot, Gautier and Brunot 2019); dependence on load and position
+after Swevers, Verdonck and De Schutter 2007. MuJoCo has `frictionloss` and `damping`; what else
+varies enters as an applied torque, or as a level that is set anew at each step.
+"""
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim.effects.effect import Columns, Law, Theta, scaled
+from sim.effects.elements import add_damping, joint_of
+from sim.effects.functions import Signal, choose, exp, magnitude
+from sim.effects.motion import Estimate, Motion, RecordedMotion, Recording, travel
+from sim.effects.parameter import Parameter, Reading, Step, Values, named, size
+
+if TYPE_CHECKING:
+    import mujoco
+
+#: Width over which the direction changes, over the top speed.
+SMOOTH = (0.004, 0.02, 0.06)
+#: Friction that takes more than this share of the load locks a transmission: nobody could move the
+#: robot by hand. What looks like it is Coulomb friction beside something else.
+MAX_LOAD_SHARE = 0.5
+
+
+class Friction(Law):
+    """Friction of some level with the direction of the motion."""
+
+    owner = "robot"
+    lower: tuple[float, ...] = (0.0,)
+    rubs = directed = at_reversals = True
+
+    @abstractmethod
+    def level(self, parameters: Values, motion: Motion) -> Signal:
+        """Return the size of the friction; negative where it would drive."""
+
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        return self.level(parameters, motion) * motion.direction
+
+    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
+        return [{"smooth": share} for share in SMOOTH]
+
+    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
+        return scaled(theta, "smooth", scale)
+
+
+class Coulomb(Friction):
+    """Constant torque against the motion: F tanh(v / v0)."""
+
+    name = "coulomb_friction"
+    complexity = 1
+    signature = "the residual steps with the sign of the velocity, equally high at every speed"
+    element = "joint/@frictionloss"
+    separating_trial = "move to and fro through the same range at two constant speeds"
+    parameters = named(torque=size("Nm", 3.0, "friction of the robot's joint"))
+    coefficients = ("torque",)
+
+    def level(self, parameters: Values, motion: Motion) -> Signal:
+        return parameters["torque"]
+
+    def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
+        joint_of(spec, joint).frictionloss += parameters["torque"]
+        return self.element
+
+
+class Viscous(Law):
+    """Torque proportional to velocity."""
+
+    name = "viscous_friction"
+    complexity = 1
+    signature = "the residual is a straight line through zero against velocity"
+    element = "joint/@damping"
+    separating_trial = "move to and fro through the same range at three speeds"
+    owner = "robot"
+    parameters = named(damping=size("Nm s/rad", 2.0, "further damping of the robot's joint"))
+    coefficients = ("damping",)
+    lower = (0.0,)
+    directed = True
+
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        return parameters["damping"] * motion.velocity
+
+    def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
+        add_damping(joint_of(spec, joint), parameters["damping"])
+        return self.element
+
+
+class Stribeck(Friction):
+    """Coulomb friction that is higher when slow: (F + dF exp(-(v / vs)^2)) sign(v)."""
+
+    name = "stribeck_friction"
+    complexity = 3
+    signature = "against velocity, the residual steps at zero and falls as the speed grows"
+    separating_trial = "creep through the range, much slower than the slowest trial, both ways"
+    includes = ("coulomb_friction",)
+    parameters = named(
+        torque=size("Nm", 3.0, "friction of the robot's joint when fast"),
+        breakaway_excess=size("Nm", 2.0, "how much more of it there is when slow"),
+        stribeck_velocity=Parameter(
+            unit="rad/s",
+            low=0.02,
+            high=0.5,
+            neutral=0.1,
+            description="speed at which the excess is lost",
+            floor=1e-3,
+        ),
+    )
+    coefficients = ("torque", "breakaway_excess")
+    steps = (Step("speed"),)
+
+    def level(self, parameters: Values, motion: Motion) -> Signal:
+        slow = exp(-((motion.velocity / parameters["stribeck_velocity"]) ** 2))
+        return parameters["torque"] + parameters["breakaway_excess"] * slow
+
+    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
+        return [
+            {"smooth": smooth, "speed": speed}
+            for smooth in SMOOTH[:2]
+            for speed in (0.03, 0.06, 0.12, 0.24, 0.4)
+            if speed > 2 * smooth
+        ]
+
+    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
+        return scaled(theta, "speed", scale) + scaled(theta, "smooth", scale)
+
+    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
+        return {"stribeck_velocity": theta["speed"] * float(recording.top_speed[joint])}
+
+
+class Asymmetric(Friction):
+    """Another Coulomb and another viscous friction in each direction.
+
+    Mean and half difference of the two levels are the coefficients: the half difference goes with
+    |sign(v)|, a constant wherever the joint moves, which a neutral angle or an offset takes in
+    whole. Then only the mean is known, and the slopes must tell the directions apart.
+    """
+
+    name = "asymmetric_friction"
+    complexity = 3
+    signature = "steps and slopes against velocity differ between the two directions"
+    separating_trial = "move to and fro at three speeds, with rests at both ends"
+    includes = ("coulomb_friction",)
+    parameters = named(
+        torque_positive=size("Nm", 3.0, "friction of the robot's joint in flexion"),
+        torque_negative=size("Nm", 3.0, "its friction in extension"),
+        viscous_difference=size(
+            "Nm s/rad", 1.0, "damping in flexion less that in extension", low=-1.0
+        ),
+    )
+    lower = (0.0, -np.inf, -np.inf)
+
+    def level(self, parameters: Values, motion: Motion) -> Signal:
+        return self._constant(parameters, motion) + self._slope(parameters) * motion.velocity
+
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        viscous = self._slope(parameters) * magnitude(motion.velocity)
+        return self._constant(parameters, motion) * motion.direction + viscous
+
+    def _constant(self, parameters: Values, motion: Motion) -> Signal:
+        # Where the levels are declared already, only the slopes differ.
+        positive = parameters.get("torque_positive", 0.0)
+        return choose(motion.velocity > 0, positive, parameters.get("torque_negative", 0.0))
+
+    def _slope(self, parameters: Values) -> float:
+        return 0.5 * parameters.get("viscous_difference", 0.0)
+
+    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
+        return [
+            {"smooth": smooth, "viscous": viscous} for smooth in SMOOTH for viscous in (0.0, 1.0)
+        ]
+
+    def readings(self, recording: Recording, joint: int, theta: Theta) -> dict[str, Reading]:
+        found = {
+            "torque_positive": Reading(column=0, also=(1, 1.0)),
+            "torque_negative": Reading(column=0, also=(1, -1.0)),
+        }
+        if theta["viscous"]:
+            found["viscous_difference"] = Reading(column=2, scale=2.0)
+        return found
+
+
+class LoadDependent(Friction):
+    """Friction that grows with the joint's load: (F + mu |load|) sign(v)."""
+
+    name = "load_dependent_friction"
+    complexity = 2
+    signature = "the step with the velocity's sign grows with the torque that the joint carries"
+    separating_trial = "repeat one movement with a known mass attached"
+    includes = ("coulomb_friction",)
+    parameters = named(
+        torque=size("Nm", 3.0, "friction of the robot's joint without load"),
+        load_share=size("1", 0.3, "further friction over the motor's torque"),
+    )
+    coefficients = ("torque", "load_share")
+    uses_estimate = True
+
+    def level(self, parameters: Values, motion: Motion) -> Signal:
+        return parameters["torque"] + parameters["load_share"] * motion.load
+
+    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
+        return [{"smooth": smooth, "load": load} for smooth in SMOOTH[:2] for load in (0, 1, 2)]
+
+    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
+        return []
+
+    def motion(
+        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
+    ) -> RecordedMotion:
+        loads = (
+            recording.static[:, joint],
+            estimate.prediction[:, joint],
+            np.nan_to_num(recording.effort[:, joint]),
+        )
+        load = np.abs(loads[int(theta["load"])])
+        return RecordedMotion(recording=recording, joint=joint, smooth=theta["smooth"], load=load)
+
+    def plausible(
+        self, coefficients: np.ndarray, recording: Recording, joint: int, samples: np.ndarray
+    ) -> bool:
+        return bool(coefficients[-1] <= MAX_LOAD_SHARE)
+
+
+class PositionDependent(Friction):
+    """Friction that varies along the range: (F0 + F1 x + F2 x^2) sign(v), x from its middle."""
+
+    name = "position_dependent_friction"
+    complexity = 3
+    signature = "the step with the velocity's sign changes along the range"
+    separating_trial = "repeat one movement in another posture, so that load and position part"
+    includes = ("coulomb_friction",)
+    parameters = named(
+        torque_middle=size("Nm", 3.0, "friction in the middle of the range"),
+        torque_slope=size("Nm/rad", 1.0, "its slope over the angle", low=-1.0),
+        torque_curvature=size("Nm/rad2", 1.0, "its curvature", low=-1.0),
+        middle=Parameter(
+            unit="rad",
+            low=0.5,
+            high=1.5,
+            neutral=1.0,
+            description="middle of the range",
+            in_joint_frame=True,
+        ),
+    )
+    lower = (0.0, -np.inf, -np.inf)
+
+    def level(self, parameters: Values, motion: Motion) -> Signal:
+        x = motion.position - parameters["middle"]
+        slope, curvature = parameters["torque_slope"], parameters["torque_curvature"]
+        return parameters["torque_middle"] + slope * x + curvature * x * x
+
+    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
+        return super().thetas(recording, joint, estimate)[:2]
+
+    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
+        return []
+
+    def columns(
+        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
+    ) -> Columns:
+        # Over half the range, so that the columns are alike in size.
+        sign = self.motion(recording, joint, theta, estimate).direction
+        middle, half = travel(recording, joint)
+        x = (recording.position[:, joint] - middle) / half
+        return {joint: np.column_stack([sign, sign * x, sign * x**2])}
+
+    def readings(self, recording: Recording, joint: int, theta: Theta) -> dict[str, Reading]:
+        middle, half = travel(recording, joint)
+        return {
+            "torque_middle": Reading(column=0),
+            "torque_slope": Reading(column=1, scale=1 / half),
+            "torque_curvature": Reading(column=2, scale=1 / half**2),
+            "middle": Reading(value=middle),
+        }

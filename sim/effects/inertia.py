@@ -1,0 +1,133 @@
+"""Mass that nobody declared: a payload on a link, or inertia that feels no gravity.
+
+The torque of a rigid chain is linear in the inertial parameters of its links (Atkeson, An and
+Hollerbach 1986), so one more kilogram is one more column by MuJoCo's own inverse dynamics.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim.effects.effect import Columns, Effect, Law, Theta, scaled
+from sim.effects.elements import add_point_mass, joint_of
+from sim.effects.functions import Signal
+from sim.effects.motion import Estimate, Motion, Recording
+from sim.effects.parameter import Parameter, Step, Values, named
+
+if TYPE_CHECKING:
+    import mujoco
+
+#: No more than this share of the declared inertia can turn out not to be there.
+MAX_REMOVED = 0.7
+
+
+class Payload(Effect):
+    """A point mass on the link that a joint moves, on the line to its centre of mass.
+
+    At the link's centre of percussion it scales gravity and inertia alike, as a torque gain does.
+    """
+
+    name = "payload"
+    complexity = 2
+    signature = (
+        "the residual follows gravity over posture and acceleration over speed, in one ratio"
+    )
+    element = "body/@mass"
+    separating_trial = "hold still in five postures, and repeat one movement with a known mass"
+    twins = ("torque_gain",)
+    owner = "robot"
+    parameters = named(
+        mass=Parameter(
+            unit="kg",
+            low=0.0,
+            high=1.0,
+            description="mass on the robot's link",
+            switches=True,
+            floor=-0.45,
+        ),
+        distance=Parameter(
+            unit="m",
+            low=0.05,
+            high=0.3,
+            neutral=0.1,
+            description="its distance from the joint, towards the link's centre of mass",
+            floor=0.0,
+            ceiling=2.0,
+        ),
+    )
+    coefficients = ("mass",)
+    steps = (Step("distance"),)
+    adds_mass = True
+
+    def applies(self, recording: Recording, joint: int) -> bool:
+        return recording.centre_of_mass(joint) is not None
+
+    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
+        return [{"distance": share} for share in (0.4, 0.7, 1.0, 1.4, 2.0, 3.0)]
+
+    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
+        return scaled(theta, "distance", scale, step=0.25)
+
+    def columns(
+        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
+    ) -> Columns:
+        # The torque of one kilogram is a quadratic in its share of the lever.
+        share, centre = theta["distance"], self._centre(recording, joint)
+        axis, once, twice = (
+            recording.mass_torque(joint, centre * factor) for factor in (0.0, 1.0, 2.0)
+        )
+        curve = (twice - 2 * once + axis) / 2
+        torque = axis + (once - axis - curve) * share + curve * share**2
+        return {number: torque[:, [number]] for number in recording.joints}
+
+    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
+        lever = float(np.linalg.norm(self._centre(recording, joint)))
+        return {"distance": lever * theta["distance"]}
+
+    def _centre(self, recording: Recording, joint: int) -> np.ndarray:
+        centre = recording.centre_of_mass(joint)
+        assert centre is not None
+        return centre
+
+    def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
+        add_point_mass(spec, joint, parameters["mass"], parameters["distance"])
+        return self.element
+
+
+class AddedInertia(Law):
+    """Inertia about the joint's own axis that feels no gravity: motor, gear, balanced limb."""
+
+    name = "added_inertia"
+    complexity = 1
+    signature = "the residual is a straight line against acceleration and does not know posture"
+    element = "joint/@armature"
+    separating_trial = "shake the joint in two postures that differ in gravity"
+    owner = "robot"
+    parameters = named(
+        inertia=Parameter(
+            unit="kg m2",
+            low=0.0,
+            high=0.1,
+            description="further inertia of the robot's joint",
+            switches=True,
+            floor=-0.14,
+        )
+    )
+    coefficients = ("inertia",)
+    adds_mass = True
+
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        return parameters["inertia"] * motion.acceleration
+
+    def plausible(
+        self, coefficients: np.ndarray, recording: Recording, joint: int, samples: np.ndarray
+    ) -> bool:
+        own = recording.own_inertia[samples, joint]
+        return float(coefficients[-1]) >= -MAX_REMOVED * float(own.min())
+
+    def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
+        target = joint_of(spec, joint)
+        if target.armature + parameters["inertia"] < 0:
+            raise ValueError("the joint's inertia would be negative")
+        target.armature += parameters["inertia"]
+        return self.element

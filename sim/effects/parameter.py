@@ -1,0 +1,126 @@
+"""Physical parameters of an effect, and how each is read from a fit."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf
+from types import MappingProxyType
+
+import numpy as np
+
+from sim.effects.functions import Signal
+
+#: Values of an effect's parameters by name, SI units.
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One physical parameter of an effect."""
+
+    #: Unit at a hinge.
+    unit: str
+    description: str
+    #: Range of a study that names none; infinite if no simulated assessment has the effect.
+    low: float = -inf
+    high: float = inf
+    #: Value without the effect, or a harmless one if the effect is off by another parameter.
+    neutral: float = 0.0
+    #: Whether the effect is off while this parameter (and its like) is neutral.
+    switches: bool = False
+    #: Closed interval outside which the value means nothing.
+    floor: float = -inf
+    ceiling: float = inf
+    #: Whether it is a choice, not a quantity: a study keeps what was found.
+    choice: bool = False
+    #: Whether it depends on where the joint's angle is zero and which way it counts.
+    in_joint_frame: bool = False
+
+    def within_limits(self, value: float) -> float:
+        """Return the value, or the nearest one that means something."""
+        return min(max(value, self.floor), self.ceiling)
+
+
+def unit_at(unit: str, *, hinge: bool) -> str:
+    """Return a hinge's unit as it is, or that of a slide: N for Nm and m for rad."""
+    return unit if hinge else unit.replace("kg m2", "kg").replace("Nm", "N").replace("rad", "m")
+
+
+def named(**parameters: Parameter) -> Mapping[str, Parameter]:
+    """Return parameters by name."""
+    return MappingProxyType(parameters)
+
+
+def size(unit: str, high: float, description: str, *, low: float = 0.0) -> Parameter:
+    """Return a parameter that switches its effect and cannot change sign if `low` is 0."""
+    return Parameter(
+        unit=unit,
+        description=description,
+        low=low,
+        high=high,
+        switches=True,
+        floor=0.0 if low >= 0.0 else -inf,
+    )
+
+
+@dataclass(frozen=True)
+class Step:
+    """How far a non-linear parameter is moved to see what it changes."""
+
+    name: str
+    #: In the parameter's unit, and over its value.
+    least: float = 1e-3
+    share: float = 0.02
+
+    def at(self, value: float) -> float:
+        return self.least + self.share * abs(value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """Where a physical parameter comes from: `scale` times coefficient `column`, or `value`."""
+
+    column: int | None = None
+    scale: float = 1.0
+    #: Another column that enters the value too, and its share.
+    also: tuple[int, float] | None = None
+    #: Value of a non-linear parameter.
+    value: float | None = None
+
+    @property
+    def columns(self) -> set[int]:
+        """Columns that enter the value."""
+        own = set() if self.column is None else {self.column}
+        return own if self.also is None else own | {self.also[0]}
+
+    def of(self, coefficients: Mapping[int, Signal], gain: float = 1.0) -> Signal:
+        """Return the parameter.
+
+        Args:
+            coefficients: by column; one that `also` names may be missing.
+            gain: torque at the joint over the effort reported.
+        """
+        if self.column is None:
+            assert self.value is not None
+            return self.value
+        found = coefficients[self.column]
+        if self.also is not None and self.also[0] in coefficients:
+            found = found + self.also[1] * coefficients[self.also[0]]
+        return found * self.scale * gain
+
+    def lowest(self, bound: float, gain: float = 1.0) -> float:
+        """Return the least value while the coefficient is at least `bound`."""
+        if self.also is None and self.scale > 0:
+            return bound * self.scale * gain
+        return -inf
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainReading(Reading):
+    """The gain of an effort channel: effort = (1 + coefficient) times the declared torque."""
+
+    def of(self, coefficients: Mapping[int, Signal], gain: float = 1.0) -> Signal:
+        assert self.column is not None
+        return 1.0 / np.maximum(1.0 + coefficients[self.column], 0.05)
+
+    def lowest(self, bound: float, gain: float = 1.0) -> float:
+        return -inf
