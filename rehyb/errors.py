@@ -2,7 +2,8 @@
 
 # ruff: noqa: N818 - the coordinator's refusals carry the names that HTTP gives them.
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from http import HTTPStatus
 from typing import Any
 
@@ -46,6 +47,19 @@ class FleetError(RehybError):
 
 class CampaignError(RehybError):
     """A campaign cannot start or go on."""
+
+
+@contextmanager
+def needs_extra(what: str, extra: str) -> Iterator[None]:
+    """Within the block, a module that is not installed is a sentence that says how to get it.
+
+    Raises:
+        RehybError: the optional dependencies named `extra`, which `what` needs, are missing.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise RehybError(f"{what} needs {error.name}: pip install 'rehyb[{extra}]'") from None
 
 
 _OF_STATUS: Mapping[int, type[RehybError]] = {

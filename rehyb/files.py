@@ -1,13 +1,25 @@
 """Bring a study's results into files that other tools read."""
 
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from rehyb.client import Client, Json
-from rehyb.errors import Invalid, RehybError
+from rehyb.errors import Invalid, needs_extra
+from rehyb.whole_files import whole_file
 
 #: Formats by name, with the ending of their files.
 FORMATS = {"csv": ".csv", "parquet": ".parquet", "netcdf": ".nc"}
+
+
+@contextmanager
+def study_with_results(client: Client, study_id: str) -> Iterator[tuple[Json, Path]]:
+    """Yield a study's description, and its results so far as CSV for as long as the block lasts."""
+    with tempfile.TemporaryDirectory() as folder:
+        study, results = client.study(study_id), Path(folder) / "results.csv"
+        client.results_csv(study_id, results)
+        yield study, results
 
 
 def export(client: Client, study_id: str, out: Path | None, format: str) -> Path:
@@ -30,17 +42,8 @@ def export(client: Client, study_id: str, out: Path | None, format: str) -> Path
     if format == "csv":
         client.results_csv(study_id, path)
         return path
-    study = client.study(study_id)
-    with tempfile.TemporaryDirectory() as folder:
-        results = Path(folder) / "results.csv"
-        client.results_csv(study_id, results)
-        # Written beside its place first: nobody finds half a file.
-        partial = path.with_name(path.name + ".partial")
-        try:
-            _write(partial, study, results, format)
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
+    with study_with_results(client, study_id) as (study, results), whole_file(path) as partial:
+        _write(partial, study, results, format)
     return path
 
 
@@ -49,7 +52,7 @@ def _write(path: Path, study: Json, results: Path, format: str) -> None:
 
     model = MODELS[study["model"]]
     units = {factor.name: factor.unit for factor in model.factors} | dict(model.units)
-    try:
+    with needs_extra(format, "files"):
         if format == "parquet":
             from analysis.files.parquet import write_parquet
 
@@ -60,5 +63,3 @@ def _write(path: Path, study: Json, results: Path, format: str) -> None:
             from analysis.sensitivity.records import plan_of
 
             write_netcdf(path, study, read_table(plan_of(study), results), units)
-    except ModuleNotFoundError as error:
-        raise RehybError(f"{format} needs {error.name}: pip install 'rehyb[files]'") from None

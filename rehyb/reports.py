@@ -1,11 +1,12 @@
 """Write the report of studies: fetch what it needs, and hand it to the analysis."""
 
-import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from rehyb.client import Client, Json
-from rehyb.errors import Invalid, RehybError
+from rehyb.errors import Invalid, needs_extra
+from rehyb.files import study_with_results
 
 
 def report_studies(
@@ -31,13 +32,8 @@ def report_studies(
         Invalid: a study has no such output.
         RehybError: the coordinator does not know a study, or does not answer.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        studies = []
-        for number, study_id in enumerate(ids):
-            table = Path(folder) / f"{number}.csv"
-            study = client.study(study_id)
-            client.results_csv(study_id, table)
-            studies.append((study, table))
+    with ExitStack() as stack:
+        studies = [stack.enter_context(study_with_results(client, study_id)) for study_id in ids]
         shown = output or studies[0][0]["outputs"][0]
         for study, _ in studies:
             if shown not in study["outputs"]:
@@ -70,7 +66,7 @@ def write(
         outputs={name: unit for name, unit in model.units.items() if unit != "1"},
     )
     chapters = [chapter(study, table) for study, table in studies]
-    try:
+    with needs_extra("a surrogate", "surrogate"):
         return write_report(
             out,
             chapters,
@@ -81,7 +77,3 @@ def write(
             folders=folders,
             surrogates=surrogates,
         )
-    except ModuleNotFoundError as error:
-        raise RehybError(
-            f"a surrogate needs {error.name}: pip install 'rehyb[surrogate]'"
-        ) from None

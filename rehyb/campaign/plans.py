@@ -38,6 +38,3 @@ PRESETS: Mapping[str, Preset] = {
     # Sections 3.1 and 3.2.
     "paper": Preset(screening_rows=150, variance_rows=3000, sampling="latin_hypercube"),
 }
-
-#: What plans of earlier versions did not have.
-LATER: Mapping[str, None] = {"most_rows": None, "target": None}

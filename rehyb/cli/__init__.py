@@ -10,6 +10,7 @@ import typer
 from rehyb.cli import (
     campaigns,
     close_loop,
+    database,
     files,
     precision,
     reports,
@@ -35,7 +36,7 @@ studies.app.command()(precision.watch)
 studies.app.command("with-effect")(close_loop.with_effect)
 app.add_typer(studies.app, name="study")
 app.add_typer(campaigns.app, name="campaign")
-app.add_typer(services.database, name="db")
+app.add_typer(database.app, name="db")
 app.add_typer(tokens.app, name="token")
 app.command()(services.up)
 app.command()(services.coordinator)

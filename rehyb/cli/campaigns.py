@@ -2,20 +2,23 @@
 
 import sys
 from contextlib import ExitStack
+from dataclasses import asdict
 from functools import partial
-from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rehyb.campaign.decisions import Proposed
 from rehyb.campaign.plans import PRESETS, Plan
-from rehyb.campaign.run import Campaign, Proposed, Report
-from rehyb.cli.options import AsJson, Token, Url, interruptible, print_json
+from rehyb.campaign.report import Report
+from rehyb.campaign.run import Campaign
+from rehyb.cli.answers import Answer, Token, Url, answering
+from rehyb.cli.options import check_target, check_up_to, interruptible
 from rehyb.client import Client
 
 if TYPE_CHECKING:
-    from rehyb.display import LineDisplay, LiveDisplay
+    from rehyb.campaign.display import LineDisplay, LiveDisplay
 
 app = typer.Typer(help="Run the paper's two-phase study.", no_args_is_help=True)
 
@@ -26,7 +29,9 @@ def _group() -> None:
 
 
 @app.command()
+@answering
 def run(
+    as_json: bool,
     directory: Annotated[Path, typer.Option(help="Where results, and a local fleet, are kept.")],
     preset: Annotated[
         str, typer.Option(help="demo: minutes on a laptop. paper: the paper's own sizes.")
@@ -83,11 +88,51 @@ def run(
     ] = False,
     url: Url = None,
     token: Token = None,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """Screen all factors, fix the least influential one, and rank the others.
 
     Ctrl-C stops everything; running the same command again carries on where it was.
+    """
+    sizes = {
+        "screening_rows": screening_rows,
+        "variance_rows": variance_rows,
+        "sampling": sampling or None,
+    }
+    plan = _plan(preset, model, output, seed=seed, most_rows=up_to, target=target, **sizes)
+    try:
+        with interruptible(), ExitStack() as stack:
+            fleet = None
+            if local_workers is not None:
+                from rehyb.fleet import LocalFleet
+
+                fleet = stack.enter_context(LocalFleet(directory, workers=local_workers))
+                url, token = fleet.url, fleet.token
+            client = stack.enter_context(Client(url, token))
+            display = _display(live=not as_json)
+            stack.enter_context(display)
+            report = Campaign(
+                client,
+                plan,
+                directory,
+                show=display.show,
+                tick=fleet.supervise if fleet else (lambda: None),
+                confirm=partial(_ask, plan, display) if confirm else (lambda found: found.factor),
+            ).run()
+    except KeyboardInterrupt:
+        print(
+            f"\nInterrupted. Everything is stopped and nothing is lost: "
+            f"run the same command again to carry on in {directory}.",
+            file=sys.stderr,
+        )
+        raise
+    return Answer(report.to_json(), partial(_print, report))
+
+
+def _plan(preset: str, model: str, output: str | None, **given: Any) -> Plan:
+    """Return what to compute: what is given, else the preset's sizes and the model's first output.
+
+    Raises:
+        typer.BadParameter: there is no such preset, model or output, or the precision is none.
     """
     from sim.models import MODELS
 
@@ -98,71 +143,22 @@ def run(
     outputs = MODELS[model].outputs
     if output is not None and output not in outputs:
         raise typer.BadParameter(f"{model} has no output {output!r}: it has {', '.join(outputs)}")
-    if target is not None and up_to is None:
-        raise typer.BadParameter("--target needs --up-to, the rows that it may cost in all")
-    if target is not None and not 0.0 < target < inf:
-        raise typer.BadParameter(f"--target is a positive half width, not {target:g}")
-    sizes = PRESETS[preset]
-    plan = Plan(
-        model=model,
-        output=output or outputs[0],
-        screening_rows=screening_rows or sizes.screening_rows,
-        variance_rows=variance_rows or sizes.variance_rows,
-        sampling=sampling or sizes.sampling,
-        seed=seed,
-        most_rows=up_to,
-        target=target,
-    )
-    try:
-        report = _run(plan, directory, local_workers, url, token, as_json, confirm)
-    except KeyboardInterrupt:
-        print(
-            f"\nInterrupted. Everything is stopped and nothing is lost: "
-            f"run the same command again to carry on in {directory}.",
-            file=sys.stderr,
-        )
-        raise
-    if as_json:
-        print_json(report.to_json())
-    else:
-        _print(report)
+    check_up_to(given["target"], given["most_rows"])
+    check_target(given["target"])
+    chosen = asdict(PRESETS[preset]) | {
+        name: value for name, value in given.items() if value is not None
+    }
+    return Plan(model=model, output=output or outputs[0], **chosen)
 
 
-def _run(
-    plan: Plan,
-    directory: Path,
-    local_workers: int | None,
-    url: str | None,
-    token: str | None,
-    as_json: bool,
-    confirm: bool,
-) -> Report:
+def _display(*, live: bool) -> "LiveDisplay | LineDisplay":
+    """Return a display in place if stdout is a terminal, else one for a log."""
     from rich.console import Console
 
-    from rehyb.display import LineDisplay, LiveDisplay
-    from rehyb.fleet import LocalFleet
+    from rehyb.campaign.display import LineDisplay, LiveDisplay
 
-    with interruptible(), ExitStack() as stack:
-        tick = None
-        if local_workers is not None:
-            fleet = stack.enter_context(LocalFleet(directory, workers=local_workers))
-            url, token, tick = fleet.url, fleet.token, fleet.supervise
-        client = stack.enter_context(Client(url, token))
-        console = Console()
-        display: LiveDisplay | LineDisplay
-        if console.is_terminal and not as_json:
-            display = stack.enter_context(LiveDisplay(console))
-        else:
-            display = LineDisplay(sys.stderr)
-        campaign = Campaign(
-            client,
-            plan,
-            directory,
-            show=display.show,
-            tick=tick or (lambda: None),
-            confirm=partial(_ask, plan, display) if confirm else (lambda proposed: proposed.factor),
-        )
-        return campaign.run()
+    console = Console()
+    return LiveDisplay(console) if console.is_terminal and live else LineDisplay(sys.stderr)
 
 
 def _ask(plan: Plan, display: "LiveDisplay | LineDisplay", proposed: Proposed) -> str | None:
@@ -196,7 +192,7 @@ def _ask(plan: Plan, display: "LiveDisplay | LineDisplay", proposed: Proposed) -
 def _print(report: Report) -> None:
     from rich.console import Console
 
-    from rehyb.display import report_parts
+    from rehyb.campaign.display import report_parts
 
     # Paths and sentences are for copying: they are not to be broken at a terminal's edge.
     console = Console(soft_wrap=True)

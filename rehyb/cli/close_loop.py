@@ -2,19 +2,21 @@
 
 import json
 import sys
+from collections.abc import Iterator
 from contextlib import nullcontext
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from rehyb.cli.options import AsJson, Token, Url, print_json
-from rehyb.client import Client
-from rehyb.client import close_loop as loops
+from rehyb.cli.answers import Answer, Token, Url, answering, study_submitted
+from rehyb.client import Client, Json
+from rehyb.client.close_loops import close_loop_by_worker
 from rehyb.errors import Invalid, RehybError
 
 
+@answering
 def close_loop(
     session: Annotated[
         Path,
@@ -26,26 +28,22 @@ def close_loop(
     ] = False,
     url: Url = None,
     token: Token = None,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """Trace the residual of measured trials to an effect the declared model lacks, and add it.
 
     Exit status 2 if the session cannot be analysed; then nothing is written.
     """
     if submit:
         with Client(url, token) as client:
-            report = loops.close_loop(client, session, out, _show)
+            report = close_loop_by_worker(client, session, out, _show)
     elif url or token:
         raise Invalid("--url and --token go with --submit: without it this machine does the work")
     else:
         report = _close_here(session, out)
-    if as_json:
-        print_json(report)
-    else:
-        _print(report, out)
+    return Answer(report, "\n".join(_lines(report, out)))
 
 
-def _close_here(session: Path, out: Path) -> dict[str, Any]:
+def _close_here(session: Path, out: Path) -> Json:
     if find_spec("matplotlib") is None:
         raise RehybError("the report needs pictures: pip install 'rehyb[figures]'")
     from analysis.closeloop.errors import SessionError
@@ -64,6 +62,7 @@ def _show(stage: str) -> None:
         print(f"rehyb: {stage}", file=sys.stderr)
 
 
+@answering
 def with_effect(
     report: Annotated[
         Path, typer.Argument(metavar="REPORT", help="report.json of `rehyb close-loop`.")
@@ -88,8 +87,7 @@ def with_effect(
     ] = None,
     url: Url = None,
     token: Token = None,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """Submit a study in which a found effect's parameters are uncertain, beside Table 1's."""
     from analysis.closeloop.report.effect_study import GoingOnError, study_with_effects
 
@@ -104,43 +102,34 @@ def with_effect(
         raise Invalid(f"{report}: {error}") from None
     if out is not None:
         out.write_text(json.dumps(study, indent=2) + "\n")
-        if as_json:
-            print_json({"file": str(out)})
-        else:
-            typer.echo(f"{out}: submit it with rehyb study submit {out}")
-        return
+        return Answer({"file": str(out)}, f"{out}: submit it with rehyb study submit {out}")
     with Client(url, token) as client:
-        answer = client.submit(study)
-    if as_json:
-        print_json(answer)
-    else:
-        typer.echo(f"{answer['id']}  {answer['name']}: {answer['instances']} instances")
+        return study_submitted(client.submit(study))
 
 
-def _print(report: dict[str, Any], out: Path) -> None:
-    typer.echo(report["verdict"])
+def _lines(report: Json, out: Path) -> Iterator[str]:
+    """Yield what a report says, line by line."""
+    yield report["verdict"]
     for effect in report["effects"]:
-        typer.echo(f"  {effect['name']} at {effect['joint']}")
+        yield f"  {effect['name']} at {effect['joint']}"
         for name, entry in effect["parameters"].items():
             low, high = entry["ci90"]
-            typer.echo(
-                f"    {name:20} {entry['value']: 9.4g} [{low:.4g}, {high:.4g}] {entry['unit']}"
-            )
+            yield f"    {name:20} {entry['value']: 9.4g} [{low:.4g}, {high:.4g}] {entry['unit']}"
         if effect["indistinguishable_from"]:
-            typer.echo(f"    looks like {', '.join(effect['indistinguishable_from'])}")
+            yield f"    looks like {', '.join(effect['indistinguishable_from'])}"
     for joint, error in report["error"]["holdout"].items():
-        typer.echo(
+        yield (
             f"  held-out error of {joint}: {error['before']:.4g} -> {error['after']:.4g} "
             f"{error['unit']} (floor {error['floor']:.4g})"
         )
     for joint, values in report["impedance"].items():
         k = values["stiffness"]
-        typer.echo(f"  stiffness of {joint}: {k['before']:.4g} -> {k['after']:.4g} {k['unit']}")
+        yield f"  stiffness of {joint}: {k['before']:.4g} -> {k['after']:.4g} {k['unit']}"
     for joint, entry in report["unexplained"].items():
-        typer.echo(
+        yield (
             f"  unexplained at {joint}: {entry['rms']:.3g} {entry['unit']}, depends on "
             f"{', '.join(entry['depends_on']) or 'nothing recorded'}"
         )
     for line in (*report["advice"], *report["warnings"]):
-        typer.echo(f"  {line}")
-    typer.echo(str(out / "report.html"))
+        yield f"  {line}"
+    yield str(out / "report.html")

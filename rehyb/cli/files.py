@@ -3,57 +3,52 @@
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rehyb.bundle.archive import digest_of, read_bundle, write_bundle
-from rehyb.cli.options import AsJson, Token, Url, print_json
+from rehyb.bundle.archive import Bundle, digest_of, read_bundle, write_bundle
+from rehyb.cli.answers import Answer, Token, Url, answering, asking, file_written, study_submitted
+from rehyb.cli.options import StudyId
 from rehyb.client import Client
 from rehyb.files import FORMATS
 from rehyb.files import export as write
 
+if TYPE_CHECKING:
+    from rehyb.bundle.reproduce import Finding
 
+
+@asking
 def export(
-    study: Annotated[str, typer.Argument(help="The study's id.", metavar="STUDY")],
+    client: Client,
+    study: StudyId,
     format: Annotated[str, typer.Option(help=f"{', '.join(FORMATS)}.")] = "csv",
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Default: named after the study.", show_default=False),
     ] = None,
-    url: Url = None,
-    token: Token = None,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """Write a study's results so far as one file: CSV, Parquet or NetCDF."""
-    with Client(url, token) as client:
-        path = write(client, study, out, format)
-    if as_json:
-        print_json({"file": str(path)})
-    else:
-        typer.echo(str(path))
+    return file_written(write(client, study, out, format))
 
 
+@asking
 def bundle(
-    study: Annotated[str, typer.Argument(help="The study's id.", metavar="STUDY")],
+    client: Client,
+    study: StudyId,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.zip", help="Default: STUDY.zip.")
     ] = None,
-    url: Url = None,
-    token: Token = None,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """Write a study with all that it takes to check it: results, failures, indices, versions."""
     path = out or Path(f"{study}.zip")
-    with Client(url, token) as client:
-        digest = write_bundle(client, study, path)
-    if as_json:
-        print_json({"file": str(path), "sha256": digest})
-    else:
-        typer.echo(f"{path}\nSHA-256 {digest}")
+    digest = write_bundle(client, study, path)
+    return Answer({"file": str(path), "sha256": digest}, f"{path}\nSHA-256 {digest}")
 
 
+@answering
 def reproduce(
+    as_json: bool,
     file: Annotated[Path, typer.Argument(help="From `rehyb bundle`.", metavar="BUNDLE")],
     check: Annotated[
         bool,
@@ -74,8 +69,7 @@ def reproduce(
     ] = 1e-6,
     url: Url = None,
     token: Token = None,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """Check a bundle, or compute its study again. Exit status 1 if a check fails, 2 if it is none.
 
     Nothing of the bundle is believed, and nothing of it is written to disk under a name of its own.
@@ -85,30 +79,31 @@ def reproduce(
     with tempfile.TemporaryDirectory() as folder:
         read = read_bundle(file, Path(folder))
         if not check:
-            checks.plan_of(read.study)
-            with Client(url, token) as client:
-                answer = client.submit(checks.request_of(read.study))
-            if as_json:
-                print_json(answer)
-            else:
-                typer.echo(f"{answer['id']}  {answer['name']}: {answer['instances']} instances")
-            return
+            return _submitted(read, url, token)
         findings = []
         for finding in checks.check(read, sample=sample, seed=seed, tolerance=tolerance):
             findings.append(finding)
             if not as_json:
-                verdict = "ok    " if finding.holds else "FAILED"
-                # A stranger's names must not steer the terminal.
-                said = "".join(c if c.isprintable() else "?" for c in finding.sentence)
-                print(f"{verdict}  {finding.check}: {said}", flush=True)
+                _print(finding)
     holds = all(finding.holds for finding in findings)
-    if as_json:
-        print_json(
-            {
-                "sha256": digest_of(file),
-                "holds": holds,
-                "findings": [asdict(finding) for finding in findings],
-            }
-        )
-    if not holds:
-        raise typer.Exit(1)
+    answer = {
+        "sha256": digest_of(file),
+        "holds": holds,
+        "findings": [asdict(finding) for finding in findings],
+    }
+    return Answer(answer, status=0 if holds else 1)
+
+
+def _submitted(bundle: Bundle, url: str | None, token: str | None) -> Answer:
+    from rehyb.bundle.reproduce import plan_of, request_of
+
+    plan_of(bundle.study)
+    with Client(url, token) as client:
+        return study_submitted(client.submit(request_of(bundle.study)))
+
+
+def _print(finding: "Finding") -> None:
+    verdict = "ok    " if finding.holds else "FAILED"
+    # A stranger's names must not steer the terminal.
+    printable = "".join(c if c.isprintable() else "?" for c in finding.sentence)
+    print(f"{verdict}  {finding.check}: {printable}", flush=True)

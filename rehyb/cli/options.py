@@ -1,41 +1,44 @@
-"""Options that several commands share, and what all of them do with a result."""
+"""Options and arguments that several commands share, and how their texts are read."""
 
-import json
 import signal
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
+from math import inf
 from types import FrameType
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-Url = Annotated[
-    str | None,
+StudyId = Annotated[str, typer.Argument(help="The study's id.", metavar="STUDY")]
+Output = Annotated[str | None, typer.Option(help="Default: the study's first.", show_default=False)]
+Target = Annotated[
+    float | None,
     typer.Option(
-        help="The coordinator. Default: REHYB_URL, else this machine.", show_default=False
+        help="Half width wanted of every interval. Default: 0.02 of S and ST, a tenth of the "
+        "largest μ*.",
+        show_default=False,
     ),
 ]
-Token = Annotated[
-    str | None, typer.Option(help="Its token. Default: REHYB_TOKEN.", show_default=False)
-]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 
 
-def print_json(content: Any) -> None:
-    """Print `content` as JSON on stdout."""
-    print(json.dumps(content, indent=2, ensure_ascii=False), flush=True)
+def check_target(target: float | None) -> None:
+    """Check a wanted half width.
+
+    Raises:
+        typer.BadParameter: it is not positive.
+    """
+    if target is not None and not 0.0 < target < inf:
+        raise typer.BadParameter(f"--target is a positive half width, not {target:g}")
 
 
-def print_rows(columns: tuple[str, ...], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print what `rows` have under `columns` as a table."""
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
+def check_up_to(target: float | None, up_to: int | None) -> None:
+    """Check that a wanted precision comes with what it may cost.
 
-    table = Table(*columns, box=SIMPLE_HEAD, pad_edge=False)
-    for row in rows:
-        table.add_row(*(str(row.get(column, "")) for column in columns))
-    Console().print(table)
+    Raises:
+        typer.BadParameter: it does not.
+    """
+    if target is not None and up_to is None:
+        raise typer.BadParameter("--target needs --up-to, the rows that it may cost in all")
 
 
 def assignment(text: str) -> tuple[str, str]:

@@ -5,11 +5,13 @@ from typing import Annotated
 
 import typer
 
-from rehyb.cli.options import AsJson, Token, Url, print_json
+from rehyb.cli.answers import Answer, asking
 from rehyb.client import Client
 
 
+@asking
 def report(
+    client: Client,
     study: Annotated[list[str], typer.Argument(help="Ids of studies.", metavar="STUDY...")],
     out: Annotated[Path, typer.Option(metavar="FILE.html", help="The page to write.")],
     output: Annotated[
@@ -28,19 +30,11 @@ def report(
         bool,
         typer.Option("--surrogate", help="Also show what fitted functions say; takes seconds."),
     ] = False,
-    url: Url = None,
-    token: Token = None,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """Write one HTML page, to be read offline, with every figure and table of a study."""
     from rehyb.reports import report_studies
 
     folders = {kind: path for kind, path in (("png", png), ("pdf", pdf)) if path is not None}
-    with Client(url, token) as client:
-        files = report_studies(
-            client, study, out, output=output, folders=folders, surrogates=surrogate
-        )
-    if as_json:
-        print_json({"files": [str(file) for file in files]})
-    else:
-        typer.echo("\n".join(str(file) for file in files))
+    files = report_studies(client, study, out, output=output, folders=folders, surrogates=surrogate)
+    names = [str(file) for file in files]
+    return Answer({"files": names}, "\n".join(names))

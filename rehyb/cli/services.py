@@ -1,20 +1,18 @@
-"""Commands that start what runs for long: `up`, `coordinator`, `analysis`, `db`."""
+"""Commands that start what runs for long: `up`, `coordinator`, `analysis`."""
 
 import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rehyb.cli.options import AsJson, interruptible, print_json
-from rehyb.errors import Invalid, RehybError
-
-database = typer.Typer(help="The coordinator's database.", no_args_is_help=True)
+from rehyb.cli.answers import AsJson, print_json
+from rehyb.cli.database import in_one_sentence, opened
+from rehyb.cli.options import interruptible
+from rehyb.errors import Invalid
 
 SUPERVISE_SECONDS = 1.0
 #: Between two looks of the analysis for news.
@@ -104,95 +102,10 @@ def analysis() -> None:
     run: whoever commits first wins, and the others carry on from there.
     """
     from analysis.sensitivity.service import follow
-    from server.store import create_engine, require_current
     from server.store.result_log import StoreResultLog
 
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    with in_one_sentence():
-        engine = create_engine(database_url())
-        try:
-            require_current(engine)
-            follow(StoreResultLog(engine), stop=stop, poll_seconds=POLL_SECONDS)
-        finally:
-            engine.dispose()
-
-
-@database.command("upgrade")
-def upgrade_database(as_json: AsJson = False) -> None:
-    """Bring the database at REHYB_DATABASE_URL to this version's schema."""
-    from server.store import upgrade
-
-    with in_one_sentence():
-        url = database_url()
-        upgrade(url)
-    if as_json:
-        print_json({"upgraded": True})
-    else:
-        typer.echo("the database has the schema of this version")
-
-
-@database.command()
-def backup(
-    file: Annotated[Path, typer.Argument(help="The copy; must not exist.")],
-    as_json: AsJson = False,
-) -> None:
-    """Copy the SQLite database at REHYB_DATABASE_URL, also while a coordinator uses it."""
-    from server.store import check, create_engine, require_current
-
-    with in_one_sentence():
-        engine = create_engine(database_url())
-        try:
-            require_current(engine)
-            check.back_up(engine, file)
-        finally:
-            engine.dispose()
-    if as_json:
-        print_json({"file": str(file)})
-    else:
-        typer.echo(str(file))
-
-
-@database.command("check")
-def check_database(as_json: AsJson = False) -> None:
-    """Count everything anew; exit status 1 if the database contradicts itself."""
-    from server.store import check, create_engine, require_current
-
-    with in_one_sentence():
-        engine = create_engine(database_url())
-        try:
-            require_current(engine)
-            found = check.faults(engine)
-        finally:
-            engine.dispose()
-    if as_json:
-        print_json({"faults": found})
-    else:
-        typer.echo("\n".join(found) or "the database is whole")
-    if found:
-        raise typer.Exit(1)
-
-
-def database_url() -> str:
-    """Return the database's URL from the environment; a token is not needed to use it."""
-    from server.settings import Settings
-
-    default: str = Settings.model_fields["database_url"].default
-    return os.environ.get("REHYB_DATABASE_URL", default)
-
-
-@contextmanager
-def in_one_sentence() -> Iterator[None]:
-    """Turn what the coordinator's rooms raise at start into this command's errors."""
-    from sqlalchemy.exc import SQLAlchemyError
-
-    from server.errors import CoordinatorError
-
-    try:
-        yield
-    except (CoordinatorError, OSError) as error:
-        raise RehybError(str(error)) from error
-    except SQLAlchemyError as error:
-        cause = str(getattr(error, "orig", None) or error).splitlines()[0]
-        raise RehybError(f"the database cannot be used: {cause}") from error
+    with opened() as engine:
+        follow(StoreResultLog(engine), stop=stop, poll_seconds=POLL_SECONDS)

@@ -3,17 +3,25 @@
 import json
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rehyb.cli.options import AsJson, assignment, number, print_json
+from rehyb.cli.answers import Answer, answering
+from rehyb.cli.options import assignment, number
 from rehyb.errors import RehybError
 
+if TYPE_CHECKING:
+    from sim.assessment.assess import Assessment
+    from sim.pictures.film import Film
 
+
+@answering
 def assess(
     settings: Annotated[
         list[str] | None,
@@ -58,102 +66,83 @@ def assess(
     device: Annotated[
         str, typer.Option(help="nesm, elbow_orthosis or an MJCF file (docs/devices.md).")
     ] = "nesm",
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """Simulate one stiffness assessment of the elbow or the shoulder.
 
     Exit status 1 if the assessment fails: the simulated exercise, that is, not the command.
     """
-    from sim.assessment.assess import assess as simulate
+    values, setting = _parameters(replay, settings or ())
+    setting = {"target": target, "fidelity": fidelity, "device": device} | setting
+    film = _film(video)
+    started = time.perf_counter()
+    with _bad_parameters():
+        from sim.assessment.assess import assess as simulate
+
+        watch = None if film is None else film.watch
+        assessment = simulate(values, controller=controller, watch=watch, **setting)
+    wall_seconds = time.perf_counter() - started
+    written = _written(assessment, record, plot, film, video)
+    content = {
+        "outcome": assessment.outcome,
+        **assessment.outputs,
+        "wall_seconds": wall_seconds,
+        "reason": assessment.reason,
+        "parameters": values,
+        "diagnostics": dict(assessment.diagnostics),
+        "state": assessment.state,
+    }
+    text = "\n".join([*_lines(assessment), *map(str, written)])
+    return Answer(content, text, status=0 if assessment.outcome == "ok" else 1)
+
+
+@answering
+def validate(
+    out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path("validation"),
+) -> Answer:
+    """Repeat the paper's validation experiments and say what agrees with its figures."""
+    from sim.validation import validate as repeat
+
+    report = repeat(out)
+    content = {
+        "rows": [asdict(row) for row in report.rows],
+        "pictures": [str(picture) for picture in report.pictures],
+    }
+    return Answer(content, partial(_print_validation, report))
+
+
+@contextmanager
+def _bad_parameters() -> Iterator[None]:
+    """Turn what the simulation refuses into wrong use of the command."""
+    try:
+        yield
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
+
+
+def _parameters(
+    replay: str | None, settings: Sequence[str]
+) -> tuple[dict[str, float], dict[str, str]]:
+    """Return every factor's value; and target, fidelity and device of what is repeated."""
     from sim.models import ELBOW
     from sim.parameters.effects import EFFECT_FACTORS
 
     values = {factor.name: factor.nominal for factor in ELBOW.factors}
     effects = {factor.name for factor in EFFECT_FACTORS}
+    setting: dict[str, str] = {}
     if replay is not None:
-        parameters, target, fidelity, device = _replayed(replay)
+        parameters, setting = _replayed(replay)
         values.update(parameters)
-    for name, value in map(assignment, settings or ()):
+    for name, value in map(assignment, settings):
         if name not in values and name not in effects:
             raise typer.BadParameter(
                 f"there is no factor {name!r}: take {', '.join(values)} or effect.NAME.PARAMETER"
             )
         values[name] = number(value, name)
-    watch = None
-    try:
-        if video is not None:
-            from sim.pictures.film import Film, check_format
-
-            check_format(video)
-            film = Film()
-            watch = film.watch
-        started = time.perf_counter()
-        assessment = simulate(
-            values,
-            controller=controller,
-            fidelity=fidelity,
-            target=target,
-            device=device,
-            watch=watch,
-        )
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from None
-    wall_seconds = time.perf_counter() - started
-    if video is not None:
-        _film(film, video, assessment.outcome)
-    if assessment.record is None:
-        if record is not None or plot is not None:
-            print("there is nothing to save or to draw: no motion was recorded", file=sys.stderr)
-        record = plot = None
-    else:
-        if record is not None:
-            assessment.record.save(record)
-        if plot is not None:
-            from sim.pictures.figures import assessment_figure
-
-            assessment_figure(assessment, plot)
-    if as_json:
-        print_json(
-            {
-                "outcome": assessment.outcome,
-                **assessment.outputs,
-                "wall_seconds": wall_seconds,
-                "reason": assessment.reason,
-                "parameters": values,
-                "diagnostics": dict(assessment.diagnostics),
-                "state": assessment.state,
-            }
-        )
-    else:
-        _print_assessment(assessment.outcome, assessment.reason, assessment.outputs)
-        for path in (record, plot, video):
-            if path is not None:
-                typer.echo(str(path))
-    if assessment.outcome != "ok":
-        raise typer.Exit(1)
+    return values, setting
 
 
-def validate(
-    out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path("validation"),
-    as_json: AsJson = False,
-) -> None:
-    """Repeat the paper's validation experiments and say what agrees with its figures."""
-    from sim.validation import validate as repeat
-
-    report = repeat(out)
-    if as_json:
-        print_json(
-            {
-                "rows": [asdict(row) for row in report.rows],
-                "pictures": [str(picture) for picture in report.pictures],
-            }
-        )
-    else:
-        _print_validation(report)
-
-
-def _replayed(source: str) -> tuple[dict[str, float], str, str, str]:
-    """Return parameters, target, fidelity and device of a replay bundle of an assessment."""
+def _replayed(source: str) -> tuple[dict[str, float], dict[str, str]]:
+    """Return parameters, and target, fidelity and device, of a replay bundle of an assessment."""
     from sim.models import ASSESSMENTS
 
     try:
@@ -171,25 +160,59 @@ def _replayed(source: str) -> tuple[dict[str, float], str, str, str]:
         )
     _, target, fidelity, device = ASSESSMENTS[bundle["model"]]
     parameters = {name: number(str(value), name) for name, value in bundle["parameters"].items()}
-    return parameters, target, fidelity, device
+    return parameters, {"target": target, "fidelity": fidelity, "device": device}
 
 
-def _film(film: Any, path: Path, outcome: str) -> None:
-    """Write a film; if nothing renders here, that is one sentence and exit status 1."""
-    from sim.pictures.rendering import GraphicsError
+def _film(path: Path | None) -> "Film | None":
+    """Return a film to be taken; None if none is wanted."""
+    if path is None:
+        return None
+    from sim.pictures.film import Film, check_format
 
-    try:
-        film.write(path, outcome)
-    except GraphicsError as error:
-        raise RehybError(str(error)) from None
+    with _bad_parameters():
+        check_format(path)
+        return Film()
 
 
-def _print_assessment(outcome: str, reason: str, outputs: Mapping[str, float]) -> None:
-    typer.echo(outcome if outcome == "ok" else f"{outcome}: {reason}")
+def _written(
+    assessment: "Assessment",
+    record: Path | None,
+    plot: Path | None,
+    film: "Film | None",
+    video: Path | None,
+) -> list[Path]:
+    """Write what is wanted of an assessment, and return the files.
+
+    Raises:
+        RehybError: nothing renders here.
+    """
+    if film is not None and video is not None:
+        from sim.pictures.rendering import GraphicsError
+
+        try:
+            film.write(video, assessment.outcome)
+        except GraphicsError as error:
+            raise RehybError(str(error)) from None
+    if assessment.record is None:
+        if record is not None or plot is not None:
+            print("there is nothing to save or to draw: no motion was recorded", file=sys.stderr)
+        record = plot = None
+    if assessment.record is not None and record is not None:
+        assessment.record.save(record)
+    if plot is not None:
+        from sim.pictures.figures import assessment_figure
+
+        assessment_figure(assessment, plot)
+    return [path for path in (record, plot, video) if path is not None]
+
+
+def _lines(assessment: "Assessment") -> Iterator[str]:
     from sim.models import ELBOW
 
-    for name, value in outputs.items():
-        typer.echo(f"  {name:28} {value: 9.4f} {ELBOW.units[name]}")
+    outcome = assessment.outcome
+    yield outcome if outcome == "ok" else f"{outcome}: {assessment.reason}"
+    for name, value in assessment.outputs.items():
+        yield f"  {name:28} {value: 9.4f} {ELBOW.units[name]}"
 
 
 def _print_validation(report: Any) -> None:

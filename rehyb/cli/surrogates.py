@@ -1,55 +1,36 @@
 """The command that answers by a fitted function: `study surrogate`."""
 
-import tempfile
 from dataclasses import asdict
-from pathlib import Path
-from typing import Annotated, Any
+from functools import partial
+from typing import Any
 
-import typer
-
-from rehyb.cli.options import AsJson, Token, Url, print_json
+from rehyb.cli.answers import Answer, asking
+from rehyb.cli.options import Output, StudyId
 from rehyb.client import Client, Json
-from rehyb.errors import Invalid, RehybError
+from rehyb.errors import Invalid, needs_extra
+from rehyb.files import study_with_results
 
 
-def surrogate(
-    study: Annotated[str, typer.Argument(help="The study's id.", metavar="STUDY")],
-    output: Annotated[
-        str | None, typer.Option(help="Default: the study's first.", show_default=False)
-    ] = None,
-    url: Url = None,
-    token: Token = None,
-    as_json: AsJson = False,
-) -> None:
+@asking
+def surrogate(client: Client, study: StudyId, output: Output = None) -> Answer:
     """Answer by functions fitted to the runs so far, with their held-out errors.
 
     A Gaussian process and, with the extra `chaos`, a sparse polynomial chaos.
     """
-    with Client(url, token) as client, tempfile.TemporaryDirectory() as folder:
-        described = client.study(study)
-        results = Path(folder) / "results.csv"
-        client.results_csv(study, results)
-        snapshot = client.indices(study)
-        found = _answer(described, results, output or described["outputs"][0])
-    if as_json:
-        print_json(asdict(found))
-    else:
-        _print(found, snapshot)
-
-
-def _answer(study: Json, results: Path, output: str) -> Any:
     from analysis.files.results_csv import read_table
     from analysis.sensitivity.records import plan_of
-    from analysis.sensitivity.surrogate import answer
 
-    try:
-        return answer(read_table(plan_of(study), results), output)
-    except ValueError as error:
-        raise Invalid(str(error)) from None
-    except ModuleNotFoundError as error:
-        raise RehybError(
-            f"a surrogate needs {error.name}: pip install 'rehyb[surrogate]'"
-        ) from None
+    with study_with_results(client, study) as (described, results):
+        snapshot = client.indices(study)
+        try:
+            with needs_extra("a surrogate", "surrogate"):
+                from analysis.sensitivity.surrogate import answer
+
+                table = read_table(plan_of(described), results)
+                found = answer(table, output or described["outputs"][0])
+        except ValueError as error:
+            raise Invalid(str(error)) from None
+    return Answer(asdict(found), partial(_print, found, snapshot))
 
 
 def _print(found: Any, snapshot: Json) -> None:

@@ -1,18 +1,14 @@
 """Commands about tokens: `token create`, `list`, `revoke`. They work on the database itself."""
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from functools import partial
+from typing import Annotated
 
 import typer
 
-from rehyb.cli.options import AsJson, print_json, print_rows
-from rehyb.cli.services import database_url, in_one_sentence
-
-if TYPE_CHECKING:
-    from sqlalchemy.engine import Engine
+from rehyb.cli.answers import Answer, answering, print_rows
+from rehyb.cli.database import opened
 
 app = typer.Typer(
     help="Tokens for people and machines that need not be able to do everything.",
@@ -21,66 +17,52 @@ app = typer.Typer(
 
 
 @app.command()
+@answering
 def create(
     name: Annotated[str, typer.Argument(help="Whose it is.")],
     scope: Annotated[
         list[str], typer.Option(help="submit, work, read or admin; repeat.", show_default=False)
     ],
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """Make a token and print it, once: the database at REHYB_DATABASE_URL keeps a digest only."""
     from server.store import tokens
 
-    with _database() as engine:
+    with opened(upgraded=True) as engine:
         token, secret = tokens.create(engine, name=name, scopes=scope, now=time.time())
-    if as_json:
-        print_json({**asdict(token), "token": secret})
-    else:
-        typer.echo(f"{token.id}  {token.name}: {', '.join(token.scopes)}\n{secret}")
+    return Answer(
+        {**asdict(token), "token": secret},
+        f"{token.id}  {token.name}: {', '.join(token.scopes)}\n{secret}",
+    )
 
 
 @app.command("list")
-def list_tokens(as_json: AsJson = False) -> None:
+@answering
+def list_tokens() -> Answer:
     """List all tokens ever made; their secrets cannot be shown."""
     from server.store import tokens
 
-    with _database() as engine:
+    with opened(upgraded=True) as engine:
         found = [asdict(token) for token in tokens.every(engine)]
-    if as_json:
-        print_json({"tokens": found})
-        return
-    for token in found:
-        token["scopes"] = ", ".join(token["scopes"])
-        token["state"] = "good" if token["revoked_at"] is None else "revoked"
-    print_rows(("id", "name", "scopes", "state"), found)
+    shown = [
+        token
+        | {
+            "scopes": ", ".join(token["scopes"]),
+            "state": "good" if token["revoked_at"] is None else "revoked",
+        }
+        for token in found
+    ]
+    columns = ("id", "name", "scopes", "state")
+    return Answer({"tokens": found}, partial(print_rows, columns, shown))
 
 
 @app.command()
+@answering
 def revoke(
     token: Annotated[str, typer.Argument(help="Its id, from `rehyb token list`.")],
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """Make a token worthless, for good; coordinators notice within five seconds."""
     from server.store import tokens
 
-    with _database() as engine:
+    with opened(upgraded=True) as engine:
         revoked = tokens.revoke(engine, token, now=time.time())
-    if as_json:
-        print_json(asdict(revoked))
-    else:
-        typer.echo(f"{revoked.id} ({revoked.name}) is revoked")
-
-
-@contextmanager
-def _database() -> Iterator["Engine"]:
-    """Open the database, brought up to date, and turn its errors into sentences."""
-    from server.store import create_engine, upgrade
-
-    with in_one_sentence():
-        url = database_url()
-        upgrade(url)
-        engine = create_engine(url)
-        try:
-            yield engine
-        finally:
-            engine.dispose()
+    return Answer(asdict(revoked), f"{revoked.id} ({revoked.name}) is revoked")

@@ -7,18 +7,22 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache
 from http import HTTPStatus
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import httpx2
 
 from rehyb.errors import Invalid, RehybError, ServerError, Unauthorized, Unreachable, refusal
+from rehyb.whole_files import whole_file
 
 Json = dict[str, Any]
+Body = Mapping[str, Any] | None
+Headers = Mapping[str, str] | None
 
 #: Bodies longer than this are sent compressed.
 COMPRESS_BYTES = 50_000
 DEFAULT_URL = "http://127.0.0.1:8787"
+#: Seconds that a session may take to be looked at, or a report to be stored.
+UPLOAD_SECONDS = 300.0
 #: Never asked of a proxy, whatever the environment says.
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -58,48 +62,38 @@ class Connection:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
         """Close the connection."""
         self._http.close()
 
-    def _json(
-        self,
-        method: str,
-        path: str,
-        *,
-        body: Mapping[str, Any] | None = None,
-        headers: Mapping[str, str] | None = None,
-    ) -> Json:
-        return body_of(self._request(method, path, body=body, headers=headers))
+    def _json(self, method: str, path: str, body: Body = None, headers: Headers = None) -> Json:
+        return body_of(self._request(method, path, body, headers))
+
+    def _leased(self, path: str, body: Body) -> Json | None:
+        """Ask for a lease; None if there is no work for now, which `retry_after` tells about."""
+        response = self._request("POST", path, body)
+        if response.status_code == HTTPStatus.NO_CONTENT:
+            self._note_pause(response)
+            return None
+        return body_of(response)
+
+    def _note_pause(self, response: httpx2.Response) -> None:
+        seconds = response.headers.get("Retry-After", "")
+        self.retry_after = float(seconds) if seconds.isdigit() else 1.0
 
     def _request(
-        self,
-        method: str,
-        path: str,
-        *,
-        body: Mapping[str, Any] | None = None,
-        headers: Mapping[str, str] | None = None,
+        self, method: str, path: str, body: Body = None, headers: Headers = None
     ) -> httpx2.Response:
-        response = self._send(method, path, body=body, headers=headers)
+        response = self._send(method, path, body, headers)
         if not response.is_success:
             raise error_of(response)
         return response
 
     def _send(
-        self,
-        method: str,
-        path: str,
-        *,
-        body: Mapping[str, Any] | None = None,
-        headers: Mapping[str, str] | None = None,
+        self, method: str, path: str, body: Body = None, headers: Headers = None
     ) -> httpx2.Response:
         try:
             address = self._address(path)
@@ -131,31 +125,30 @@ class Connection:
         self, path: str, target: Path, on_chunk: Callable[[], object] = lambda: None
     ) -> None:
         """Write what `path` answers to `target`; a download cut short leaves no file behind."""
-        partial = target.with_name(target.name + ".partial")
         try:
-            with self._http.stream("GET", path) as response, partial.open("wb") as file:
+            with (
+                self._http.stream("GET", path) as response,
+                whole_file(target) as partial,
+                partial.open("wb") as file,
+            ):
                 if response.status_code != HTTPStatus.OK:
                     response.read()
                     raise error_of(response)
                 for chunk in response.iter_bytes():
                     file.write(chunk)
                     on_chunk()
-            partial.replace(target)
         except httpx2.TransportError as error:
             raise self._unreachable(error) from error
-        finally:
-            partial.unlink(missing_ok=True)
 
-    def _post(self, path: str, *, seconds: float, **content: Any) -> Json:
-        """Post files, which may take so many seconds to be dealt with.
+    def _post(self, path: str, **content: Any) -> Json:
+        """Post files, which may take UPLOAD_SECONDS to be dealt with.
 
         Args:
             path: where to.
-            seconds: to wait for the answer.
             content: `content`, `files`, `params` and `headers` as httpx2 takes them.
         """
         try:
-            response = self._http.post(path, timeout=seconds, **content)
+            response = self._http.post(path, timeout=UPLOAD_SECONDS, **content)
         except httpx2.TransportError as error:
             raise self._unreachable(error) from error
         if not response.is_success:

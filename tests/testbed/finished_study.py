@@ -2,16 +2,19 @@
 
 import csv
 import io
+from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import httpx2
 
 from analysis.designs import instance_parameters
-from analysis.designs.distributions import Uniform
-from analysis.sensitivity.records import LoggedResult, plan_of
+from analysis.designs.distributions import Distribution, Uniform
+from analysis.sensitivity.records import plan_of
 from analysis.sensitivity.service import analyse
-from rehyb.client import Client
+from rehyb.client import Client, Json
 from sim.evaluation import evaluate, versions
+from tests.testbed.studies import Function, results_of
 from worker.machine import code
 
 RANGES = {name: Uniform(low=-3.0, high=3.0) for name in ("x1", "x2", "x3")}
@@ -33,14 +36,40 @@ STUDY: dict[str, Any] = {
 LOST = (2, 3)
 
 
-class Coordinator:
-    """Answers as a coordinator does whose workers and analysis have done their work."""
+class FinishedStudy:
+    """Answers as a coordinator does whose workers and analysis have done their work.
 
-    def __init__(self) -> None:
+    Args:
+        study: as the coordinator describes it.
+        function: the outputs at a point; default: as the study's model computes them.
+        lost: (row, position) of runs that were lost.
+    """
+
+    def __init__(
+        self,
+        study: Json = STUDY,
+        function: Function | None = None,
+        lost: Sequence[tuple[int, int]] = (LOST,),
+    ) -> None:
+        self.study = study
         self.submitted: list[Any] = []
-        self.results = self._results()
-        self.indices = analyse(plan_of(STUDY), self.results)
-        self.identity = {"code": code(), "mujoco": versions()["mujoco"]}
+        self.plan = plan_of(study)
+        self.ranges = {
+            f["name"]: Distribution.from_json(f["distribution"]) for f in study["factors"]
+        }
+        self.results = results_of(
+            self.plan,
+            function or (lambda x: evaluate(study["model"], x).outputs),
+            failed=lost,
+            outcome="lost",
+            distributions=self.ranges,
+        )
+        self.indices = analyse(self.plan, self.results)
+
+    @cached_property
+    def identity(self) -> dict[str, str]:
+        """What computed the study."""
+        return {"code": code(), "mujoco": versions()["mujoco"]}
 
     def client(self) -> Client:
         """Return a client of it."""
@@ -50,13 +79,15 @@ class Coordinator:
         path = request.url.path
         if request.method == "POST":
             self.submitted.append(request.content)
-            return httpx2.Response(201, json={**STUDY, "id": "s2", "instances": ROWS * WIDTH})
+            return httpx2.Response(
+                201, json={**self.study, "id": "s2", "instances": len(self.results)}
+            )
         if path.endswith("/results.csv"):
             return httpx2.Response(200, text=self.table())
         if path.endswith("/instances"):
             return httpx2.Response(200, json={"instances": self.failures(), "next": None})
         answers = {
-            "/v1/studies/s1": STUDY,
+            "/v1/studies/s1": self.study,
             "/v1/studies/s1/indices": self.indices,
             "/v1/studies/s1/instances/0/0": {"identity": self.identity},
             "/v1/workers": {
@@ -72,11 +103,16 @@ class Coordinator:
         """Return the study's `results.csv`."""
         text = io.StringIO()
         lines = csv.writer(text, lineterminator="\n")
-        lines.writerow(["row", "position", *RANGES, "outcome", "y", "wall_seconds", "worker"])
+        names = self.plan.outputs
+        lines.writerow(
+            ["row", "position", *self.ranges, "outcome", *names, "wall_seconds", "worker"]
+        )
         for one in self.results:
-            x = instance_parameters("saltelli", "sobol", 5, one.row, RANGES)[one.position]
-            y = one.outputs.get("y")
-            lines.writerow([one.row, one.position, *x.values(), one.outcome, y, 0.1, "pc"])
+            x = instance_parameters(
+                self.plan.method, self.plan.sampling, self.plan.seed, one.row, self.ranges
+            )[one.position]
+            y = [one.outputs.get(name) for name in names]
+            lines.writerow([one.row, one.position, *x.values(), one.outcome, *y, 0.1, "pc"])
         return text.getvalue()
 
     def failures(self) -> list[dict[str, Any]]:
@@ -86,21 +122,3 @@ class Coordinator:
             for one in self.results
             if one.outcome != "ok"
         ]
-
-    def _results(self) -> list[LoggedResult]:
-        found = []
-        for row in range(ROWS):
-            points = instance_parameters("saltelli", "sobol", 5, row, RANGES)
-            for position, x in enumerate(points):
-                lost = (row, position) == LOST
-                found.append(
-                    LoggedResult(
-                        seq=len(found) + 1,
-                        instance="",
-                        row=row,
-                        position=position,
-                        outcome="lost" if lost else "ok",
-                        outputs={} if lost else dict(evaluate("ishigami", x).outputs),
-                    )
-                )
-        return found

@@ -44,9 +44,10 @@ def results_of(
     function: Function = two_outputs,
     *,
     failed: Sequence[tuple[int, int]] = (),
+    outcome: str = "diverged",
     distributions: Mapping[str, Distribution] = FACTORS,
 ) -> list[LoggedResult]:
-    """Evaluate a whole study; `failed` names the (row, position) that diverge."""
+    """Evaluate a whole study; `failed` names the (row, position) that end with `outcome`."""
     results: list[LoggedResult] = []
     for row in range(plan.rows):
         points = instance_parameters(plan.method, plan.sampling, plan.seed, row, distributions)
@@ -58,8 +59,8 @@ def results_of(
                     instance=f"{row}-{position}",
                     row=row,
                     position=position,
-                    outcome="diverged" if broken else "ok",
-                    outputs={} if broken else function(point),
+                    outcome=outcome if broken else "ok",
+                    outputs={} if broken else dict(function(point)),
                 )
             )
     return results

@@ -1,93 +1,30 @@
 """What `study indices`, `study surrogate` and `report` print of a study that a coordinator has."""
 
-import csv
-import io
 import json
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import Any
 
-import httpx2
 import pytest
 
-from analysis.designs import instance_parameters
 from analysis.designs.distributions import Uniform
-from analysis.sensitivity.records import LoggedResult, plan_of
-from analysis.sensitivity.service import analyse
-from rehyb.cli import main
-from rehyb.client import Client
+from tests.testbed.finished_study import STUDY, FinishedStudy
 
 Run = Callable[..., tuple[int, str, str]]
 
-RANGES = {"x1": Uniform(low=0.0, high=1.0), "x2": Uniform(low=0.0, high=1.0)}
-STUDY: dict[str, Any] = {
-    "id": "s1",
-    "name": "try",
-    "model": "ishigami",
-    "method": "saltelli",
-    "sampling": "sobol",
+UNIT = Uniform(low=0.0, high=1.0).to_json()
+SUM = STUDY | {
     "rows": 8,
     "seed": 1,
-    "factors": [{"name": name, "distribution": d.to_json()} for name, d in RANGES.items()],
+    "factors": [{"name": name, "distribution": UNIT} for name in ("x1", "x2")],
     "fixed": {"x3": 0.0},
-    "outputs": ["y"],
 }
 
 
-def computed() -> tuple[str, dict[str, Any]]:
-    """Return the study's table and its snapshot; y = 3 x1 + x2."""
-    text = io.StringIO()
-    lines = csv.writer(text)
-    lines.writerow(["row", "position", *RANGES, "outcome", "y"])
-    results = []
-    for row in range(8):
-        points = instance_parameters("saltelli", "sobol", 1, row, RANGES)
-        for position, x in enumerate(points):
-            y = 3.0 * x["x1"] + x["x2"]
-            lines.writerow([row, position, *x.values(), "ok", y])
-            results.append(
-                LoggedResult(
-                    seq=len(results) + 1,
-                    instance="",
-                    row=row,
-                    position=position,
-                    outcome="ok",
-                    outputs={"y": y},
-                )
-            )
-    return text.getvalue(), analyse(plan_of(STUDY), results)
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run the command beside a coordinator that has the study."""
-    table, snapshot = computed()
-
-    def answer(request: httpx2.Request) -> httpx2.Response:
-        if request.url.path.endswith("/results.csv"):
-            return httpx2.Response(200, text=table)
-        return httpx2.Response(
-            200, json=snapshot if request.url.path.endswith("/indices") else STUDY
-        )
-
-    mocked = partial(Client, transport=httpx2.MockTransport(answer))
-    for module in ("studies", "surrogates", "reports"):
-        monkeypatch.setattr(f"rehyb.cli.{module}.Client", mocked)
-    monkeypatch.setenv("REHYB_TOKEN", "t")
+@pytest.fixture(autouse=True)
+def coordinator(talk_to: Callable[[FinishedStudy], None], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A coordinator with a study of a weighted sum."""
     monkeypatch.setenv("COLUMNS", "200")
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr("sys.argv", ["rehyb", *arguments])
-        status = 0
-        try:
-            main()
-        except SystemExit as leaving:
-            status = int(leaving.code or 0)
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return run
+    talk_to(FinishedStudy(SUM, lambda x: {"y": 3.0 * x["x1"] + x["x2"]}, lost=()))
 
 
 def test_indices_come_with_their_ranking_and_how_many_rows_are_wanted(run: Run) -> None:

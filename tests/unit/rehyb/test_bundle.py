@@ -13,14 +13,14 @@ import pytest
 from rehyb.bundle.archive import MANIFEST, MEMBERS, read_bundle, write_bundle
 from rehyb.bundle.reproduce import Finding, check, request_of
 from rehyb.errors import Conflict, Invalid
-from tests.testbed.finished_study import ROWS, WIDTH, Coordinator
+from tests.testbed.finished_study import ROWS, WIDTH, FinishedStudy
 
 Members = dict[str, bytes]
 
 
 @pytest.fixture
 def honest(tmp_path: Path) -> Path:
-    write_bundle(Coordinator().client(), "s1", tmp_path / "s1.zip")
+    write_bundle(FinishedStudy().client(), "s1", tmp_path / "s1.zip")
     return tmp_path / "s1.zip"
 
 
@@ -66,19 +66,19 @@ def test_the_manifest_says_who_computed_what_with_which_versions(honest: Path) -
     manifest = json.loads(members_of(honest)[MANIFEST])
     assert (manifest["study"], manifest["seed"], manifest["results"]) == ("s1", 5, ROWS * WIDTH)
     assert manifest["failures"] == {"lost": 1}
-    assert manifest["identity"] == Coordinator().identity
+    assert manifest["identity"] == FinishedStudy().identity
     assert manifest["workers"] == [{"id": "pc", "host_class": "c0ffee", "versions": {"numpy": "2"}}]
     assert {"rehyb", "numpy", "scipy", "python"} == set(manifest["bundled_with"])
 
 
 def test_the_same_study_gives_the_same_bytes(honest: Path, tmp_path: Path) -> None:
-    digest = write_bundle(Coordinator().client(), "s1", tmp_path / "again.zip")
+    digest = write_bundle(FinishedStudy().client(), "s1", tmp_path / "again.zip")
     assert (tmp_path / "again.zip").read_bytes() == honest.read_bytes()
     assert digest == hashlib.sha256(honest.read_bytes()).hexdigest()
 
 
 def test_indices_that_lag_behind_the_results_are_no_bundle(tmp_path: Path) -> None:
-    coordinator = Coordinator()
+    coordinator = FinishedStudy()
     coordinator.indices = {**coordinator.indices, "evaluations": {"ok": 20}}
     with pytest.raises(Conflict, match="has 30 results and indices of 20: wait until"):
         write_bundle(coordinator.client(), "s1", tmp_path / "s1.zip")

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,13 @@ from matplotlib.figure import Figure
 from analysis.designs import instance_parameters
 from analysis.designs.distributions import Distribution
 from analysis.sensitivity.service import LoggedResult, StudyPlan, analyse
+from rehyb.campaign.decisions import Proposed
 from rehyb.campaign.plans import PRESETS, Plan
-from rehyb.campaign.run import Campaign, Proposed, View
+from rehyb.campaign.run import Campaign, View
 from rehyb.errors import CampaignError, Unreachable
 from sim.evaluation import evaluate
 from sim.models import MODELS
+from tests.testbed.studies import results_of
 
 PLAN = Plan(model="sobol_g", output="y", screening_rows=12, variance_rows=8)
 
@@ -98,23 +101,6 @@ def evaluated(
         name: Distribution.from_json({"kind": "uniform", "low": low, "high": high})
         for name, (low, high) in ranges.items()
     }
-    results = []
-    for row in range(study["rows"]):
-        points = instance_parameters(
-            study["method"], study["sampling"], study["seed"], row, distributions
-        )
-        for position, parameters in enumerate(points):
-            done = evaluate(study["model"], {**parameters, **study.get("fixed", {})})
-            results.append(
-                LoggedResult(
-                    seq=len(results) + 1,
-                    instance=f"{row}-{position}",
-                    row=row,
-                    position=position,
-                    outcome="ok",
-                    outputs=dict(done.outputs),
-                )
-            )
     plan = StudyPlan(
         id=study_id,
         method=study["method"],
@@ -124,7 +110,11 @@ def evaluated(
         factors=tuple(distributions),
         outputs=("y",),
     )
-    return plan, distributions, results
+
+    def outputs(point: Mapping[str, float]) -> Mapping[str, float]:
+        return evaluate(study["model"], {**point, **study.get("fixed", {})}).outputs
+
+    return plan, distributions, results_of(plan, outputs, distributions=distributions)
 
 
 def campaign(
@@ -137,12 +127,8 @@ def campaign(
         directory,
         show=views.append,
         tick=lambda: None,
+        sleep=lambda seconds: None,
     )
-
-
-@pytest.fixture(autouse=True)
-def no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rehyb.campaign.run.POLL_SECONDS", 0.0)
 
 
 @pytest.fixture

@@ -2,15 +2,11 @@
 
 import json
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import httpx2
 import pytest
-
-from rehyb.cli import main
-from rehyb.client import Client
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -26,25 +22,7 @@ STUDY = {
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run the command and return its exit status, its output and its errors."""
-    monkeypatch.setenv("REHYB_TOKEN", "t")
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr("sys.argv", ["rehyb", *arguments])
-        status = 0
-        try:
-            main()
-        except SystemExit as leaving:
-            status = int(leaving.code or 0)
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return run
-
-
-@pytest.fixture
-def sent(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+def sent(talk_to: Callable[..., None]) -> list[dict[str, Any]]:
     """A coordinator that takes every study; what it was sent."""
     bodies: list[dict[str, Any]] = []
 
@@ -56,8 +34,7 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
             return httpx2.Response(200, json={"studies": [STUDY]})
         return httpx2.Response(404, json={"detail": "there is no study s9: see /v1/studies"})
 
-    mocked = partial(Client, transport=httpx2.MockTransport(answer))
-    monkeypatch.setattr("rehyb.cli.studies.Client", mocked)
+    talk_to(answer)
     return bodies
 
 

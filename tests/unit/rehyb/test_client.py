@@ -19,6 +19,8 @@ from rehyb import (
     Unauthorized,
     Unreachable,
 )
+from rehyb.client.studies import ANALYSIS_SECONDS
+from tests.testbed.clock import Clock
 
 Answer = Callable[[httpx2.Request], httpx2.Response]
 
@@ -171,13 +173,12 @@ def test_waiting_ends_with_the_study_and_its_indices_and_reports_on_the_way() ->
     assert list(rows) == []
 
 
-def test_waiting_for_indices_ends_where_no_analysis_follows(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("rehyb.client.ANALYSIS_SECONDS", 0.01)
+def test_waiting_for_indices_ends_where_no_analysis_follows() -> None:
+    clock = Clock()
     stale = {"state": "complete", "rows": 8, "rows_complete": 0}
-    last = client(always(200, json=stale)).wait("s1", poll_seconds=0.0)
+    last = client(always(200, json=stale)).wait("s1", clock=clock, sleep=clock.advance)
     assert last["state"] == "complete"
+    assert clock.now == pytest.approx(1_000_000.0 + ANALYSIS_SECONDS, abs=0.3)
 
 
 def test_results_are_downloaded_to_a_file(tmp_path: Path) -> None:

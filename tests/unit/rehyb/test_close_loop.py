@@ -10,10 +10,11 @@ import httpx2
 import pytest
 from typer.testing import CliRunner
 
+from analysis.closeloop.contract import REPORT_FILES
 from rehyb import Client, Invalid, RehybError
 from rehyb.cli import app
-from rehyb.client.close_loop import close_loop, packed
-from rehyb.client.sessions import FILES
+from rehyb.client.close_loops import close_loop_by_worker
+from rehyb.client.packing import packed
 
 REPORT = {"schema": 1, "verdict": "adequate", "x": 0.1 + 0.2}
 
@@ -38,7 +39,7 @@ class Coordinator:
         if path == "/v1/sessions/s/close-loop":
             return httpx2.Response(202, json={"id": "j"})
         name = path.rsplit("/", 1)[-1]
-        if name in FILES:
+        if name in REPORT_FILES:
             text = json.dumps(REPORT) if name == "report.json" else f"<{name}>"
             return httpx2.Response(200, text=text)
         assert path == "/v1/close-loops/j"
@@ -50,9 +51,10 @@ def client(coordinator: Callable[[httpx2.Request], httpx2.Response]) -> Client:
     return Client("http://c", "t", transport=httpx2.MockTransport(coordinator))
 
 
-@pytest.fixture(autouse=True)
-def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("time.sleep", lambda seconds: None)
+def close_loop(
+    coordinator: Coordinator, session: Path, out: Path, told: Callable[[str], None] = print
+) -> dict[str, Any]:
+    return close_loop_by_worker(client(coordinator), session, out, told, sleep=lambda seconds: None)
 
 
 @pytest.fixture
@@ -73,11 +75,11 @@ def test_a_report_is_followed_and_its_four_files_fetched(session: Path, tmp_path
         {"state": "done", **REPORT},
     )
     told: list[str] = []
-    report = close_loop(client(coordinator), session, tmp_path / "new" / "out", told.append)
+    report = close_loop(coordinator, session, tmp_path / "new" / "out", told.append)
     assert report == REPORT
     assert told == ["uploading", "no worker is at work", "tracing"]
     out = tmp_path / "new" / "out"
-    assert sorted(path.name for path in out.iterdir()) == sorted(FILES)
+    assert sorted(path.name for path in out.iterdir()) == sorted(REPORT_FILES)
     assert json.loads((out / "report.json").read_text()) == REPORT
     assert (coordinator.name, coordinator.archive[:2]) == ("monday_ 10", b"PK")
 
@@ -89,7 +91,7 @@ def test_a_job_that_failed_is_its_sentence_and_leaves_nothing(
     problem = {"status": status, "detail": "a.csv, line 3: no"}
     coordinator = Coordinator({"state": "failed", "problem": problem})
     with pytest.raises(RehybError, match=r"^a\.csv, line 3: no$") as caught:
-        close_loop(client(coordinator), session, tmp_path / "out", print)
+        close_loop(coordinator, session, tmp_path / "out")
     assert type(caught.value) is kind
     assert not (tmp_path / "out").exists()
 
@@ -99,7 +101,7 @@ def test_a_session_that_is_refused_is_invalid_in_the_coordinator_s_words(
 ) -> None:
     refusal = {"detail": "a.csv, column time, line 1: is missing", "file": "a.csv", "line": 1}
     with pytest.raises(Invalid, match=r"^a\.csv, column time, line 1: is missing$"):
-        close_loop(client(Coordinator(refusal=refusal)), session, tmp_path / "out", print)
+        close_loop(Coordinator(refusal=refusal), session, tmp_path / "out")
 
 
 def test_a_file_in_place_of_the_folder_is_found_before_anything_is_sent(
@@ -108,7 +110,7 @@ def test_a_file_in_place_of_the_folder_is_found_before_anything_is_sent(
     (tmp_path / "out").write_text("mine")
     coordinator = Coordinator()
     with pytest.raises(NotADirectoryError):
-        close_loop(client(coordinator), session, tmp_path / "out", print)
+        close_loop(coordinator, session, tmp_path / "out")
     assert not coordinator.archive
 
 

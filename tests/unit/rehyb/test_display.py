@@ -6,10 +6,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from rehyb.campaign.display import LineDisplay, LiveDisplay
 from rehyb.campaign.run import View
 from rehyb.display import (
-    LineDisplay,
-    LiveDisplay,
     duration,
     failures_in_words,
     indices_table,

@@ -2,54 +2,30 @@
 
 import json
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
-import httpx2
 import netCDF4
 import pytest
 from pyarrow import parquet
 
-from rehyb.cli import main
-from rehyb.client import Client
-from tests.testbed.finished_study import Coordinator
+from tests.testbed.finished_study import FinishedStudy
 
 Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def coordinator() -> Coordinator:
-    return Coordinator()
-
-
-@pytest.fixture
-def run(
-    coordinator: Coordinator,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-) -> Run:
-    """Run the command in an empty folder, beside a coordinator that has the study."""
-    mocked = partial(Client, transport=httpx2.MockTransport(coordinator))
-    monkeypatch.setattr("rehyb.cli.files.Client", mocked)
-    monkeypatch.setenv("REHYB_TOKEN", "t")
+def coordinator(
+    talk_to: Callable[[FinishedStudy], None], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> FinishedStudy:
+    """A coordinator that has the study; the command runs in an empty folder."""
     monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr("sys.argv", ["rehyb", *arguments])
-        status = 0
-        try:
-            main()
-        except SystemExit as leaving:
-            status = int(leaving.code or 0)
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return run
+    coordinator = FinishedStudy()
+    talk_to(coordinator)
+    return coordinator
 
 
 def test_results_are_exported_in_three_formats(
-    run: Run, coordinator: Coordinator, tmp_path: Path
+    run: Run, coordinator: FinishedStudy, tmp_path: Path
 ) -> None:
     assert run("study", "export", "s1") == (0, "s1.csv\n", "")
     assert run("study", "export", "s1", "--format", "parquet", "--out", "r.parquet")[0] == 0
@@ -65,6 +41,7 @@ def test_results_are_exported_in_three_formats(
     assert {path.name for path in tmp_path.iterdir()} == {"s1.csv", "r.parquet", "s1.nc"}
 
 
+@pytest.mark.usefixtures("coordinator")
 def test_a_format_that_cannot_be_written_is_one_sentence_and_no_file(
     run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -80,7 +57,7 @@ def test_a_format_that_cannot_be_written_is_one_sentence_and_no_file(
 
 
 def test_a_bundle_is_written_checked_and_submitted_again(
-    run: Run, coordinator: Coordinator, tmp_path: Path
+    run: Run, coordinator: FinishedStudy, tmp_path: Path
 ) -> None:
     status, out, _ = run("bundle", "s1")
     assert status == 0 and out.startswith("s1.zip\nSHA-256 ")
@@ -98,7 +75,7 @@ def test_a_bundle_is_written_checked_and_submitted_again(
 
 
 def test_what_does_not_hold_is_exit_status_1_and_what_is_no_bundle_2(
-    run: Run, coordinator: Coordinator, tmp_path: Path
+    run: Run, coordinator: FinishedStudy, tmp_path: Path
 ) -> None:
     # A coordinator that made up a result after it had computed the indices.
     coordinator.results[0].outputs["y"] += 1.0  # type: ignore[index]

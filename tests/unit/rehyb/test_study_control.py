@@ -2,15 +2,14 @@
 
 import io
 import json
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import httpx2
 import pytest
 
-from rehyb.cli import main
-from rehyb.client import Client
+Run = Callable[..., tuple[int, str, str]]
 
 STUDY = {"id": "s1", "state": "paused", "rows": 9, "instances": 36, "priority": 3}
 FAILED = {"row": 1, "position": 2, "outcome": "slipped", "reason": "no grip", "worker": "w"}
@@ -39,25 +38,10 @@ class Coordinator:
 
 
 @pytest.fixture
-def coordinator(monkeypatch: pytest.MonkeyPatch) -> Coordinator:
+def coordinator(talk_to: Callable[[Coordinator], None]) -> Coordinator:
     coordinator = Coordinator()
-    monkeypatch.setenv("REHYB_TOKEN", "t")
-    mocked = partial(Client, transport=httpx2.MockTransport(coordinator))
-    monkeypatch.setattr("rehyb.cli.study_control.Client", mocked)
+    talk_to(coordinator)
     return coordinator
-
-
-def run(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
-) -> tuple[int, str]:
-    monkeypatch.setattr("sys.argv", ["rehyb", *command.split()])
-    status = 0
-    try:
-        main()
-    except SystemExit as leaving:
-        status = int(leaving.code or 0)
-    captured = capsys.readouterr()
-    return status, captured.out + captured.err
 
 
 @pytest.mark.parametrize(
@@ -86,42 +70,36 @@ def run(
 )
 def test_a_verb_asks_once_and_says_what_is_now(
     coordinator: Coordinator,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    run: Run,
     command: str,
     asked: str,
     body: Any,
     said: str,
 ) -> None:
-    status, words = run(monkeypatch, capsys, f"study {command}")
+    status, words, _ = run("study", *command.split())
     assert (status, coordinator.asked, coordinator.bodies) == (0, [asked], [body])
     assert said in words
 
 
-def test_failures_are_read_to_the_last_page(
-    coordinator: Coordinator, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    status, words = run(monkeypatch, capsys, "study failures s1 --json")
+def test_failures_are_read_to_the_last_page(coordinator: Coordinator, run: Run) -> None:
+    status, words, _ = run("study", "failures", "s1", "--json")
     assert (status, json.loads(words)) == (0, {"instances": [FAILED, FAILED]})
     assert [path.partition("?")[2] for path in coordinator.asked] == [
         "state=failed&limit=500",
         "state=failed&after=1%3A2&limit=500",
     ]
-    assert "no grip" in run(monkeypatch, capsys, "study failures s1")[1]
-    run(monkeypatch, capsys, "study failures s1 --quarantined")
+    assert "no grip" in run("study", "failures", "s1")[1]
+    run("study", "failures", "s1", "--quarantined")
     assert "state=quarantined&limit=500" in coordinator.asked[-2]
 
 
 def test_a_bundle_is_written_for_a_replay_which_reads_its_parameters(
-    coordinator: Coordinator,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
+    coordinator: Coordinator, run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     file = tmp_path / "bundle.json"
-    assert run(monkeypatch, capsys, f"study instance s1 1 2 --out {file}")[0] == 0
-    status, words = run(monkeypatch, capsys, f"assess --replay {file}")
+    assert run("study", "instance", "s1", "1", "2", "--out", str(file))[0] == 0
+    status, _, words = run("assess", "--replay", str(file))
     assert (status, "forearm_mass must be positive" in words) == (2, True)
     monkeypatch.setattr("sys.stdin", io.StringIO('{"model": "ishigami", "parameters": {}}'))
-    status, words = run(monkeypatch, capsys, "assess --replay -")
+    status, _, words = run("assess", "--replay", "-")
     assert (status, "is of model 'ishigami', which is no assessment" in words) == (2, True)

@@ -11,8 +11,8 @@ from typing import Any
 import httpx2
 import pytest
 
+from analysis.closeloop.contract import REPORT_FILES
 from rehyb.client import Client
-from rehyb.client.sessions import FILES
 from worker import backoff, close_loop_jobs
 from worker.close_loop import OUT, PROGRESS, can_close_loops
 from worker.close_loop_jobs import CloseLoopJobs
@@ -81,7 +81,7 @@ class InstantPool:
         self.archive = Path(instance["parameters"]["archive"])
         assert self.archive.read_bytes() == ARCHIVE
         (self.archive.parent / OUT).mkdir()
-        for name in FILES:
+        for name in REPORT_FILES:
             (self.archive.parent / OUT / name).write_text(f"<{name}>")
 
     def wait(self, seconds: float) -> list[Finished]:
@@ -143,7 +143,7 @@ def test_a_job_is_done_and_its_files_handed_in(
     until(lambda: coordinator.words("report") and not jobs.busy)
     (said,) = coordinator.words("report")
     assert (said["lease"], said["fence"], said["worker"], said["code"]) == ("l", "1", "w", "c0de")
-    assert all(f"<{name}>".encode() in said["files"] for name in FILES)
+    assert all(f"<{name}>".encode() in said["files"] for name in REPORT_FILES)
     assert coordinator.words("renew")[0]["progress"] == "reading"
     # The next session gets a fresh process, and nothing is left of this one.
     assert pool.killed and pool.archive.name == "monday.zip"

@@ -1,0 +1,87 @@
+"""Commands about the coordinator's database: `db upgrade`, `backup`, `check`."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rehyb.cli.answers import Answer, answering, file_written
+from rehyb.errors import RehybError
+
+if TYPE_CHECKING:
+    from sqlalchemy.engine import Engine
+
+app = typer.Typer(help="The coordinator's database.", no_args_is_help=True)
+
+
+@app.command()
+@answering
+def upgrade() -> Answer:
+    """Bring the database at REHYB_DATABASE_URL to this version's schema."""
+    with opened(upgraded=True):
+        return Answer({"upgraded": True}, "the database has the schema of this version")
+
+
+@app.command()
+@answering
+def backup(file: Annotated[Path, typer.Argument(help="The copy; must not exist.")]) -> Answer:
+    """Copy the SQLite database at REHYB_DATABASE_URL, also while a coordinator uses it."""
+    from server.store import check as checks
+
+    with opened() as engine:
+        checks.back_up(engine, file)
+    return file_written(file)
+
+
+@app.command()
+@answering
+def check() -> Answer:
+    """Count everything anew; exit status 1 if the database contradicts itself."""
+    from server.store import check as checks
+
+    with opened() as engine:
+        found = checks.faults(engine)
+    text = "\n".join(found) or "the database is whole"
+    return Answer({"faults": found}, text, status=1 if found else 0)
+
+
+@contextmanager
+def opened(*, upgraded: bool = False) -> Iterator["Engine"]:
+    """Open the database at REHYB_DATABASE_URL, for which no token is needed.
+
+    Raises:
+        RehybError: it cannot be used, or has another version's schema and is not `upgraded` first.
+    """
+    from server.settings import Settings
+    from server.store import create_engine, require_current, upgrade
+
+    default: str = Settings.model_fields["database_url"].default
+    url = os.environ.get("REHYB_DATABASE_URL", default)
+    with in_one_sentence():
+        if upgraded:
+            upgrade(url)
+        engine = create_engine(url)
+        try:
+            require_current(engine)
+            yield engine
+        finally:
+            engine.dispose()
+
+
+@contextmanager
+def in_one_sentence() -> Iterator[None]:
+    """Turn what the server raises at start into this command's errors."""
+    from sqlalchemy.exc import SQLAlchemyError
+
+    from server.errors import CoordinatorError
+
+    try:
+        yield
+    except (CoordinatorError, OSError) as error:
+        raise RehybError(str(error)) from error
+    except SQLAlchemyError as error:
+        cause = str(getattr(error, "orig", None) or error).splitlines()[0]
+        raise RehybError(f"the database cannot be used: {cause}") from error

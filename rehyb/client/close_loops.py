@@ -1,0 +1,169 @@
+"""What a client asks a coordinator about closing the loop, and a worker about its jobs."""
+
+import json
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from errno import ENOTDIR
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlencode
+
+from rehyb.client.connection import Connection, Json
+from rehyb.client.packing import packed, plain_name
+from rehyb.errors import Invalid, RehybError
+
+if TYPE_CHECKING:
+    from rehyb.client import Client
+
+
+class CloseLoops(Connection):
+    """Jobs that close the loop on a session, and their reports."""
+
+    def close_loop(self, session_id: str) -> Json:
+        """Have a worker close the loop on a session; asking again finds the same job."""
+        return self._json("POST", f"/v1/sessions/{session_id}/close-loop")
+
+    def close_loop_report(self, close_loop_id: str) -> Json:
+        """Return a job's report; before it is there ("state" is not "done"), how far the job is."""
+        return self._json("GET", f"/v1/close-loops/{close_loop_id}")
+
+    def close_loop_file(self, close_loop_id: str, file: str, path: Path) -> None:
+        """Write one of the REPORT_FILES of `analysis.closeloop.contract` to `path`."""
+        self._download(f"/v1/close-loops/{close_loop_id}/{file}", path)
+
+    def wait_for_report(
+        self,
+        close_loop_id: str,
+        *,
+        poll_seconds: float = 1.0,
+        on_progress: Callable[[Json], None] = lambda standing: None,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> Json:
+        """Block until a job is done or has failed and return what `close_loop_report` does."""
+        while True:
+            standing = self.close_loop_report(close_loop_id)
+            if standing["state"] in ("done", "failed"):
+                return standing
+            on_progress(standing)
+            sleep(poll_seconds)
+
+    def lease_close_loop(self, worker: Mapping[str, Any]) -> Json | None:
+        """Lease a job {"id", "lease", "fence", "ttl_seconds", "session"}.
+
+        None (and `retry_after` set) if there is none.
+        """
+        return self._leased("/v1/close-loops/lease", {"worker": worker})
+
+    def renew_close_loop(self, job: Mapping[str, Any], progress: str | None) -> Json:
+        """Keep a leased job and say what it is at; Conflict or NotFound if it is ours no more."""
+        body = {"lease": job["lease"], "fence": job["fence"], "progress": progress}
+        return self._json("POST", f"/v1/close-loops/{job['id']}/renew", body)
+
+    def release_close_loop(self, job: Mapping[str, Any]) -> None:
+        """Give a leased job back."""
+        body = {"lease": job["lease"], "fence": job["fence"]}
+        self._request("POST", f"/v1/close-loops/{job['id']}/release", body)
+
+    def fail_close_loop(
+        self,
+        job: Mapping[str, Any],
+        *,
+        worker: str,
+        outcome: str,
+        reason: str,
+        where: Mapping[str, Any] | None = None,
+    ) -> Json:
+        """Say why a leased job has no report.
+
+        Args:
+            job: as it was leased.
+            worker: who speaks.
+            outcome: "bad_session", "crashed" or "timed_out".
+            reason: a sentence.
+            where: {"file", "column", "line"} of what is wrong with the session.
+        """
+        proof = {"lease": job["lease"], "fence": job["fence"], "worker": worker}
+        body = {**proof, "outcome": outcome, "reason": reason, **(where or {})}
+        return self._json("POST", f"/v1/close-loops/{job['id']}/failure", body)
+
+    def hand_in_report(
+        self, job: Mapping[str, Any], folder: Path, *, worker: str, code: str
+    ) -> Json:
+        """Hand in the REPORT_FILES in `folder` as a leased job's report; `code` made them."""
+        from analysis.closeloop.contract import REPORT_FILES
+
+        proof = {"lease": job["lease"], "fence": job["fence"], "worker": worker, "code": code}
+        path = f"/v1/close-loops/{job['id']}/report?{urlencode(proof)}"
+        with ExitStack() as stack:
+            files = {
+                name: (name, stack.enter_context((folder / name).open("rb")))
+                for name in REPORT_FILES
+            }
+            return self._post(path, files=files)
+
+
+def close_loop_by_worker(
+    client: "Client",
+    session: Path,
+    out: Path,
+    progress: Callable[[str], None],
+    sleep: Callable[[float], None] = time.sleep,
+) -> dict[str, Any]:
+    """Have a worker close the loop on a session and write the report's files to `out`.
+
+    The same session again finds the report that is there already.
+
+    Args:
+        client: the coordinator.
+        session: a folder with session.json, or its zip file.
+        out: a folder; nothing is there unless the report is.
+        progress: is told in a line what is done now.
+        sleep: waits for so many seconds.
+
+    Returns:
+        The content of report.json.
+
+    Raises:
+        Invalid: the session cannot be analysed; the message names file, column and line.
+        RehybError: the coordinator does not answer, or no worker came to an end with it.
+        OSError: `out` cannot be written.
+    """
+    if out.exists() and not out.is_dir():
+        raise NotADirectoryError(ENOTDIR, "is a file, not a folder for the report", str(out))
+    progress("uploading")
+    with packed(session) as archive:
+        kept = client.upload_session(archive, plain_name(session.resolve().stem)[:60])
+    job = client.close_loop(kept["id"])
+    told = [""]
+
+    def follow(standing: dict[str, Any]) -> None:
+        stage = standing.get("note") or standing["progress"] or standing["state"]
+        if stage != told[-1]:
+            told.append(stage)
+            progress(stage)
+
+    ended = client.wait_for_report(job["id"], on_progress=follow, sleep=sleep)
+    if ended["state"] == "failed":
+        problem = ended["problem"]
+        kind = Invalid if problem["status"] == 422 else RehybError
+        raise kind(problem["detail"], problem)
+    return _fetched(client, job["id"], out)
+
+
+def _fetched(client: CloseLoops, close_loop_id: str, out: Path) -> dict[str, Any]:
+    """Write a report's files to `out`, all or none, and return the report."""
+    from analysis.closeloop.contract import REPORT_FILES
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=".close-loop-") as scratch:
+        fresh = Path(scratch)
+        for name in REPORT_FILES:
+            client.close_loop_file(close_loop_id, name, fresh / name)
+        report: dict[str, Any] = json.loads((fresh / "report.json").read_text(encoding="utf-8"))
+        out.mkdir(exist_ok=True)
+        for name in REPORT_FILES:
+            shutil.move(str(fresh / name), str(out / name))
+    return report

@@ -1,0 +1,90 @@
+"""What a worker asks a coordinator: instances to compute, and that their results are taken."""
+
+from collections.abc import Mapping, Sequence
+from http import HTTPStatus
+from typing import Any
+
+from rehyb.client.connection import Connection, Json, body_of, error_of
+
+
+class Leases(Connection):
+    """Workers, their leases and their results."""
+
+    def workers(self) -> list[Json]:
+        """Return every worker the coordinator has heard of."""
+        workers: list[Json] = self._json("GET", "/v1/workers")["workers"]
+        return workers
+
+    def health(self) -> Json:
+        """Return {"status", "date"}: "ok" if the coordinator lives, and its clock (RFC 9110)."""
+        response = self._request("GET", "/healthz")
+        return {**body_of(response), "date": response.headers.get("Date")}
+
+    def lease(
+        self, *, worker: Mapping[str, Any], models: Sequence[str], max_instances: int
+    ) -> Json | None:
+        """Lease up to `max_instances` instances; None (and `retry_after` set) if there are none.
+
+        Args:
+            worker: {"id", "host", "versions", "tags"}.
+            models: the models this worker can evaluate.
+
+        Raises:
+            Conflict: there is work, but none that this worker fits; the message says why.
+        """
+        body = {"worker": worker, "models": list(models), "max_instances": max_instances}
+        return self._leased("/v1/leases", body)
+
+    def renew(self, lease_id: str, fence: int) -> Json:
+        """Keep a lease for another ttl; Conflict or NotFound if it is no longer this worker's."""
+        return self._json("POST", f"/v1/leases/{lease_id}/renew", {"fence": fence})
+
+    def release(self, lease_id: str, fence: int) -> None:
+        """Give back what is unfinished of a lease."""
+        self._request("POST", f"/v1/leases/{lease_id}/release", {"fence": fence})
+
+    def post_results(
+        self, *, lease: str, fence: int, worker: str, results: Sequence[Mapping[str, Any]]
+    ) -> list[Json]:
+        """Post results and return one verdict for each: {"instance", "verdict", "detail"}.
+
+        Refused results do not raise: their verdict says so, and the others are taken.
+        """
+        body = {"lease": lease, "fence": fence, "worker": worker, "results": list(results)}
+        verdicts: list[Json] = self._post_results(body)["verdicts"]
+        return verdicts
+
+    def exchange(
+        self,
+        *,
+        lease: str,
+        fence: int,
+        worker: str,
+        results: Sequence[Mapping[str, Any]],
+        request: Mapping[str, Any],
+    ) -> Json:
+        """Post results and lease the next instances in one request.
+
+        Args:
+            lease: the lease that the results belong to.
+            fence: the lease's.
+            worker: who computed them.
+            results: as for `post_results`.
+            request: {"worker", "models", "max_instances"}, as for `lease`.
+
+        Returns:
+            {"verdicts", "next", "misfit"}: as `post_results` and `lease` return them, and why there
+            is no next lease although there is work (None: there is a lease, or no work).
+        """
+        body = {"lease": lease, "fence": fence, "worker": worker, "results": list(results)}
+        return self._post_results({**body, "next": dict(request)})
+
+    def _post_results(self, body: Json) -> Json:
+        response = self._send("POST", "/v1/results", body)
+        if response.status_code not in (HTTPStatus.OK, HTTPStatus.CONFLICT):
+            raise error_of(response)
+        answer = body_of(response)
+        if "verdicts" not in answer:
+            raise error_of(response)
+        self._note_pause(response)
+        return answer
