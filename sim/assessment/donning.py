@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.assessment.steps import divergence
 from sim.assessment.validity import FailedError, check_start
-from sim.effects.carried import CarriedEffects
+from sim.system.effects import EffectForces
 from sim.system.system import System
 
 #: Straps are pulled and the muscles' activation ramps up for so long, s.
@@ -21,7 +21,7 @@ HOLD = 1.5
 LOCK_AVERAGE = 5
 
 
-def don_and_hold(system: System, data: mujoco.MjData, carried: CarriedEffects) -> np.ndarray:
+def don_and_hold(system: System, data: mujoco.MjData, forces: EffectForces) -> np.ndarray:
     """Close the straps and wait until the arm rests.
 
     Returns:
@@ -46,7 +46,7 @@ def don_and_hold(system: System, data: mujoco.MjData, carried: CarriedEffects) -
             left = 1.0 - min(1.0, max(0.0, moved))
             model.eq_data[elbow_lock, 0] = locked_at + left * displacement
         data.ctrl[system.contraction_inputs] = system.activation * min(1.0, step / donning)
-        _step(system, data, carried)
+        _step(system, data, forces)
         if step >= hold - LOCK_AVERAGE:
             lock_torque.append(_lock_torque(system, data))
     failure = check_start(
@@ -82,10 +82,10 @@ def _row_tension(system: System) -> float:
     return system.conditions.strap_tension / system.fidelity.strap_rows
 
 
-def _step(system: System, data: mujoco.MjData, carried: CarriedEffects) -> None:
+def _step(system: System, data: mujoco.MjData, forces: EffectForces) -> None:
     """Advance one step; a warning of the engine or a value that is not finite is a failure."""
-    if carried:
-        carried.before_step(data)
+    if forces:
+        forces.before_step(data)
     mujoco.mj_step(system.model, data)
     if data.warning.number.any() or not np.isfinite(data.qvel).all():
         raise FailedError(divergence(data, "velocities are", data.time), "hold")

@@ -5,7 +5,7 @@ import numpy as np
 
 from sim.assessment.donning import HOLD
 from sim.assessment.validity import FailedError, Failure
-from sim.effects.carried import CarriedEffects
+from sim.system.effects import EffectForces
 from sim.system.system import System
 
 #: The start: net torque of an arm at rest, Nm; most iterations and longest step of Newton's method,
@@ -20,7 +20,7 @@ FORWARD = (
 )
 
 
-def settle(system: System, data: mujoco.MjData, carried: CarriedEffects) -> np.ndarray:
+def settle(system: System, data: mujoco.MjData, forces: EffectForces) -> np.ndarray:
     """Let the arm hang at rest in the robot, which stands at the start.
 
     There is no history in springs, so that Newton's method on the human angles replaces the hold.
@@ -38,8 +38,8 @@ def settle(system: System, data: mujoco.MjData, carried: CarriedEffects) -> np.n
     data.qpos[system.exo_qpos] = system.start
 
     def net_torque() -> np.ndarray:
-        if carried:
-            carried.before_step(data)
+        if forces:
+            forces.before_step(data)
         # Piece by piece, because `mj_forward` would show a film what never happens.
         for stage in FORWARD:
             stage(model, data)

@@ -25,11 +25,11 @@ def run_protocol(system: System, data: mujoco.MjData, motion: Motion | None = No
     Raises:
         FailedError: a detector fired.
     """
-    carried = system.carried()
+    forces = system.effect_forces()
     hold = don_and_hold if system.fidelity.contact else settle
-    _hand_over(system, data, hold(system, data, carried))
+    _hand_over(system, data, hold(system, data, forces))
     motion = movement(system) if motion is None else motion
-    states, sensed, loads = follow(system, data, carried, motion)
+    states, sensed, loads = follow(system, data, forces, motion)
     return record_of(system, motion, states, sensed, loads)
 
 

@@ -13,9 +13,9 @@ from mujoco import rollout
 
 from sim.assessment.validity import FailedError, Failure, Postures, first_failure
 from sim.body.activation import ActivationPattern, muscle_lengthening
-from sim.effects.carried import CarriedEffects
 from sim.interface.interface import Loads
 from sim.robot.control import DURATION, extension_reference
+from sim.system.effects import EffectForces
 from sim.system.system import System
 
 #: Time (s) and the moved joint's desired angle (rad) and velocity (rad/s), shape (n,) each.
@@ -56,7 +56,7 @@ def activation_pattern(
 
 
 def follow(
-    system: System, data: mujoco.MjData, carried: CarriedEffects, motion: Motion
+    system: System, data: mujoco.MjData, forces: EffectForces, motion: Motion
 ) -> tuple[np.ndarray, np.ndarray, Loads]:
     """Let the controllers follow `motion` from the state of `data`; leave the last state there.
 
@@ -83,7 +83,7 @@ def follow(
     for first in range(0, len(time), size):
         piece = slice(first, min(first + size, len(time)))
         control[piece, system.contraction_inputs] = pattern.activations(first, piece.stop - first)
-        ahead, sensed[piece], diverged = roll_out(system, data, carried, control[piece])
+        ahead, sensed[piece], diverged = roll_out(system, data, forces, control[piece])
         states[first : piece.stop + 1] = ahead
         pattern.velocity[piece] = ahead[:-1, dof]
         begun = len(sensed[piece]) if diverged is None else diverged[0]
@@ -120,7 +120,7 @@ def _joined(pieces: list[Loads]) -> Loads:
 
 
 def roll_out(
-    system: System, data: mujoco.MjData, carried: CarriedEffects, control: np.ndarray
+    system: System, data: mujoco.MjData, forces: EffectForces, control: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, tuple[int, Failure] | None]:
     """Run `control`, shape (n, nu), from the state of `data`; leave the last state there.
 
@@ -131,8 +131,8 @@ def roll_out(
     """
     first = np.empty(mujoco.mj_stateSize(system.model, _STATE))
     mujoco.mj_getState(system.model, data, first, _STATE)
-    if carried:
-        ahead, sensed = _stepped(system, data, carried, control)
+    if forces:
+        ahead, sensed = _stepped(system, data, forces, control)
     else:
         ahead, sensed = (
             rows[0]
@@ -170,7 +170,7 @@ def divergence(data: mujoco.MjData, what: str, time: float) -> Failure:
 
 
 def _stepped(
-    system: System, data: mujoco.MjData, carried: CarriedEffects, control: np.ndarray
+    system: System, data: mujoco.MjData, forces: EffectForces, control: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Run `control` as the engine's rollout does, with what effects add at each step."""
     model = system.model
@@ -180,7 +180,7 @@ def _stepped(
     data.eq_active[:] = model.eq_active0
     for step, inputs in enumerate(control):
         data.ctrl[:] = inputs
-        carried.before_step(data)
+        forces.before_step(data)
         mujoco.mj_step(model, data)
         mujoco.mj_getState(model, data, states[step], _STATE)
         sensed[step] = data.sensordata

@@ -33,6 +33,8 @@ class Friction(Law):
     owner = "robot"
     lower: tuple[float, ...] = (0.0,)
     rubs = directed = at_reversals = True
+    #: Whether the level is another from step to step, for which MuJoCo has no element.
+    varies: bool = True
 
     @abstractmethod
     def level(self, parameters: Values, motion: Motion) -> Signal:
@@ -58,6 +60,7 @@ class Coulomb(Friction):
     separating_trial = "move to and fro through the same range at two constant speeds"
     parameters = named(torque=size("Nm", 3.0, "friction of the robot's joint"))
     coefficients = ("torque",)
+    varies = False
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         return parameters["torque"]

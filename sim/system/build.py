@@ -7,7 +7,6 @@ from sim.body.muscles.elbow import ELBOW_FITS
 from sim.body.muscles.holzbaur import CO_CONTRACTING, FOREARM_ROTATORS, SHOULDER_MUSCLES
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_extension_stop, add_torso, empty_spec
 from sim.body.soft_tissue import sleeves
-from sim.effects.carried import add_undeclared
 from sim.interface.bushing import Bushings
 from sim.interface.contact import Contact
 from sim.interface.cuffs import add_slide, place_cuffs
@@ -17,6 +16,7 @@ from sim.parameters.fidelity import CAMPAIGN, Fidelity
 from sim.parameters.target import ELBOW_TARGET, Target
 from sim.parameters.wearer import Wearer
 from sim.robot.device import ELBOW_JOINT, JOINTS, NESM, Device, add_exoskeleton
+from sim.system.effects import add_effects
 from sim.system.solver import set_interface_solver, set_solver
 from sim.system.system import System
 
@@ -108,7 +108,7 @@ def _base_spec(
     )
     add_exoskeleton(spec, gains, friction=conditions.robot_friction, joint=robot, device=device)
     _add_torque_sensors(spec, device.joints, human)
-    add_undeclared(spec, conditions, gains, robot, human)
+    add_effects(spec, conditions, gains, robot, human)
     if conditions.cuff_compliance > 0.0:
         add_slide(spec, device.cuffs[1], conditions.cuff_compliance)
     start = device.start(target.name)

@@ -8,7 +8,6 @@ import numpy as np
 
 from sim.body.muscles.holzbaur import CO_CONTRACTING
 from sim.body.skeleton import HUMAN_JOINTS
-from sim.effects.carried import CarriedEffects
 from sim.interface.interface import Interface
 from sim.interface.straps import segment_names
 from sim.parameters.conditions import Conditions
@@ -16,6 +15,7 @@ from sim.parameters.fidelity import Fidelity
 from sim.parameters.target import Target
 from sim.robot.control import Gains
 from sim.robot.device import ELBOW_JOINT, JOINTS, Device
+from sim.system.effects import EffectForces, motor_gain
 
 if mujoco.__version__ == "4.0.0":
     raise ImportError(
@@ -95,13 +95,12 @@ class System:
     def motor_gain(self) -> np.ndarray:
         """Torque at each joint over what its motor reports, 1 as declared, shape (its joints,)."""
         gain = np.ones(len(self.device.joints))
-        if "torque_gain" in self.conditions.effects:
-            gain[self.moved] = self.conditions.effects["torque_gain"]["gain"]
+        gain[self.moved] = motor_gain(self.conditions)
         return gain
 
-    def carried(self) -> CarriedEffects:
-        """Return what the undeclared effects do at each step, without a history."""
-        return CarriedEffects(self.model, self.conditions, JOINTS[self.target.joint])
+    def effect_forces(self) -> EffectForces:
+        """Return what the effects do at each step, without a history."""
+        return EffectForces(self.model, self.conditions, JOINTS[self.target.joint])
 
     @property
     def activation(self) -> float:
