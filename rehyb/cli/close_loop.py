@@ -89,7 +89,7 @@ def with_effect(
     token: Token = None,
 ) -> Answer:
     """Submit a study in which a found effect's parameters are uncertain, beside Table 1's."""
-    from analysis.closeloop.report.effect_study import GoingOnError, study_with_effects
+    from analysis.closeloop.report.effect_study import EffectStudyError, study_with_effects
 
     try:
         content = json.loads(report.read_text(encoding="utf-8"))
@@ -98,7 +98,7 @@ def with_effect(
         )
     except (json.JSONDecodeError, UnicodeDecodeError):
         raise Invalid(f"{report} is not JSON") from None
-    except GoingOnError as error:
+    except EffectStudyError as error:
         raise Invalid(f"{report}: {error}") from None
     if out is not None:
         out.write_text(json.dumps(study, indent=2) + "\n")

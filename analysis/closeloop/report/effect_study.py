@@ -3,19 +3,17 @@
 from collections.abc import Mapping
 from typing import Any
 
+from sim.effects.catalogue import ASSESSED
+from sim.effects.parameter import Parameter
 from sim.models import MODELS, WITH_EFFECTS
-from sim.parameters.effects import PREFIX, UNDECLARED, Parameter
+from sim.parameters.effects import PREFIX
 from sim.parameters.wearer import TABLE_1
 
-#: Parameters that are choices, not quantities: a study keeps what was found.
-CHOICES = ("side", "power", "order")
-#: Parameters that are angles of the joint in the session's own frame.
-ANGLES = ("onset", "middle", "centre", "threshold_angle", "side")
 #: An interval narrower than this share of its value holds nothing to sample.
 NARROW = 1e-6
 
 
-class GoingOnError(ValueError):
+class EffectStudyError(ValueError):
     """A report from which no study can be made; the message says why and what would be right."""
 
 
@@ -45,22 +43,24 @@ def study_with_effects(
         The body of `POST /v1/studies`.
 
     Raises:
-        GoingOnError: the report names no effect, or one that the simulation cannot carry.
+        EffectStudyError: the report names no effect, or one that the simulation cannot carry.
     """
     if model not in WITH_EFFECTS:
-        raise GoingOnError(f"{model} carries no effects; take {' or '.join(WITH_EFFECTS)}")
+        raise EffectStudyError(f"{model} carries no effects; take {' or '.join(WITH_EFFECTS)}")
     effects = _found(report)
     factors: list[dict[str, Any]] = [{"name": factor.name} for factor in TABLE_1]
     fixed: dict[str, float] = {}
     for effect in effects:
         for name, entry in effect["parameters"].items():
-            known = UNDECLARED[effect["name"]].parameters.get(name)
+            known = ASSESSED[effect["name"]].parameters.get(name)
             if known is None:
-                raise GoingOnError(f"{effect['name']} has no parameter {name!r} in the simulation")
+                raise EffectStudyError(
+                    f"{effect['name']} has no parameter {name!r} in the simulation"
+                )
             factor = f"{PREFIX}{effect['name']}.{name}"
-            low, high = _interval(entry, known, name, from_none=from_none)
-            if name in CHOICES or high - low <= NARROW * max(abs(low), abs(high)):
-                fixed[factor] = _limited(float(entry["value"]), known)
+            low, high = _interval(entry, known, from_none=from_none)
+            if known.choice or high - low <= NARROW * max(abs(low), abs(high)):
+                fixed[factor] = known.within_limits(float(entry["value"]))
             else:
                 factors.append({"name": factor, "range": [low, high]})
     names = ", ".join(effect["name"] for effect in effects)
@@ -84,24 +84,25 @@ def _found(report: Mapping[str, Any]) -> list[Mapping[str, Any]]:
         named = {effect["name"]: list(effect["parameters"]) for effect in effects}
         own_frame = report.get("session", {}).get("model") != "nominal"
     except (KeyError, TypeError, AttributeError):
-        raise GoingOnError(
+        raise EffectStudyError(
             "this is no report.json of `rehyb close-loop`: verdict or effects are missing"
         ) from None
     if verdict != "effect_found":
-        raise GoingOnError(f"the report names no effect (its verdict is {verdict})")
+        raise EffectStudyError(f"the report names no effect (its verdict is {verdict})")
     for effect, parameters in named.items():
-        if effect not in UNDECLARED:
-            raise GoingOnError(
-                f"the simulated assessment cannot carry {effect}; it carries "
-                f"{', '.join(UNDECLARED)}"
+        if effect not in ASSESSED:
+            raise EffectStudyError(
+                f"the simulated assessment cannot carry {effect}; it carries {', '.join(ASSESSED)}"
             )
-        if own_frame and (angles := [name for name in parameters if name in ANGLES]):
-            raise GoingOnError(
+        known = ASSESSED[effect].parameters
+        angles = [name for name in parameters if name in known and known[name].in_joint_frame]
+        if own_frame and angles:
+            raise EffectStudyError(
                 f"{effect} has {', '.join(angles)} in the angles of the session's own "
                 'model; analyse the session with "model": "nominal" to carry it over'
             )
     if len(joints) != 1:
-        raise GoingOnError(
+        raise EffectStudyError(
             f"the effects are at {', '.join(joints)}, and an assessment moves one joint; list the "
             "others in ignored_joints and close the loop again"
         )
@@ -109,14 +110,10 @@ def _found(report: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _interval(
-    entry: Mapping[str, Any], known: Parameter, name: str, *, from_none: bool
+    entry: Mapping[str, Any], known: Parameter, *, from_none: bool
 ) -> tuple[float, float]:
     low, high = sorted(float(end) for end in entry["ci90"])
     if from_none and known.switches:
         far = high if abs(high - known.neutral) >= abs(low - known.neutral) else low
         low, high = sorted((known.neutral, far))
-    return _limited(low, known), _limited(high, known)
-
-
-def _limited(value: float, known: Parameter) -> float:
-    return min(max(value, known.floor), known.ceiling)
+    return known.within_limits(low), known.within_limits(high)

@@ -3,7 +3,7 @@
 import pytest
 
 from sim.assessment.assess import assess
-from sim.parameters.effects import UNDECLARED
+from sim.effects.catalogue import ASSESSED
 from tests.integration.sim.conftest import Assess
 
 #: One setting of every effect that is large enough to be seen in an assessment.
@@ -29,7 +29,7 @@ def factors(name: str, parameters: dict[str, float]) -> dict[str, float]:
     return {f"effect.{name}.{parameter}": value for parameter, value in parameters.items()}
 
 
-@pytest.mark.parametrize("name", UNDECLARED)
+@pytest.mark.parametrize("name", ASSESSED)
 def test_every_effect_changes_the_torque_that_the_clinic_sees(assessed: Assess, name: str) -> None:
     plain = assessed({}, fidelity="bushing")
     other = assessed(factors(name, SETTINGS[name]), fidelity="bushing")

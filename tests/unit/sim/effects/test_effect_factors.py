@@ -1,10 +1,11 @@
-"""Undeclared effects as factors: off unless asked for, checked, and told apart by their owner."""
+"""Effects as factors: off unless asked for, checked, and told apart by their owner."""
 
 import pytest
 
+from sim.effects.limb import NO_ANGLE
 from sim.models import ELBOW, MODELS, WITH_EFFECTS
 from sim.parameters.conditions import DEFAULT_CONDITIONS, conditions_of, split
-from sim.parameters.effects import EFFECT_FACTORS, NO_ANGLE, UNDECLARED, effects_of
+from sim.parameters.effects import EFFECT_FACTORS, effects_of
 
 
 def test_no_effect_is_on_unless_it_is_asked_for() -> None:
@@ -54,12 +55,3 @@ def test_only_the_models_with_effects_offer_them_and_sample_none_by_default() ->
         assert names <= own if model.name in WITH_EFFECTS else not names & own
     for name in WITH_EFFECTS:
         assert MODELS[name].sampled == ELBOW.sampled
-
-
-def test_every_parameter_has_a_range_inside_its_limits() -> None:
-    for effect, undeclared in UNDECLARED.items():
-        assert undeclared.owner in ("robot", "human")
-        assert any(parameter.switches for parameter in undeclared.parameters.values()), effect
-        for name, parameter in undeclared.parameters.items():
-            assert parameter.floor <= parameter.low < parameter.high <= parameter.ceiling, name
-            assert parameter.floor <= parameter.neutral <= parameter.ceiling, name

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from analysis.closeloop.report.effect_study import GoingOnError, study_with_effects
+from analysis.closeloop.report.effect_study import EffectStudyError, study_with_effects
 from rehyb.cli import app
 from server.logic.study import FactorChoice, draw_up
-from sim.parameters.effects import UNDECLARED
+from sim.effects.catalogue import ASSESSED
 from sim.parameters.wearer import TABLE_1
 
 
@@ -116,19 +116,19 @@ def test_the_coordinator_takes_the_study(found: dict[str, Any], method: str) -> 
     ],
 )
 def test_what_cannot_be_studied_is_said_in_a_sentence(found: Any, words: str) -> None:
-    with pytest.raises(GoingOnError, match=words):
+    with pytest.raises(EffectStudyError, match=words):
         study(found)
 
 
 def test_every_effect_that_can_be_carried_is_in_the_documentation() -> None:
     page = (Path(__file__).parents[5] / "docs" / "use" / "close_loop.md").read_text()
     section = page.split("## From a found effect")[1].split("\n## ")[0]
-    for name in UNDECLARED:
+    for name in ASSESSED:
         assert f"`{name}`" in section
 
 
 def test_a_model_without_effects_is_refused() -> None:
-    with pytest.raises(GoingOnError, match="elbow_effects"):
+    with pytest.raises(EffectStudyError, match="elbow_effects"):
         study(FRICTION, model="elbow")
 
 
