@@ -2,12 +2,13 @@
 
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from pydantic import SecretStr
+from typer.testing import CliRunner
 
+from rehyb.cli import app
 from server.app import create_app
 from server.settings import Settings
 from sim.assessment.validity import FAILURES
@@ -47,14 +48,8 @@ def test_every_rehyb_command_in_the_readme_exists() -> None:
     commands |= {f"study {verb}" for verbs in lists for verb in verbs.split("|")}
     assert {"up", "assess", "validate", "study submit", "study indices"} <= commands
     for command in commands:
-        ran = subprocess.run(
-            [sys.executable, "-m", "rehyb", *command.split(), "--help"],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert ran.returncode == 0, f"rehyb {command}: {ran.stderr}"
+        ran = CliRunner().invoke(app, [*command.split(), "--help"])
+        assert ran.exit_code == 0, f"rehyb {command}: {ran.output}"
 
 
 def test_every_documented_route_is_served_and_every_route_is_documented(tmp_path: Path) -> None:
