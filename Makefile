@@ -2,9 +2,11 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+# Tests share the cores; whoever is done first takes over half of what another has left.
+PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check soak bench bench-sim bench-analysis bench-closeloop curves picture clean
+.PHONY: help demo test unit lint check goldens soak bench bench-sim bench-analysis bench-closeloop curves picture clean
 
 help:  ## Say what each target does
 	@grep -hE '^[a-z-]+:.*## ' Makefile | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
@@ -13,13 +15,20 @@ demo: $(READY)  ## Run the paper's two-phase study here, small; Ctrl-C and again
 	$(BIN)/rehyb campaign run --preset demo --local-workers 2 --directory demo
 
 test: $(READY)  ## Run every test (unit, integration with real processes, acceptance)
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
-check: $(READY)  ## Lint, format, types and the unit tests
+unit: $(READY)  ## Run the unit tests, which take seconds
+	$(PYTEST) -m "not postgresql" tests/unit
+
+lint: $(READY)  ## Look at style, format and types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest -m "not postgresql" tests/unit
+
+check: lint unit  ## What to run before each commit: lint and unit
+
+goldens: $(READY)  ## Write what a user sees to DIR, to compare two trees by diff -r
+	$(BIN)/python -m tests.testbed.goldens $(or $(DIR),$(error make goldens DIR=folder))
 
 soak: $(READY)  ## Disturb studies in every way, twenty times over; half an hour
 	REHYB_SOAK_ROUNDS=20 $(BIN)/python -m pytest -s \

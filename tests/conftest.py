@@ -1,4 +1,7 @@
-"""A real PostgreSQL server for every test that wants one, started by the suite itself."""
+"""A real PostgreSQL server for every test that wants one, started by the suite itself.
+
+Where tests run on several cores, each of pytest-xdist's processes starts one.
+"""
 
 import os
 from collections.abc import Callable, Iterator
@@ -9,6 +12,9 @@ import sqlalchemy as sa
 
 from tests.testbed.postgresql import serving
 
+# Of small matrices one thread makes as quick work as several, which would wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 #: Names a running server instead, with a role that may make databases.
 VARIABLE = "REHYB_TEST_POSTGRES_URL"
 #: Nothing in it is to survive anything, so that it may be fast.
@@ -16,7 +22,7 @@ OPTIONS = ("fsync=off", "synchronous_commit=off", "full_page_writes=off", "max_c
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what needs a PostgreSQL server, so that `make check` can do without one."""
+    """Mark what needs a PostgreSQL server, so that `make unit` can do without one."""
     for item in items:
         if "postgresql" in item.name or "postgresql_server" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.postgresql)

@@ -27,7 +27,7 @@ from tests.testbed.bad_sessions import BAD, linked, words
 from tests.testbed.session_folder import HEADER, Folder, rows
 
 TOKEN = "sessions"
-#: What is refused before and after MuJoCo has a look, one of each kind. `make check` tries all of
+#: What is refused before and after MuJoCo has a look, one of each kind. The unit tests try all of
 #: them on the reader itself; here each costs a process.
 SAMPLE = (
     "no session.json",
