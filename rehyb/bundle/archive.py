@@ -27,6 +27,7 @@ from typing import IO, Any
 
 from rehyb.client import Client, Json
 from rehyb.errors import Conflict, Invalid
+from rehyb.whole_files import whole_file
 
 FORMAT = 1
 MANIFEST = "manifest.json"
@@ -41,7 +42,6 @@ MOST_JSON_BYTES = 2**28
 #: and a ledger of equal failures to a fortieth.
 MOST_SHRUNK = 200
 
-_PAGE = 1000
 _CHUNK = 2**20
 
 
@@ -80,7 +80,7 @@ def write_bundle(client: Client, study_id: str, out: Path) -> str:
         contents = {
             "study.json": study,
             "indices.json": indices,
-            "failures.json": _ledger(client, study_id),
+            "failures.json": client.all_instances(study_id, state="failed", page=1000),
         }
         for member, content in contents.items():
             (folder / member).write_text(_text(content))
@@ -110,14 +110,9 @@ def write_bundle(client: Client, study_id: str, out: Path) -> str:
             },
         }
         (folder / MANIFEST).write_text(_text(manifest))
-        partial = out.with_name(out.name + ".partial")
-        try:
-            with zipfile.ZipFile(partial, "w") as archive:
-                for member in (MANIFEST, *MEMBERS):
-                    _add(archive, member, folder / member)
-            partial.replace(out)
-        finally:
-            partial.unlink(missing_ok=True)
+        with whole_file(out) as partial, zipfile.ZipFile(partial, "w") as archive:
+            for member in (MANIFEST, *MEMBERS):
+                _add(archive, member, folder / member)
     return digest_of(out)
 
 
@@ -218,18 +213,6 @@ def _counted(results: Path) -> tuple[Counter[str], set[str]]:
             outcomes[line["outcome"]] += 1
             workers.add(line["worker"])
     return outcomes, workers
-
-
-def _ledger(client: Client, study_id: str) -> list[Json]:
-    """Return every failed instance as the coordinator lists it."""
-    ledger: list[Json] = []
-    after: str | None = None
-    while True:
-        page = client.instances(study_id, state="failed", after=after, limit=_PAGE)
-        ledger += page["instances"]
-        after = page["next"]
-        if after is None:
-            return ledger
 
 
 def _add(archive: zipfile.ZipFile, member: str, path: Path) -> None:

@@ -24,11 +24,11 @@ ROUNDING = 1e-9
 SAMPLE = 10
 TOLERANCE = 1e-6
 
-#: How a run may end that says more of a machine than of the model.
-OF_MACHINES = ("crashed", "timed_out", "lost", "invalid")
+#: Whether a check holds, and a sentence about it.
+Judgement = tuple[bool, str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Finding:
     """One thing that was checked."""
 
@@ -49,16 +49,18 @@ def check(
         tolerance: how far outputs of those may differ, in standard deviations of the output.
 
     """
-    yield _hashes(bundle)
+    yield Finding("hashes", *_hashes(bundle))
     try:
         plan, table = plan_of(bundle.study), _table(bundle)
     except Invalid as error:
-        yield Finding(check="contents", holds=False, sentence=str(error))
+        yield Finding("contents", False, str(error))
         return
-    yield _design(plan, table)
-    yield _ledger(bundle, table)
-    yield _indices(bundle, table)
-    yield _sample(bundle, plan, table, sample=sample, seed=seed, tolerance=tolerance)
+    yield Finding("design", *_design(plan, table))
+    yield Finding("failures", *_failures(bundle, table))
+    yield Finding("indices", *_indices(bundle, table))
+    yield Finding(
+        "runs", *_runs(bundle, plan, table, _chosen(plan, table, sample, seed), tolerance)
+    )
 
 
 def plan_of(study: Json) -> "Plan":
@@ -100,7 +102,8 @@ def request_of(study: Json) -> Json:
     return request | {"fixed": study["fixed"]}
 
 
-def _hashes(bundle: Bundle) -> Finding:
+def _hashes(bundle: Bundle) -> Judgement:
+    """Compare the hash of every file with the one in the manifest."""
     stated = bundle.manifest.get("files")
     stated = stated if isinstance(stated, dict) else {}
     wrong = [
@@ -110,11 +113,8 @@ def _hashes(bundle: Bundle) -> Finding:
         or stated[member].get("sha256") != bundle.found[member]
     ]
     if wrong:
-        what = f"{', '.join(wrong)}: not what {MANIFEST} states"
-        return Finding(check="hashes", holds=False, sentence=what)
-    return Finding(
-        check="hashes", holds=True, sentence=f"{len(MEMBERS)} files are as {MANIFEST} states"
-    )
+        return False, f"{', '.join(wrong)}: not what {MANIFEST} states"
+    return True, f"{len(MEMBERS)} files are as {MANIFEST} states"
 
 
 def _table(bundle: Bundle) -> "Table":
@@ -128,18 +128,24 @@ def _table(bundle: Bundle) -> "Table":
         raise Invalid(f"results.csv cannot be read: {what}") from None
 
 
-def _design(plan: "Plan", table: "Table") -> Finding:
+def _places(table: "Table") -> list[tuple[int, int]]:
+    """Return the row and position of every result."""
+    return list(zip(table.rows.tolist(), table.positions.tolist(), strict=True))
+
+
+def _lies_in(plan: "Plan", place: tuple[int, int]) -> bool:
+    return 0 <= place[0] < plan.rows and 0 <= place[1] < plan.width
+
+
+def _design(plan: "Plan", table: "Table") -> Judgement:
     """Compare every parameter with the one that the study's seed gives."""
     from server.logic.study import parameters
 
-    def finding(holds: bool, sentence: str) -> Finding:
-        return Finding(check="design", holds=holds, sentence=sentence)
-
-    places = list(zip(table.rows.tolist(), table.positions.tolist(), strict=True))
-    outside = [p for p in places if not (0 <= p[0] < plan.rows and 0 <= p[1] < plan.width)]
+    places = _places(table)
+    outside = [place for place in places if not _lies_in(plan, place)]
     if outside or len(set(places)) < len(places):
         where = f"{outside[0]} lies outside the study" if outside else "a place occurs twice"
-        return finding(False, f"results.csv has rows and positions that no study has: {where}")
+        return False, f"results.csv has rows and positions that no study has: {where}"
     worst, at, row, points = 0.0, (0, 0), -1, list[dict[str, float]]()
     for line, place in enumerate(places):
         if place[0] != row:
@@ -148,105 +154,91 @@ def _design(plan: "Plan", table: "Table") -> Finding:
             off = _apart(table.points[line, f], points[place[1]][name])
             if off > worst:
                 worst, at = off, place
-    stated = f"the parameters of {len(places):,} results"
-    if worst == 0.0:
-        return finding(True, f"{stated} follow from seed {plan.seed}, bit for bit")
-    if worst <= ROUNDING:
-        return finding(True, f"{stated} follow from seed {plan.seed}, to {worst:.1g} of their size")
-    return finding(False, f"row {at[0]}, position {at[1]} is not what seed {plan.seed} gives")
+    if worst > ROUNDING:
+        return False, f"row {at[0]}, position {at[1]} is not what seed {plan.seed} gives"
+    how = "bit for bit" if worst == 0.0 else f"to {worst:.1g} of their size"
+    return True, f"the parameters of {len(places):,} results follow from seed {plan.seed}, {how}"
 
 
-def _ledger(bundle: Bundle, table: "Table") -> Finding:
+def _failures(bundle: Bundle, table: "Table") -> Judgement:
     """Compare the failures in the ledger with those in the table."""
-
-    def finding(holds: bool, sentence: str) -> Finding:
-        return Finding(check="failures", holds=holds, sentence=sentence)
-
     lines = zip(table.rows.tolist(), table.positions.tolist(), table.outcomes, strict=True)
     failed = {line for line in lines if line[2] != "ok"}
     told = {(one.get("row"), one.get("position"), one.get("outcome")) for one in bundle.failures}
     if failed != told or len(told) != len(bundle.failures):
-        return finding(
-            False,
+        return False, (
             f"failures.json tells of {len(bundle.failures)} failures, and {len(failed & told)} of "
-            f"the {len(failed)} in results.csv are among them",
+            f"the {len(failed)} in results.csv are among them"
         )
-    if bundle.manifest.get("results") != len(table.outcomes):
-        return finding(
-            False,
-            f"results.csv has {len(table.outcomes)} results, and {MANIFEST} states "
-            f"{bundle.manifest.get('results')}",
+    stated = bundle.manifest.get("results")
+    if stated != len(table.outcomes):
+        return False, (
+            f"results.csv has {len(table.outcomes)} results, and {MANIFEST} states {stated}"
         )
     if not failed:
-        return finding(True, "no run failed, and the ledger has none")
-    return finding(True, f"the ledger tells of every failed run ({len(failed)}), and of no other")
+        return True, "no run failed, and the ledger has none"
+    return True, f"the ledger tells of every failed run ({len(failed)}), and of no other"
 
 
-def _indices(bundle: Bundle, table: "Table") -> Finding:
+def _indices(bundle: Bundle, table: "Table") -> Judgement:
     """Compute the snapshot again from the results alone."""
     from analysis.sensitivity.study_state import StudyState
-
-    def finding(holds: bool, sentence: str) -> Finding:
-        return Finding(check="indices", holds=holds, sentence=sentence)
 
     state = StudyState(table.plan)
     try:
         state.take(table.results())
     except ValueError as error:
-        return finding(False, f"the results are not of this study: {error}")
-    again = state.snapshot()
+        return False, f"the results are not of this study: {error}"
     # Where the log stood says nothing about the numbers.
-    differences = list(_differences({**bundle.indices, "cursor": 0}, {**again, "cursor": 0}))
+    again = {**state.snapshot(), "cursor": 0}
+    differences = list(_differences({**bundle.indices, "cursor": 0}, again))
     if not differences:
-        return finding(True, "every index and interval comes out of the results again, bit for bit")
+        return True, "every index and interval comes out of the results again, bit for bit"
     where, off = max(differences, key=lambda item: item[1])
     made, here = bundle.manifest.get("bundled_with"), versions()
     if off <= ROUNDING and made != here:
-        return finding(
-            True,
+        return True, (
             f"every index and interval comes out again to {off:.1g} of its size; not bit for bit, "
-            f"since {_in_words(made)} made them and this is {_in_words(here)}",
+            f"since {_in_words(made)} made them and this is {_in_words(here)}"
         )
-    return finding(
-        False,
-        f"{len(differences)} numbers in indices.json do not come out of the results, {where} most",
+    return False, (
+        f"{len(differences)} numbers in indices.json do not come out of the results, {where} most"
     )
 
 
-def _sample(
-    bundle: Bundle, plan: "Plan", table: "Table", *, sample: int, seed: int, tolerance: float
-) -> Finding:
+def _chosen(plan: "Plan", table: "Table", sample: int, seed: int) -> list[int]:
+    """Choose the results to compute again, of those that say more of the model than a machine."""
+    from server.logic.slots import BUDGETS
+
+    eligible = [
+        line
+        for line, place in enumerate(_places(table))
+        if table.outcomes[line] not in BUDGETS and _lies_in(plan, place)
+    ]
+    chosen = np.random.default_rng(seed).choice(
+        np.array(eligible, dtype=np.int64), min(sample, len(eligible)), replace=False
+    )
+    return sorted(chosen.tolist())
+
+
+def _runs(
+    bundle: Bundle, plan: "Plan", table: "Table", chosen: list[int], tolerance: float
+) -> Judgement:
     """Compute some runs again."""
     from server.logic.study import parameters
     from sim.evaluation import evaluate
 
-    def finding(holds: bool, sentence: str) -> Finding:
-        return Finding(check="runs", holds=holds, sentence=sentence)
-
-    of_model = [i for i, outcome in enumerate(table.outcomes) if outcome not in OF_MACHINES]
-    inside = [
-        i
-        for i in of_model
-        if 0 <= table.rows[i] < plan.rows and 0 <= table.positions[i] < plan.width
-    ]
-    chosen = sorted(
-        np.random.default_rng(seed).choice(
-            np.array(inside, dtype=np.int64), min(sample, len(inside)), replace=False
-        )
-    )
     sd = np.array([_spread(column) for column in table.values.T])
     worst, where = 0.0, ""
-    for i in map(int, chosen):
-        place = (int(table.rows[i]), int(table.positions[i]))
-        name = f"row {place[0]}, position {place[1]}"
+    for i in chosen:
+        row, position = int(table.rows[i]), int(table.positions[i])
+        name = f"row {row}, position {position}"
         try:
-            done = evaluate(plan.model, parameters(plan, place[0])[place[1]])
+            done = evaluate(plan.model, parameters(plan, row)[position])
         except ValueError as error:
-            return finding(False, f"{name} cannot be computed: {error}")
+            return False, f"{name} cannot be computed: {error}"
         if done.outcome != table.outcomes[i]:
-            return finding(
-                False, f"{name} came out as {table.outcomes[i]}, and here as {done.outcome}"
-            )
+            return False, f"{name} came out as {table.outcomes[i]}, and here as {done.outcome}"
         for o, output in enumerate(plan.outputs if done.outcome == "ok" else ()):
             off = float(abs(done.outputs[output] - table.values[i, o]) / sd[o])
             # What is no number is as far off as can be.
@@ -256,13 +248,12 @@ def _sample(
     stated = f"{len(chosen)} of {len(table.outcomes):,} runs, computed again,"
     code = _code(bundle.manifest)
     if worst > tolerance:
-        return finding(
-            False,
+        return False, (
             f"{stated} differ by up to {worst:.2g} standard deviations ({where}), more than "
-            f"{tolerance:g}{code}",
+            f"{tolerance:g}{code}"
         )
     how = "bit for bit" if worst == 0.0 else f"to {worst:.1g} standard deviations ({where})"
-    return finding(True, f"{stated} come out {how}{code}")
+    return True, f"{stated} come out {how}{code}"
 
 
 def _code(manifest: Mapping[str, Any]) -> str:
