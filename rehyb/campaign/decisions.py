@@ -104,7 +104,7 @@ def standing(progress: Json, snapshot: Json) -> tuple[bool, str]:
     return True, ""
 
 
-def next_step(plan: Plan, number: int, snapshot: Json, rows: int) -> "Step | None":
+def next_step(plan: Plan, phase: Phase, snapshot: Json, rows: int) -> "Step | None":
     """Return what a complete phase does next; None if it has no precision goal.
 
     Raises:
@@ -113,7 +113,7 @@ def next_step(plan: Plan, number: int, snapshot: Json, rows: int) -> "Step | Non
     from analysis.sensitivity.stopping import Goal
     from analysis.sensitivity.stopping import next_step as judge
 
-    if number == 1 or plan.most_rows is None:
+    if phase.number == 1 or plan.most_rows is None:
         return None
     goal = Goal(output=plan.output, target=plan.target, up_to=plan.most_rows)
     try:

@@ -11,7 +11,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from rehyb.campaign.report import Report
+from rehyb.campaign.files import Report
 from rehyb.campaign.run import View
 from rehyb.display import (
     duration,
@@ -107,12 +107,6 @@ class LineDisplay:
         self._stream = stream
         self._last = ""
         self._shown_at = float("-inf")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Nothing has to be undone."""
 
     @contextmanager
     def paused(self) -> Iterator[None]:

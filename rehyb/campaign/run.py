@@ -21,9 +21,8 @@ from rehyb.campaign.decisions import (
     standing,
     variance_phase,
 )
-from rehyb.campaign.manifest import MANIFEST, load_manifest
+from rehyb.campaign.files import MANIFEST, Report, load_manifest, write_report
 from rehyb.campaign.plans import Plan
-from rehyb.campaign.report import Report, write_report
 from rehyb.client import Client, Json
 from rehyb.errors import CampaignError, ServerError, Unreachable
 from rehyb.whole_files import write_json
@@ -124,11 +123,10 @@ class Campaign:
             progress = self._ask(partial(self._client.progress, study_id))
             snapshot = self._ask(partial(self._client.indices, study_id))
             done, waiting = standing(progress, snapshot)
-            if done:
-                step = next_step(self._plan, phase.number, snapshot, progress["rows"])
-                if step is not None:
-                    self._manifest["precision"] = step.sentence
-                if step is not None and step.rows is not None:
+            step = next_step(self._plan, phase, snapshot, progress["rows"]) if done else None
+            if step is not None:
+                self._manifest["precision"] = step.sentence
+                if step.rows is not None:
                     study = self._ask(partial(self._client.extend, study_id, step.rows))
                     done = False
             self._view = View(
