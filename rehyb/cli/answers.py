@@ -3,6 +3,7 @@
 import inspect
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,60 +35,51 @@ class Answer:
     #: Exit status of the command.
     status: int = 0
 
+    def show(self, as_json: bool) -> None:
+        """Print it, and leave with its status."""
+        if as_json:
+            print_json(self.content)
+        elif callable(self.text):
+            self.text()
+        elif self.text:
+            typer.echo(self.text)
+        if self.status:
+            raise typer.Exit(self.status)
+
 
 def answering(command: Callable[..., Answer | None]) -> Callable[..., None]:
     """Make a command for typer of a function that returns an Answer: adds --json.
 
-    The function may ask for `as_json`, and print something on the way; what it prints is all if
-    it returns None.
+    If the function takes a `client`, --url and --token are added too. It may take `as_json` and
+    print something on the way; if it returns None, that is all.
     """
-    asks = "as_json" in inspect.signature(command).parameters
+    taken = inspect.signature(command).parameters
+    added: dict[str, tuple[Any, Any]] = {"as_json": (AsJson, False)}
+    if "client" in taken:
+        added = {"url": (Url, None), "token": (Token, None)} | added
 
     def run(*, as_json: bool, **given: Any) -> None:
-        answer = command(**given, as_json=as_json) if asks else command(**given)
-        if answer is None:
-            return
-        if as_json:
-            print_json(answer.content)
-        elif callable(answer.text):
-            answer.text()
-        elif answer.text:
-            typer.echo(answer.text)
-        if answer.status:
-            raise typer.Exit(answer.status)
+        if "as_json" in taken:
+            given["as_json"] = as_json
+        with ExitStack() as stack:
+            if "client" in taken:
+                client = Client(given.pop("url"), given.pop("token"))
+                given["client"] = stack.enter_context(client)
+            answer = command(**given)
+        if answer is not None:
+            answer.show(as_json)
 
-    return _described(run, command, {"as_json": (AsJson, False)})
-
-
-def asking(command: Callable[..., Answer | None]) -> Callable[..., None]:
-    """Make a command for typer of a function of a `client`: adds --url, --token and --json."""
-
-    def run(*, url: str | None, token: str | None, **given: Any) -> Answer | None:
-        with Client(url, token) as client:
-            return command(client=client, **given)
-
-    return answering(_described(run, command, {"url": (Url, None), "token": (Token, None)}))
-
-
-def _described(
-    run: Callable[..., Any], command: Callable[..., Any], added: Mapping[str, tuple[Any, Any]]
-) -> Callable[..., Any]:
-    """Give `run` the name, help and options of `command`, with more: annotation and default."""
-    options = {
-        name: option
-        for name, option in inspect.signature(command).parameters.items()
-        if name not in ("client", *added)
-    }
-    late = {name: options.pop(name) for name in ("as_json",) if name in options}
-    for name, (annotation, default) in added.items():
-        options[name] = inspect.Parameter(
-            name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
-        )
-    options |= late
+    kind = inspect.Parameter.KEYWORD_ONLY
+    options = [
+        *(taken[name].replace(kind=kind) for name in taken if name not in ("client", "as_json")),
+        *(
+            inspect.Parameter(name, kind, annotation=annotation, default=default)
+            for name, (annotation, default) in added.items()
+        ),
+    ]
     run.__name__, run.__doc__ = command.__name__, command.__doc__
-    described = [option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in options.values()]
-    vars(run)["__signature__"] = inspect.Signature(described)
-    run.__annotations__ = {option.name: option.annotation for option in described}
+    run.__annotations__ = {option.name: option.annotation for option in options}
+    vars(run)["__signature__"] = inspect.Signature(options)
     return run
 
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rehyb.campaign.decisions import Proposed
+from rehyb.campaign.files import Report
 from rehyb.campaign.plans import PRESETS, Plan
-from rehyb.campaign.report import Report
 from rehyb.campaign.run import Campaign
 from rehyb.cli.answers import Answer, Token, Url, answering
 from rehyb.cli.options import check_target, check_up_to, interruptible
@@ -83,8 +83,7 @@ def run(
         ),
     ] = None,
     confirm: Annotated[
-        bool,
-        typer.Option("--confirm", help="Ask before a factor is fixed. Default: fix it."),
+        bool, typer.Option("--confirm", help="Ask before a factor is fixed. Default: fix it.")
     ] = False,
     url: Url = None,
     token: Token = None,
@@ -108,8 +107,7 @@ def run(
                 fleet = stack.enter_context(LocalFleet(directory, workers=local_workers))
                 url, token = fleet.url, fleet.token
             client = stack.enter_context(Client(url, token))
-            display = _display(live=not as_json)
-            stack.enter_context(display)
+            display = _display(stack, live=not as_json)
             report = Campaign(
                 client,
                 plan,
@@ -151,14 +149,16 @@ def _plan(preset: str, model: str, output: str | None, **given: Any) -> Plan:
     return Plan(model=model, output=output or outputs[0], **chosen)
 
 
-def _display(*, live: bool) -> "LiveDisplay | LineDisplay":
+def _display(stack: ExitStack, *, live: bool) -> "LiveDisplay | LineDisplay":
     """Return a display in place if stdout is a terminal, else one for a log."""
     from rich.console import Console
 
     from rehyb.campaign.display import LineDisplay, LiveDisplay
 
     console = Console()
-    return LiveDisplay(console) if console.is_terminal and live else LineDisplay(sys.stderr)
+    if console.is_terminal and live:
+        return stack.enter_context(LiveDisplay(console))
+    return LineDisplay(sys.stderr)
 
 
 def _ask(plan: Plan, display: "LiveDisplay | LineDisplay", proposed: Proposed) -> str | None:

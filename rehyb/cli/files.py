@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rehyb.bundle.archive import Bundle, digest_of, read_bundle, write_bundle
-from rehyb.cli.answers import Answer, Token, Url, answering, asking, file_written, study_submitted
+from rehyb.cli.answers import Answer, Token, Url, answering, file_written, study_submitted
 from rehyb.cli.options import StudyId
 from rehyb.client import Client
 from rehyb.files import FORMATS
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rehyb.bundle.reproduce import Finding
 
 
-@asking
+@answering
 def export(
     client: Client,
     study: StudyId,
@@ -32,7 +32,7 @@ def export(
     return file_written(write(client, study, out, format))
 
 
-@asking
+@answering
 def bundle(
     client: Client,
     study: StudyId,

@@ -22,21 +22,13 @@ Target = Annotated[
 
 
 def check_target(target: float | None) -> None:
-    """Check a wanted half width.
-
-    Raises:
-        typer.BadParameter: it is not positive.
-    """
+    """Check a wanted half width; typer.BadParameter if it is not positive."""
     if target is not None and not 0.0 < target < inf:
         raise typer.BadParameter(f"--target is a positive half width, not {target:g}")
 
 
 def check_up_to(target: float | None, up_to: int | None) -> None:
-    """Check that a wanted precision comes with what it may cost.
-
-    Raises:
-        typer.BadParameter: it does not.
-    """
+    """Check that a wanted precision comes with what it may cost; else typer.BadParameter."""
     if target is not None and up_to is None:
         raise typer.BadParameter("--target needs --up-to, the rows that it may cost in all")
 

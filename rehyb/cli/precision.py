@@ -5,12 +5,12 @@ from typing import Annotated
 
 import typer
 
-from rehyb.cli.answers import Answer, asking
+from rehyb.cli.answers import Answer, answering
 from rehyb.cli.options import Output, StudyId, Target
 from rehyb.client import Client, Json
 
 
-@asking
+@answering
 def watch(
     client: Client,
     as_json: bool,

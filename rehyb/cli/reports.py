@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
-from rehyb.cli.answers import Answer, asking
+from rehyb.cli.answers import Answer, answering
 from rehyb.client import Client
 
 
-@asking
+@answering
 def report(
     client: Client,
     study: Annotated[list[str], typer.Argument(help="Ids of studies.", metavar="STUDY...")],

@@ -4,7 +4,6 @@ import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -71,15 +70,17 @@ def assess(
 
     Exit status 1 if the assessment fails: the simulated exercise, that is, not the command.
     """
+    from sim.assessment.assess import assess as simulate
+
     values, setting = _parameters(replay, settings or ())
     setting = {"target": target, "fidelity": fidelity, "device": device} | setting
-    film = _film(video)
-    started = time.perf_counter()
-    with _bad_parameters():
-        from sim.assessment.assess import assess as simulate
-
+    try:
+        film = None if video is None else _film(video)
         watch = None if film is None else film.watch
+        started = time.perf_counter()
         assessment = simulate(values, controller=controller, watch=watch, **setting)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
     wall_seconds = time.perf_counter() - started
     written = _written(assessment, record, plot, film, video)
     content = {
@@ -108,15 +109,6 @@ def validate(
         "pictures": [str(picture) for picture in report.pictures],
     }
     return Answer(content, partial(_print_validation, report))
-
-
-@contextmanager
-def _bad_parameters() -> Iterator[None]:
-    """Turn what the simulation refuses into wrong use of the command."""
-    try:
-        yield
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from None
 
 
 def _parameters(
@@ -163,15 +155,12 @@ def _replayed(source: str) -> tuple[dict[str, float], dict[str, str]]:
     return parameters, {"target": target, "fidelity": fidelity, "device": device}
 
 
-def _film(path: Path | None) -> "Film | None":
-    """Return a film to be taken; None if none is wanted."""
-    if path is None:
-        return None
+def _film(path: Path) -> "Film":
+    """Return a film to be taken; ValueError if `path` has no format of films."""
     from sim.pictures.film import Film, check_format
 
-    with _bad_parameters():
-        check_format(path)
-        return Film()
+    check_format(path)
+    return Film()
 
 
 def _written(

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rehyb.cli.answers import Answer, asking, file_written, print_rows, study_submitted
+from rehyb.cli.answers import Answer, answering, file_written, print_rows, study_submitted
 from rehyb.cli.options import StudyId, Target, assignment, check_target, check_up_to, number
 from rehyb.cli.precision import wait_for_precision
 from rehyb.client import Client, Json
@@ -19,7 +19,7 @@ app = typer.Typer(help="Submit studies and see what becomes of them.", no_args_i
 
 
 @app.command()
-@asking
+@answering
 def submit(
     client: Client,
     as_json: bool,
@@ -38,8 +38,7 @@ def submit(
         typer.Option(metavar="NAME=LOW:HIGH", help="Sample this factor; repeat. Default: all."),
     ] = None,
     fix: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Hold this factor; repeat."),
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold this factor; repeat.")
     ] = None,
     output: Annotated[
         list[str] | None, typer.Option(help="Rank this output; repeat. Default: all.")
@@ -59,8 +58,7 @@ def submit(
         list[str] | None, typer.Option(help="Only for workers that have this tag; repeat.")
     ] = None,
     key: Annotated[
-        str | None,
-        typer.Option(help="Idempotency key: submitting again returns the same study."),
+        str | None, typer.Option(help="Idempotency key: submitting again returns the same study.")
     ] = None,
     up_to: Annotated[
         int | None,
@@ -72,8 +70,7 @@ def submit(
         ),
     ] = None,
     target: Annotated[
-        float | None,
-        typer.Option(help="Half width wanted of every interval of the first output."),
+        float | None, typer.Option(help="Half width wanted of every interval of the first output.")
     ] = None,
 ) -> Answer:
     """Submit a study, from a JSON file or from options; options win over the file."""
@@ -105,7 +102,7 @@ def submit(
 
 
 @app.command("list")
-@asking
+@answering
 def list_studies(client: Client) -> Answer:
     """List the studies."""
     studies = client.studies()
@@ -114,7 +111,7 @@ def list_studies(client: Client) -> Answer:
 
 
 @app.command()
-@asking
+@answering
 def show(client: Client, study: StudyId) -> Answer:
     """Show what a study samples."""
     answer = client.study(study)
@@ -126,7 +123,7 @@ def show(client: Client, study: StudyId) -> Answer:
 
 
 @app.command()
-@asking
+@answering
 def progress(
     client: Client,
     as_json: bool,
@@ -151,7 +148,7 @@ def progress(
 
 
 @app.command()
-@asking
+@answering
 def indices(
     client: Client,
     study: StudyId,
@@ -175,7 +172,7 @@ def indices(
 
 
 @app.command()
-@asking
+@answering
 def cancel(client: Client, study: StudyId) -> Answer:
     """Stop handing out a study's instances; results already there stay."""
     answer = client.cancel(study)
@@ -183,7 +180,7 @@ def cancel(client: Client, study: StudyId) -> Answer:
 
 
 @app.command()
-@asking
+@answering
 def results(
     client: Client,
     study: StudyId,
@@ -197,7 +194,7 @@ def results(
     return file_written(path)
 
 
-@asking
+@answering
 def workers(client: Client) -> Answer:
     """List the workers the coordinator knows."""
     known, now = client.workers(), time.time()

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rehyb.cli.answers import Answer, asking, json_text, print_rows
+from rehyb.cli.answers import Answer, answering, json_text, print_rows
 from rehyb.cli.options import StudyId
 from rehyb.cli.studies import app
 from rehyb.client import Client, Json
@@ -17,28 +17,28 @@ PAGE = 500
 
 
 @app.command()
-@asking
+@answering
 def pause(client: Client, study: StudyId) -> Answer:
     """Hand out nothing of a study until it is resumed."""
     return _state(client.pause(study))
 
 
 @app.command()
-@asking
+@answering
 def drain(client: Client, study: StudyId) -> Answer:
     """Finish the rows that were begun and begin no other; then the study is paused."""
     return _state(client.drain(study))
 
 
 @app.command()
-@asking
+@answering
 def resume(client: Client, study: StudyId) -> Answer:
     """Go on with a paused study."""
     return _state(client.resume(study))
 
 
 @app.command()
-@asking
+@answering
 def extend(
     client: Client,
     study: StudyId,
@@ -49,7 +49,7 @@ def extend(
 
 
 @app.command()
-@asking
+@answering
 def priority(
     client: Client,
     study: StudyId,
@@ -62,7 +62,7 @@ def priority(
 
 
 @app.command()
-@asking
+@answering
 def settle(client: Client, study: StudyId) -> Answer:
     """Extend a study no more, whatever precision was wanted of it."""
     client.remove_precision_goal(study)
@@ -70,7 +70,7 @@ def settle(client: Client, study: StudyId) -> Answer:
 
 
 @app.command()
-@asking
+@answering
 def rerun(
     client: Client,
     study: StudyId,
@@ -89,7 +89,7 @@ def rerun(
 
 
 @app.command()
-@asking
+@answering
 def delete(client: Client, study: StudyId) -> Answer:
     """Remove a study that does not run, with all its results."""
     client.delete(study)
@@ -97,7 +97,7 @@ def delete(client: Client, study: StudyId) -> Answer:
 
 
 @app.command()
-@asking
+@answering
 def failures(
     client: Client,
     study: StudyId,
@@ -114,15 +114,14 @@ def failures(
 
 
 @app.command()
-@asking
+@answering
 def instance(
     client: Client,
     study: StudyId,
     row: Annotated[int, typer.Argument(min=0)],
     position: Annotated[int, typer.Argument(min=0)],
     out: Annotated[
-        Path | None,
-        typer.Option(help="A file for `rehyb assess --replay`.", show_default=False),
+        Path | None, typer.Option(help="A file for `rehyb assess --replay`.", show_default=False)
     ] = None,
 ) -> Answer:
     """Show one instance with all that it takes to replay it, as JSON."""

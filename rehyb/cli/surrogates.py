@@ -4,14 +4,14 @@ from dataclasses import asdict
 from functools import partial
 from typing import Any
 
-from rehyb.cli.answers import Answer, asking
+from rehyb.cli.answers import Answer, answering
 from rehyb.cli.options import Output, StudyId
 from rehyb.client import Client, Json
 from rehyb.errors import Invalid, needs_extra
 from rehyb.files import study_with_results
 
 
-@asking
+@answering
 def surrogate(client: Client, study: StudyId, output: Output = None) -> Answer:
     """Answer by functions fitted to the runs so far, with their held-out errors.
 
