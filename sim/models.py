@@ -13,6 +13,8 @@ from typing import NamedTuple
 from sim.parameters.conditions import CONDITIONS, CONTACT_ONLY
 from sim.parameters.effects import EFFECT_FACTORS
 from sim.parameters.factors import Factor
+from sim.parameters.fidelity import FIDELITIES
+from sim.parameters.target import ELBOW_TARGET, TARGETS
 from sim.parameters.wearer import TABLE_1
 
 
@@ -50,110 +52,105 @@ _ASSESSMENT_UNITS: Mapping[str, str] = MappingProxyType(
         for form in ("", "_paper", "_authors")
         for quantity in ("error", "estimate", "true")
     }
-    | {
-        "damping_estimate": "Nm s/rad",
-        "peak_contact_force": "N",
-        "tracking_rmse": "rad",
-    }
+    | {"damping_estimate": "Nm s/rad", "peak_contact_force": "N", "tracking_rmse": "rad"}
 )
-
-
-def _assessment(name: str, description: str, conditions: tuple[Factor, ...] = CONDITIONS) -> Model:
-    return Model(
-        name=name,
-        description=f"Stiffness assessment in the exoskeleton: {description}",
-        factors=TABLE_1 + conditions,
-        units=_ASSESSMENT_UNITS,
-    )
-
-
-ELBOW = _assessment("elbow", "elbow, explicit contact (paper, section 2.3)")
-_BUSHING_CONDITIONS = tuple(factor for factor in CONDITIONS if factor.name not in CONTACT_ONLY)
-ELBOW_BUSHING = _assessment(
-    "elbow_bushing", "elbow, bushings instead of contact: milliseconds", _BUSHING_CONDITIONS
-)
-ELBOW_EFFECTS = _assessment(
-    "elbow_effects",
-    "elbow, explicit contact, with effects the nominal model lacks",
-    CONDITIONS + EFFECT_FACTORS,
-)
-ELBOW_BUSHING_EFFECTS = _assessment(
-    "elbow_bushing_effects",
-    "elbow, bushings, with effects the nominal model lacks",
-    _BUSHING_CONDITIONS + EFFECT_FACTORS,
-)
-#: Models whose factors include the parameters of undeclared effects.
-WITH_EFFECTS = (ELBOW_EFFECTS.name, ELBOW_BUSHING_EFFECTS.name)
 
 
 class Setup(NamedTuple):
     """A model that is an assessment, with the arguments of `assess`."""
 
     model: Model
-    target: str = "elbow"
-    fidelity: str = "campaign"
-    device: str = "nesm"
+    target: str
+    fidelity: str
+    device: str
 
 
+def _setup(
+    name: str,
+    words: str,
+    *,
+    target: str = "elbow",
+    fidelity: str = "campaign",
+    device: str = "nesm",
+    effects: bool = False,
+) -> Setup:
+    """Return an assessment; with `effects` their parameters are factors, too."""
+    contact = FIDELITIES[fidelity].contact
+    conditions = tuple(f for f in CONDITIONS if contact or f.name not in CONTACT_ONLY)
+    model = Model(
+        name=name,
+        description=f"Stiffness assessment in the exoskeleton: {words}",
+        factors=TABLE_1 + conditions + (EFFECT_FACTORS if effects else ()),
+        units=_ASSESSMENT_UNITS,
+    )
+    return Setup(model, target, fidelity, device)
+
+
+_WITH_EFFECTS = "with effects the nominal model lacks"
 ASSESSMENTS: Mapping[str, Setup] = MappingProxyType(
     {
         setup.model.name: setup
         for setup in (
-            Setup(ELBOW),
-            Setup(ELBOW_BUSHING, fidelity="bushing"),
-            Setup(ELBOW_EFFECTS),
-            Setup(ELBOW_BUSHING_EFFECTS, fidelity="bushing"),
-            Setup(
-                _assessment("elbow_screening", "elbow, explicit contact, coarser"),
-                fidelity="screening",
+            _setup("elbow", "elbow, explicit contact (paper, section 2.3)"),
+            _setup(
+                "elbow_bushing",
+                "elbow, bushings instead of contact: milliseconds",
+                fidelity="bushing",
             ),
-            Setup(
-                _assessment("elbow_reference", "elbow, explicit contact, finer"),
-                fidelity="reference",
+            _setup("elbow_effects", f"elbow, explicit contact, {_WITH_EFFECTS}", effects=True),
+            _setup(
+                "elbow_bushing_effects",
+                f"elbow, bushings, {_WITH_EFFECTS}",
+                fidelity="bushing",
+                effects=True,
             ),
-            Setup(
-                _assessment("elbow_orthosis", "elbow, another device: bench-mounted, one joint"),
+            _setup("elbow_screening", "elbow, explicit contact, coarser", fidelity="screening"),
+            _setup("elbow_reference", "elbow, explicit contact, finer", fidelity="reference"),
+            _setup(
+                "elbow_orthosis",
+                "elbow, another device: bench-mounted, one joint",
                 device="elbow_orthosis",
             ),
             *(
-                Setup(_assessment(name, f"{name.replace('_', ' ')}, explicit contact"), name)
-                for name in ("shoulder_flexion", "shoulder_abduction", "shoulder_rotation")
+                _setup(name, f"{name.replace('_', ' ')}, explicit contact", target=name)
+                for name in TARGETS
+                if name != ELBOW_TARGET.name
             ),
         )
     }
 )
+ELBOW = ASSESSMENTS["elbow"].model
+#: Models whose factors include the parameters of undeclared effects.
+WITH_EFFECTS = tuple(
+    name for name, setup in ASSESSMENTS.items() if set(EFFECT_FACTORS) <= set(setup.model.factors)
+)
+
+
+def _arguments(count: int, of: str, low: float, high: float, nominal: float) -> tuple[Factor, ...]:
+    """Return x1, x2, ... of a test function."""
+    return tuple(
+        Factor(
+            name=f"x{i}",
+            unit="1",
+            low=low,
+            high=high,
+            nominal=nominal,
+            description=f"argument {i} of {of}",
+        )
+        for i in range(1, count + 1)
+    )
+
 
 ISHIGAMI = Model(
     name="ishigami",
     description="Ishigami and Homma 1990: sin x1 + 7 sin^2 x2 + 0.1 x3^4 sin x1",
-    factors=tuple(
-        Factor(
-            name=f"x{i}",
-            unit="1",
-            low=-pi,
-            high=pi,
-            nominal=0.0,
-            description=f"argument {i} of the Ishigami function",
-        )
-        for i in (1, 2, 3)
-    ),
+    factors=_arguments(3, "the Ishigami function", -pi, pi, 0.0),
     units=MappingProxyType({"y": "1"}),
 )
-
 SOBOL_G = Model(
     name="sobol_g",
     description="Sobol's g-function with a = (0, 1, 4.5, 9, 99, 99): two factors do nothing",
-    factors=tuple(
-        Factor(
-            name=f"x{i}",
-            unit="1",
-            low=0.0,
-            high=1.0,
-            nominal=0.5,
-            description=f"argument {i} of Sobol's g-function",
-        )
-        for i in range(1, 7)
-    ),
+    factors=_arguments(6, "Sobol's g-function", 0.0, 1.0, 0.5),
     units=MappingProxyType({"y": "1"}),
 )
 

@@ -50,8 +50,7 @@ def don_and_hold(system: System, data: mujoco.MjData, forces: EffectForces) -> n
         if step >= hold - LOCK_AVERAGE:
             lock_torque.append(_lock_torque(system, data))
     failure = check_start(
-        human_speed=data.qvel[system.human_dof],
-        exo_error=data.qpos[system.exo_qpos] - system.start,
+        human_speed=data.qvel[system.human_dof], exo_error=data.qpos[system.exo_qpos] - system.start
     )
     if failure:
         raise FailedError(failure, "hold")

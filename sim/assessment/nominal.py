@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.assessment.chain import RigidChain, rigid_chain
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, empty_spec, fill_forearm, fill_upper_arm
-from sim.body.soft_tissue import ELEMENT_RADIUS, Sleeve, sleeves
+from sim.body.soft_tissue import ELEMENT_RADIUS, SoftTissue, soft_tissues
 from sim.interface.straps import STRAP_MASS
 from sim.parameters.wearer import NOMINAL_WEARER, Wearer
 from sim.robot.control import Gains
@@ -32,11 +32,7 @@ class NominalModel:
     model: mujoco.MjModel
 
     def inverse_dynamics(
-        self,
-        position: np.ndarray,
-        velocity: np.ndarray,
-        acceleration: np.ndarray,
-        joint: int = 3,
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, joint: int = 3
     ) -> np.ndarray:
         """Return the joint torque that the declared bodies need for a motion (equation 20).
 
@@ -141,8 +137,10 @@ def nominal_spec(
     ulna = spec.body(forearm_cuff.link).add_body(name="ulna", **arm["ulna"])
     fill_forearm(ulna, wearer)
     if attachments:
-        for cuff, sleeve, bone in zip(device.cuffs, sleeves(wearer), (humerus, ulna), strict=True):
-            _add_sleeve(bone, sleeve)
+        for cuff, tissue, bone in zip(
+            device.cuffs, soft_tissues(wearer), (humerus, ulna), strict=True
+        ):
+            _add_tissue(bone, tissue)
             strap = spec.body(cuff.link).add_body(name=f"{cuff.name}_strap", pos=list(cuff.centre))
             _set_inertia(strap, STRAP_MASS, radius=cuff.radius, length=cuff.length, axis=cuff.along)
     return spec
@@ -150,7 +148,7 @@ def nominal_spec(
 
 def _subject(length_scale: float, mass_scale: float) -> Wearer:
     """Return the nominal wearer scaled; tissue keeps its mass, so the rest takes the difference."""
-    upper_arm, forearm = (sleeve.mass for sleeve in sleeves(NOMINAL_WEARER))
+    upper_arm, forearm = (tissue.mass for tissue in soft_tissues(NOMINAL_WEARER))
     nominal = NOMINAL_WEARER
     return replace(
         nominal,
@@ -187,17 +185,17 @@ def _aligned_arm_poses(device: Device) -> dict[str, dict[str, list[float]]]:
     return poses
 
 
-def _add_sleeve(bone: mujoco.MjsBody, sleeve: Sleeve) -> None:
-    """Add the declared tissue: the mass of the sleeve's elements, which lie on a cylinder."""
-    tissue = bone.add_body(
-        name=f"{sleeve.name}_tissue",
-        pos=[(sleeve.start + sleeve.end) / 2, sleeve.axis_y, sleeve.axis_z],
+def _add_tissue(bone: mujoco.MjsBody, tissue: SoftTissue) -> None:
+    """Add the declared tissue: the mass of its elements, which lie on a cylinder."""
+    body = bone.add_body(
+        name=f"{tissue.name}_tissue",
+        pos=[(tissue.start + tissue.end) / 2, tissue.axis_y, tissue.axis_z],
     )
     _set_inertia(
-        tissue,
-        sleeve.mass,
-        radius=sleeve.radius - ELEMENT_RADIUS,
-        length=sleeve.end - sleeve.start,
+        body,
+        tissue.mass,
+        radius=tissue.radius - ELEMENT_RADIUS,
+        length=tissue.end - tissue.start,
         axis=(1, 0, 0),
     )
 

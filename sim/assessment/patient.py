@@ -77,9 +77,7 @@ def to_and_fro(exercise: Exercise, start: float, step: float) -> Motion:
 
 
 def record_exercise(
-    values: Mapping[str, float],
-    exercise: Exercise,
-    fidelity: str | Fidelity = CAMPAIGN.name,
+    values: Mapping[str, float], exercise: Exercise, fidelity: str | Fidelity = CAMPAIGN.name
 ) -> Record:
     """Simulate one exercise of one wearer under the conditions and effects of `values`.
 
@@ -112,10 +110,7 @@ def true_impedance(records: list[Record]) -> tuple[float, float]:
 
 
 def write_session(
-    folder: Path,
-    exercises: tuple[Exercise, ...],
-    records: list[Record],
-    rng: np.random.Generator,
+    folder: Path, exercises: tuple[Exercise, ...], records: list[Record], rng: np.random.Generator
 ) -> None:
     """Write records as a measured session whose model is the nominal arm.
 

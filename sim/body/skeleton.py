@@ -50,7 +50,9 @@ HAND_BOXES = (
 HAND_MASS = sum(mass for _, mass, _, _ in HAND_BOXES)
 
 _SKIN = (0.85, 0.75, 0.68, 1.0)
-_BONE = (0.93, 0.9, 0.84, 1.0)
+BONE_COLOUR = (0.93, 0.9, 0.84, 1.0)
+#: Of a geom that is only drawn: it meets nothing and weighs nothing.
+DRAWN = {"contype": 0, "conaffinity": 0, "mass": 0.0}
 
 
 def empty_spec() -> mujoco.MjSpec:
@@ -89,11 +91,7 @@ def add_torso(spec: mujoco.MjSpec) -> None:
         ("waist", capsule, (0.0534, 0.0114, -0.2337), (0.06, 0.11, 0.0), upright),
         ("head", sphere, (0.0634, 0.0114, 0.1463), (0.09, 0.0, 0.0), upright),
     ):
-        geom = thorax.add_geom(
-            name=name, type=kind, pos=list(pos), size=list(size), quat=list(quat), rgba=list(_SKIN)
-        )
-        geom.contype = geom.conaffinity = 0
-        geom.mass = 0.0
+        thorax.add_geom(name=name, type=kind, pos=pos, size=size, quat=quat, rgba=_SKIN, **DRAWN)
     clavicle = thorax.add_body(name="clavicle")
     _bone(clavicle, "clavicle", np.zeros(3), np.array([-0.0282, -0.2077, -0.0001]))
     scapula = clavicle.add_body(name="scapula", pos=[-0.0282, -0.2077, -0.0001])
@@ -184,15 +182,14 @@ def fill_forearm(ulna: mujoco.MjsBody, wearer: Wearer) -> mujoco.MjsBody:
     _bone(radius, "radius", np.zeros(3), wrist)
     hand = radius.add_body(name="hand", pos=wrist)
     for name, mass, centre, half_sizes in HAND_BOXES:
-        geom = hand.add_geom(
+        hand.add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=list(centre),
-            size=list(half_sizes),
-            mass=mass,
-            rgba=list(_SKIN),
+            pos=centre,
+            size=half_sizes,
+            rgba=_SKIN,
+            **DRAWN | {"mass": mass},
         )
-        geom.contype = geom.conaffinity = 0
     return radius
 
 
@@ -226,9 +223,11 @@ def _set_cylinder_inertia(
 
 
 def _bone(body: mujoco.MjsBody, name: str, start: np.ndarray, end: np.ndarray) -> None:
-    geom = body.add_geom(
-        name=f"{name}_bone", type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[0.01, 0, 0], rgba=list(_BONE)
+    body.add_geom(
+        name=f"{name}_bone",
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        size=[0.01, 0, 0],
+        fromto=[*start, *end],
+        rgba=BONE_COLOUR,
+        **DRAWN,
     )
-    geom.fromto = [*start, *end]
-    geom.contype = geom.conaffinity = 0
-    geom.mass = 0.0

@@ -34,7 +34,7 @@ BULGE = 0.03
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sleeve:
+class SoftTissue:
     """The tissue of one limb, in the frame of the bone that carries it (x along the limb), in m."""
 
     name: str
@@ -44,7 +44,7 @@ class Sleeve:
     end: float
     axis_y: float
     axis_z: float
-    #: Mass of the whole sleeve, kg (paper's totals less Table 1's centre values).
+    #: Its mass, kg (paper's totals less Table 1's centre values).
     mass: float
     #: Stiffness (N/m) and viscosity (N s/m) of one of REFERENCE_ELEMENTS elements at rest.
     elasticity: float
@@ -73,13 +73,13 @@ class Sleeve:
         return np.array([x, self.axis_y, self.axis_z]) + self.radius * normal, normal
 
 
-def sleeves(
+def soft_tissues(
     wearer: Wearer,
     *,
     tissue_scale: float = 1.0,
     coupling: float = TISSUE_COUPLING,
     fidelity: Fidelity = CAMPAIGN,
-) -> tuple[Sleeve, Sleeve]:
+) -> tuple[SoftTissue, SoftTissue]:
     """Return the tissue of upper arm and forearm.
 
     `tissue_scale` multiplies stiffness and viscosity of both; `coupling` the stiffness between
@@ -88,7 +88,7 @@ def sleeves(
     Masses are what the paper's totals (2.25 and 1.31 kg) leave beside 1.761 and 0.962 kg.
     """
     su, sl = wearer.upper_arm_scale, wearer.forearm_scale
-    upper_arm = Sleeve(
+    upper_arm = SoftTissue(
         name="upper_arm",
         bone="humerus",
         radius=0.040,
@@ -118,8 +118,8 @@ def sleeves(
     return upper_arm, forearm
 
 
-def element_name(sleeve: Sleeve, ring: int, index: int) -> str:
-    return f"{sleeve.name}_tissue_{ring}_{index}"
+def element_name(tissue: SoftTissue, ring: int, index: int) -> str:
+    return f"{tissue.name}_tissue_{ring}_{index}"
 
 
 def set_contacts(spec: mujoco.MjSpec, friction: float, fidelity: Fidelity = CAMPAIGN) -> None:
@@ -132,52 +132,54 @@ def set_contacts(spec: mujoco.MjSpec, friction: float, fidelity: Fidelity = CAMP
     pair.solimp = [onset, 0.99, depth, 0.5, 2.0]
 
 
-def add_soft_tissue(spec: mujoco.MjSpec, sleeve: Sleeve) -> None:
-    """Add one sleeve to a spec that has the bone it sits on."""
-    count = len(sleeve.places)
-    mass = sleeve.mass / (count + 1)
-    bone = spec.body(sleeve.bone)
+def add_soft_tissue(spec: mujoco.MjSpec, tissue: SoftTissue) -> None:
+    """Add the tissue of one limb to a spec that has the bone it sits on."""
+    count = len(tissue.places)
+    mass = tissue.mass / (count + 1)
+    bone = spec.body(tissue.bone)
     core = bone.add_body(
-        name=f"{sleeve.name}_tissue",
-        pos=[(sleeve.start + sleeve.end) / 2, sleeve.axis_y, sleeve.axis_z],
+        name=f"{tissue.name}_tissue",
+        pos=[(tissue.start + tissue.end) / 2, tissue.axis_y, tissue.axis_z],
     )
     core.explicitinertial = True
     core.ipos = [0.0, 0.0, 0.0]
     core.mass = mass
     core.inertia = [mass * ELEMENT_RADIUS**2 * 0.4] * 3
-    for ring, index in sleeve.places:
-        _add_element(bone, sleeve, ring, index, mass)
-    for ring, index in sleeve.places if sleeve.coupling > 0.0 else ():
-        _add_neighbour(spec, sleeve, (ring, index), (ring, (index + 1) % sleeve.per_ring))
-        if ring + 1 < sleeve.rings:
-            _add_neighbour(spec, sleeve, (ring, index), (ring + 1, index))
+    for ring, index in tissue.places:
+        _add_element(bone, tissue, ring, index, mass)
+    for ring, index in tissue.places if tissue.coupling > 0.0 else ():
+        _add_neighbour(spec, tissue, (ring, index), (ring, (index + 1) % tissue.per_ring))
+        if ring + 1 < tissue.rings:
+            _add_neighbour(spec, tissue, (ring, index), (ring + 1, index))
     volume = spec.add_tendon(
-        name=f"{sleeve.name}_volume",
-        stiffness=[sleeve.share * sleeve.elasticity / count, 0.0, 0.0],
+        name=f"{tissue.name}_volume",
+        stiffness=[tissue.share * tissue.elasticity / count, 0.0, 0.0],
         springlength=[0.0, 0.0],
     )
-    for ring, index in sleeve.places:
-        volume.wrap_joint(element_name(sleeve, ring, index), 1.0)
+    for ring, index in tissue.places:
+        volume.wrap_joint(element_name(tissue, ring, index), 1.0)
 
 
-def _add_element(bone: mujoco.MjsBody, sleeve: Sleeve, ring: int, index: int, mass: float) -> None:
-    name = element_name(sleeve, ring, index)
-    skin, normal = sleeve.element(ring, index)
-    stiffness = sleeve.share * sleeve.elasticity
+def _add_element(
+    bone: mujoco.MjsBody, tissue: SoftTissue, ring: int, index: int, mass: float
+) -> None:
+    name = element_name(tissue, ring, index)
+    skin, normal = tissue.element(ring, index)
+    stiffness = tissue.share * tissue.elasticity
     body = bone.add_body(name=name, pos=skin)
     slide = body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_SLIDE,
         axis=normal,
         stiffness=[stiffness, 0.0, stiffness / HARDENING**2],
-        damping=[sleeve.share * sleeve.viscosity, 0.0, 0.0],
+        damping=[tissue.share * tissue.viscosity, 0.0, 0.0],
         armature=ELEMENT_INERTIA,
-        range=[-(sleeve.radius - BONE_CLEARANCE), BULGE],
+        range=[-(tissue.radius - BONE_CLEARANCE), BULGE],
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,
         solref_limit=[0.02, 1.0],
     )
     slide.solimp_limit[:3] = [0.95, 0.99, 0.002]
-    geom = body.add_geom(
+    body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         size=[ELEMENT_RADIUS, 0, 0],
@@ -185,16 +187,17 @@ def _add_element(bone: mujoco.MjsBody, sleeve: Sleeve, ring: int, index: int, ma
         mass=mass,
         rgba=[0.85, 0.55, 0.5, 0.35],
         group=2,
+        contype=0,
+        conaffinity=0,
     )
-    geom.contype = geom.conaffinity = 0
 
 
 def _add_neighbour(
-    spec: mujoco.MjSpec, sleeve: Sleeve, first: tuple[int, int], second: tuple[int, int]
+    spec: mujoco.MjSpec, tissue: SoftTissue, first: tuple[int, int], second: tuple[int, int]
 ) -> None:
-    a, b = element_name(sleeve, *first), element_name(sleeve, *second)
+    a, b = element_name(tissue, *first), element_name(tissue, *second)
     tendon = spec.add_tendon(
-        name=f"{a}-{b}", stiffness=[sleeve.coupling * sleeve.elasticity, 0.0, 0.0]
+        name=f"{a}-{b}", stiffness=[tissue.coupling * tissue.elasticity, 0.0, 0.0]
     )
     tendon.wrap_joint(a, 1.0)
     tendon.wrap_joint(b, -1.0)

@@ -10,7 +10,7 @@ how far it agrees with contact.
 import mujoco
 import numpy as np
 
-from sim.body.soft_tissue import BONE_CLEARANCE, HARDENING, Sleeve
+from sim.body.soft_tissue import BONE_CLEARANCE, HARDENING, SoftTissue
 from sim.interface.interface import Interface, Loads
 from sim.interface.seat import seats_in_bones
 from sim.robot.cuff import Cuff
@@ -40,9 +40,9 @@ class Bushings(Interface):
 
     def add(self, spec: mujoco.MjSpec) -> None:
         """Add the rods and, after what is measured already, their lengths and then their speeds."""
-        seats = seats_in_bones(self.wearer, self.sleeves[1], self.cuffs, self.closed_at)
-        for cuff, sleeve, seat in zip(self.cuffs, self.sleeves, seats, strict=True):
-            _add_bushing(spec, cuff, sleeve, *seat)
+        seats = seats_in_bones(self.wearer, self.tissues[1], self.cuffs, self.closed_at)
+        for cuff, tissue, seat in zip(self.cuffs, self.tissues, seats, strict=True):
+            _add_bushing(spec, cuff, tissue, *seat)
         for kind in (mujoco.mjtSensor.mjSENS_TENDONPOS, mujoco.mjtSensor.mjSENS_TENDONVEL):
             for rod in self.rods:
                 # Without a name: to keep one costs more than to measure.
@@ -76,18 +76,18 @@ class Bushings(Interface):
 
 
 def _add_bushing(
-    spec: mujoco.MjSpec, cuff: Cuff, sleeve: Sleeve, centre: np.ndarray, axes: np.ndarray
+    spec: mujoco.MjSpec, cuff: Cuff, tissue: SoftTissue, centre: np.ndarray, axes: np.ndarray
 ) -> None:
     """Join one limb to its cuff; `centre` and `axes` are the cuff's, in the limb's bone."""
     # Half of the elements under the cuff, because each shares in a load across the limb by the
     # square of the cosine to its direction.
-    engaged = len(sleeve.places) * cuff.length / (sleeve.end - sleeve.start) / 2
-    tissue = engaged * sleeve.elasticity
-    radial = tissue * CUFF_STIFFNESS / (tissue + CUFF_STIFFNESS)
-    relaxation = DAMPING_SHARE * sleeve.viscosity / sleeve.elasticity * radial / tissue
+    engaged = len(tissue.places) * cuff.length / (tissue.end - tissue.start) / 2
+    pressed = engaged * tissue.elasticity
+    radial = pressed * CUFF_STIFFNESS / (pressed + CUFF_STIFFNESS)
+    relaxation = DAMPING_SHARE * tissue.viscosity / tissue.elasticity * radial / pressed
     in_link = np.column_stack([cuff.along, cuff.opening, cuff.wall])
     lever = cuff.length / 2 / np.sqrt(3.0)
-    link, bone = spec.body(cuff.link), spec.body(sleeve.bone)
+    link, bone = spec.body(cuff.link), spec.body(tissue.bone)
     for name, at, towards, stiffness in (
         ("radial_1", (lever, 0.0, 0.0), 1, radial / 2),
         ("radial_2", (-lever, 0.0, 0.0), 1, radial / 2),

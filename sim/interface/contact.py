@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.body.soft_tissue import (
     BONE_CLEARANCE,
-    Sleeve,
+    SoftTissue,
     add_soft_tissue,
     element_name,
     set_contacts,
@@ -44,21 +44,21 @@ class Contact(Interface):
     def add(self, spec: mujoco.MjSpec) -> None:
         """Add tissue, cuffs and open straps, the pairs that may touch, and sensors."""
         set_contacts(spec, self.friction, self.fidelity)
-        for cuff, sleeve in zip(self.cuffs, self.sleeves, strict=True):
-            add_soft_tissue(spec, sleeve)
+        for cuff, tissue in zip(self.cuffs, self.tissues, strict=True):
+            add_soft_tissue(spec, tissue)
             add_cuff(spec, cuff)
             add_strap(spec, cuff, self.fidelity)
-            _add_contacts(spec, cuff, sleeve, self.fidelity)
+            _add_contacts(spec, cuff, tissue, self.fidelity)
         self._add_sensors(spec)
 
     def _add_sensors(self, spec: mujoco.MjSpec) -> None:
         """Measure the contact forces on each limb, and where each cuff is on its bone."""
-        elements = sum(len(sleeve.places) for sleeve in self.sleeves)
+        elements = sum(len(tissue.places) for tissue in self.tissues)
         # An element under load touches one or two faces.
-        _add_contact_sensor(spec, ALL_NORMALS, self.sleeves[0].bone, _EACH, 2 * elements)
-        for sleeve in self.sleeves:
-            _add_contact_sensor(spec, f"{sleeve.name}_force", sleeve.bone, _RESULTANT, 1)
-        for cuff, sleeve in zip(self.cuffs, self.sleeves, strict=True):
+        _add_contact_sensor(spec, ALL_NORMALS, self.tissues[0].bone, _EACH, 2 * elements)
+        for tissue in self.tissues:
+            _add_contact_sensor(spec, f"{tissue.name}_force", tissue.bone, _RESULTANT, 1)
+        for cuff, tissue in zip(self.cuffs, self.tissues, strict=True):
             link = spec.body(cuff.link)
             for number, share in enumerate(PLACES):
                 name = f"{cuff.name}_place_{number}"
@@ -70,7 +70,7 @@ class Contact(Interface):
                     objtype=mujoco.mjtObj.mjOBJ_SITE,
                     objname=name,
                     reftype=mujoco.mjtObj.mjOBJ_XBODY,
-                    refname=sleeve.bone,
+                    refname=tissue.bone,
                 )
 
     def loads(self, model: mujoco.MjModel, sensed: np.ndarray) -> Loads:
@@ -80,14 +80,14 @@ class Contact(Interface):
         ends, than the tissue over the bone allows.
         """
         # The forearm hangs on the humerus, so what is below that is both.
-        both, forearm = (_columns(model, sensed, f"{sleeve.name}_force") for sleeve in self.sleeves)
+        both, forearm = (_columns(model, sensed, f"{tissue.name}_force") for tissue in self.tissues)
         penetration, overhang = np.empty((len(sensed), 2)), np.empty((len(sensed), 2))
-        for i, (cuff, sleeve) in enumerate(zip(self.cuffs, self.sleeves, strict=True)):
+        for i, (cuff, tissue) in enumerate(zip(self.cuffs, self.tissues, strict=True)):
             places = (_columns(model, sensed, f"{cuff.name}_place_{n}") for n in range(len(PLACES)))
             x, y, z = np.stack(list(places), axis=2).transpose(1, 0, 2)
-            distance = np.hypot(y - sleeve.axis_y, z - sleeve.axis_z)
+            distance = np.hypot(y - tissue.axis_y, z - tissue.axis_z)
             penetration[:, i] = distance.max(axis=1) - (cuff.radius - BONE_CLEARANCE)
-            overhang[:, i] = np.maximum(sleeve.start - x[:, 0], x[:, 0] - sleeve.end)
+            overhang[:, i] = np.maximum(tissue.start - x[:, 0], x[:, 0] - tissue.end)
         return Loads(
             contact_force=np.linalg.norm(np.stack([both - forearm, forearm], axis=1), axis=2),
             normal_force=_columns(model, sensed, ALL_NORMALS)[:, ::3].sum(axis=1),
@@ -96,21 +96,21 @@ class Contact(Interface):
         )
 
 
-def _add_contacts(spec: mujoco.MjSpec, cuff: Cuff, sleeve: Sleeve, fidelity: Fidelity) -> None:
-    """Let the sleeve's elements meet the boxes and particles that face them."""
+def _add_contacts(spec: mujoco.MjSpec, cuff: Cuff, tissue: SoftTissue, fidelity: Fidelity) -> None:
+    """Let the tissue's elements meet the boxes and particles that face them."""
     faces = [(cuff_box_name(cuff, i), angle) for i, angle in enumerate(BOX_ANGLES)]
     faces += [
         (particle_name(cuff, row, i), angle)
         for row in range(fidelity.strap_rows)
         for i, angle in enumerate(strap_angles(fidelity))
     ]
-    for ring, index in sleeve.places:
-        _, normal = sleeve.element(ring, index)
+    for ring, index in tissue.places:
+        _, normal = tissue.element(ring, index)
         for box, angle in faces:
             # In the zero pose the bone's y axis points out of the opening, its z axis to the wall.
             if normal[1] * cos(angle) + normal[2] * sin(angle) <= cos(CONTACT_SECTOR):
                 continue
-            spec.add_pair(geomname1=element_name(sleeve, ring, index), geomname2=box)
+            spec.add_pair(geomname1=element_name(tissue, ring, index), geomname2=box)
 
 
 def _add_contact_sensor(

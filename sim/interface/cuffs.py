@@ -77,7 +77,7 @@ def add_box(
     """Add a box that belongs to a cuff or strap; `frame` has its axes as columns."""
     quat = np.empty(4)
     mujoco.mju_mat2Quat(quat, frame.ravel())
-    geom = body.add_geom(
+    body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_BOX,
         pos=centre,
@@ -86,5 +86,6 @@ def add_box(
         mass=mass,
         rgba=list(rgba),
         group=1,
+        contype=0,
+        conaffinity=0,
     )
-    geom.contype = geom.conaffinity = 0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.body.soft_tissue import Sleeve
+from sim.body.soft_tissue import SoftTissue
 from sim.interface.seat import seated_elbow_angle
 from sim.parameters.wearer import Wearer
 from sim.robot.cuff import Cuff
@@ -32,7 +32,7 @@ class Interface(ABC):
 
     wearer: Wearer
     #: Tissue of upper arm and forearm, and the cuff and strap of each.
-    sleeves: tuple[Sleeve, Sleeve]
+    tissues: tuple[SoftTissue, SoftTissue]
     cuffs: tuple[Cuff, Cuff]
     #: The exoskeleton's elbow angle when the straps are closed, rad.
     closed_at: float
@@ -40,7 +40,7 @@ class Interface(ABC):
     @property
     def seated_elbow(self) -> float:
         """The human elbow's angle at that moment, rad."""
-        return seated_elbow_angle(self.wearer, self.sleeves[1], self.cuffs[1], self.closed_at)
+        return seated_elbow_angle(self.wearer, self.tissues[1], self.cuffs[1], self.closed_at)
 
     @abstractmethod
     def add(self, spec: mujoco.MjSpec) -> None:

@@ -5,7 +5,7 @@ from math import asin, atan2, cos, radians, sin
 import numpy as np
 
 from sim.body.skeleton import ELBOW, upper_arm_point
-from sim.body.soft_tissue import Sleeve
+from sim.body.soft_tissue import SoftTissue
 from sim.parameters.wearer import Wearer
 from sim.robot.cuff import Cuff
 
@@ -13,7 +13,7 @@ from sim.robot.cuff import Cuff
 SEAT_REACH = radians(50.0)
 
 
-def seated_elbow_angle(wearer: Wearer, sleeve: Sleeve, cuff: Cuff, exo_angle: float) -> float:
+def seated_elbow_angle(wearer: Wearer, tissue: SoftTissue, cuff: Cuff, exo_angle: float) -> float:
     """Return the elbow angle (rad) at which the forearm's axis meets the centre of its cuff.
 
     Solved in the plane of flexion, in which the upper arms coincide, with the exoskeleton's elbow
@@ -23,12 +23,12 @@ def seated_elbow_angle(wearer: Wearer, sleeve: Sleeve, cuff: Cuff, exo_angle: fl
     along, across = forearm_cuff_centre(cuff, exo_angle) - elbow
     distance, low = float(np.hypot(along, across)), exo_angle - SEAT_REACH
     high = min(exo_angle + SEAT_REACH, radians(143.0))
-    if abs(sleeve.axis_z) <= distance:
-        angle = atan2(across, along) - asin(sleeve.axis_z / distance)
+    if abs(tissue.axis_z) <= distance:
+        angle = atan2(across, along) - asin(tissue.axis_z / distance)
         if low <= angle <= high:
             return angle
     # How far the cuff's centre lies from the forearm's axis at both ends.
-    misses = [abs(across * cos(end) - along * sin(end) - sleeve.axis_z) for end in (low, high)]
+    misses = [abs(across * cos(end) - along * sin(end) - tissue.axis_z) for end in (low, high)]
     return low if misses[0] < misses[1] else high
 
 
@@ -43,7 +43,7 @@ def forearm_cuff_centre(cuff: Cuff, exo_angle: float) -> np.ndarray:
 
 
 def seats_in_bones(
-    wearer: Wearer, sleeve: Sleeve, cuffs: tuple[Cuff, Cuff], exo_angle: float
+    wearer: Wearer, tissue: SoftTissue, cuffs: tuple[Cuff, Cuff], exo_angle: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return where each cuff's centre and axes lie in its bone at the start: (3,) and (3, 3).
 
@@ -51,7 +51,7 @@ def seats_in_bones(
     """
     upper, fore = cuffs
     at_shoulder = np.array(upper.limb_place)
-    angle = seated_elbow_angle(wearer, sleeve, fore, exo_angle)
+    angle = seated_elbow_angle(wearer, tissue, fore, exo_angle)
     elbow = upper_arm_point(wearer, ELBOW)
     offset = forearm_cuff_centre(fore, exo_angle) - elbow[[0, 2]]
     local = np.array([offset @ _direction(angle), offset @ _direction(angle + np.pi / 2)])

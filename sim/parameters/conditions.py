@@ -130,17 +130,19 @@ def split(values: Mapping[str, float]) -> tuple[Wearer, Conditions]:
     Raises:
         ValueError: a name is no factor of the elbow, or a value means nothing.
     """
+    of_wearer = {name: value for name, value in values.items() if name in NOMINAL}
+    others = {name: value for name, value in values.items() if name not in NOMINAL}
     known = {factor.name for factor in (*CONDITIONS, *EFFECT_FACTORS)}
-    for name in values:
-        if name not in NOMINAL and name not in known:
+    for name in others:
+        if name not in known:
             raise ValueError(
                 f"the elbow has no factor {name!r}: it has "
                 f"{', '.join((*NOMINAL, *(factor.name for factor in CONDITIONS)))} "
                 "and effect.NAME.PARAMETER"
             )
-    conditions = conditions_of({name: value for name, value in values.items() if name in known})
+    conditions = conditions_of(others)
     wearer = replace(
-        wearer_of({name: value for name, value in values.items() if name in NOMINAL}),
+        wearer_of(of_wearer),
         nominal_upper_arm_length=conditions.nominal_upper_arm_length,
         nominal_forearm_length=conditions.nominal_forearm_length,
     )

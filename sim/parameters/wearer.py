@@ -36,10 +36,7 @@ class Wearer:
         "elbow to wrist; moves muscle insertions and the tissue in its cuff",
     )
     upper_arm_mass: float = factor(
-        "kg",
-        1.761,
-        (0.3, 3.41),
-        "mass of the upper arm beside the 0.489 kg of tissue in the cuff",
+        "kg", 1.761, (0.3, 3.41), "mass of the upper arm beside the 0.489 kg of tissue in the cuff"
     )
     forearm_mass: float = factor(
         "kg",
@@ -48,10 +45,7 @@ class Wearer:
         "mass of the forearm beside the 0.351 kg of tissue in the cuff and the hand",
     )
     upper_arm_elasticity: float = factor(
-        "N/m",
-        537.465,
-        (100.5, 974.43),
-        "stiffness of one element of the upper arm's soft tissue",
+        "N/m", 537.465, (100.5, 974.43), "stiffness of one element of the upper arm's soft tissue"
     )
     forearm_elasticity: float = factor(
         "N/m", 537.465, (100.5, 974.43), "stiffness of one element of the forearm's soft tissue"

@@ -43,15 +43,13 @@ def assessment_figure(assessment: Assessment, path: Path) -> Path:
     angles.plot(record.time, np.degrees(record.reference), "--", color="0.5", label="reference")
     angles.plot(record.time, theta, color="tab:blue", label="exoskeleton θ")
     angles.plot(record.time, q, color="tab:red", label="human q")
-    angles.set_title("Joint angle")
-    angles.set_ylabel("angle (degrees)")
+    angles.set(title="Joint angle", ylabel="angle (degrees)")
 
     torques.plot(record.time, inferred, color="tab:blue", label="inferred (equation 20)")
     torques.plot(record.time, record.human_torque, color="tab:red", label="human")
     motor = record.motor_torque[:, record.exo_joint]
     torques.plot(record.time, motor, color="0.5", linewidth=1, label="motor")
-    torques.set_title("Torque about the joint")
-    torques.set_ylabel("torque (Nm)")
+    torques.set(title="Torque about the joint", ylabel="torque (Nm)")
 
     scatter.plot(theta, inferred, color="tab:blue", label="inferred against θ")
     scatter.plot(q, record.human_torque, color="tab:red", label="human against q")
@@ -63,14 +61,12 @@ def assessment_figure(assessment: Assessment, path: Path) -> Path:
         line = torque.mean() + fit.stiffness * (ends - angle.mean())
         label = f"{name} $K_h$ {fit.stiffness:.2f} Nm/rad"
         scatter.plot(np.degrees(ends), line, ":", color=colour, label=label)
-    scatter.set_title("What the regression sees (velocity's share not drawn)")
-    scatter.set_xlabel("angle (degrees)")
-    scatter.set_ylabel("torque (Nm)")
+    seen = "What the regression sees (velocity's share not drawn)"
+    scatter.set(title=seen, xlabel="angle (degrees)", ylabel="torque (Nm)")
 
     for column, name in enumerate(("upper arm", "forearm")):
         forces.plot(record.time, record.contact_force[:, column], label=name)
-    forces.set_title("Force of cuff and strap on the arm")
-    forces.set_ylabel("resultant (N)")
+    forces.set(title="Force of cuff and strap on the arm", ylabel="resultant (N)")
     for axes in (angles, torques, forces):
         axes.set_xlabel("time since the movement began (s)")
     for axes in (angles, torques, scatter, forces):

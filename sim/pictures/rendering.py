@@ -146,9 +146,7 @@ def _draw_side_view(system: System, data: mujoco.MjData, path: Path) -> None:
         first, count = data.ten_wrapadr[i], data.ten_wrapnum[i]
         points = data.wrap_xpos.reshape(-1, 3)[first : first + count]
         axes.plot(points[:, 0], points[:, 2], color=model.tendon_rgba[i], linewidth=1)
-    axes.set_aspect("equal")
-    axes.set_xlabel("forward (m)")
-    axes.set_ylabel("up (m)")
+    axes.set(aspect="equal", xlabel="forward (m)", ylabel="up (m)")
     figure.savefig(path)
 
 

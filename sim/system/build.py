@@ -6,7 +6,7 @@ from sim.body.muscles.attach import add_muscles
 from sim.body.muscles.elbow import ELBOW_FITS
 from sim.body.muscles.holzbaur import CO_CONTRACTING, FOREARM_ROTATORS, SHOULDER_MUSCLES
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_extension_stop, add_torso, empty_spec
-from sim.body.soft_tissue import sleeves
+from sim.body.soft_tissue import soft_tissues
 from sim.interface.bushing import Bushings
 from sim.interface.contact import Contact
 from sim.interface.cuffs import add_slide, place_cuffs
@@ -58,7 +58,7 @@ def _interface(
     wearer: Wearer, conditions: Conditions, fidelity: Fidelity, target: Target, device: Device
 ) -> Interface:
     """Return what holds the arm, and where."""
-    limbs = sleeves(
+    tissues = soft_tissues(
         wearer,
         tissue_scale=conditions.tissue_scale,
         coupling=conditions.tissue_coupling,
@@ -68,10 +68,10 @@ def _interface(
     elbow = device.start(target.name).angles[device.joints.index(ELBOW_JOINT)]
     closed_at = elbow + conditions.seat_angle
     if not fidelity.contact:
-        return Bushings(wearer=wearer, sleeves=limbs, cuffs=cuffs, closed_at=closed_at)
+        return Bushings(wearer=wearer, tissues=tissues, cuffs=cuffs, closed_at=closed_at)
     return Contact(
         wearer=wearer,
-        sleeves=limbs,
+        tissues=tissues,
         cuffs=cuffs,
         closed_at=closed_at,
         fidelity=fidelity,
@@ -80,11 +80,7 @@ def _interface(
 
 
 def _base_spec(
-    wearer: Wearer,
-    conditions: Conditions,
-    fidelity: Fidelity,
-    target: Target,
-    device: Device,
+    wearer: Wearer, conditions: Conditions, fidelity: Fidelity, target: Target, device: Device
 ) -> mujoco.MjSpec:
     """Return arm, muscles and locked exoskeleton, with nothing yet to hold one in the other.
 
@@ -101,11 +97,8 @@ def _base_spec(
     others = SHOULDER_MUSCLES + FOREARM_ROTATORS if whole else CO_CONTRACTING[target.muscles]
     fit = ELBOW_FITS["refitted" if conditions.refitted_muscles >= 0.5 else "paper"]
     add_muscles(spec, wearer, elbow=fit, others=others)
-    gains, robot, human = (
-        device.gains.under(conditions),
-        JOINTS[target.joint],
-        HUMAN_JOINTS[target.joint],
-    )
+    gains, robot = device.gains.under(conditions), JOINTS[target.joint]
+    human = HUMAN_JOINTS[target.joint]
     add_exoskeleton(spec, gains, friction=conditions.robot_friction, joint=robot, device=device)
     _add_torque_sensors(spec, device.joints, human)
     add_effects(spec, conditions, gains, robot, human)

@@ -19,7 +19,7 @@ PEAK_TOLERANCE = 0.05
 STRAINS = (0.10, 0.15, 0.20)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Row:
     """One quantity beside the paper's."""
 
@@ -54,49 +54,34 @@ def validate(directory: Path) -> ValidationReport:
         ("extension torque", isometric.extension_peak, -50.0),
     ):
         first, last = sorted(data.peak_angle_deg(name.split()[0]) for data in MEASURED)
-        rows.append(
+        near = abs(torque - expected) <= PEAK_TOLERANCE * abs(expected)
+        around, between = f"around {expected:g} (figure 3)", f"{first:g} to {last:g}"
+        rows += [
+            Row(f"isometric {name}, peak", torque, around, "Nm", near),
             Row(
-                quantity=f"isometric {name}, peak",
-                measured=torque,
-                expected=f"around {expected:g} (figure 3)",
-                unit="Nm",
-                agrees=abs(torque - expected) <= PEAK_TOLERANCE * abs(expected),
-            )
-        )
-        rows.append(
-            Row(
-                quantity=f"isometric {name}, angle of peak",
-                measured=angle,
-                expected=f"{first:g} to {last:g} (both data sets of figure 3)",
-                unit="degrees",
-                agrees=first <= angle <= last,
-            )
-        )
-    softest, stiffest = tests[0], tests[-1]
+                f"isometric {name}, angle of peak",
+                angle,
+                f"{between} (both data sets of figure 3)",
+                "degrees",
+                first <= angle <= last,
+            ),
+        ]
     for strain in STRAINS:
-        modulus = softest.modulus_at(strain)
-        rows.append(
-            Row(
-                quantity=f"Young's modulus of the softest tissue at {strain:.0%} strain",
-                measured=modulus / 1e3,
-                expected=f"at most {OGNEVA_RELAXED / 1e3:g} (figure 6, relaxed)",
-                unit="kPa",
-                agrees=modulus <= OGNEVA_RELAXED,
-            )
-        )
-    modulus = stiffest.modulus_at(STRAINS[0])
-    rows.append(
-        Row(
-            quantity=f"Young's modulus of the stiffest tissue at {STRAINS[0]:.0%} strain",
-            measured=modulus / 1e3,
-            expected=f"at least {OGNEVA_CONTRACTED / 1e3:g} (figure 6, contracted)",
-            unit="kPa",
-            agrees=modulus >= OGNEVA_CONTRACTED,
-        )
-    )
+        modulus = tests[0].modulus_at(strain)
+        bound = f"at most {OGNEVA_RELAXED / 1e3:g} (figure 6, relaxed)"
+        rows.append(_of_tissue("softest", strain, modulus, bound, modulus <= OGNEVA_RELAXED))
+    modulus = tests[-1].modulus_at(STRAINS[0])
+    bound = f"at least {OGNEVA_CONTRACTED / 1e3:g} (figure 6, contracted)"
+    rows.append(_of_tissue("stiffest", STRAINS[0], modulus, bound, modulus >= OGNEVA_CONTRACTED))
     papers = run_isometric_test(elbow=PAPER_MUSCLES)
     pictures = (
         isometric_figure(isometric, papers, directory / "isometric_torque.png"),
         compression_figure(tests, directory / "compression.png"),
     )
     return ValidationReport(rows=tuple(rows), pictures=pictures)
+
+
+def _of_tissue(which: str, strain: float, modulus: float, expected: str, agrees: bool) -> Row:
+    """Return the row of a tissue's modulus (Pa)."""
+    quantity = f"Young's modulus of the {which} tissue at {strain:.0%} strain"
+    return Row(quantity, modulus / 1e3, expected, "kPa", agrees)

@@ -1,6 +1,6 @@
 """The compression test of the soft tissue (paper, section 2.2.3.1, equation 18 and figure 6).
 
-The upper arm's own sleeve, as it sits on the arm, is pressed between two plates.
+The upper arm's own tissue, as it sits on the arm, is pressed between two plates.
 """
 
 from dataclasses import dataclass, replace
@@ -11,11 +11,11 @@ import numpy as np
 from sim.body.skeleton import empty_spec
 from sim.body.soft_tissue import (
     ELEMENT_RADIUS,
-    Sleeve,
+    SoftTissue,
     add_soft_tissue,
     element_name,
     set_contacts,
-    sleeves,
+    soft_tissues,
 )
 from sim.parameters.conditions import DEFAULT_CONDITIONS, TISSUE_COUPLING
 from sim.parameters.fidelity import REFERENCE
@@ -36,7 +36,7 @@ _PLATE_MASS = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class CompressionTest:
-    """One sleeve under increasing load; arrays have shape (len(LOADS_N),)."""
+    """A limb's tissue under increasing load; arrays have shape (len(LOADS_N),)."""
 
     #: Stiffness of one element, N/m.
     elasticity: float
@@ -68,58 +68,54 @@ class CompressionTest:
 def run_compression_test(
     elasticity: float, *, coupling: float = TISSUE_COUPLING
 ) -> CompressionTest:
-    """Press the upper arm's nominal sleeve with elements of `elasticity` (N/m).
+    """Press the upper arm's nominal tissue with elements of `elasticity` (N/m).
 
     `coupling` is the stiffness of the springs between neighbours as a share of that.
     """
-    sleeve = replace(sleeves(NOMINAL_WEARER)[0], elasticity=elasticity, coupling=coupling)
-    model = _build(sleeve)
+    tissue = replace(soft_tissues(NOMINAL_WEARER)[0], elasticity=elasticity, coupling=coupling)
+    model = _build(tissue)
     data = mujoco.MjData(model)
-    height = sleeve_height(sleeve)
+    upper, lower = data.joint("upper_plate"), data.joint("lower_plate")
+    height = tissue_height(tissue)
     heights = np.empty(len(LOADS_N))
     for i, load in enumerate(LOADS_N):
-        data.qfrc_applied[model.joint("upper_plate").dofadr[0]] = -load
-        data.qfrc_applied[model.joint("lower_plate").dofadr[0]] = load
+        upper.qfrc_applied, lower.qfrc_applied = -load, load
         mujoco.mj_step(model, data, round(_SETTLE / REFERENCE.step))
-        heights[i] = (
-            height
-            + data.qpos[model.joint("upper_plate").qposadr[0]]
-            - data.qpos[model.joint("lower_plate").qposadr[0]]
-        )
+        heights[i] = height + upper.qpos[0] - lower.qpos[0]
     return CompressionTest(
         elasticity=elasticity,
         strain=(height - heights) / height,
-        stress=LOADS_N / (2 * sleeve.radius * (sleeve.end - sleeve.start)),
+        stress=LOADS_N / (2 * tissue.radius * (tissue.end - tissue.start)),
     )
 
 
-def sleeve_height(sleeve: Sleeve) -> float:
-    """Return the distance of two plates that just touch the sleeve above and below, m."""
+def tissue_height(tissue: SoftTissue) -> float:
+    """Return the distance of two plates that just touch the tissue above and below, m."""
     tops = []
-    for index in range(sleeve.per_ring):
-        skin, normal = sleeve.element(0, index)
+    for index in range(tissue.per_ring):
+        skin, normal = tissue.element(0, index)
         centre = skin - ELEMENT_RADIUS * normal
-        tops.append(centre[2] - sleeve.axis_z + ELEMENT_RADIUS)
+        tops.append(centre[2] - tissue.axis_z + ELEMENT_RADIUS)
     return 2.0 * float(max(tops))
 
 
-def _build(sleeve: Sleeve) -> mujoco.MjModel:
-    """A sleeve on a fixed bone between two plates that slide towards it, without gravity."""
+def _build(tissue: SoftTissue) -> mujoco.MjModel:
+    """Return a tissue on a fixed bone between plates that slide towards it, without gravity."""
     spec = empty_spec()
     # A contact is softer the longer the step, and the plates are not what is tested.
     set_solver(spec, REFERENCE.step)
     set_contacts(spec, DEFAULT_CONDITIONS.cuff_friction)
     spec.option.gravity = [0.0, 0.0, 0.0]
-    spec.worldbody.add_body(name=sleeve.bone)
-    add_soft_tissue(spec, sleeve)
-    half_length = (sleeve.end - sleeve.start) / 2
+    spec.worldbody.add_body(name=tissue.bone)
+    add_soft_tissue(spec, tissue)
+    half_length = (tissue.end - tissue.start) / 2
     for name, side in (("upper_plate", 1.0), ("lower_plate", -1.0)):
         plate = spec.worldbody.add_body(
             name=name,
             pos=[
-                (sleeve.start + sleeve.end) / 2,
-                sleeve.axis_y,
-                sleeve.axis_z + side * (sleeve_height(sleeve) / 2 + 0.01),
+                (tissue.start + tissue.end) / 2,
+                tissue.axis_y,
+                tissue.axis_z + side * (tissue_height(tissue) / 2 + 0.01),
             ],
         )
         plate.add_joint(
@@ -128,15 +124,16 @@ def _build(sleeve: Sleeve) -> mujoco.MjModel:
             axis=[0.0, 0.0, 1.0],
             damping=[50.0, 0.0, 0.0],
         )
-        geom = plate.add_geom(
+        plate.add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[1.5 * half_length, 2 * sleeve.radius, 0.01],
+            size=[1.5 * half_length, 2 * tissue.radius, 0.01],
             mass=_PLATE_MASS,
+            contype=0,
+            conaffinity=0,
         )
-        geom.contype = geom.conaffinity = 0
-        for ring, index in sleeve.places:
-            _, normal = sleeve.element(ring, index)
+        for ring, index in tissue.places:
+            _, normal = tissue.element(ring, index)
             if side * normal[2] > 0.0:
-                spec.add_pair(geomname1=element_name(sleeve, ring, index), geomname2=name)
+                spec.add_pair(geomname1=element_name(tissue, ring, index), geomname2=name)
     return spec.compile()

@@ -45,9 +45,8 @@ def isometric_figure(test: IsometricTest, papers: IsometricTest, path: Path) -> 
                 color=colour,
             )
         axes.margins(y=0.15)
-        axes.set_title(f"Isometric {title.lower()}")
-        axes.set_xlabel("elbow flexion (degrees)")
-        axes.set_ylabel("torque about the elbow (Nm)")
+        flexion, torque_label = "elbow flexion (degrees)", "torque about the elbow (Nm)"
+        axes.set(title=f"Isometric {title.lower()}", xlabel=flexion, ylabel=torque_label)
         axes.legend(frameon=False, fontsize=8)
     figure.savefig(path)
     return path
@@ -70,10 +69,9 @@ def compression_figure(tests: Sequence[CompressionTest], path: Path) -> Path:
         stress.plot(100 * strain, value * strain / 1e3, style, color="tab:green", label=label)
         modulus.axhline(value / 1e3, linestyle=style, color="tab:green")
     modulus.axhspan(OGNEVA_RELAXED / 1e3, OGNEVA_CONTRACTED / 1e3, color="tab:green", alpha=0.12)
-    stress.set_title("Compression of the upper arm's tissue")
-    stress.set_ylabel("compressive stress (kPa)")
-    modulus.set_title("Secant Young's modulus")
-    modulus.set_ylabel("modulus (kPa)")
+    title = "Compression of the upper arm's tissue"
+    stress.set(title=title, ylabel="compressive stress (kPa)")
+    modulus.set(title="Secant Young's modulus", ylabel="modulus (kPa)")
     for axes in (stress, modulus):
         axes.set_xlabel("strain (%)")
         axes.set_xlim(left=0.0)

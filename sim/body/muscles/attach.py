@@ -10,14 +10,11 @@ from sim.body.muscles.elbow import REFITTED_MUSCLES, TROCHLEA, TROCHLEA_RADIUS, 
 from sim.body.muscles.holzbaur import FOREARM_ROTATORS, SHOULDER_MUSCLES
 from sim.body.muscles.lengths import elbow_length_ranges
 from sim.body.muscles.muscle import ElbowMuscles, Muscle, MuscleGroup
-from sim.body.skeleton import bone_point
+from sim.body.skeleton import BONE_COLOUR, DRAWN, bone_point
 from sim.parameters.wearer import Wearer
 
-_TENDON_COLOURS = {
-    "flexor": (0.8, 0.15, 0.15, 1),
-    "extensor": (0.2, 0.5, 0.8, 1),
-    "other": (0.7, 0.4, 0.4, 1),
-}
+#: Colours of tendons: flexors, extensors, and muscles beside the elbow's.
+_RED, _BLUE, _PINK = (0.8, 0.15, 0.15, 1), (0.2, 0.5, 0.8, 1), (0.7, 0.4, 0.4, 1)
 
 
 def add_muscles(
@@ -39,13 +36,13 @@ def add_muscles(
         _add_trochlea(spec, wearer)
     beside = tuple(muscle for muscle in others if muscle.length_range)
     ranges = elbow_length_ranges(wearer, elbow)
-    for name, group in (
-        ("flexor", elbow.flexors),
-        ("extensor", elbow.extensors),
-        ("other", MuscleGroup(muscles=beside)),
+    for group, colour in (
+        (elbow.flexors, _RED),
+        (elbow.extensors, _BLUE),
+        (MuscleGroup(muscles=beside), _PINK),
     ):
         for muscle in group.muscles:
-            _add_path(spec, muscle, wearer, _TENDON_COLOURS[name])
+            _add_path(spec, muscle, wearer, colour)
             actuator = spec.add_actuator(
                 name=muscle.name,
                 trntype=mujoco.mjtTrn.mjTRN_TENDON,
@@ -64,10 +61,7 @@ def add_muscles(
 
 
 def _add_path(
-    spec: mujoco.MjSpec,
-    muscle: Muscle,
-    wearer: Wearer,
-    rgba: tuple[float, float, float, float],
+    spec: mujoco.MjSpec, muscle: Muscle, wearer: Wearer, rgba: tuple[float, float, float, float]
 ) -> None:
     tendon = spec.add_tendon(name=muscle.name, width=0.002, rgba=list(rgba))
     for i, (bone, point) in enumerate(muscle.path, start=1):
@@ -83,16 +77,15 @@ def _add_trochlea(spec: mujoco.MjSpec, wearer: Wearer) -> None:
     bone, place = TROCHLEA
     humerus, centre = spec.body(bone), bone_point(wearer, bone, place)
     radius = TROCHLEA_RADIUS * wearer.upper_arm_scale
-    geom = humerus.add_geom(
+    humerus.add_geom(
         name="trochlea",
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,
         size=[radius, radius, 0],
         pos=centre,
         # Along the elbow's axis, across the arm.
         quat=[0.7071067811865476, 0.7071067811865476, 0.0, 0.0],
-        rgba=[0.93, 0.9, 0.84, 1.0],
+        rgba=BONE_COLOUR,
+        **DRAWN,
     )
-    geom.contype = geom.conaffinity = 0
-    geom.mass = 0.0
     behind = radius * TROCHLEA_SIDE
     humerus.add_site(name="behind_trochlea", pos=centre + behind, size=[0.002] * 3)

@@ -27,7 +27,7 @@ from sim.validation.compression import (
     OGNEVA_RELAXED,
     run_compression_test,
 )
-from tests.integration.sim.conftest import Assess
+from tests.testbed.assessments import Assess
 
 
 def test_the_nominal_assessment_reports_every_output(nominal: Assessment) -> None:

@@ -10,12 +10,12 @@ import pytest
 from sim.assessment.assess import assess
 from sim.assessment.protocol import run_protocol
 from sim.evaluation import evaluate
-from sim.models import ASSESSMENTS, ELBOW_BUSHING, MODELS
+from sim.models import ASSESSMENTS, MODELS
 from sim.parameters.fidelity import BUSHING
 from sim.parameters.wearer import NOMINAL_WEARER, TABLE_1
 from sim.system.build import build_system
 from sim.system.start import reset_to_start
-from tests.integration.sim.conftest import Assess
+from tests.testbed.assessments import Assess
 
 
 def at(unit: float | np.ndarray) -> dict[str, float]:
@@ -93,7 +93,7 @@ def test_no_corner_of_table_1_diverges(assessed: Assess) -> None:
 def test_what_only_contact_has_is_refused_in_a_sentence() -> None:
     with pytest.raises(ValueError, match="the bushing has no contact"):
         assess({"cuff_friction": 0.1}, fidelity="bushing")
-    assert "cuff_friction" not in {factor.name for factor in ELBOW_BUSHING.factors}
+    assert "cuff_friction" not in {factor.name for factor in MODELS["elbow_bushing"].factors}
 
 
 @pytest.mark.parametrize("model", sorted(ASSESSMENTS))

@@ -4,7 +4,7 @@ import pytest
 
 from sim.assessment.assess import assess
 from sim.effects.catalogue import ASSESSED
-from tests.integration.sim.conftest import Assess
+from tests.testbed.assessments import Assess
 
 #: One setting of every effect that is large enough to be seen in an assessment.
 SETTINGS = {

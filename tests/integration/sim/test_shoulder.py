@@ -9,7 +9,7 @@ from sim.parameters.target import TARGETS
 from sim.parameters.wearer import NOMINAL_WEARER
 from sim.system.build import build_system
 from sim.system.start import reset_to_start
-from tests.integration.sim.conftest import Assess
+from tests.testbed.assessments import Assess
 
 SHOULDER = sorted(set(TARGETS) - {"elbow"})
 

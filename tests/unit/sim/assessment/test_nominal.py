@@ -6,7 +6,7 @@ import pytest
 
 from sim.assessment.nominal import nominal_model
 from sim.body.skeleton import add_arm, empty_spec
-from sim.body.soft_tissue import add_soft_tissue, sleeves
+from sim.body.soft_tissue import add_soft_tissue, soft_tissues
 from sim.parameters.wearer import NOMINAL_WEARER
 
 
@@ -73,8 +73,8 @@ def test_the_declared_limbs_weigh_and_balance_as_the_simulated_nominal_ones() ->
     """Two models built by different code; the simulated limbs carry their tissue as 97 bodies."""
     spec = empty_spec()
     add_arm(spec, NOMINAL_WEARER)
-    for sleeve in sleeves(NOMINAL_WEARER):
-        add_soft_tissue(spec, sleeve)
+    for tissue in soft_tissues(NOMINAL_WEARER):
+        add_soft_tissue(spec, tissue)
     simulated, declared = spec.compile(), nominal_model().model
     arm, forearm = moment_of(simulated, "humerus"), moment_of(simulated, "ulna")
     # In the nominal model the forearm hangs on the robot's link, not on the humerus.

@@ -20,7 +20,7 @@ from sim.body.skeleton import (
     empty_spec,
     extension_stop_torque,
 )
-from sim.body.soft_tissue import add_soft_tissue, element_name, sleeves
+from sim.body.soft_tissue import add_soft_tissue, element_name, soft_tissues
 from sim.parameters.conditions import TISSUE_COUPLING
 from sim.parameters.fidelity import FIDELITIES
 from sim.parameters.wearer import NOMINAL_WEARER, Wearer
@@ -115,43 +115,43 @@ def test_isometric_peaks_are_those_of_the_papers_figure_3() -> None:
 
 def test_one_element_has_the_stiffness_of_table_1_in_newton_per_metre() -> None:
     """Central spring k, neighbours' springs a share of k each, and k / count of the volume's."""
-    sleeve = sleeves(replace(NOMINAL_WEARER, upper_arm_elasticity=400.0))[0]
+    tissue = soft_tissues(replace(NOMINAL_WEARER, upper_arm_elasticity=400.0))[0]
     spec = empty_spec()
-    spec.worldbody.add_body(name=sleeve.bone)
-    add_soft_tissue(spec, sleeve)
+    spec.worldbody.add_body(name=tissue.bone)
+    add_soft_tissue(spec, tissue)
     model = spec.compile()
     data = mujoco.MjData(model)
-    joint = model.joint(element_name(sleeve, 5, 3))
+    joint = model.joint(element_name(tissue, 5, 3))
     press = 1e-5
     data.qpos[joint.qposadr[0]] = -press
     mujoco.mj_forward(model, data)
     stiffness = data.qfrc_spring[joint.dofadr[0]] / press
     assert stiffness == pytest.approx(
-        400.0 * (1 + 4 * TISSUE_COUPLING + 1 / len(sleeve.places)), rel=1e-4
+        400.0 * (1 + 4 * TISSUE_COUPLING + 1 / len(tissue.places)), rel=1e-4
     )
 
 
 def test_finer_elements_share_the_stiffness_of_the_reference_ones() -> None:
     for fidelity in FIDELITIES.values():
-        for sleeve in sleeves(NOMINAL_WEARER, fidelity=fidelity):
-            total = sleeve.share * sleeve.elasticity * len(sleeve.places)
+        for tissue in soft_tissues(NOMINAL_WEARER, fidelity=fidelity):
+            total = tissue.share * tissue.elasticity * len(tissue.places)
             assert total == pytest.approx(96 * 537.465)
 
 
 def test_tissue_weighs_what_the_paper_leaves_for_it() -> None:
-    for sleeve, mass in zip(sleeves(NOMINAL_WEARER), (0.489, 0.351), strict=True):
+    for tissue, mass in zip(soft_tissues(NOMINAL_WEARER), (0.489, 0.351), strict=True):
         spec = empty_spec()
-        spec.worldbody.add_body(name=sleeve.bone)
-        add_soft_tissue(spec, sleeve)
+        spec.worldbody.add_body(name=tissue.bone)
+        add_soft_tissue(spec, tissue)
         assert spec.compile().body_subtreemass[0] == pytest.approx(mass)
 
 
 def test_elements_point_away_from_the_limbs_axis() -> None:
-    for sleeve in sleeves(NOMINAL_WEARER):
-        for index in range(sleeve.per_ring):
-            skin, normal = sleeve.element(3, index)
-            radial = skin - np.array([skin[0], sleeve.axis_y, sleeve.axis_z])
-            assert radial == pytest.approx(sleeve.radius * normal)
+    for tissue in soft_tissues(NOMINAL_WEARER):
+        for index in range(tissue.per_ring):
+            skin, normal = tissue.element(3, index)
+            radial = skin - np.array([skin[0], tissue.axis_y, tissue.axis_z])
+            assert radial == pytest.approx(tissue.radius * normal)
 
 
 def test_an_extension_stop_hardens_beyond_its_angle_and_does_nothing_before() -> None:

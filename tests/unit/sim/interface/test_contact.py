@@ -46,16 +46,16 @@ def test_the_forces_on_each_limb_are_those_of_its_contacts(
 def test_a_cuffs_place_is_seen_from_its_bone(loaded: tuple[System, mujoco.MjData]) -> None:
     system, data = loaded
     loads = system.interface.loads(system.model, data.sensordata[None])
-    limbs = zip(system.interface.cuffs, system.interface.sleeves, strict=True)
-    for i, (cuff, sleeve) in enumerate(limbs):
-        link, bone = data.body(cuff.link), data.body(sleeve.bone)
+    limbs = zip(system.interface.cuffs, system.interface.tissues, strict=True)
+    for i, (cuff, tissue) in enumerate(limbs):
+        link, bone = data.body(cuff.link), data.body(tissue.bone)
         distance = []
         for share in (0.0, -1.0, 1.0):
             point = np.array(cuff.centre) + share * cuff.length / 2 * np.array(cuff.along)
             world = link.xpos + link.xmat.reshape(3, 3) @ point
             x, y, z = bone.xmat.reshape(3, 3).T @ (world - bone.xpos)
-            distance.append(np.hypot(y - sleeve.axis_y, z - sleeve.axis_z))
+            distance.append(np.hypot(y - tissue.axis_y, z - tissue.axis_z))
             if share == 0.0:
-                assert loads.overhang[0, i] == pytest.approx(max(sleeve.start - x, x - sleeve.end))
+                assert loads.overhang[0, i] == pytest.approx(max(tissue.start - x, x - tissue.end))
         deepest = max(distance) - cuff.radius + BONE_CLEARANCE
         assert loads.penetration[0, i] == pytest.approx(deepest)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from sim.body.skeleton import ELBOW_RANGE
-from sim.body.soft_tissue import sleeves
+from sim.body.soft_tissue import soft_tissues
 from sim.interface.cuffs import BOX_ANGLES, cuff_box_name, place_cuffs
 from sim.interface.seat import seated_elbow_angle
 from sim.interface.straps import particle_name, strap_angles
@@ -87,7 +87,7 @@ def test_the_arm_sits_in_both_cuffs_at_the_start(system: System) -> None:
 @pytest.mark.parametrize("fore", [0.2827, 0.3455])
 def test_the_seat_is_within_the_elbows_range_all_over_table_1(upper: float, fore: float) -> None:
     wearer = wearer_of({"upper_arm_length": upper, "forearm_length": fore})
-    angle = seated_elbow_angle(wearer, sleeves(wearer)[1], CUFFS[1], START[3])
+    angle = seated_elbow_angle(wearer, soft_tissues(wearer)[1], CUFFS[1], START[3])
     assert ELBOW_RANGE[0] < angle < ELBOW_RANGE[1]
     assert abs(angle - START[3]) < np.radians(25.0)
 

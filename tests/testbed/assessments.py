@@ -1,0 +1,26 @@
+"""Assessments that several tests look at, each simulated once."""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+from sim.assessment.assess import Assessment, assess
+from sim.models import ELBOW
+
+#: `assess` with a memory: who takes an assessment from it must leave it as it is.
+Assess = Callable[..., Assessment]
+
+
+def remembering() -> Assess:
+    """Return `assess` with a memory; to it a value that is nominal is the same as none."""
+    nominal = {factor.name: factor.nominal for factor in ELBOW.factors}
+
+    @cache
+    def simulate(values: frozenset[tuple[str, float]], options: frozenset[Any]) -> Assessment:
+        return assess(dict(values), **dict(options))
+
+    def remember(values: Mapping[str, float], **options: str) -> Assessment:
+        changed = {name: x for name, x in values.items() if x != nominal.get(name)}
+        return simulate(frozenset(changed.items()), frozenset(options.items()))
+
+    return remember
