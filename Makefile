@@ -6,10 +6,11 @@ READY := .venv/.ready
 PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test unit lint check goldens soak bench bench-sim bench-analysis bench-closeloop curves picture clean
+.PHONY: help demo test unit lint check goldens soak bench bench-sim bench-analysis bench-closeloop curves picture \
+	measurement measurements-age clean
 
 help:  ## Say what each target does
-	@grep -hE '^[a-z-]+:.*## ' Makefile | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' Makefile | awk -F ':.*## ' '{printf "  make %-17s %s\n", $$1, $$2}'
 
 demo: $(READY)  ## Run the paper's two-phase study here, small; Ctrl-C and again resumes
 	$(BIN)/rehyb campaign run --preset demo --local-workers 2 --directory demo
@@ -54,6 +55,12 @@ bench-closeloop: $(READY)  ## Print how often closing the loop names the right e
 
 picture: $(READY)  ## Draw the arm in the exoskeleton (docs/understand/system.png)
 	$(BIN)/python -m sim.pictures.rendering docs/understand/system.png
+
+measurement: $(READY)  ## Run the command of docs/measurements/PAGE.md and write its figures (PAGE=cycle)
+	$(BIN)/python -m benchmarks.measurement $(PAGE)
+
+measurements-age: $(READY)  ## Say which of these pages are older than the code that they measure
+	$(BIN)/python -m benchmarks.measurement
 
 clean:  ## Remove .venv and what the targets wrote; a demo's results go too
 	rm -rf .venv demo validation *.egg-info .mypy_cache .ruff_cache .pytest_cache

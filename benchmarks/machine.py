@@ -7,8 +7,8 @@ from pathlib import Path
 from sim.evaluation import versions
 
 
-def describe_machine() -> str:
-    """Return one line: processor, cores, versions, date."""
+def machine() -> str:
+    """Return one line: processor, cores, platform, versions."""
     model = next(
         (
             line.split(":", 1)[1].strip()
@@ -20,8 +20,13 @@ def describe_machine() -> str:
     known = versions()
     return (
         f"{model}, {os.cpu_count()} cores, {known['platform']}, Python {known['python']}, "
-        f"MuJoCo {known['mujoco']}, {datetime.now(UTC):%Y-%m-%d}"
+        f"MuJoCo {known['mujoco']}"
     )
+
+
+def describe_machine() -> str:
+    """Return one line: the machine and the date."""
+    return f"{machine()}, {datetime.now(UTC):%Y-%m-%d}"
 
 
 def _lines(path: Path) -> list[str]:

@@ -25,7 +25,7 @@ METHODS = ("morris", "saltelli", "saltelli_second_order")
 #: the same with the two coordinates that a factor has in a row taken from neighbouring dimensions;
 #: Latin hypercubes, as in the paper.
 SAMPLINGS = ("sobol_blocks", "sobol", "sobol_paired", "latin_hypercube")
-#: Its intervals hold the truth as often as they say (`docs/measurements/coverage.md`).
+#: Its intervals hold the truth as often as they say (`docs/measurements/indices.md`).
 DEFAULT_SAMPLING = "sobol_blocks"
 
 _POINTS = {

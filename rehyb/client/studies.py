@@ -9,7 +9,8 @@ from urllib.parse import urlencode
 from rehyb.client.connection import Connection, Json
 from rehyb.errors import Conflict, Invalid
 
-#: How long the analysis may be behind a complete study, many times what it is (docs/analysis.md).
+#: How long the analysis may be behind a complete study: many times what it is
+#: (docs/measurements/indices.md).
 ANALYSIS_SECONDS = 10.0
 #: Between two looks at a study with a precision goal.
 POLL_SECONDS = 1.0

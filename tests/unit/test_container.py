@@ -10,7 +10,7 @@ from server.settings import Settings
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-OPERATION = (ROOT / "docs" / "operate" / "coordinator.md").read_text()
+OPERATION = (ROOT / "docs" / "operate" / "fleet.md").read_text()
 STATE = "/var/lib/rehyb"
 
 

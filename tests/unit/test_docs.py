@@ -1,5 +1,6 @@
 """What README and docs name exists: targets, commands, routes, settings, outputs, links."""
 
+import importlib.util
 import re
 import subprocess
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 from pydantic import SecretStr
 from typer.testing import CliRunner
 
+from benchmarks.measurement import BEGIN, END
 from rehyb.cli import app
 from server.app import create_app
 from server.settings import Settings
@@ -18,9 +20,14 @@ from sim.robot.device import DEVICES
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
-ARCHITECTURE = (ROOT / "docs" / "understand" / "architecture.md").read_text()
-SIMULATION = (ROOT / "docs" / "understand" / "simulation.md").read_text()
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+DOCS = ROOT / "docs"
+REST = (DOCS / "use" / "rest.md").read_text()
+SETTINGS = (DOCS / "operate" / "settings.md").read_text()
+SIMULATION = (DOCS / "understand" / "simulation.md").read_text()
+INDICES = [DOCS / "README.md", *sorted(DOCS.glob("*/README.md"))]
+PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+#: Words of a page that is read in one sitting, without figures that a command wrote.
+MOST_WORDS = 1500
 
 
 def test_every_make_target_in_the_readme_exists_and_says_what_it_does() -> None:
@@ -31,7 +38,7 @@ def test_every_make_target_in_the_readme_exists_and_says_what_it_does() -> None:
         assert f"make {target} " in help_text or target == "help"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_every_link_leads_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
         if "://" not in target:
@@ -61,7 +68,7 @@ def test_every_documented_route_is_served_and_every_route_is_documented(tmp_path
         for method in methods
     }
     documented = set()
-    for row in re.findall(r"^\| (`(?:GET|POST|DELETE) .*?) \|", ARCHITECTURE, flags=re.MULTILINE):
+    for row in re.findall(r"^\| (`(?:GET|POST|DELETE) .*?) \|", REST, flags=re.MULTILINE):
         verb = "GET"
         for word in re.findall(r"`([^`]+)`", row):
             verb, _, path = word.rpartition(" ") if " " in word else (verb, "", word)
@@ -69,9 +76,9 @@ def test_every_documented_route_is_served_and_every_route_is_documented(tmp_path
     assert served == documented
 
 
-def test_every_setting_is_in_the_readme() -> None:
+def test_every_setting_is_documented() -> None:
     for name in Settings.model_fields:
-        assert f"REHYB_{name.upper()}" in README
+        assert f"`REHYB_{name.upper()}`" in SETTINGS
 
 
 def test_every_output_and_failure_is_explained() -> None:
@@ -82,7 +89,41 @@ def test_every_output_and_failure_is_explained() -> None:
 
 
 def test_every_condition_and_every_device_is_explained() -> None:
+    conditions = (DOCS / "understand" / "conditions.md").read_text()
     for factor in CONDITIONS:
-        assert f"| `{factor.name}` |" in SIMULATION
+        assert f"| `{factor.name}` | {factor.unit} |" in conditions
     for device in DEVICES:
-        assert f"`{device}`" in (ROOT / "docs" / "use" / "devices.md").read_text()
+        assert f"`{device}`" in (DOCS / "use" / "devices.md").read_text()
+
+
+def test_every_page_is_in_an_index() -> None:
+    linked = {
+        (index.parent / target.split("#")[0]).resolve()
+        for index in INDICES
+        for target in re.findall(r"\]\(([^)]+\.md)", index.read_text())
+    }
+    # The help of `rehyb assess --device` names this one, which points on.
+    assert set(PAGES) - linked == {DOCS / "devices.md"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_a_page_is_short(page: Path) -> None:
+    text = re.sub(f"{BEGIN}.*?{END}", "", page.read_text(), flags=re.DOTALL)
+    assert len(text.split()) < MOST_WORDS
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_code_that_a_page_names_exists(page: Path) -> None:
+    text = page.read_text()
+    for name in re.findall(r"`([\w/]+/\w+\.(?:py|xml|js))`", text):
+        assert (ROOT / name).is_file(), name
+    for name in re.findall(r"python -m ((?:benchmarks|sim|tests)[\w.]+)", text):
+        assert importlib.util.find_spec(name) is not None, name
+
+
+def test_pages_that_code_names_exist() -> None:
+    rooms = ("rehyb", "sim", "analysis", "server", "worker", "migrations", "benchmarks", "tests")
+    for path in (path for room in rooms for path in (ROOT / room).rglob("*.py")):
+        for name in re.findall(r"\bdocs/[a-z0-9_/-]+", path.read_text()):
+            found = (ROOT / name).is_dir() or (ROOT / f"{name}.md").is_file()
+            assert found or list(ROOT.glob(f"{name}-*.md")) or path == Path(__file__), (path, name)
