@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 from analysis.designs import family
 from analysis.reports.figures.pairs import leading_pairs
 from analysis.reports.figures.scatter import DRAWN
+from analysis.reports.figures.shares import BARS
+from analysis.reports.figures.style import INDICES
 from analysis.reports.figures.together import largest_pairs
 from analysis.reports.wording import with_interval, words
 from analysis.sensitivity.estimators import SYMBOLS
@@ -26,9 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Panel = dict[str, Any]
-
-#: By family of methods: the indices that are drawn.
-_DRAWN = {"morris": ("mu_star", "sigma"), "saltelli": ("first_order", "total_order")}
 
 
 def runs_table(table: Table, output: str) -> dict[str, Any]:
@@ -70,7 +69,7 @@ def shares(figure: Figure, snapshot: Mapping[str, Any], output: str) -> list[Pan
     marks = [
         [factors[name][index]["value"], place + offset, _told(snapshot, name, factors[name])]
         for place, name in enumerate(order)
-        for index, offset in (("first_order", 0.2), ("total_order", -0.2))
+        for index, (_, offset) in BARS.items()
         if factors[name][index]["value"] is not None
     ]
     return [{**_panel(figure, figure.axes[0]), "marks": marks}]
@@ -97,7 +96,7 @@ def convergence(figure: Figure, snapshot: Mapping[str, Any], output: str) -> lis
     entry = snapshot["outputs"][output]
     series, complete = entry["convergence"], snapshot["rows_complete"]
     panels = []
-    for axes, index in zip(figure.axes, _DRAWN[family(snapshot["method"])], strict=True):
+    for axes, index in zip(figure.axes, INDICES[family(snapshot["method"])], strict=True):
         marks = []
         for name, curves in series["factors"].items():
             ends = [curves[index][end] for end in ("value", "low", "high")]
@@ -140,7 +139,7 @@ def _panel(figure: Figure, axes: Axes) -> Panel:
 def _told(snapshot: Mapping[str, Any], name: str, entry: Mapping[str, Any]) -> str:
     indices = ", ".join(
         f"{SYMBOLS[index]} {_interval(**entry[index])}"
-        for index in _DRAWN[family(snapshot["method"])]
+        for index in INDICES[family(snapshot["method"])]
         if entry[index]["value"] is not None
     )
     return f"{words(name)}: {indices}, n {entry['n']:,}"

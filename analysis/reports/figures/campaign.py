@@ -14,9 +14,10 @@ from analysis.reports.figures.style import (
     caption,
     factors_of,
     new_figure,
+    open_axes,
     spread_in_words,
-    words,
 )
+from analysis.reports.wording import words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,6 +84,5 @@ def _draw_failures(axes: Axes, phase1: Snapshot, phase2: Snapshot) -> None:
     axes.set_ylim(-0.8, max(len(causes), 3) - 0.2)
     axes.set_xlim(0, 1.18 * max(left))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_xlabel("evaluations")
-    axes.spines[["top", "right"]].set_visible(False)
+    open_axes(axes, "evaluations")
     axes.legend(frameon=False, fontsize=9, loc="lower right")

@@ -9,27 +9,21 @@ import numpy as np
 
 from analysis.designs import family
 from analysis.reports.figures.style import (
-    COLOURS,
-    MARKERS,
+    INDICES,
+    INK,
     Snapshot,
     caption,
     factors_of,
+    looks,
     new_figure,
+    open_axes,
     say,
-    styles,
-    words,
 )
+from analysis.reports.wording import with_unit, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-#: By method, the indices drawn side by side and what their axes say.
-_PANELS = {
-    "morris": {"mu_star": "mean magnitude μ*", "sigma": "standard deviation σ"},
-    "saltelli": {"first_order": "first order S", "total_order": "total order ST"},
-}
-
 
 #: Highest share worth showing, unless an index itself is higher: intervals of the first rows are
 #: wide, and would make all lines one.
@@ -53,13 +47,17 @@ def convergence_figure(
     factors = factors_of(snapshot, output, family(snapshot["method"]))
     series = snapshot["outputs"][output]["convergence"]
     figure = new_figure(11.0, 4.2)
-    panels = _PANELS[family(snapshot["method"])]
+    panels = INDICES[family(snapshot["method"])]
     shares = family(snapshot["method"]) == "saltelli"
+    own = looks(factors, palette)
     drawn = figure.subplots(1, len(panels), sharey=shares)
     for axes, (index, label) in zip(drawn, panels.items(), strict=True):
-        _draw(axes, series, factors, index, snapshot["rows_complete"], palette)
-        suffix = f" ({unit})" if unit and snapshot["method"] == "morris" else ""
-        axes.set_ylabel(label + suffix)
+        curves = {
+            words(name): (series["factors"][name][index], entry[index])
+            for name, entry in factors.items()
+        }
+        draw_curves(axes, series["rows"], curves, snapshot["rows_complete"], own)
+        axes.set_ylabel(label if shares else with_unit(label, unit))
         axes.tick_params(labelleft=True)
     if shares:
         _limit(drawn)
@@ -89,27 +87,12 @@ def _curves(axes: Axes) -> list[Any]:
     ]
 
 
-def _draw(
-    axes: Axes,
-    series: Mapping[str, Any],
-    factors: Mapping[str, Any],
-    index: str,
-    complete: int,
-    palette: Sequence[str],
-) -> None:
-    curves = {
-        words(name): (series["factors"][name][index], entry[index])
-        for name, entry in factors.items()
-    }
-    draw_curves(axes, series["rows"], curves, complete, styles(factors, palette))
-
-
 def draw_curves(
     axes: Axes,
     parts: Sequence[int],
     curves: Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]],
     complete: int,
-    chosen: Sequence[int] = (),
+    own: Sequence[Mapping[str, Any]] = (),
 ) -> None:
     """Draw indices of growing parts of the sample as lines within bands.
 
@@ -118,13 +101,11 @@ def draw_curves(
         parts: rows of every part.
         curves: by label, an index of every part and of all rows.
         complete: how many rows are complete.
-        chosen: places in the palette; default: one after the other.
+        own: colour and marker of each (`looks`); default: those of the palette in turn.
     """
     rows = list(parts)
     last = [complete] if complete and complete not in rows else []
-    for style, (label, (series, now)) in zip(
-        chosen or range(len(curves)), curves.items(), strict=True
-    ):
+    for look, (label, (series, now)) in zip(own or looks(curves), curves.items(), strict=True):
         curve = {
             end: [*series[end], *([now[end]] if last else [])] for end in ("value", "low", "high")
         }
@@ -135,21 +116,12 @@ def draw_curves(
         ]
         x = [(rows + last)[place] for place in known]
         value, low, high = ([curve[end][place] for place in known] for end in curve)
-        colour = COLOURS[style % len(COLOURS)]
-        axes.fill_between(x, low, high, color=colour, alpha=0.13, linewidth=0)
-        axes.plot(
-            x,
-            value,
-            color=colour,
-            marker=MARKERS[style % len(MARKERS)],
-            markersize=4,
-            lw=1.4,
-            label=label,
-        )
+        axes.fill_between(x, low, high, color=look["color"], alpha=0.13, linewidth=0)
+        axes.plot(x, value, **look, markersize=4, lw=1.4, label=label)
     if not rows:
         say(axes, "fewer than 8 rows yet")
         return
-    axes.axhline(0.0, color="#222222", lw=0.8)
+    axes.axhline(0.0, color=INK, lw=0.8)
     axes.set_xscale("log", base=2)
     crowded = len(rows) > 7
     axes.set_xticks(
@@ -159,5 +131,4 @@ def draw_curves(
         fontsize=8 if crowded else 9,
     )
     axes.minorticks_off()
-    axes.set_xlabel("rows of the design")
-    axes.spines[["top", "right"]].set_visible(False)
+    open_axes(axes, "rows of the design")

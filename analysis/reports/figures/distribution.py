@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import gaussian_kde, norm, skew
 
-from analysis.reports.figures.style import FAINT, INK, new_figure, say, words
+from analysis.reports.figures.style import FAINT, INK, new_figure, open_axes, say
+from analysis.reports.wording import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,10 +28,8 @@ def distribution_figure(values: NDArray[np.float64], output: str, unit: str = ""
     """
     figure = new_figure(7.0, 4.2)
     axes = figure.subplots()
-    suffix = f" ({unit})" if unit else ""
-    axes.set_xlabel(words(output) + suffix)
-    axes.set_ylabel("probability density" + (f" (1/({unit}))" if unit else ""))
-    axes.spines[["top", "right"]].set_visible(False)
+    per_unit = f"1/({unit})" if unit else ""
+    open_axes(axes, with_unit(output, unit), with_unit("probability density", per_unit))
     if values.size < 2 or np.ptp(values) == 0.0:
         say(axes, "nothing varies yet")
         return figure

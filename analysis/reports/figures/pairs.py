@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reports.figures.scatter import DRAWN
-from analysis.reports.figures.style import new_figure, say, words
+from analysis.reports.figures.style import new_figure, say
+from analysis.reports.wording import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,11 +59,9 @@ def pairs_figure(
             rasterized=True,
         )
         for set_label, f in ((axes.set_xlabel, a), (axes.set_ylabel, b)):
-            suffix = f" ({units[f]})" if units and units[f] else ""
-            set_label(words(names[f]) + suffix, fontsize=9)
+            set_label(with_unit(names[f], units[f] if units else ""), fontsize=9)
         if not values.size:
             say(axes, "no values yet")
     assert marks is not None
-    suffix = f" ({unit})" if unit else ""
-    figure.colorbar(marks, ax=list(panels), label=words(output) + suffix, extend="both")
+    figure.colorbar(marks, ax=list(panels), label=with_unit(output, unit), extend="both")
     return figure

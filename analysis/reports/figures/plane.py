@@ -9,19 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reports.figures.style import (
-    COLOURS,
     FAINT,
-    MARKERS,
+    INDICES,
     Snapshot,
     caption,
     factors_of,
+    looks,
     new_figure,
+    open_axes,
     reach,
     say,
-    styles,
     top_of,
-    words,
 )
+from analysis.reports.wording import words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,29 +80,17 @@ def _draw_clouds(
     axes: Axes, names: list[str], clouds: NDArray[np.float64], unit: str, palette: Sequence[str]
 ) -> None:
     mu_star, sigma = clouds
-    own = styles(names, palette)
+    own = looks(names, palette)
     for f in np.argsort(-np.nanmean(np.nan_to_num(mu_star), axis=0)):
-        style = own[f]
-        axes.scatter(
-            mu_star[:, f],
-            sigma[:, f],
-            s=8,
-            color=COLOURS[style % len(COLOURS)],
-            marker=MARKERS[style % len(MARKERS)],
-            alpha=0.6,
-            linewidths=0,
-            label=words(names[f]),
-            rasterized=True,
-        )
+        cloud: dict[str, Any] = {"s": 8, "alpha": 0.6, "linewidths": 0, "rasterized": True}
+        axes.scatter(mu_star[:, f], sigma[:, f], label=words(names[f]), **own[f], **cloud)
     axes.set_title(f"{len(mu_star)} bootstrap replicates", fontsize=10)
     _label(axes, unit)
 
 
 def _label(axes: Axes, unit: str) -> None:
     suffix = f" ({unit} per whole range)" if unit else " (per whole range)"
-    axes.set_xlabel(f"mean magnitude μ*{suffix}")
-    axes.set_ylabel(f"standard deviation σ{suffix}")
-    axes.spines[["top", "right"]].set_visible(False)
+    open_axes(axes, *(label + suffix for label in INDICES["morris"].values()))
 
 
 def draw_plane(
@@ -110,21 +98,21 @@ def draw_plane(
 ) -> None:
     """Draw mu* and sigma of every factor with their intervals."""
     known = {
-        name: (style, indices["mu_star"], indices["sigma"])
-        for style, (name, indices) in zip(styles(factors, palette), factors.items(), strict=True)
+        name: (look, indices["mu_star"], indices["sigma"])
+        for look, (name, indices) in zip(looks(factors, palette), factors.items(), strict=True)
         if indices["mu_star"]["value"] is not None and indices["sigma"]["value"] is not None
     }
     marks = {}
     # The least influential on top, where the cluster at the origin would hide it.
     for name in sorted(known, key=lambda name: -float(known[name][1]["value"])):
-        style, mu_star, sigma = known[name]
+        look, mu_star, sigma = known[name]
         marks[words(name)] = axes.errorbar(
             mu_star["value"],
             sigma["value"],
             xerr=reach(mu_star),
             yerr=reach(sigma),
-            fmt=MARKERS[style % len(MARKERS)],
-            color=COLOURS[style % len(COLOURS)],
+            ls="",
+            **look,
             markersize=6.5,
             markeredgecolor="white",
             markeredgewidth=0.6,

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reports.figures.style import new_figure, words
+from analysis.reports.figures.style import new_figure, open_axes
+from analysis.reports.wording import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,15 +56,12 @@ def scatter_figure(
         )
         centres, means = bin_means(points[:, f], values)
         axes.plot(centres, means, "o", ms=6.5, color="#D55E00", mec="white", mew=0.7)
-        suffix = f" ({units[f]})" if units and units[f] else ""
-        axes.set_xlabel(words(name) + suffix, fontsize=9)
-        axes.spines[["top", "right"]].set_visible(False)
+        open_axes(axes, with_unit(name, units[f] if units else ""), fontsize=9)
         # Few enough that the last of one panel keeps clear of the first of the next.
         axes.locator_params(axis="x", nbins=5)
     for axes in panels[len(names) :]:
         axes.set_axis_off()
-    suffix = f" ({unit})" if unit else ""
-    figure.supylabel(words(output) + suffix, fontsize=10)
+    figure.supylabel(with_unit(output, unit), fontsize=10)
     return figure
 
 

@@ -7,22 +7,25 @@ from typing import TYPE_CHECKING, Any
 
 from analysis.reports.figures.plane import draw_threshold
 from analysis.reports.figures.style import (
+    INDICES,
     INK,
     Snapshot,
     caption,
+    draw_bars,
     factors_of,
     new_figure,
-    reach,
+    open_axes,
     say,
     spread_in_words,
-    words,
 )
+from analysis.reports.wording import words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_FIRST, _TOTAL = "#0072B2", "#9CC9E8"
+#: Colour of the bars of an index, and how far above its factor they are.
+BARS = {"first_order": ("#0072B2", 0.2), "total_order": ("#9CC9E8", -0.2)}
 
 
 def variance_figure(snapshot: Snapshot, output: str, unit: str = "") -> Figure:
@@ -45,29 +48,14 @@ def variance_figure(snapshot: Snapshot, output: str, unit: str = "") -> Figure:
 def draw_shares(axes: Axes, factors: Mapping[str, Any]) -> None:
     """Draw S and ST of every factor as bars with their intervals."""
     order = sorted(factors, key=lambda name: factors[name]["total_order"]["value"] or 0.0)
-    kinds = (
-        ("first_order", "first order S", _FIRST, 0.2),
-        ("total_order", "total order ST", _TOTAL, -0.2),
-    )
     drawn = False
-    for index, label, colour, offset in kinds:
-        known = [
-            (place, factors[name][index])
-            for place, name in enumerate(order)
-            if factors[name][index]["value"] is not None
-        ]
-        if not known:
-            continue
-        drawn = True
-        places = [place + offset for place, _ in known]
-        values = [share["value"] for _, share in known]
-        axes.barh(places, values, height=0.36, color=colour, label=label, zorder=2)
-        for place, (_, share) in zip(places, known, strict=True):
-            axes.errorbar(share["value"], place, xerr=reach(share), color=INK, capsize=3, lw=1.2)
+    for index, (colour, offset) in BARS.items():
+        bars = [(place + offset, factors[name][index]) for place, name in enumerate(order)]
+        label = INDICES["saltelli"][index]
+        drawn |= draw_bars(axes, bars, height=0.36, color=colour, label=label)
     axes.axvline(0.0, color=INK, lw=0.8, zorder=3)
     axes.set_yticks(range(len(order)), [words(name) for name in order])
-    axes.set_xlabel("share of the variance")
-    axes.spines[["top", "right"]].set_visible(False)
+    open_axes(axes, "share of the variance")
     if drawn:
         axes.set_xlim(min(axes.get_xlim()[0], 0.0), max(axes.get_xlim()[1], 1.0))
         axes.legend(frameon=False, fontsize=9, loc="lower right")

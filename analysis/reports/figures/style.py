@@ -1,4 +1,4 @@
-"""What all figures share: colours, layout, words. matplotlib is imported when one is drawn."""
+"""What all figures share: colours, layout, labels. matplotlib is imported when one is drawn."""
 
 from __future__ import annotations
 
@@ -19,15 +19,26 @@ MARKERS = "osD^v<>p"
 FAINT = "#8C8C8C"
 INK = "#222222"
 
+#: By family of methods: the indices that are drawn, and what their axes say.
+INDICES = {
+    "morris": {"mu_star": "mean magnitude μ*", "sigma": "standard deviation σ"},
+    "saltelli": {"first_order": "first order S", "total_order": "total order ST"},
+}
 
-def styles(factors: Iterable[str], palette: Sequence[str]) -> list[int]:
-    """Return each factor's place in the palette; one that is not in it takes its own place.
+
+def looks(names: Iterable[str], palette: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """Return the colour and the marker of each factor, as keywords of matplotlib.
 
     Args:
-        factors: those of one figure.
-        palette: all factors of several figures, so that each has one colour in all of them.
+        names: of the factors of one figure.
+        palette: all factors of several figures, so that each has one colour in all of them; one
+            that is not in it takes its own place.
     """
-    return [palette.index(name) if name in palette else place for place, name in enumerate(factors)]
+    places = [palette.index(name) if name in palette else i for i, name in enumerate(names)]
+    return [
+        {"color": COLOURS[place % len(COLOURS)], "marker": MARKERS[place % len(MARKERS)]}
+        for place in places
+    ]
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -82,11 +93,26 @@ def top_of(interval: Mapping[str, float | None]) -> float:
     return max(interval["value"] or 0.0, interval["high"] or 0.0)
 
 
+def open_axes(axes: Axes, x: str = "", y: str = "", **font: float) -> None:
+    """Label axes and leave the box around them open above and on the right."""
+    if x:
+        axes.set_xlabel(x, **font)  # type: ignore[arg-type]
+    if y:
+        axes.set_ylabel(y, **font)  # type: ignore[arg-type]
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def draw_bars(axes: Axes, bars: Iterable[tuple[float, Mapping[str, Any]]], **keywords: Any) -> bool:
+    """Draw indices as bars at their places, with their intervals; False if none has a value."""
+    known = [(place, index) for place, index in bars if index["value"] is not None]
+    if known:
+        places, values = [place for place, _ in known], [index["value"] for _, index in known]
+        axes.barh(places, values, zorder=2, **keywords)
+    for place, index in known:
+        axes.errorbar(index["value"], place, xerr=reach(index), color=INK, capsize=3, lw=1.2)
+    return bool(known)
+
+
 def say(axes: Axes, text: str) -> None:
     """Write a sentence where there is nothing to draw."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=FAINT)
-
-
-def words(name: str) -> str:
-    """Return a name as a reader would write it."""
-    return name.replace("_", " ")

@@ -7,20 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 from analysis.reports.figures.convergence import draw_curves
 from analysis.reports.figures.style import (
+    COLOURS,
     INK,
     Snapshot,
     caption,
+    draw_bars,
     factors_of,
     new_figure,
-    reach,
+    open_axes,
     say,
-    words,
 )
+from analysis.reports.wording import words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COLOUR = "#0072B2"
 #: Pairs with a bar, and with a curve: the largest, as many as can be told apart.
 BARS, CURVES = 15, 6
 
@@ -45,14 +46,10 @@ def together_figure(snapshot: Snapshot, output: str) -> Figure:
     pairs = largest_pairs(snapshot, output)
     figure = new_figure(11.0, max(4.2, 1.6 + 0.3 * len(pairs)))
     left, right = figure.subplots(1, 2)
-    known = [(place, pair) for place, pair in enumerate(pairs[::-1]) if pair["value"] is not None]
-    for place, pair in known:
-        left.barh(place, pair["value"], height=0.6, color=_COLOUR, zorder=2)
-        left.errorbar(pair["value"], place, xerr=reach(pair), color=INK, capsize=3, lw=1.2)
+    known = draw_bars(left, enumerate(pairs[::-1]), height=0.6, color=COLOURS[0])
     left.axvline(0.0, color=INK, lw=0.8, zorder=3)
     left.set_yticks(range(len(pairs)), [_name(pair) for pair in pairs[::-1]], fontsize=8)
-    left.set_xlabel("share of the variance, beyond what each has alone")
-    left.spines[["top", "right"]].set_visible(False)
+    open_axes(left, "share of the variance, beyond what each has alone")
     if not known:
         say(left, "no variance yet")
     series = snapshot["outputs"][output]["convergence"]
