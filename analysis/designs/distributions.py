@@ -39,20 +39,36 @@ class Distribution(ABC):
 
     #: The name in JSON.
     kind: ClassVar[str]
+    #: Parameters that must be above 0.
+    positive: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+            object.__setattr__(self, field.name, self._read(field.name, getattr(self, field.name)))
+        given = vars(self)
+        for name in self.positive:
+            self._check_positive(name, given[name])
+        if "low" in given:
+            low, high = given["low"], given["high"]
+            if not low < high:
                 raise ValueError(
-                    f"{field.name} of a {self.kind} distribution must be a finite number"
+                    f"low of a {self.kind} distribution must be below high, not {low:g} and "
+                    f"{high:g}"
                 )
-            object.__setattr__(self, field.name, float(value))
-        self._check()
+            if not isfinite(high - low):
+                raise ValueError(f"low and high of a {self.kind} distribution are too far apart")
 
-    @abstractmethod
-    def _check(self) -> None:
-        """Raise ValueError if the parameters contradict each other."""
+    def _read(self, name: str, value: Any) -> Any:
+        """Return a parameter as it is kept; ValueError if it is not a finite number."""
+        if not _is_finite(value):
+            raise ValueError(f"{name} of a {self.kind} distribution must be a finite number")
+        return float(value)
+
+    def _check_positive(self, name: str, value: float) -> None:
+        if not value > 0.0:
+            raise ValueError(
+                f"{name} of a {self.kind} distribution must be positive, not {value:g}"
+            )
 
     @abstractmethod
     def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -79,7 +95,11 @@ class Distribution(ABC):
 
     def to_json(self) -> dict[str, Any]:
         """Return the distribution as `from_json` reads it."""
-        return {"kind": self.kind, **asdict(self)}
+        parameters = {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in asdict(self).items()
+        }
+        return {"kind": self.kind, **parameters}
 
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> "Distribution":
@@ -90,7 +110,7 @@ class Distribution(ABC):
                 the parameters contradict each other.
         """
         kind = data.get("kind")
-        known = {cls.kind: cls for cls in _KINDS}
+        known = {cls.kind: cls for cls in Distribution.__subclasses__()}
         if not isinstance(kind, str) or kind not in known:
             raise ValueError(
                 f"kind of a distribution must be one of {', '.join(known)}, not {kind!r}"
@@ -111,9 +131,6 @@ class Uniform(Distribution):
     low: float
     high: float
 
-    def _check(self) -> None:
-        _ordered(self.kind, self.low, self.high)
-
     @property
     def scale(self) -> Scale:
         """Its range."""
@@ -129,11 +146,9 @@ class Normal(Distribution):
     """Gauss's distribution with standard deviation `sd`."""
 
     kind: ClassVar[str] = "normal"
+    positive: ClassVar[tuple[str, ...]] = ("sd",)
     mean: float
     sd: float
-
-    def _check(self) -> None:
-        _positive(self.kind, "sd", self.sd)
 
     def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(self.mean + self.sd * ndtri(u), dtype=np.float64)
@@ -144,14 +159,11 @@ class TruncatedNormal(Distribution):
     """A normal distribution of `mean` and `sd`, cut off below `low` and above `high`."""
 
     kind: ClassVar[str] = "truncated_normal"
+    positive: ClassVar[tuple[str, ...]] = ("sd",)
     mean: float
     sd: float
     low: float
     high: float
-
-    def _check(self) -> None:
-        _positive(self.kind, "sd", self.sd)
-        _ordered(self.kind, self.low, self.high)
 
     def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         a, b = (self.low - self.mean) / self.sd, (self.high - self.mean) / self.sd
@@ -168,8 +180,8 @@ class Triangular(Distribution):
     mode: float
     high: float
 
-    def _check(self) -> None:
-        _ordered(self.kind, self.low, self.high)
+    def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.low <= self.mode <= self.high:
             raise ValueError("mode of a triangular distribution must lie from low to high")
 
@@ -188,12 +200,9 @@ class LogUniform(Distribution):
     """A logarithm that is equally likely everywhere from log `low` to log `high`."""
 
     kind: ClassVar[str] = "loguniform"
+    positive: ClassVar[tuple[str, ...]] = ("low",)
     low: float
     high: float
-
-    def _check(self) -> None:
-        _positive(self.kind, "low", self.low)
-        _ordered(self.kind, self.low, self.high)
 
     def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         x = np.exp(log(self.low) + u * (log(self.high) - log(self.low)))
@@ -213,24 +222,13 @@ class Discrete(Distribution):
     #: Positive, of sum 1.
     probabilities: tuple[float, ...]
 
-    def __post_init__(self) -> None:
-        for name in ("values", "probabilities"):
-            numbers = getattr(self, name)
-            if (
-                not isinstance(numbers, list | tuple)
-                or not numbers
-                or any(
-                    isinstance(number, bool)
-                    or not isinstance(number, int | float)
-                    or not isfinite(number)
-                    for number in numbers
-                )
-            ):
-                raise ValueError(f"{name} of a discrete distribution must be finite numbers")
-            object.__setattr__(self, name, tuple(map(float, numbers)))
-        self._check()
+    def _read(self, name: str, value: Any) -> Any:
+        if not isinstance(value, list | tuple) or not value or not all(map(_is_finite, value)):
+            raise ValueError(f"{name} of a discrete distribution must be finite numbers")
+        return tuple(map(float, value))
 
-    def _check(self) -> None:
+    def __post_init__(self) -> None:
+        super().__post_init__()
         if len(self.values) < 2:
             raise ValueError("a discrete distribution needs two values or more")
         if len(self.values) != len(self.probabilities):
@@ -238,7 +236,7 @@ class Discrete(Distribution):
         if any(a >= b for a, b in pairwise(self.values)):
             raise ValueError("values of a discrete distribution must rise")
         for probability in self.probabilities:
-            _positive(self.kind, "every probability", probability)
+            self._check_positive("every probability", probability)
         if abs(fsum(self.probabilities) - 1.0) > 1e-9:
             raise ValueError(
                 f"probabilities of a discrete distribution must add up to 1, not "
@@ -254,27 +252,10 @@ class Discrete(Distribution):
         edges = np.cumsum(self.probabilities)[:-1]
         return np.asarray(self.values)[np.searchsorted(edges, u, side="left")]
 
-    def to_json(self) -> dict[str, Any]:
-        return {
-            "kind": self.kind,
-            "values": list(self.values),
-            "probabilities": list(self.probabilities),
-        }
-
 
 def scales(distributions: Mapping[str, Distribution]) -> dict[str, Scale]:
     """Return `Distribution.scale` of every factor: what the step of the paper's equation 22 is."""
     return {name: distribution.scale for name, distribution in distributions.items()}
-
-
-_KINDS: tuple[type[Distribution], ...] = (
-    Uniform,
-    Normal,
-    TruncatedNormal,
-    Triangular,
-    LogUniform,
-    Discrete,
-)
 
 
 def _clipped(x: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
@@ -282,15 +263,5 @@ def _clipped(x: NDArray[np.float64], low: float, high: float) -> NDArray[np.floa
     return np.minimum(np.maximum(x, low), high)
 
 
-def _ordered(kind: str, low: float, high: float) -> None:
-    if not low < high:
-        raise ValueError(
-            f"low of a {kind} distribution must be below high, not {low:g} and {high:g}"
-        )
-    if not isfinite(high - low):
-        raise ValueError(f"low and high of a {kind} distribution are too far apart")
-
-
-def _positive(kind: str, name: str, value: float) -> None:
-    if not value > 0.0:
-        raise ValueError(f"{name} of a {kind} distribution must be positive, not {value:g}")
+def _is_finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
