@@ -1,7 +1,10 @@
 """Small studies of functions with known indices, for the tests of the analysis."""
 
+import csv
 import math
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 from analysis.designs import instance_parameters
 from analysis.designs.distributions import Distribution, Uniform, scales
@@ -86,3 +89,35 @@ def computed_in_one_go(study: Json) -> Json:
         return evaluate(study["model"], point).outputs
 
     return analyse(plan, results_of(plan, outputs, distributions=distributions))
+
+
+def described(plan: StudyPlan) -> dict[str, Any]:
+    """Return the study as a coordinator shows it."""
+    return {
+        "id": plan.id,
+        "name": "a <study> & more",
+        "model": "two_outputs",
+        "method": plan.method,
+        "sampling": plan.sampling,
+        "rows": plan.rows,
+        "seed": plan.seed,
+        "factors": [{"name": name, "distribution": d.to_json()} for name, d in FACTORS.items()],
+        "fixed": {"d": 0.5},
+        "outputs": list(plan.outputs),
+    }
+
+
+def write_table(path: Path, plan: StudyPlan, results: list[LoggedResult]) -> Path:
+    """Write results as a coordinator does."""
+    with path.open("w", newline="") as file:
+        lines = csv.writer(file, lineterminator="\n")
+        lines.writerow(["row", "position", *FACTORS, "outcome", *plan.outputs, "wall_seconds"])
+        for result in results:
+            point = instance_parameters(plan.method, plan.sampling, plan.seed, result.row, FACTORS)[
+                result.position
+            ]
+            outputs = [result.outputs.get(name) for name in plan.outputs]
+            lines.writerow(
+                [result.row, result.position, *point.values(), result.outcome, *outputs, 0.1]
+            )
+    return path

@@ -1,56 +1,25 @@
 """What a report promises: one file, nothing from outside, the coordinator's numbers, any state."""
 
 import base64
-import csv
 import hashlib
 import re
+from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from analysis.designs import METHODS, instance_parameters
+from analysis.designs import METHODS
 from analysis.files.results_csv import read_table
-from analysis.reports.report import Units, chapter, write_report
+from analysis.reports.report import Chapter, Units, chapter, write_report
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse
-from tests.testbed.studies import FACTORS, results_of, study_plan
+from tests.testbed.studies import described, results_of, study_plan, write_table
+
+pytestmark = pytest.mark.usefixtures("without_layout")
 
 UNITS = Units(factors={"a": "m"}, outputs={"y": "Nm/rad"})
 FAILED = [(0, 1), (4, 0), (7, 3)]
-
-
-def described(plan: StudyPlan) -> dict[str, Any]:
-    """Return the study as a coordinator shows it."""
-    return {
-        "id": plan.id,
-        "name": "a <study> & more",
-        "model": "two_outputs",
-        "method": plan.method,
-        "sampling": plan.sampling,
-        "rows": plan.rows,
-        "seed": plan.seed,
-        "factors": [{"name": name, "distribution": d.to_json()} for name, d in FACTORS.items()],
-        "fixed": {"d": 0.5},
-        "outputs": list(plan.outputs),
-    }
-
-
-def write_table(path: Path, plan: StudyPlan, results: list[LoggedResult]) -> Path:
-    """Write results as a coordinator does."""
-    with path.open("w", newline="") as file:
-        lines = csv.writer(file, lineterminator="\n")
-        lines.writerow(["row", "position", *FACTORS, "outcome", *plan.outputs, "wall_seconds"])
-        for result in results:
-            point = instance_parameters(plan.method, plan.sampling, plan.seed, result.row, FACTORS)[
-                result.position
-            ]
-            outputs = [result.outputs.get(name) for name in plan.outputs]
-            lines.writerow(
-                [result.row, result.position, *point.values(), result.outcome, *outputs, 0.1]
-            )
-    return path
 
 
 class Outline(HTMLParser):
@@ -74,23 +43,49 @@ class Outline(HTMLParser):
         self.words += data
 
 
-@pytest.mark.parametrize("method", METHODS)
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """A report that was written, and what of."""
+
+    plan: StudyPlan
+    results: list[LoggedResult]
+    chapter: Chapter
+    files: list[Path]
+
+    #: Of the figures' files. PDF takes long, so one method's will do.
+    @property
+    def kinds(self) -> list[str]:
+        return ["png", "pdf"] if self.plan.method == "saltelli" else ["png"]
+
+    def again(self, folder: Path) -> list[Path]:
+        """Write it into another folder."""
+        return write_report(
+            folder / "r.html",
+            [self.chapter],
+            "y",
+            UNITS,
+            title="T",
+            findings=["F < G"],
+            folders={kind: folder / kind for kind in self.kinds},
+        )
+
+
+@pytest.fixture(scope="module", params=METHODS)
+def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Written:
+    """A report of each method, written once for all tests."""
+    folder = tmp_path_factory.mktemp(request.param)
+    plan = study_plan(request.param, rows=16)
+    results = results_of(plan, failed=FAILED)
+    one = chapter(described(plan), write_table(folder / "r.csv", plan, results))
+    first = Written(plan=plan, results=results, chapter=one, files=[])
+    return replace(first, files=first.again(folder))
+
+
 def test_a_report_holds_every_figure_of_its_method_and_nothing_from_outside(
-    method: str, tmp_path: Path
+    written: Written,
 ) -> None:
-    plan = study_plan(method, rows=16)
-    table = write_table(tmp_path / "r.csv", plan, results_of(plan, failed=FAILED))
-    one = chapter(described(plan), table)
-    files = write_report(
-        tmp_path / "r.html",
-        [one],
-        "y",
-        UNITS,
-        title="T",
-        findings=["F < G"],
-        folders={"png": tmp_path / "p", "pdf": tmp_path / "q"},
-    )
-    text = (tmp_path / "r.html").read_text()
+    method, files = written.plan.method, written.files
+    text = files[0].read_text()
     outline = Outline()
     outline.feed(text)
     assert outline.open == []
@@ -113,7 +108,7 @@ def test_a_report_holds_every_figure_of_its_method_and_nothing_from_outside(
         "r.html",
         *(
             f"1-{method}-{name}.{kind}"
-            for kind in ("png", "pdf")
+            for kind in written.kinds
             for name in (*first, "convergence", "distribution", "scatter", "pairs")
         ),
     ]
@@ -126,25 +121,14 @@ def test_a_report_holds_every_figure_of_its_method_and_nothing_from_outside(
         assert (words in outline.words) == (method == "morris"), words
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_numbers_are_those_of_the_coordinator_bit_for_bit(method: str, tmp_path: Path) -> None:
-    plan = study_plan(method, rows=16)
-    results = results_of(plan, failed=FAILED)
-    one = chapter(described(plan), write_table(tmp_path / "r.csv", plan, results))
-    assert one.snapshot == analyse(plan, results)
+def test_numbers_are_those_of_the_coordinator_bit_for_bit(written: Written) -> None:
+    assert written.chapter.snapshot == analyse(written.plan, written.results)
 
 
-def test_the_same_study_gives_the_same_page(tmp_path: Path) -> None:
-    plan = study_plan("saltelli", rows=8)
-    table = write_table(tmp_path / "r.csv", plan, results_of(plan))
-    written = []
-    for name in ("a", "b"):
-        one = chapter(described(plan), table)
-        folders = {"pdf": tmp_path / name}
-        page = tmp_path / f"{name}.html"
-        files = write_report(page, [one], "y", UNITS, title="T", folders=folders)
-        written.append([file.read_bytes() for file in files])
-    assert written[0] == written[1]
+@pytest.mark.parametrize("written", ["saltelli"], indirect=True)
+def test_the_same_study_gives_the_same_page(written: Written, tmp_path: Path) -> None:
+    again = written.again(tmp_path)
+    assert [file.read_bytes() for file in again] == [file.read_bytes() for file in written.files]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -171,20 +155,6 @@ def test_failures_that_depend_on_the_factors_are_a_banner(tmp_path: Path) -> Non
     write_report(tmp_path / "r.html", [chapter(described(plan), table)], "y", UNITS, title="T")
     banner = re.search(r'<div class="card warning"><p>(.*?)</p>', (tmp_path / "r.html").read_text())
     assert banner is not None and "failures depend on the factors: b." in banner[1]
-
-
-def test_surrogates_stand_in_a_report_where_asked_or_say_why_not(tmp_path: Path) -> None:
-    plan = study_plan("saltelli", rows=16)
-    one = chapter(described(plan), write_table(tmp_path / "r.csv", plan, results_of(plan)))
-    write_report(tmp_path / "r.html", [one], "y", UNITS, title="T", surrogates=True)
-    text = (tmp_path / "r.html").read_text()
-    assert "Surrogates on the same runs" in text and "polynomial chaos: S, ST" in text
-    assert "Fitted to 80 runs" in text
-    few = study_plan("saltelli", rows=2)
-    table = write_table(tmp_path / "f.csv", few, results_of(few))
-    one = chapter(described(few), table)
-    write_report(tmp_path / "f.html", [one], "y", UNITS, title="T", surrogates=True)
-    assert "There is no surrogate: a surrogate needs 15 runs" in (tmp_path / "f.html").read_text()
 
 
 def test_points_that_stand_for_the_distributions_are_a_and_b_of_a_saltelli_row(
