@@ -14,9 +14,33 @@ import numpy as np
 from analysis.closeloop.contract import REPORT_FILES, Verdict
 from analysis.closeloop.identification.accuracy import TrialError
 from analysis.closeloop.identification.confirmation import confirm, unconfirmed
+from analysis.closeloop.identification.interface import beyond_interface
+from analysis.closeloop.identification.outcome import outcome_of
 from analysis.closeloop.identification.repaired import repaired_model
-from analysis.closeloop.report.answer import Answer, answer
+from analysis.closeloop.identification.tracing import trace
+from analysis.closeloop.load import load_session
+from analysis.closeloop.report.answer import Answer
+from analysis.closeloop.report.json_report import json_report
 from analysis.closeloop.report.page import write_page
+
+
+def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> Answer:
+    """Find out what the declared model of the session in `folder` lacks.
+
+    Raises:
+        SessionError: the session cannot be analysed.
+    """
+    progress("reading")
+    recording = load_session(folder)
+    found = beyond_interface(trace(recording, progress))
+    progress("errors and intervals")
+    outcome = outcome_of(found)
+    return Answer(
+        report=json_report(outcome),
+        recording=recording,
+        before=outcome.recorded.before,
+        after=outcome.recorded.after,
+    )
 
 
 def close_loop(
@@ -32,7 +56,7 @@ def close_loop(
     """
     if out.exists() and not out.is_dir():
         raise NotADirectoryError(ENOTDIR, "is a file, not a folder for the report", str(out))
-    found = answer(folder, progress)
+    found = analyse(folder, progress)
     report = found.report
     if found.recording.session.unknown:
         report["warnings"].append(

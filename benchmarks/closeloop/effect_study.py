@@ -11,7 +11,7 @@ import json
 import tempfile
 from pathlib import Path
 
-from analysis.closeloop.report.answer import answer
+from analysis.closeloop.loop import analyse
 from analysis.closeloop.report.effect_study import study_with_effects
 from benchmarks.closeloop.patient import CASES, session_of
 from benchmarks.machine import describe_machine
@@ -31,7 +31,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as directory:
         folder = Path(directory)
         session_of(folder / "session", CASES[CASE], options.fidelity)
-        report = json.loads(json.dumps(answer(folder / "session").report))
+        report = json.loads(json.dumps(analyse(folder / "session").report))
         for effect in report["effects"]:
             for name, entry in effect["parameters"].items():
                 low, high = entry["ci90"]

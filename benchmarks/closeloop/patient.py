@@ -16,12 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.identification.interface import unique_torque
 from analysis.closeloop.identification.model import declared_model, evaluate, impedances
 from analysis.closeloop.identification.regression import select_rows
-from analysis.closeloop.identification.tracing import Trace, trace
+from analysis.closeloop.identification.tracing import trace
 from analysis.closeloop.load import load_session
-from analysis.closeloop.report.answer import answer
+from analysis.closeloop.loop import analyse
 from benchmarks.machine import describe_machine
 from sim.assessment.patient import (
     EXERCISES,
@@ -103,7 +104,7 @@ def run(values: Mapping[str, float], fidelity: str) -> Outcome:
     """Record one arm and analyse it blind."""
     with tempfile.TemporaryDirectory() as directory:
         truth = session_of(Path(directory), values, fidelity)
-        report = answer(Path(directory)).report
+        report = analyse(Path(directory)).report
         without = {name: v for name, v in values.items() if name == "upper_arm_length"}
         session_of(Path(directory), without, fidelity)
         plain = declared_stiffness(Path(directory))

@@ -27,8 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.closeloop.loop import close_loop
-from analysis.closeloop.report.answer import answer
+from analysis.closeloop.loop import analyse, close_loop
 from benchmarks.machine import describe_machine
 from tests.testbed.effects import ABSORBED, BETWEEN, EFFECTS, OUTSIDE
 from tests.testbed.sessions import write_session
@@ -99,7 +98,7 @@ def run(case: Case) -> Outcome:
         folder = Path(directory) / "session"
         arm = write_session(folder, case.seed, case.effects, declared=case.kind != "bare")
         started = time.perf_counter()
-        report = answer(folder).report
+        report = analyse(folder).report
         seconds = time.perf_counter() - started
     before = after = None
     held = {"stiffness": True, "damping": True}

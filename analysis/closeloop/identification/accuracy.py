@@ -1,14 +1,16 @@
 """Errors over the raw effort samples: on trials no fit has touched, or with each group left out."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import decimate
 
+from analysis.closeloop.identification.least_squares import gram_matrices, solve
 from analysis.closeloop.identification.model import Model, kept_columns, prediction
-from analysis.closeloop.identification.regression import Rows, resting, solve
+from analysis.closeloop.identification.regression import Rows, resting
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import rms
 
 #: Rate, Hz, to which errors are decimated for comparison with published relative errors.
 SMOOTH_RATE = 100.0
@@ -27,6 +29,12 @@ class TrialError:
     @property
     def residual(self) -> np.ndarray:
         return np.asarray(self.effort - self.predicted)
+
+    def where(self, rows: np.ndarray) -> "TrialError":
+        """Return the error over the samples `rows` alone."""
+        return replace(
+            self, time=self.time[rows], effort=self.effort[rows], predicted=self.predicted[rows]
+        )
 
 
 def settled(model: Model, coefficients: np.ndarray) -> np.ndarray:
@@ -101,7 +109,7 @@ def left_out_errors(model: Model, rows: Rows) -> list[TrialError]:
     recording = model.recording
     base, lower = model.base(rows)
     table = np.column_stack([base, model.target(rows)])
-    grams = np.stack([table[fold].T @ table[fold] for fold in rows.folds])
+    grams = gram_matrices(table, rows.folds)
     found: list[TrialError] = []
     for number, fold in enumerate(rows.folds):
         predicted = settled(model, solve(grams.sum(axis=0) - grams[number], lower))
@@ -114,15 +122,7 @@ def left_out_errors(model: Model, rows: Rows) -> list[TrialError]:
         low, high = recording.time[samples.min()], recording.time[samples.max()]
         for error in errors:
             inside = (error.time >= low) & (error.time <= high)
-            found.append(
-                TrialError(
-                    trial=error.trial,
-                    joint=error.joint,
-                    time=error.time[inside],
-                    effort=error.effort[inside],
-                    predicted=error.predicted[inside],
-                )
-            )
+            found.append(error.where(inside))
     return found
 
 
@@ -165,8 +165,5 @@ def rms_by_joint(errors: list[TrialError]) -> Mapping[int, tuple[float, float]]:
         residual = np.concatenate([error.residual for error in own])
         effort = np.concatenate([error.effort for error in own])
         if len(residual):
-            found[joint] = (
-                float(np.sqrt(np.mean(residual**2))),
-                float(np.sqrt(np.mean(effort**2))),
-            )
+            found[joint] = rms(residual), rms(effort)
     return found

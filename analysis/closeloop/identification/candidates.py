@@ -1,9 +1,11 @@
 """Try every effect of the catalogue beside a model: the candidates that a name is chosen from."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from analysis.closeloop.identification.findings import Option
+from analysis.closeloop.identification.least_squares import keep_independent
 from analysis.closeloop.identification.model import (
     Candidate,
     Channel,
@@ -18,7 +20,6 @@ from analysis.closeloop.identification.regression import (
     Score,
     Variant,
     compare,
-    keep_independent,
     score,
 )
 from analysis.closeloop.session.recording import Recording
@@ -35,29 +36,8 @@ ONE_WAY = (
     "be told apart"
 )
 REFINEMENTS = (1.0, 0.5, 0.25, 0.12)
-#: Options of a ladder that are refined before they are compared.
+#: Options that are refined before they are compared.
 CONTENDERS = 6
-
-
-@dataclass(frozen=True, kw_only=True)
-class Option:
-    """One candidate beside the model it was tried on."""
-
-    candidate: Candidate
-    model: Model
-    score: Score
-    gain: float
-    z: float
-    #: Why it may not be named here; empty if it may.
-    refused: str = ""
-    #: Simpler effects of the model that it takes the place of.
-    replaced: frozenset[tuple[str, int]] = frozenset()
-
-    @property
-    def theta(self) -> Theta:
-        """Its non-linear parameters in the model."""
-        parts: list[Term | Channel] = [*self.model.terms, *self.model.channels]
-        return next(part.theta for part in parts if part.candidate == self.candidate)
 
 
 def candidates(recording: Recording) -> list[Candidate]:
@@ -70,7 +50,7 @@ def candidates(recording: Recording) -> list[Candidate]:
     ]
 
 
-def ladder(model: Model, rows: Rows, current: Score) -> list[Option]:
+def options_beside(model: Model, rows: Rows, current: Score) -> list[Option]:
     """Try every candidate beside the model; best first."""
     estimate = estimate_of(model, current.coefficients)
     active = {candidate.key for candidate in model.effects}

@@ -16,10 +16,10 @@ import numpy as np
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.candidates import ONE_WAY
+from analysis.closeloop.identification.findings import Step, Trace
 from analysis.closeloop.identification.model import Model, evaluate, kept_columns
-from analysis.closeloop.identification.noise_ceiling import ceiling
+from analysis.closeloop.identification.noise_ceiling import noise_ceiling
 from analysis.closeloop.identification.regression import Rows
-from analysis.closeloop.identification.tracing import Step, Trace
 from analysis.closeloop.session.contents import NOMINAL
 
 #: Torque of an effect beyond what stiffness, damping and neutral angle absorb, Nm where it acts, up
@@ -61,23 +61,15 @@ def beyond_interface(found: Trace) -> Trace:
     if len(kept) == len(found.steps):
         return found
     if not kept:
-        return replace(
-            found,
-            verdict=Verdict.UNEXPLAINED,
-            model=found.declared,
-            score=found.declared_score,
-            steps=(),
-            ceiling_after=found.ceiling_before,
-            notes=(*found.notes, REMARK),
-        )
-    keys = {step.taken.candidate.key for step in kept}
+        return found.without_names(REMARK)
+    keys = {step.key for step in kept}
     reduced = model.keeping(lambda candidate: candidate.key in keys)
     return replace(
         found,
         model=reduced,
         score=evaluate(reduced, found.rows),
         steps=kept,
-        ceiling_after=ceiling(reduced, found.rows),
+        ceiling_after=noise_ceiling(reduced, found.rows),
         notes=(*found.notes, REMARK),
     )
 
@@ -94,10 +86,9 @@ def _explains_all(found: Trace, step: Step) -> bool:
     """Whether one effect of the direction alone leaves nothing that splines could explain."""
     if not step.taken.candidate.effect.directed:
         return False
-    left = ceiling(step.taken.model, found.rows)
+    left = noise_ceiling(step.taken.model, found.rows)
     explained = found.ceiling_before.model_loss - left.model_loss
-    remains = left.model_loss - left.ceiling_loss
-    return explained > WHOLE * (explained + remains)
+    return explained > WHOLE * (explained + left.remains)
 
 
 def unique_torque(

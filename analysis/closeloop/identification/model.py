@@ -6,11 +6,11 @@ from math import prod
 
 import numpy as np
 
+from analysis.closeloop.identification.least_squares import keep_independent
 from analysis.closeloop.identification.regression import (
     Rows,
     Score,
     Variant,
-    keep_independent,
     score,
 )
 from analysis.closeloop.session.recording import Recording

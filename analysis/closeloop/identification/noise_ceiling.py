@@ -5,46 +5,28 @@ what is there, and says on which signals the rest depends. Folds are scattered b
 groups: a spline may interpolate between speeds, and must not be asked to extrapolate.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 import numpy as np
 
+from analysis.closeloop.identification.findings import NoiseCeiling
+from analysis.closeloop.identification.least_squares import keep_independent
 from analysis.closeloop.identification.model import Model, evaluate
-from analysis.closeloop.identification.presliding import with_declared_passages
+from analysis.closeloop.identification.presliding import with_free_presliding
 from analysis.closeloop.identification.regression import (
     Rows,
     Score,
     Variant,
     compare,
-    keep_independent,
     rank_z,
     score,
 )
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import rms
 
 FOLDS = 5
 KNOTS = 8
 
 
-@dataclass(frozen=True, kw_only=True)
-class Ceiling:
-    """What splines explain beyond a model."""
-
-    #: Held-out loss of the model alone and with every spline, on the same scattered folds.
-    model_loss: float
-    ceiling_loss: float
-    #: Gain over its standard error.
-    z: float
-    #: The same by ranks, whatever share of the gain a few blocks hold.
-    rank_z: float
-    #: Signals that explain most of it, best first, with their share of the gain.
-    depends_on: tuple[tuple[str, float], ...]
-    #: Root mean square per joint that the ceiling leaves (low-passed, in the joint's unit).
-    noise: Mapping[int, float]
-
-
-def hats(signal: np.ndarray, knots: int = KNOTS) -> np.ndarray:
+def hat_basis(signal: np.ndarray, knots: int = KNOTS) -> np.ndarray:
     """Return piecewise-linear bases with knots at the signal's quantiles, (n, <= knots)."""
     good = signal[np.isfinite(signal)]
     if len(good) == 0:
@@ -65,29 +47,29 @@ def signal_groups(rows: Rows, joint: int) -> dict[str, np.ndarray]:
     )
     sign = np.tanh(v / (2.0 * recording.rest_speed[joint]))
     groups = {
-        f"{name}.position": hats(q, 10),
+        f"{name}.position": hat_basis(q, 10),
         f"{name}.velocity": np.column_stack(
-            [sign, np.tanh(v / (0.1 * recording.top_speed[joint])), hats(v, 10)]
+            [sign, np.tanh(v / (0.1 * recording.top_speed[joint])), hat_basis(v, 10)]
         ),
-        f"{name}.acceleration": hats(a, 6),
+        f"{name}.acceleration": hat_basis(a, 6),
         f"{name}.position x velocity": np.column_stack(
-            [hats(q, 8) * sign[:, None], hats(q, 12) * v[:, None]]
+            [hat_basis(q, 8) * sign[:, None], hat_basis(q, 12) * v[:, None]]
         ),
-        "time": hats(recording.time, 5),
-        "time in trial": hats(_time_in_trial(recording), 5),
-        "time x motion": _with_motion(hats(recording.time, 4), q, v),
+        "time": hat_basis(recording.time, 5),
+        "time in trial": hat_basis(_time_in_trial(recording), 5),
+        "time x motion": _with_motion(hat_basis(recording.time, 4), q, v),
     }
     for other in range(recording.position.shape[1]):
         if other != joint and np.ptp(recording.position[:, other]) > 5e-3:
             groups[f"{recording.device.joints[other]}.position"] = np.column_stack(
                 [
-                    hats(recording.position[:, other], 5),
+                    hat_basis(recording.position[:, other], 5),
                     recording.velocity[:, [other]],
                     recording.acceleration[:, [other]],
                 ]
             )
     for number, extra in enumerate(recording.extra_names):
-        bases = hats(recording.extra[:, number], 5)
+        bases = hat_basis(recording.extra[:, number], 5)
         groups[extra] = bases
         groups[f"{extra} x motion"] = _with_motion(bases, q, v)
     return groups
@@ -110,14 +92,14 @@ def scattered_folds(rows: Rows) -> list[np.ndarray]:
     return [np.flatnonzero(rows.block % FOLDS == number) for number in range(FOLDS)]
 
 
-def ceiling(model: Model, rows: Rows) -> Ceiling:
+def noise_ceiling(model: Model, rows: Rows) -> NoiseCeiling:
     """Fit every spline beside the model, and each signal's alone.
 
     Args:
         model: the declared or repaired model.
         rows: the samples to fit, weighted by each joint's noise (or not at all at first).
     """
-    model = with_declared_passages(model)
+    model = with_free_presliding(model)
     folds = scattered_folds(rows)
     plain = evaluate(model, rows, fold_rows=folds)
     base, lower = model.base(rows)
@@ -140,15 +122,12 @@ def ceiling(model: Model, rows: Rows) -> Ceiling:
                 shares.append((name, own / gain))
     noise = {}
     left = target - np.column_stack([base, full.variant.columns]) @ full.coefficients
-    start = 0
-    for joint, samples in rows.samples.items():
-        part = slice(start, start + len(samples))
-        start += len(samples)
+    for joint, part in rows.parts.items():
         # In the joint's unit, and never zero: a perfect recording still has its last digit.
-        spread = float(np.sqrt(np.mean((left[part] / rows.weight[part]) ** 2)))
-        scale = float(np.sqrt(np.mean((target[part] / rows.weight[part]) ** 2)))
+        spread = rms(left[part] / rows.weight[part])
+        scale = rms(target[part] / rows.weight[part])
         noise[joint] = max(spread, 1e-5 * scale, 1e-9)
-    return Ceiling(
+    return NoiseCeiling(
         model_loss=plain.loss,
         ceiling_loss=min(full.loss, plain.loss),
         z=gain / error,

@@ -8,8 +8,7 @@ is largest, looks like a late motor or a little inertia.
 
 import numpy as np
 
-from analysis.closeloop.identification.candidates import Option
-from analysis.closeloop.identification.model import Model, Term, evaluate
+from analysis.closeloop.identification.model import Candidate, Model, Term, evaluate
 from analysis.closeloop.identification.regression import Rows, compare
 
 #: How far the passage is moved and widened, s.
@@ -18,35 +17,34 @@ SHIFT = 0.01
 MIN_Z = 3.0
 
 
-def only_passage(option: Option, model: Model, rows: Rows) -> bool:
+def only_presliding(candidate: Candidate, beside: Model, model: Model, rows: Rows) -> bool:
     """Whether an effect does no more than correct how friction passes through zero.
 
     Args:
-        option: the effect beside the model.
-        model: what it was tried on; friction may be declared in it or found before.
+        candidate: the effect and its joint.
+        beside: the model with the effect.
+        model: the model without; friction may be declared in it or found before.
         rows: the samples that are fitted.
     """
-    joint = option.candidate.joint
-    free = _passage(model, joint, tuple(model.terms))
-    if free is None or option.candidate.effect.at_reversals:
+    free = _free_presliding(model, candidate.joint, model.terms)
+    if free is None or candidate.effect.at_reversals:
         return False
     without = evaluate(model.with_term(free), rows)
-    beside = evaluate(option.model.with_term(free), rows)
-    gain, error = compare(without.losses, beside.losses)
+    gain, error = compare(without.losses, evaluate(beside.with_term(free), rows).losses)
     return gain <= MIN_Z * error
 
 
-def with_declared_passages(model: Model) -> Model:
-    """Let the friction that is declared pass through zero as it will: nothing to be explained."""
+def with_free_presliding(model: Model) -> Model:
+    """Return the model with declared friction free to pass through zero in its own way."""
     declared = tuple(term for term in model.terms if term.candidate is None)
     for joint in model.recording.joints:
-        free = _passage(model, joint, declared)
+        free = _free_presliding(model, joint, declared)
         if free is not None:
             model = model.with_term(free)
     return model
 
 
-def _passage(model: Model, joint: int, terms: tuple[Term, ...]) -> Term | None:
+def _free_presliding(model: Model, joint: int, terms: tuple[Term, ...]) -> Term | None:
     """Return a term that moves and widens a joint's friction in time; None without any.
 
     Args:

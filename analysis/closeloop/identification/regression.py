@@ -1,27 +1,25 @@
 """Bounded least squares of the balance, scored on left-out groups.
 
-All sums of squares come from one Gram matrix per fold, so a candidate with any number of variants
+All sums of squares come from one Gram matrix a fold, so a candidate with any number of variants
 costs one product of its columns. Non-linear parameters are chosen on the training folds only, so a
 held-out score owes nothing to the trials it is scored on.
 """
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import dtrtrs
 from scipy.stats import rankdata
 
+from analysis.closeloop.identification.least_squares import gram_matrices, misfit, solve
 from analysis.closeloop.session.recording import Recording
 
 #: Length over which the losses of a comparison are averaged before their spread is taken, s.
 BLOCK_SECONDS = 1.0
 #: Folds when all fit trials share one group: stretches of time instead of groups.
 TIME_FOLDS = 6
-#: A column of which other columns explain this share adds nothing that can be named.
-ABSORBED = 0.9995
 #: Shortest rest that is left out of the fit, s: friction at rest is not determined.
 REST = 0.05
 
@@ -46,6 +44,15 @@ class Rows:
         if key not in self.stacked:
             self.stacked[key] = make()
         return self.stacked[key]
+
+    @cached_property
+    def parts(self) -> dict[int, slice]:
+        """Where each joint's rows lie in arrays over rows."""
+        ends = np.cumsum([len(own) for own in self.samples.values()])
+        return {
+            joint: slice(int(end) - len(own), int(end))
+            for (joint, own), end in zip(self.samples.items(), ends, strict=True)
+        }
 
     @property
     def fold_of_block(self) -> np.ndarray:
@@ -75,26 +82,13 @@ class Rows:
 
     def effort_power(self, joint: int) -> float:
         """Return the sum of squares of one joint's weighted effort."""
-        start = 0
-        for number, samples in self.samples.items():
-            if number == joint:
-                effort = self.recording.effort[samples, joint]
-                return float(((effort * self.weight[start : start + len(samples)]) ** 2).sum())
-            start += len(samples)
-        return 0.0
+        effort = self.recording.effort[self.samples[joint], joint]
+        return float(((effort * self.weight[self.parts[joint]]) ** 2).sum())
 
     def reweighted(self, noise: Mapping[int, float]) -> "Rows":
         """Return the same rows with every joint's noise as the unit of its residual."""
         weight = [np.full(len(s), 1.0 / noise[joint]) for joint, s in self.samples.items()]
-        return Rows(
-            recording=self.recording,
-            samples=self.samples,
-            weight=np.concatenate(weight),
-            fold=self.fold,
-            block=self.block,
-            trial=self.trial,
-            grouped=self.grouped,
-        )
+        return replace(self, weight=np.concatenate(weight), stacked={})
 
 
 def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = False) -> Rows:
@@ -185,56 +179,6 @@ class Score:
         return float(self.losses.sum())
 
 
-def keep_independent(base: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
-    """Drop the columns that the base and the columns before them explain."""
-    both = np.concatenate([base, columns], axis=1)
-    norms = np.sqrt((both**2).sum(axis=0))
-    scaled = both / np.maximum(norms, 1e-300)
-    gram = scaled.T @ scaled
-    factor = np.zeros_like(gram)
-    known: list[int] = []
-    kept: list[int] = []
-    for number in range(both.shape[1]):
-        if norms[number] <= 1e-9 * np.sqrt(len(both)):
-            continue
-        size = len(known)
-        row = np.empty(0)
-        if size:
-            row, _ = dtrtrs(factor[:size, :size], gram[known, number], lower=1)
-        left = 1.0 - float(row @ row)
-        if left < (1e-10 if number < base.shape[1] else 1.0 - ABSORBED):
-            continue
-        factor[size, :size], factor[size, size] = row, np.sqrt(left)
-        known.append(number)
-        if number >= base.shape[1]:
-            kept.append(number - base.shape[1])
-    return columns[:, kept], tuple(kept)
-
-
-def solve(gram: np.ndarray, lower: np.ndarray) -> np.ndarray:
-    """Return the least-squares coefficients of a Gram matrix whose last row is the target.
-
-    A coefficient that would leave its bound of zero is held there (an active set of one way).
-    """
-    size = len(gram) - 1
-    free = list(range(size))
-    scale = np.sqrt(np.maximum(gram.diagonal()[:size], 1e-300))
-    every = gram[:size, :size] / (scale[:, None] * scale)
-    every.flat[:: size + 1] += 1e-10
-    moments = gram[:size, size] / scale
-    coefficients = np.zeros(size)
-    while free:
-        part = every if len(free) == size else every[np.ix_(free, free)]
-        found = np.linalg.solve(part, moments[free]) / scale[free]
-        broken = [i for i, value in zip(free, found, strict=True) if value < lower[i]]
-        if not broken:
-            coefficients[free] = found
-            break
-        worst = min(broken, key=lambda i: float(found[free.index(i)] * scale[i]))
-        free.remove(worst)
-    return coefficients
-
-
 def score(
     rows: Rows,
     target: np.ndarray,
@@ -260,40 +204,33 @@ def score(
     grams, bounds = [], []
     for variant in variants:
         table = np.column_stack([base, variant.columns, target])
-        grams.append(np.stack([table[fold].T @ table[fold] for fold in folds]))
+        grams.append(gram_matrices(table, folds))
         own = [lower[min(i, len(lower) - 1)] for i in variant.kept]
         bounds.append(np.concatenate([base_lower, own]))
+    totals = [gram.sum(axis=0) for gram in grams]
     residual = np.zeros(len(target))
     for number, fold in enumerate(folds):
-        fits = []
-        for gram, bound in zip(grams, bounds, strict=True):
-            train = gram.sum(axis=0) - gram[number]
-            coefficients = solve(train, bound)
-            fits.append((_sse(train, coefficients), coefficients))
-        best = min(range(len(fits)), key=lambda i: fits[i][0])
+        others = [total - gram[number] for total, gram in zip(totals, grams, strict=True)]
+        best, coefficients, _ = _best_fit(others, bounds)
         table = np.column_stack([base[fold], variants[best].columns[fold]])
-        residual[fold] = target[fold] - table @ fits[best][1]
-    whole = []
-    for gram, bound in zip(grams, bounds, strict=True):
-        total = gram.sum(axis=0)
-        coefficients = solve(total, bound)
-        whole.append((_sse(total, coefficients), coefficients))
-    best = min(range(len(whole)), key=lambda i: whole[i][0])
+        residual[fold] = target[fold] - table @ coefficients
+    best, coefficients, sse = _best_fit(totals, bounds)
     return Score(
         variant=variants[best],
-        coefficients=whole[best][1],
+        coefficients=coefficients,
         losses=np.bincount(rows.block, residual**2),
-        sse=whole[best][0],
+        sse=sse,
     )
 
 
-def _sse(gram: np.ndarray, coefficients: np.ndarray) -> float:
-    size = len(coefficients)
-    return float(
-        gram[size, size]
-        - 2 * coefficients @ gram[:size, size]
-        + coefficients @ gram[:size, :size] @ coefficients
-    )
+def _best_fit(
+    grams: Sequence[np.ndarray], bounds: Sequence[np.ndarray]
+) -> tuple[int, np.ndarray, float]:
+    """Return which of several fits leaves least, its coefficients and its sum of squares."""
+    fits = [solve(gram, bound) for gram, bound in zip(grams, bounds, strict=True)]
+    left = [misfit(gram, fit) for gram, fit in zip(grams, fits, strict=True)]
+    best = min(range(len(left)), key=lambda number: left[number])
+    return best, fits[best], left[best]
 
 
 def compare(worse: np.ndarray, better: np.ndarray) -> tuple[float, float]:

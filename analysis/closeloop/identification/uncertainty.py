@@ -34,8 +34,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t
 
+from analysis.closeloop.identification.least_squares import solve
 from analysis.closeloop.identification.model import Channel, Model, Term, no_estimate, prediction
-from analysis.closeloop.identification.regression import Rows, solve
+from analysis.closeloop.identification.regression import Rows
 
 #: Confidence of every interval.
 CONFIDENCE = 0.9
@@ -138,6 +139,7 @@ def leave_out(model: Model, rows: Rows, coefficients: np.ndarray) -> Fits:
     for clusters in partitions(rows):
         order = np.argsort(clusters, kind="stable")
         starts = np.flatnonzero(np.diff(clusters[order])) + 1
+        # Sorted as a whole: a part that is taken by its rows has another last digit.
         grams = np.array([part.T @ part for part in np.split(table[order], starts)])
         fits += _solve_each(gram - grams, bounds)
         sizes.append(len(grams))

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import coherence
 
 from analysis.closeloop.identification.model import Model, prediction
-from analysis.closeloop.identification.noise_ceiling import hats
+from analysis.closeloop.identification.noise_ceiling import hat_basis
 from analysis.closeloop.identification.regression import Rows
 from analysis.closeloop.session.recording import Recording
 from sim.effects.motion import travel
@@ -88,7 +88,7 @@ def since_reversal(recording: Recording, joint: int) -> np.ndarray:
 def explained(signal: np.ndarray, residual: np.ndarray) -> float:
     """Return the adjusted share of the residual's variance that a signal explains, 0 to 1."""
     good = np.isfinite(signal) & np.isfinite(residual)
-    bases = hats(signal[good])
+    bases = hat_basis(signal[good])
     count, width = bases.shape
     if width == 0 or count < 10 * width:
         return 0.0

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.identification.model import Candidate, Channel, Model, Term, gain
-from analysis.closeloop.identification.tracing import Step, Trace, p_value
 from analysis.closeloop.identification.uncertainty import Fits, leave_out
 from analysis.closeloop.session.recording import Recording
 from sim.effects.effect import Theta
@@ -15,7 +15,7 @@ from sim.effects.parameter import unit_at
 def effect_entries(found: Trace) -> list[dict[str, Any]]:
     """Return one entry for every effect of the answer, by held-out gain."""
     recording = found.rows.recording
-    steps = sorted(found.steps, key=lambda step: -_share(step))
+    steps = sorted(found.steps, key=lambda step: -step.share(step.taken))
     named = found.verdict != "not_identifiable"
     model, coefficients = found.model, found.score.coefficients
     if not named and steps:
@@ -37,18 +37,14 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
                 "indistinguishable_from": others,
                 "separating_trial": effect.separating_trial if others or not named else None,
                 "evidence": {
-                    "holdout_gain": _share(step),
-                    "p_value": p_value(step.taken.z, len(step.ladder)),
+                    "holdout_gain": step.share(step.taken),
+                    "p_value": step.p_value,
                     "signature": effect.signature,
                 },
                 "mujoco_element": effect.element,
             }
         )
     return entries
-
-
-def _share(step: Step) -> float:
-    return step.taken.gain / max(step.before, 1e-300)
 
 
 def _parameters(

@@ -66,6 +66,11 @@ def choose_sampling(positions: Sequence[np.ndarray], rate: float, moving: np.nda
     return Sampling(recorded=rate, working=working, cutoff=cutoff)
 
 
+def rms(signal: np.ndarray) -> float:
+    """Return the root mean square of a signal."""
+    return float(np.sqrt(np.mean(signal**2)))
+
+
 def lowpass(signal: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.ndarray:
     """Return `signal` without what lies above `cutoff`, without delay; shape (n, ...)."""
     if cutoff >= 0.45 * rate or len(signal) < 4 * order:

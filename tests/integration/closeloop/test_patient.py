@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.interface import REMARK
-from analysis.closeloop.loop import close_loop
-from analysis.closeloop.report.answer import answer
+from analysis.closeloop.loop import analyse, close_loop
 from rehyb.client import Client
 from rehyb.fleet import LocalFleet
 from sim.assessment.assess import assess
@@ -73,7 +72,7 @@ def test_the_papers_single_sigmoid_is_not_enough_and_the_next_trial_is_named(
     assert record is not None
     sigmoid = Exercise(name="sigmoid", rate=2.0, amplitude=1.745, cycles=1)
     write_session(tmp_path, (sigmoid,), [record], np.random.default_rng(1))
-    report = answer(tmp_path).report
+    report = analyse(tmp_path).report
     assert report["verdict"] == "not_identifiable"
     assert any("to and fro" in line for line in report["advice"])
 

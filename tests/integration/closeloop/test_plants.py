@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.closeloop.report.answer import answer
+from analysis.closeloop.loop import analyse
 from tests.testbed.plants import ARM, CARRIAGE, write_recordings
 
 
@@ -16,7 +16,7 @@ def names(report: dict[str, Any]) -> set[tuple[str, str]]:
 
 def test_nothing_is_missing_where_all_friction_is_declared(tmp_path: Path) -> None:
     write_recordings(tmp_path, CARRIAGE, 3)
-    report = answer(tmp_path).report
+    report = analyse(tmp_path).report
     assert report["verdict"] == "adequate"
     assert report["effects"] == []
 
@@ -24,7 +24,7 @@ def test_nothing_is_missing_where_all_friction_is_declared(tmp_path: Path) -> No
 def test_friction_that_sticks_is_coulomb_friction_and_no_late_motor(tmp_path: Path) -> None:
     truth = ARM.changed('frictionloss="0"', 'frictionloss="0.8"')
     write_recordings(tmp_path, ARM, 1, truth=truth)
-    report = answer(tmp_path).report
+    report = analyse(tmp_path).report
     assert names(report) == {("coulomb_friction", "elbow")}
     assert report["effects"][0]["parameters"]["torque"]["value"] == pytest.approx(0.8, rel=0.02)
 
@@ -32,7 +32,7 @@ def test_friction_that_sticks_is_coulomb_friction_and_no_late_motor(tmp_path: Pa
 def test_friction_beyond_the_declared_is_found(tmp_path: Path) -> None:
     truth = CARRIAGE.changed('frictionloss="10"', 'frictionloss="18"')
     write_recordings(tmp_path, CARRIAGE, 1, truth=truth)
-    report = answer(tmp_path).report
+    report = analyse(tmp_path).report
     assert names(report) == {("coulomb_friction", "slide")}
     assert report["effects"][0]["parameters"]["torque"]["value"] == pytest.approx(8.0, rel=0.02)
 
@@ -44,14 +44,14 @@ def test_a_mass_at_the_end_of_a_chain_is_found_through_both_joints(tmp_path: Pat
     )
     truth = ARM.changed("</body>\n    </body>", load + "\n    </body>")
     write_recordings(tmp_path, ARM, 1, truth=truth)
-    report = answer(tmp_path).report
+    report = analyse(tmp_path).report
     assert names(report) == {("payload", "elbow")}
     assert report["effects"][0]["parameters"]["mass"]["value"] == pytest.approx(0.5, rel=0.03)
 
 
 def test_a_torque_from_the_other_joint_is_coupling_and_no_flipped_sign(tmp_path: Path) -> None:
     write_recordings(tmp_path, ARM, 1, beyond=lambda _t, q, _v: np.array([0.0, -1.2 * q[0]]))
-    assert ("cross_joint_coupling", "elbow") in names(answer(tmp_path).report)
+    assert ("cross_joint_coupling", "elbow") in names(analyse(tmp_path).report)
 
 
 def test_a_tremor_is_described_and_given_no_name(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_a_tremor_is_described_and_given_no_name(tmp_path: Path) -> None:
         return np.array([0.0, 0.5 * np.sin(14.5 * time + 3.0 * np.sin(1.9 * time))])
 
     write_recordings(tmp_path, ARM, 1, beyond=tremor)
-    report = answer(tmp_path).report
+    report = analyse(tmp_path).report
     assert report["verdict"] == "unexplained"
     assert report["effects"] == []
     low, high = report["unexplained"]["elbow"]["band_hz"]
@@ -69,5 +69,5 @@ def test_a_tremor_is_described_and_given_no_name(tmp_path: Path) -> None:
 
 def test_what_creeps_anew_in_every_trial_is_said_to_depend_on_its_time(tmp_path: Path) -> None:
     write_recordings(tmp_path, ARM, 1, beyond=lambda t, _q, _v: np.array([-t / 12.0, 0.0]))
-    report = answer(tmp_path).report
+    report = analyse(tmp_path).report
     assert "time in trial" in report["unexplained"]["shoulder"]["depends_on"]

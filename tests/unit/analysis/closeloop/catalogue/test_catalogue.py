@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification.least_squares import keep_independent, solve
 from analysis.closeloop.identification.model import no_estimate
-from analysis.closeloop.identification.regression import keep_independent, solve
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lagged, shifted
 from sim.effects.catalogue import BY_NAME, EFFECTS

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.candidates import Option
+from analysis.closeloop.identification.findings import Option, Trace
 from analysis.closeloop.identification.model import Candidate, Model, evaluate, impedances
 from analysis.closeloop.identification.regression import Rows
-from analysis.closeloop.identification.tracing import Trace
 from analysis.closeloop.identification.uncertainty import leave_out
 
 #: Stiffnesses under two names that differ by less than this are one.

@@ -8,9 +8,8 @@ from scipy.signal import welch
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.accuracy import TrialError
-from analysis.closeloop.identification.noise_ceiling import Ceiling
-from analysis.closeloop.identification.spectrum import Peak, peaks
-from analysis.closeloop.identification.tracing import Trace
+from analysis.closeloop.identification.findings import Trace
+from analysis.closeloop.identification.spectrum import Peak
 from analysis.closeloop.session.recording import Recording
 
 #: A trial or a moment whose residual is this many times the usual one stands out.
@@ -18,25 +17,7 @@ ODD = 1.5
 ODD_SECONDS = 0.25
 
 
-def oscillations(recording: Recording, errors: list[TrialError]) -> dict[int, list[Peak]]:
-    """Return the narrow lines, or the band, of each joint's raw residual, if any."""
-    rate = recording.sampling.recorded
-    found = {}
-    for joint in recording.joints:
-        own = [error for error in errors if error.joint == joint and len(error.time) > 1]
-        residuals = []
-        for error in own:
-            even = np.arange(error.time[0], error.time[-1], 1.0 / rate)
-            residuals.append(np.interp(even, error.time, error.residual))
-        effort = np.concatenate([error.effort for error in own]) if own else np.zeros(1)
-        scale, highest = float(np.sqrt(np.mean(effort**2))), recording.sampling.fit_cutoff / 2.0
-        if alone := peaks(residuals, rate, scale, highest):
-            found[joint] = alone
-    return found
-
-
 def unexplained(
-    recording: Recording,
     found: Trace,
     errors: list[TrialError],
     beyond: Mapping[int, list[Peak]],
@@ -45,13 +26,12 @@ def unexplained(
     """Describe, per joint, what no effect explains: size, signals it depends on, band, where.
 
     Args:
-        recording: all trials.
         found: the trace.
         errors: of the repaired model, over the trials that were fitted and the holdouts.
         beyond: lines and bands in the residual's spectrum.
         verdict: of the whole session.
     """
-    left: Ceiling = found.ceiling_after
+    recording, left = found.rows.recording, found.ceiling_after
     entries = {}
     for joint in recording.joints:
         name = recording.device.joints[joint]
@@ -64,7 +44,7 @@ def unexplained(
         if not own:
             continue
         share = max(0.0, 1.0 - left.ceiling_loss / max(left.model_loss, 1e-300))
-        structured = share * smooth_part(recording, found, joint)
+        structured = share * smooth_part(found, joint)
         structured += sum(peak.rms**2 for peak in beyond.get(joint, []))
         # A trial that leaves far more than the fitted ones holds something they did not show.
         usual = float(np.median([_mean_square(e) for e in own if e.trial in recording.fit_trials]))
@@ -110,14 +90,11 @@ def _band(recording: Recording, errors: list[TrialError], beyond: list[Peak]) ->
     return [float(frequency[low]), float(frequency[min(high, len(frequency) - 1)])]
 
 
-def smooth_part(recording: Recording, found: Trace, joint: int) -> float:
-    """Return the mean square of the low-passed residual of the final model."""
-    base, _ = found.model.base(found.rows)
-    left = found.model.target(found.rows) - base @ found.score.coefficients
-    start = 0
-    for number, samples in found.rows.samples.items():
-        part = slice(start, start + len(samples))
-        start += len(samples)
-        if number == joint and len(samples):
-            return float(np.mean((left[part] / found.rows.weight[part]) ** 2))
-    return 0.0
+def smooth_part(found: Trace, joint: int) -> float:
+    """Return the mean square of a joint's low-passed residual under the final model."""
+    rows, part = found.rows, found.rows.parts[joint]
+    base, _ = found.model.base(rows)
+    left = found.model.target(rows) - base @ found.score.coefficients
+    if not len(left[part]):
+        return 0.0
+    return float(np.mean((left[part] / rows.weight[part]) ** 2))

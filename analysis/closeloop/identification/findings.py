@@ -1,0 +1,108 @@
+"""What tracing works with and finds: options, steps, noise ceilings and the trace of a session."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from scipy.stats import norm
+
+from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.model import Candidate, Channel, Model, Term
+from analysis.closeloop.identification.regression import Rows, Score
+from sim.effects.effect import Theta
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseCeiling:
+    """What splines explain beyond a model."""
+
+    #: Held-out loss of the model alone and with every spline, on the same scattered folds.
+    model_loss: float
+    ceiling_loss: float
+    #: Gain over its standard error.
+    z: float
+    #: The same by ranks, whatever share of the gain a few blocks hold.
+    rank_z: float
+    #: Signals that explain most of it, best first, with their share of the gain.
+    depends_on: tuple[tuple[str, float], ...]
+    #: Root mean square per joint that the ceiling leaves (low-passed, in the joint's unit).
+    noise: Mapping[int, float]
+
+    @property
+    def remains(self) -> float:
+        """Loss that the model leaves and splines explain."""
+        return self.model_loss - self.ceiling_loss
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """One candidate beside the model it was tried on."""
+
+    candidate: Candidate
+    model: Model
+    score: Score
+    gain: float
+    z: float
+    #: Why it may not be named here; empty if it may.
+    refused: str = ""
+    #: Simpler effects of the model that it takes the place of.
+    replaced: frozenset[tuple[str, int]] = frozenset()
+
+    @property
+    def theta(self) -> Theta:
+        """Its non-linear parameters in the model."""
+        parts: list[Term | Channel] = [*self.model.terms, *self.model.channels]
+        return next(part.theta for part in parts if part.candidate == self.candidate)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One effect added: the option taken, its equals, and every option for the report."""
+
+    taken: Option
+    equals: tuple[Option, ...]
+    options: tuple[Option, ...]
+    #: Held-out loss of the model without the effect.
+    before: float
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """Name and joint of the effect taken."""
+        return self.taken.candidate.key
+
+    def share(self, option: Option) -> float:
+        """Return the share of the held-out loss that an option takes away."""
+        return option.gain / max(self.before, 1e-300)
+
+    @property
+    def p_value(self) -> float:
+        """Chance of the gain taken by luck, over all candidates tried."""
+        return float(min(1.0, max(len(self.options), 1) * norm.sf(self.taken.z)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trace:
+    """What tracing found."""
+
+    rows: Rows
+    declared: Model
+    declared_score: Score
+    model: Model
+    score: Score
+    steps: tuple[Step, ...]
+    verdict: Verdict
+    #: Splines beyond the declared and beyond the final model.
+    ceiling_before: NoiseCeiling
+    ceiling_after: NoiseCeiling
+    notes: tuple[str, ...] = ()
+
+    def without_names(self, note: str) -> "Trace":
+        """Return the trace of a residual that no effect may be named for."""
+        return replace(
+            self,
+            verdict=Verdict.UNEXPLAINED,
+            model=self.declared,
+            score=self.declared_score,
+            steps=(),
+            ceiling_after=self.ceiling_before,
+            notes=(*self.notes, note),
+        )

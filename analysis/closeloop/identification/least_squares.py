@@ -1,0 +1,74 @@
+"""Least squares with bounds from Gram matrices, which add up over any partition of the rows."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy.linalg.lapack import dtrtrs
+
+#: A column of which other columns explain this share adds nothing that can be named.
+ABSORBED = 0.9995
+
+
+def gram_matrices(table: np.ndarray, parts: Iterable[np.ndarray]) -> np.ndarray:
+    """Return the Gram matrix of each part of a table's rows, (parts, n, n)."""
+    return np.stack([table[part].T @ table[part] for part in parts])
+
+
+def keep_independent(base: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Drop the columns that the base and the columns before them explain."""
+    both = np.concatenate([base, columns], axis=1)
+    norms = np.sqrt((both**2).sum(axis=0))
+    scaled = both / np.maximum(norms, 1e-300)
+    gram = scaled.T @ scaled
+    factor = np.zeros_like(gram)
+    known: list[int] = []
+    kept: list[int] = []
+    for number in range(both.shape[1]):
+        if norms[number] <= 1e-9 * np.sqrt(len(both)):
+            continue
+        size = len(known)
+        row = np.empty(0)
+        if size:
+            row, _ = dtrtrs(factor[:size, :size], gram[known, number], lower=1)
+        left = 1.0 - float(row @ row)
+        if left < (1e-10 if number < base.shape[1] else 1.0 - ABSORBED):
+            continue
+        factor[size, :size], factor[size, size] = row, np.sqrt(left)
+        known.append(number)
+        if number >= base.shape[1]:
+            kept.append(number - base.shape[1])
+    return columns[:, kept], tuple(kept)
+
+
+def solve(gram: np.ndarray, lower: np.ndarray) -> np.ndarray:
+    """Return the least-squares coefficients of a Gram matrix whose last row is the target.
+
+    A coefficient that would leave its bound of zero is held there (an active set of one way).
+    """
+    size = len(gram) - 1
+    free = list(range(size))
+    scale = np.sqrt(np.maximum(gram.diagonal()[:size], 1e-300))
+    every = gram[:size, :size] / (scale[:, None] * scale)
+    every.flat[:: size + 1] += 1e-10
+    moments = gram[:size, size] / scale
+    coefficients = np.zeros(size)
+    while free:
+        part = every if len(free) == size else every[np.ix_(free, free)]
+        found = np.linalg.solve(part, moments[free]) / scale[free]
+        broken = [i for i, value in zip(free, found, strict=True) if value < lower[i]]
+        if not broken:
+            coefficients[free] = found
+            break
+        worst = min(broken, key=lambda i: float(found[free.index(i)] * scale[i]))
+        free.remove(worst)
+    return coefficients
+
+
+def misfit(gram: np.ndarray, coefficients: np.ndarray) -> float:
+    """Return the sum of squares that `coefficients` leave of a Gram matrix's target."""
+    size = len(coefficients)
+    return float(
+        gram[size, size]
+        - 2 * coefficients @ gram[:size, size]
+        + coefficients @ gram[:size, :size] @ coefficients
+    )

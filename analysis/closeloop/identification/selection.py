@@ -1,0 +1,100 @@
+"""Choose the effect to add: worth its parameters, and the simplest of those that are as good."""
+
+import numpy as np
+
+from analysis.closeloop.identification.findings import Option, Step
+from analysis.closeloop.identification.model import Model
+from analysis.closeloop.identification.presliding import only_presliding
+from analysis.closeloop.identification.regression import Rows, Score, compare, rank_z
+from sim.effects.catalogue import BY_NAME
+
+#: A gain must exceed this many of its standard errors: some 30 candidates at each of three steps.
+MIN_Z = 4.0
+#: Candidates whose gain differs by less than this share of the best count as equal.
+EQUAL_SHARE = 0.005
+#: Least torque that an effect must explain, over the joint's effort (both root mean square): less
+#: than that is what smoothing, or a joint that is not quite held, does to the declared torque.
+MIN_TORQUE = 0.008
+#: A gain that a few moments carry (inertia, at the ends of a ramp) has a large error of its own:
+#: one of this share is real too if it exceeds fewer errors but comes back in several folds, or wins
+#: nearly every block, and those folds that lose by it lose next to nothing.
+LARGE_GAIN, LARGE_Z, LARGE_FOLDS, LARGE_LOST = 0.25, 2.5, 3, 0.05
+
+
+def choose(
+    options: list[Option], model: Model, current: Score, rows: Rows, least: float
+) -> Step | None:
+    """Return the simplest option that is as good as the best, or None if none is worth adding."""
+    worth = [o for o in options if _worth(o, current, rows, least)]
+    worth = [o for o in worth if not only_presliding(o.candidate, o.model, model, rows)]
+    if not worth:
+        return None
+    best = worth[0]
+    equals = []
+    for option in worth:
+        lost, error = compare(option.score.losses, best.score.losses)
+        if lost <= error or lost <= EQUAL_SHARE * best.gain:
+            equals.append(option)
+    taken = min(equals, key=lambda o: (_new_parameters(o), -o.gain))
+    for twin in equals:
+        # A twin with one parameter more fits at least as well; by luck, or because it is the one?
+        if taken.candidate.effect.name in twin.candidate.effect.twins:
+            lost, error = compare(taken.score.losses, twin.score.losses)
+            if lost > error:
+                taken = twin
+    taken = next((o for o in equals if carries_more(o, taken)), taken)
+    return Step(
+        taken=taken,
+        equals=tuple(o for o in equals if o is not taken and not _nested(o, taken)),
+        options=tuple(options),
+        before=current.loss,
+    )
+
+
+def carries_more(option: Option, taken: Option) -> bool:
+    """Whether a mass or inertia found already makes `option` likelier than a torque gain.
+
+    With a free inertia beside it, a payload at any distance is a gain; no coincidence speaks for
+    the gain then, and what hangs on a limb has both mass and inertia.
+    """
+    a, b = option.candidate, taken.candidate
+    beside = [c.effect for c in option.model.effects if c.joint == a.joint and c != a]
+    return (
+        b.effect.scales_effort
+        and a.joint == b.joint
+        and a.effect.adds_mass
+        and any(effect.adds_mass for effect in beside)
+        and not option.refused
+    )
+
+
+def _new_parameters(option: Option) -> int:
+    """Return the number of parameters an option adds to the simpler form that it replaces."""
+    effect, joint = option.candidate.effect, option.candidate.joint
+    return effect.complexity - max(
+        (BY_NAME[name].complexity for name in effect.includes if (name, joint) in option.replaced),
+        default=0,
+    )
+
+
+def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
+    """Whether a gain is more than luck, and large enough to matter."""
+    matters = MIN_TORQUE**2 * rows.effort_power(option.candidate.joint)
+    if option.gain <= max(least, matters):
+        return False
+    if option.z > MIN_Z:
+        return True
+    folds = np.bincount(rows.fold_of_block, current.losses - option.score.losses)
+    won, lost = float(folds[folds > 0].sum()), float(-folds[folds < 0].sum())
+    if option.gain <= LARGE_GAIN * current.loss or lost >= LARGE_LOST * won:
+        return False
+    several = int((folds > LARGE_LOST * won).sum()) >= LARGE_FOLDS
+    return (option.z > LARGE_Z and several) or rank_z(current.losses, option.score.losses) > MIN_Z
+
+
+def _nested(option: Option, taken: Option) -> bool:
+    """Whether one of the two is a special case of the other, which always fits as well."""
+    a, b = option.candidate, taken.candidate
+    return a.joint == b.joint and (
+        b.effect.name in a.effect.includes or a.effect.name in b.effect.includes
+    )
