@@ -13,15 +13,15 @@ import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
 from analysis.closeloop.identification.accuracy import TrialError
-from analysis.closeloop.identification.confirmation import confirm, unconfirmed
 from analysis.closeloop.identification.interface import beyond_interface
 from analysis.closeloop.identification.outcome import outcome_of
-from analysis.closeloop.identification.repaired import repaired_model
 from analysis.closeloop.identification.tracing import trace
 from analysis.closeloop.load import load_session
 from analysis.closeloop.report.answer import Answer
+from analysis.closeloop.report.confirmation import confirm, unconfirmed
 from analysis.closeloop.report.json_report import json_report
 from analysis.closeloop.report.page import write_page
+from analysis.closeloop.report.repaired import repaired_model
 
 
 def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> Answer:

@@ -8,6 +8,7 @@ groups: a spline may interpolate between speeds, and must not be asked to extrap
 import numpy as np
 
 from analysis.closeloop.identification.findings import NoiseCeiling
+from analysis.closeloop.identification.hat_basis import hat_basis
 from analysis.closeloop.identification.least_squares import keep_independent
 from analysis.closeloop.identification.model import Model, evaluate
 from analysis.closeloop.identification.presliding import with_free_presliding
@@ -23,19 +24,6 @@ from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
 
 FOLDS = 5
-KNOTS = 8
-
-
-def hat_basis(signal: np.ndarray, knots: int = KNOTS) -> np.ndarray:
-    """Return piecewise-linear bases with knots at the signal's quantiles, (n, <= knots)."""
-    good = signal[np.isfinite(signal)]
-    if len(good) == 0:
-        return np.empty((len(signal), 0))
-    at = np.unique(np.quantile(good, np.linspace(0.0, 1.0, knots)))
-    if len(at) < 2:
-        return np.empty((len(signal), 0))
-    filled = np.nan_to_num(signal, nan=float(good.mean()))
-    return np.column_stack([np.interp(filled, at, row) for row in np.eye(len(at))[1:]])
 
 
 def signal_groups(rows: Rows, joint: int) -> dict[str, np.ndarray]:

@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from analysis.closeloop.identification.repaired import repaired_model
+from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.session.recording import Recording
 from sim.effects.applied import AppliedEffects
 from sim.effects.elements import PREFIX
