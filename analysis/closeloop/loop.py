@@ -97,7 +97,7 @@ def write_residuals(path: Path, found: Answer) -> None:
         for error in found.before:
             trial = recording.session.trials[error.trial]
             other: TrialError = after[error.trial, error.joint]
-            name = recording.device.joints[error.joint]
+            name = recording.name(error.joint)
             table = np.column_stack([error.time, error.effort, error.residual, other.residual])
             for row in table:
                 writer.writerow([trial.file, trial.role, name, *(f"{x:.6g}" for x in row)])

@@ -74,13 +74,11 @@ def raw_errors(
     for number in trials:
         trial = recording.session.trials[number]
         for joint in recording.joints:
-            effort = trial.columns.get(f"{recording.device.joints[joint]}.effort")
+            effort = recording.raw_effort(number, joint)
             if effort is None:
                 continue
             times, efforts, expected = [], [], []
-            for piece in recording.slices:
-                if recording.trial[piece.start] != number:
-                    continue
+            for piece in recording.pieces_of(number):
                 clock = recording.time[piece]
                 # One working step beyond the last sample at most: the clock is rounded down.
                 rows = (trial.time >= clock[0]) & (trial.time <= clock[-1] + 1 / recording.rate)

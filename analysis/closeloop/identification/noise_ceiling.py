@@ -29,7 +29,7 @@ FOLDS = 5
 def signal_groups(rows: Rows, joint: int) -> dict[str, np.ndarray]:
     """Return the bases of each recorded signal that may explain a joint's residual, (n, k)."""
     recording = rows.recording
-    name = recording.device.joints[joint]
+    name = recording.name(joint)
     q, v, a = (
         x[:, joint] for x in (recording.position, recording.velocity, recording.acceleration)
     )
@@ -49,7 +49,7 @@ def signal_groups(rows: Rows, joint: int) -> dict[str, np.ndarray]:
     }
     for other in range(recording.position.shape[1]):
         if other != joint and np.ptp(recording.position[:, other]) > 5e-3:
-            groups[f"{recording.device.joints[other]}.position"] = np.column_stack(
+            groups[f"{recording.name(other)}.position"] = np.column_stack(
                 [
                     hat_basis(recording.position[:, other], 5),
                     recording.velocity[:, [other]],

@@ -107,7 +107,7 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
     for joint in recording.joints:
         chosen = []
         for piece in recording.slices:
-            number = int(recording.trial[piece.start])
+            number = recording.trial_of(piece)
             if number not in trials or np.isnan(recording.effort[piece, joint]).any():
                 continue
             inside = np.arange(piece.start + edge, piece.stop - edge, step)

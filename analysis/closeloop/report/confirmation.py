@@ -13,8 +13,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from analysis.closeloop.contract import Verdict
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import rms
 from sim.effects.applied import AppliedEffects
 from sim.effects.elements import PREFIX
 
@@ -30,7 +32,7 @@ TRIALS = 2
 
 @dataclass(frozen=True)
 class Run:
-    """One simulated trial: root mean squares per analysed joint, with the simulated path."""
+    """One simulated trial: root mean squares of feedback and deviation by analysed joint."""
 
     feedback: Mapping[int, float]
     deviation: Mapping[int, float]
@@ -54,16 +56,18 @@ def confirm(recording: Recording, report: Mapping[str, Any], xml: str) -> dict[s
     runs = [[simulate(recording, model, piece) for piece in pieces] for model in (before, xml)]
     entries: dict[str, Any] = {}
     for joint in recording.joints:
-        name = recording.device.joints[joint]
+        name = recording.name(joint)
         entries[name] = {
             "unit": recording.device.unit(name),
             "deviation_unit": recording.device.angle_unit(name),
         }
         for word, own in zip(("before", "after"), runs, strict=True):
-            entries[name][f"feedback_{word}"] = _rms([run.feedback[joint] for run in own])
-            entries[name][f"deviation_{word}"] = _rms([run.deviation[joint] for run in own])
+            entries[name][f"feedback_{word}"] = rms(np.array([run.feedback[joint] for run in own]))
+            entries[name][f"deviation_{word}"] = rms(
+                np.array([run.deviation[joint] for run in own])
+            )
     return {
-        "trials": [recording.session.trials[int(recording.trial[p.start])].file for p in pieces],
+        "trials": [recording.session.trials[recording.trial_of(p)].file for p in pieces],
         "ran": all(run.finite for run in runs[1]),
         "joints": entries,
     }
@@ -85,7 +89,7 @@ def unconfirmed(confirmation: Mapping[str, Any]) -> list[str]:
 def simulate(recording: Recording, xml: str, piece: slice) -> Run:
     """Drive a model with the recorded effort along one piece of the recording."""
     spec = mujoco.MjSpec.from_string(xml)
-    trial = recording.session.trials[int(recording.trial[piece.start])]
+    trial = recording.session.trials[recording.trial_of(piece)]
     if trial.added_mass is not None:
         trial.added_mass.hang(spec)
     spec.option.timestep = min(float(spec.option.timestep), STEP)
@@ -123,10 +127,9 @@ def simulate(recording: Recording, xml: str, piece: slice) -> Run:
                 data.qfrc_applied[dof] = feedback[i, dof]
         effects.apply(data)
         mujoco.mj_step(model, data)
-    own = {j: (feedback[:, j], path[:, j]) for j in recording.joints}
     return Run(
-        feedback={j: float(np.sqrt(np.mean(f**2))) for j, (f, _) in own.items()},
-        deviation={j: float(np.sqrt(np.mean(p**2))) for j, (_, p) in own.items()},
+        feedback={joint: rms(feedback[:, joint]) for joint in recording.joints},
+        deviation={joint: rms(path[:, joint]) for joint in recording.joints},
         finite=bool(np.isfinite(data.qpos).all()),
     )
 
@@ -137,17 +140,15 @@ def _as_declared(report: Mapping[str, Any]) -> dict[str, Any]:
         joint: {key: {"after": entry["before"]} for key, entry in entries.items()}
         for joint, entries in report["impedance"].items()
     }
-    return {"impedance": impedance, "effects": [], "verdict": "adequate"}
+    return {"impedance": impedance, "effects": [], "verdict": Verdict.ADEQUATE}
 
 
 def _pieces(recording: Recording) -> list[slice]:
     """Return the longest piece of each trial to simulate: holdouts first, then the fastest."""
-    longest: dict[int, slice] = {}
-    for piece in recording.slices:
-        number = int(recording.trial[piece.start])
-        known = longest.get(number)
-        if known is None or piece.stop - piece.start > known.stop - known.start:
-            longest[number] = piece
+    longest = {
+        number: max(recording.pieces_of(number), key=lambda piece: piece.stop - piece.start)
+        for number in np.unique(recording.trial).tolist()
+    }
 
     def order(number: int) -> tuple[bool, float]:
         speed = np.abs(recording.velocity[longest[number]][:, list(recording.joints)])
@@ -158,13 +159,14 @@ def _pieces(recording: Recording) -> list[slice]:
 
 def _efforts(recording: Recording, piece: slice, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return raw effort on the simulation's clock, (n, joints), and which joints have one."""
-    trial = recording.session.trials[int(recording.trial[piece.start])]
+    number = recording.trial_of(piece)
+    clock = recording.session.trials[number].time
     count = recording.position.shape[1]
     effort, driven = np.zeros((len(time), count)), np.zeros(count, dtype=bool)
     for joint in recording.joints:
-        raw = trial.columns.get(f"{recording.device.joints[joint]}.effort")
+        raw = recording.raw_effort(number, joint)
         if raw is not None:
-            effort[:, joint], driven[joint] = np.interp(time, trial.time, raw), True
+            effort[:, joint], driven[joint] = np.interp(time, clock, raw), True
     return effort, driven
 
 
@@ -180,7 +182,3 @@ def _motors(model: mujoco.MjModel) -> dict[int, int]:
         if at_joint and plain and model.actuator_biastype[number] == mujoco.mjtBias.mjBIAS_NONE:
             found.setdefault(int(model.jnt_dofadr[joint]), int(model.actuator_ctrladr[number]))
     return found
-
-
-def _rms(values: list[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

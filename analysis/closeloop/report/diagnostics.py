@@ -134,7 +134,7 @@ def _fitted(recording: Recording, joint: int) -> list[slice]:
     return [
         piece
         for piece in recording.slices
-        if int(recording.trial[piece.start]) in recording.fit_trials
+        if recording.trial_of(piece) in recording.fit_trials
         and not np.isnan(recording.effort[piece, joint]).any()
     ]
 

@@ -41,7 +41,7 @@ def impedance_entries(found: Trace) -> dict[str, Any]:
     others = alternatives(found)
     entries: dict[str, Any] = {}
     for joint in before.values:
-        name = recording.device.joints[joint]
+        name = recording.name(joint)
         angle, unit = recording.device.angle_unit(name), recording.device.unit(name)
         units = {
             "stiffness": f"{unit}/{angle}",

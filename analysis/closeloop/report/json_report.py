@@ -71,21 +71,21 @@ def _errors(found: Trace, errors: Errors, *, relative: bool) -> dict[str, Any]:
     share = left.remains / max(left.model_loss, 1e-300)
     entries = {}
     for joint, (before, effort) in first.items():
-        after = last[joint][0]
+        name, after = recording.name(joint), last[joint][0]
         # The floor is what splines on the recorded signals would leave of the raw error.
         smooth = smooth_part(found, joint) * max(share, 0.0)
         entry = {
             "before": before,
             "after": after,
             "floor": float(np.sqrt(max(after**2 - smooth, 0.05 * after**2))),
-            "unit": recording.device.unit(recording.device.joints[joint]),
+            "unit": recording.device.unit(name),
         }
         if relative:
             entry["relative_before"] = before / max(effort, 1e-300)
             entry["relative_after"] = after / max(effort, 1e-300)
             entry["smooth_relative_before"] = smooth_relative(errors.before, joint, rate)
             entry["smooth_relative_after"] = smooth_relative(errors.after, joint, rate)
-        entries[recording.device.joints[joint]] = entry
+        entries[name] = entry
     return entries
 
 
@@ -121,7 +121,7 @@ def _diagnostics(found: Trace) -> dict[str, Any]:
         ("after", found.model, found.score.coefficients),
     )
     return {
-        recording.device.joints[joint]: {
+        recording.name(joint): {
             word: diagnose(model, coefficients, found.rows, joint)
             for word, model, coefficients in models
         }
@@ -131,12 +131,12 @@ def _diagnostics(found: Trace) -> dict[str, Any]:
 
 def _options(found: Trace) -> list[list[dict[str, Any]]]:
     """Return every candidate that was tried at each step, best first."""
-    joints = found.rows.recording.device.joints
+    recording = found.rows.recording
     return [
         [
             {
                 "name": option.candidate.effect.name,
-                "joint": joints[option.candidate.joint],
+                "joint": recording.name(option.candidate.joint),
                 "holdout_gain": step.share(option),
                 "z": option.z,
                 "refused": option.refused or None,

@@ -26,7 +26,7 @@ def remarks(recording: Recording, number: int) -> list[str]:
     None of it is an error: gaps are left out, a jittered clock is evened, and a rest is no motion.
     """
     trial = recording.session.trials[number]
-    pieces = [p for p in recording.slices if recording.trial[p.start] == number]
+    pieces = recording.pieces_of(number)
     found = []
     steps = np.diff(trial.time)
     step = float(np.median(steps))
@@ -43,7 +43,7 @@ def remarks(recording: Recording, number: int) -> list[str]:
             f"{100 * float(even.std()) / step:.0f} %"
         )
     for joint in recording.joints:
-        name = recording.device.joints[joint]
+        name = recording.name(joint)
         if f"{name}.effort" not in trial.columns:
             found.append(f"has no effort of {name}")
             continue
@@ -60,7 +60,7 @@ def remarks(recording: Recording, number: int) -> list[str]:
 
 
 def _motion(recording: Recording, joint: int, pieces: list[slice]) -> list[str]:
-    name = recording.device.joints[joint]
+    name = recording.name(joint)
     velocity = np.concatenate([recording.velocity[p, joint] for p in pieces])
     rest = float(np.concatenate([resting(recording, joint, p) for p in pieces]).mean())
     ways = np.maximum(velocity, 0.0).sum(), np.maximum(-velocity, 0.0).sum()
@@ -79,10 +79,10 @@ def preview(recording: Recording, number: int) -> "Figure":
     """
     trial = recording.session.trials[number]
     figure = new_figure(width=10.0, height=1.9 * len(recording.joints) + 0.3)
-    pieces = [p for p in recording.slices if recording.trial[p.start] == number]
+    pieces = recording.pieces_of(number)
     every = max(1, len(trial.time) // MAX_POINTS)
     for row, joint in enumerate(recording.joints):
-        name = recording.device.joints[joint]
+        name = recording.name(joint)
         angle, unit = recording.device.angle_unit(name), recording.device.unit(name)
         for place, (word, label, smooth) in enumerate(
             (

@@ -34,7 +34,7 @@ def unexplained(
     recording, left = found.rows.recording, found.ceiling_after
     entries = {}
     for joint in recording.joints:
-        name = recording.device.joints[joint]
+        name = recording.name(joint)
         depends = [signal for signal, _ in left.depends_on]
         if joint in beyond:
             depends.append("time")

@@ -169,7 +169,7 @@ def check_signs(recording: Recording) -> None:
             # Weight and inertia are there with the sign they should have.
             continue
         turned = declared and -1.5 < found[0] < -0.5
-        name = recording.device.joints[joint]
+        name = recording.name(joint)
         first = recording.session.trials[recording.fit_trials[0]].file
         if turned or found[2] < 0:
             raise SessionError(

@@ -47,6 +47,22 @@ class Recording:
     def rate(self) -> float:
         return self.sampling.working
 
+    def name(self, joint: int) -> str:
+        """Return the name of a joint by its column."""
+        return self.device.joints[joint]
+
+    def trial_of(self, piece: slice) -> int:
+        """Return the number of the trial that a stretch belongs to."""
+        return int(self.trial[piece.start])
+
+    def pieces_of(self, trial: int) -> list[slice]:
+        """Return the stretches of a trial."""
+        return [piece for piece in self.slices if self.trial_of(piece) == trial]
+
+    def raw_effort(self, trial: int, joint: int) -> np.ndarray | None:
+        """Return a joint's effort in a trial as it was recorded, on the trial's own clock."""
+        return self.session.trials[trial].columns.get(f"{self.name(joint)}.effort")
+
     @cached_property
     def inverse(self) -> np.ndarray:
         """Torque that the declared chain needs, declared Coulomb friction included."""
@@ -82,7 +98,7 @@ class Recording:
 
     def is_hinge(self, joint: int) -> bool:
         """Whether the joint turns; else it slides."""
-        return self.device.is_hinge(self.device.joints[joint])
+        return self.device.is_hinge(self.name(joint))
 
     def centre_of_mass(self, joint: int) -> np.ndarray | None:
         """Return that of the joint's body in its frame, (3,); None if it lies on the axis."""
