@@ -1,8 +1,8 @@
 """Look at a zipped session, in a process of its own, and say as JSON whether it can be analysed.
 
 `python -m analysis.closeloop.check FILE` prints one line: {"session": ...} of a session that can
-be analysed, {"error": ...} of one that cannot. For whoever is handed files by strangers: nothing
-of theirs is unpacked, parsed or given to MuJoCo in the process that asks.
+be analysed, {"error": ...} of one that cannot. A caller that takes files from strangers runs
+this: nothing of theirs is unpacked, parsed or given to MuJoCo in the process that asks.
 """
 
 import argparse
@@ -14,7 +14,7 @@ from typing import Any
 
 from analysis.closeloop.errors import SessionError
 
-#: Left of a sentence that quotes a stranger's file.
+#: Characters kept of a sentence that quotes a stranger's file.
 SENTENCE_LENGTH = 2000
 
 
@@ -91,7 +91,7 @@ def _said(error: SessionError) -> dict[str, Any]:
 
 
 def _cut(text: str) -> str:
-    """Return a stranger's text as any reader can take it."""
+    """Return text from a stranger's file, shortened and safe to store and print."""
     return text[:SENTENCE_LENGTH].encode(errors="backslashreplace").decode().replace("\0", " ")
 
 

@@ -1,4 +1,4 @@
-"""What closing the loop promises to whoever reads its report: schema, verdicts and files.
+"""What closing the loop promises to the readers of its report: schema, verdicts and files.
 
 Cheap to import: a server or a client learns it without numpy or MuJoCo.
 """

@@ -43,7 +43,7 @@ def keep_independent(base: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray,
 def solve(gram: np.ndarray, lower: np.ndarray) -> np.ndarray:
     """Return the least-squares coefficients of a Gram matrix whose last row is the target.
 
-    A coefficient that would leave its bound of zero is held there (an active set of one way).
+    A coefficient that would leave its bound of zero is held there (an active set that only grows).
     """
     size = len(gram) - 1
     free = list(range(size))

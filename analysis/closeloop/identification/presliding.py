@@ -1,4 +1,4 @@
-"""How friction passes through zero velocity, which no other effect may be named for.
+"""Presliding: what friction does around zero velocity, which is no reason to name another effect.
 
 Before a joint breaks loose, its friction grows with the effort: ahead of the velocity that a model
 computes it from, and over a time that the model does not know (presliding; Armstrong-Helouvry,
@@ -11,9 +11,9 @@ import numpy as np
 from analysis.closeloop.identification.model import Candidate, Model, Term, evaluate
 from analysis.closeloop.identification.regression import Rows, compare
 
-#: How far the passage is moved and widened, s.
+#: How far friction is moved and widened in time, s.
 SHIFT = 0.01
-#: Standard errors that an effect has to gain beside a passage that is free.
+#: Standard errors that an effect has to gain beside friction that is free to do so.
 MIN_Z = 3.0
 
 

@@ -1,4 +1,4 @@
-"""Trace a residual to effects: gates, left-out groups, the simplest within one standard error.
+"""Trace a residual to effects: one at a time, by left-out groups, until nothing is worth adding.
 
 Effects are added one at a time, at most three, each because it predicts trials that it was not
 fitted to. A name is given only if these trials can tell it from what is declared, and only if it

@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_POINTS = 3000
-#: Spread of the sampling steps over their median that is worth a word.
+#: Spread of the sampling steps over their median from which on it is reported.
 JITTER = 0.05
 #: A signal of so few different values is a coarse one.
 COARSE = 200
-#: A trial that rests so long, or moves so little one of both ways, is worth a word.
+#: Share of the time at rest, or of the travel in the rarer direction, that is reported.
 RESTING, ONE_WAY = 0.5, 0.05
 
 

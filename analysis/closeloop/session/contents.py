@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     import mujoco
 
-#: The model word for the project's own nominal arm in the exoskeleton.
+#: What a session calls the project's own nominal arm in the exoskeleton.
 NOMINAL = "nominal"
 
 

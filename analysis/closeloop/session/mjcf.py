@@ -1,4 +1,4 @@
-"""The model of a session as a stranger's file: an open chain in MJCF, refused if it is more."""
+"""Load the model of a session: an open chain in MJCF; anything that reaches further is refused."""
 
 import re
 from pathlib import Path
