@@ -107,16 +107,16 @@ def work(
     # A line per request would bury everything else.
     logging.getLogger("httpx2").setLevel(logging.WARNING)
     count = processes or available_cores()
-    worker: dict[str, Any] = {
-        "id": f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}",
-        "host": socket.gethostname(),
-        "versions": describe(),
-        "tags": [tag.strip() for tag in tags.split(",") if tag.strip()],
-    }
     with (
         Client(url, token, timeout=ANSWER_SECONDS) as client,
         Client(url, token, timeout=ANSWER_SECONDS) as second_client,
     ):
+        worker: dict[str, Any] = {
+            "id": f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}",
+            "host": socket.gethostname(),
+            "versions": describe(),
+            "tags": [tag.strip() for tag in tags.split(",") if tag.strip()],
+        }
         folder = spool or _default_spool(client.url)
         agent = Agent(
             leases=Leases(

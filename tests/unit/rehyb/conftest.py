@@ -1,43 +1,4 @@
-"""The `rehyb` command in this process, beside a coordinator that a test makes up."""
+"""The `rehyb` command in this process."""
 
-from collections.abc import Callable
-from functools import partial
-
-import httpx2
-import pytest
-
-from rehyb.cli import main
-from rehyb.client import Client
-
-Run = Callable[..., tuple[int, str, str]]
-Coordinator = Callable[[httpx2.Request], httpx2.Response]
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run the command and return its exit status, its output and its errors."""
-    monkeypatch.setenv("REHYB_TOKEN", "t")
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr("sys.argv", ["rehyb", *arguments])
-        status = 0
-        try:
-            main()
-        except SystemExit as leaving:
-            status = int(leaving.code or 0)
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return run
-
-
-@pytest.fixture
-def talk_to(monkeypatch: pytest.MonkeyPatch) -> Callable[[Coordinator], None]:
-    """Have every command talk to this coordinator."""
-
-    def talk_to(coordinator: Coordinator) -> None:
-        mocked = partial(Client, transport=httpx2.MockTransport(coordinator))
-        for module in ("answers", "files", "close_loop"):
-            monkeypatch.setattr(f"rehyb.cli.{module}.Client", mocked)
-
-    return talk_to
+from tests.testbed.command import run as run
+from tests.testbed.command import talk_to as talk_to

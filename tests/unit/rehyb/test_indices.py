@@ -1,8 +1,6 @@
-"""What `study indices`, `study surrogate` and `report` print of a study that a coordinator has."""
+"""What `study indices` prints of a study that a coordinator has."""
 
-import json
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -33,20 +31,3 @@ def test_indices_come_with_their_ranking_and_how_many_rows_are_wanted(run: Run) 
     assert "8 of 8 rows are complete" in out
     assert "with x1 first." in out
     assert "more rows" in out and "bring y to ±0.01" in out
-
-
-def test_a_surrogate_stands_beside_the_sampled_indices(run: Run) -> None:
-    status, out, _ = run("study", "surrogate", "s1")
-    assert status == 0
-    assert out.index("x1") < out.index("x2")
-    assert "0.900, 0.900" in out and "ST sampled" in out
-    assert "the surrogate's indices are worth reading" in out
-    answer = json.loads(run("study", "surrogate", "s1", "--json")[1])
-    assert answer["fit"]["runs"] == 32 and answer["outliers"] == []
-    status, _, err = run("study", "surrogate", "s1", "--output", "z")
-    assert (status, err) == (2, "rehyb: the study has no output 'z': it has y\n")
-
-
-def test_a_report_says_which_files_it_wrote(run: Run, tmp_path: Path) -> None:
-    status, out, _ = run("report", "s1", "--out", str(tmp_path / "r.html"), "--json")
-    assert (status, json.loads(out)) == (0, {"files": [str(tmp_path / "r.html")]})
