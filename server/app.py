@@ -11,20 +11,22 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from server import problems
-from server.checking import CHECKS
 from server.compression import Gunzip
 from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
 from server.metrics import Clock, Metrics
+from server.operations import close_loop_leases as close_loop_operations
+from server.operations import comparisons, reruns, tokens
+from server.operations import leases as lease_operations
 from server.routes import (
+    close_loop_leases,
     close_loops,
     health,
     indices,
     instances,
     leases,
-    loop_leases,
     metrics,
-    precision,
+    precision_goals,
     progress,
     results,
     sessions,
@@ -32,10 +34,10 @@ from server.routes import (
     workers,
 )
 from server.routes.common import clock
+from server.session_sandbox import CHECKS
 from server.settings import Settings
-from server.store import close_loops as close_loop_store
-from server.store import comparisons, create_engine, queue, require_current, reruns, tokens
-from server.store.turns import Turns
+from server.store import create_engine, require_current
+from server.store.database.write_batching import WriteBatches
 
 log = logging.getLogger(__name__)
 
@@ -50,8 +52,8 @@ def create_app(settings: Settings) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         engine = app.state.engine
         require_current(engine)
-        queue.excuse_silence(engine, now=app.state.clock(), ttl=settings.lease_seconds)
-        close_loop_store.excuse_silence(engine, now=app.state.clock(), ttl=settings.lease_seconds)
+        now, ttl = app.state.clock(), settings.lease_seconds
+        lease_operations.extend_open_leases(engine, now=now, ttl=ttl)
         reaper = asyncio.create_task(
             _reap_for_ever(
                 engine,
@@ -67,7 +69,7 @@ def create_app(settings: Settings) -> FastAPI:
             reaper.cancel()
             with suppress(asyncio.CancelledError):
                 await reaper
-            app.state.turns.close()
+            app.state.write.close()
             engine.dispose()
 
     # The interactive documentation loads scripts from elsewhere; a lab may have no internet.
@@ -82,7 +84,7 @@ def create_app(settings: Settings) -> FastAPI:
     )
     app.state.settings = settings
     app.state.engine = create_engine(settings.database_url)
-    app.state.turns = Turns(app.state.engine)
+    app.state.write = WriteBatches(app.state.engine)
     app.state.clock = clock
     app.state.metrics = Metrics(app.state.engine, lambda: float(app.state.clock()))
     app.state.sweep = leases.Sweep()
@@ -96,12 +98,12 @@ def create_app(settings: Settings) -> FastAPI:
         results,
         leases,
         studies,
-        precision,
+        precision_goals,
         progress,
         indices,
         instances,
         workers,
-        loop_leases,
+        close_loop_leases,
         sessions,
         close_loops,
         metrics,
@@ -128,8 +130,8 @@ async def _reap_for_ever(
         await asyncio.sleep(ttl / 4.0)
         freed = 0
         try:
-            lost = await asyncio.to_thread(queue.reap, engine, now=clock())
-            silent = await asyncio.to_thread(close_loop_store.reap, engine, now=clock())
+            lost = await asyncio.to_thread(lease_operations.reap, engine, now=clock())
+            silent = await asyncio.to_thread(close_loop_operations.reap, engine, now=clock())
             if silent:
                 log.warning("%d close-loops came back from workers that fell silent", silent)
             await asyncio.to_thread(comparisons.give_up, engine, now=clock(), patience=patience)

@@ -7,7 +7,9 @@ from prometheus_client import CollectorRegistry, Counter, Histogram
 from prometheus_client.core import GaugeMetricFamily, Metric
 from sqlalchemy.engine import Engine
 
+from server.logic.hosts import GONE_SECONDS
 from server.store import gauges
+from server.store.database.engine import reading
 
 #: Seconds: from a closed form to an assessment on a slow machine, or one that hangs.
 RUN_BUCKETS = (0.001, 0.01, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 15.0, 60.0, 300.0)
@@ -67,7 +69,9 @@ class _Stored:
         self._clock = clock
 
     def collect(self) -> Iterable[Metric]:
-        now = gauges.read(self._engine, now=self._clock())
+        moment = self._clock()
+        with reading(self._engine) as connection:
+            now = gauges.read(connection, now=moment, heard_after=moment - GONE_SECONDS)
         yield _family("rehyb_studies", "Studies by state", "state", now.studies)
         yield _family("rehyb_instances", "Instances of studies under way", "state", now.instances)
         yield _family("rehyb_failures", "Final failures by outcome", "outcome", now.failures)

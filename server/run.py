@@ -9,9 +9,9 @@ import uvicorn
 from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
 from server.app import create_app
+from server.instance_lock import instance_lock
 from server.logs import configure
 from server.settings import Settings
-from server.sole import sole_coordinator
 from server.store import upgrade
 
 #: Seconds a stopping coordinator gives requests under way.
@@ -29,7 +29,7 @@ def serve(settings: Settings) -> None:
         OSError: the address cannot be listened on.
     """
     configure(settings.log_level)
-    with sole_coordinator(settings.database_url):
+    with instance_lock(settings.database_url):
         _serve(settings)
 
 

@@ -21,11 +21,13 @@ from benchmarks.measuring import percentile
 from benchmarks.service.coordinator import TOKEN, coordinator, done, submit, throughput
 from benchmarks.service.throughput import PROCESSES, ROWS, SECONDS
 from server.app import create_app
-from server.logic.study import draw_up, parameters
+from server.logic.plans import draw_up, parameters
 from server.logic.verdicts import Report
+from server.operations import leasing, results, studies
+from server.operations.leasing import LeaseRequest
 from server.settings import Settings
-from server.store import offers, results, studies, upgrade
-from server.store.engine import Impatient
+from server.store import upgrade
+from server.store.database.engine import ImmediateWriter
 
 BATCH = 10
 #: Cycles in a block; blocks.
@@ -70,12 +72,12 @@ def application(url: str) -> FastAPI:
 
 async def transactions(app: FastAPI) -> float:
     """Return what the transaction of a cycle takes, ms: statements, and what is decided."""
-    begin = Impatient(app.state.engine)
-    wish = offers.Wish(
+    begin = ImmediateWriter(app.state.engine)
+    request = LeaseRequest(
         worker="w", host="here", versions={}, models=["ishigami"], max_instances=BATCH
     )
     with begin() as connection:
-        held: Any = offers.offer(connection, wish, now=time.time(), ttl=60.0)
+        held: Any = leasing.grant(connection, request, now=time.time(), ttl=60.0)
 
     async def cycle() -> None:
         nonlocal held
@@ -99,7 +101,7 @@ async def transactions(app: FastAPI) -> float:
             tolerance=1e-3,
         )
         with begin() as connection:
-            _, held = results.exchange(connection, posted, wish, now=time.time(), ttl=60.0)
+            _, held = results.exchange(connection, posted, request, now=time.time(), ttl=60.0)
 
     spent = await quickest(cycle)
     begin.close()

@@ -13,7 +13,7 @@ from rehyb.errors import Invalid
 
 if TYPE_CHECKING:
     from analysis.sensitivity.table import Table
-    from server.logic.study import Plan
+    from server.records import Plan
 
 #: Largest share by which a recomputed parameter or index may differ where the bits do: other
 #: versions of NumPy and SciPy round sums and quantiles differently.
@@ -70,7 +70,7 @@ def plan_of(study: Json) -> "Plan":
         Invalid: it is no study that this version knows.
     """
     from server.errors import InvalidStudyError
-    from server.logic.study import FactorChoice, draw_up
+    from server.logic.plans import FactorChoice, draw_up
 
     try:
         if not 0 <= int(study["seed"]) < 2**63:
@@ -139,7 +139,7 @@ def _lies_in(plan: "Plan", place: tuple[int, int]) -> bool:
 
 def _design(plan: "Plan", table: "Table") -> Judgement:
     """Compare every parameter with the one that the study's seed gives."""
-    from server.logic.study import parameters
+    from server.logic.plans import parameters
 
     places = _places(table)
     outside = [place for place in places if not _lies_in(plan, place)]
@@ -208,7 +208,7 @@ def _indices(bundle: Bundle, table: "Table") -> Judgement:
 
 def _chosen(plan: "Plan", table: "Table", sample: int, seed: int) -> list[int]:
     """Choose the results to compute again, of those that say more of the model than a machine."""
-    from server.logic.slots import BUDGETS
+    from server.logic.instances import BUDGETS
 
     eligible = [
         line
@@ -225,7 +225,7 @@ def _runs(
     bundle: Bundle, plan: "Plan", table: "Table", chosen: list[int], tolerance: float
 ) -> Judgement:
     """Compute some runs again."""
-    from server.logic.study import parameters
+    from server.logic.plans import parameters
     from sim.evaluation import evaluate
 
     sd = np.array([_spread(column) for column in table.values.T])

@@ -29,7 +29,7 @@ def upgrade() -> Answer:
 @answering
 def backup(file: Annotated[Path, typer.Argument(help="The copy; must not exist.")]) -> Answer:
     """Copy the SQLite database at REHYB_DATABASE_URL, also while a coordinator uses it."""
-    from server.store import check as checks
+    from server.operations import check as checks
 
     with opened() as engine:
         checks.back_up(engine, file)
@@ -40,7 +40,7 @@ def backup(file: Annotated[Path, typer.Argument(help="The copy; must not exist."
 @answering
 def check() -> Answer:
     """Count everything anew; exit status 1 if the database contradicts itself."""
-    from server.store import check as checks
+    from server.operations import check as checks
 
     with opened() as engine:
         found = checks.faults(engine)

@@ -102,7 +102,7 @@ def analysis() -> None:
     run: whoever commits first wins, and the others carry on from there.
     """
     from analysis.sensitivity.service import follow
-    from server.store.result_log import StoreResultLog
+    from server.operations.result_log import StoreResultLog
 
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):

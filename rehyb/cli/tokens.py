@@ -25,7 +25,7 @@ def create(
     ],
 ) -> Answer:
     """Make a token and print it, once: the database at REHYB_DATABASE_URL keeps a digest only."""
-    from server.store import tokens
+    from server.operations import tokens
 
     with opened(upgraded=True) as engine:
         token, secret = tokens.create(engine, name=name, scopes=scope, now=time.time())
@@ -39,7 +39,7 @@ def create(
 @answering
 def list_tokens() -> Answer:
     """List all tokens ever made; their secrets cannot be shown."""
-    from server.store import tokens
+    from server.operations import tokens
 
     with opened(upgraded=True) as engine:
         found = [asdict(token) for token in tokens.every(engine)]
@@ -61,7 +61,7 @@ def revoke(
     token: Annotated[str, typer.Argument(help="Its id, from `rehyb token list`.")],
 ) -> Answer:
     """Make a token worthless, for good; coordinators notice within five seconds."""
-    from server.store import tokens
+    from server.operations import tokens
 
     with opened(upgraded=True) as engine:
         revoked = tokens.revoke(engine, token, now=time.time())

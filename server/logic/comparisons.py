@@ -8,7 +8,9 @@ the host that is at fault will be found in most of the disagreements.
 import hashlib
 from dataclasses import dataclass
 
-from server.logic.slots import BUDGETS, Result
+from server.logic.instances import BUDGETS
+from server.records import Result
+from server.states import ComparisonState
 
 #: How often a second opinion may fail to come before nobody is asked any more.
 ATTEMPTS = 3
@@ -18,8 +20,8 @@ LEAST = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Standing:
-    """How a host came out of its comparisons."""
+class Reputation:
+    """How a host came out of its comparisons, as the first and as the second."""
 
     agreed: int = 0
     disagreed: int = 0
@@ -59,3 +61,8 @@ def agree(first: Result, second: Result, tolerance: float) -> bool:
     """Say whether two results of one instance are the same within a relative `tolerance`."""
     apart = difference(first, second)
     return apart is not None and apart <= tolerance
+
+
+def after_failing(attempts: int) -> ComparisonState:
+    """Return where a second opinion stands that failed to come so many times."""
+    return ComparisonState.ABANDONED if attempts >= ATTEMPTS else ComparisonState.WAITING

@@ -10,13 +10,15 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
-from server.logic.study import Study
+from server.records import Study
 
 #: What must be equal on all machines of a study: another of these is another model.
 IDENTITY = ("code", "mujoco")
 #: What must be equal within a row. The canary is a digest of one nominal evaluation, so that
 #: machines whose bits differ are told apart even where all versions agree.
 HOST_CLASS = (*IDENTITY, "numpy", "platform", "cpu", "canary")
+#: A worker without work asks every second: one silent for so long is gone.
+GONE_SECONDS = 60.0
 
 
 def identity(versions: Mapping[str, str]) -> dict[str, str]:

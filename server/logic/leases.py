@@ -1,33 +1,12 @@
 """Who may speak for a lease, and how long it lasts. Only the coordinator's clock decides."""
 
-from server.logic.records import record
-
-
-@record
-class Lease:
-    """The right of one worker to evaluate some instances of one study until a moment."""
-
-    id: str
-    #: Grows with every lease granted; a worker must show it along with the id.
-    fence: int
-    worker: str
-    study: str
-    #: "open", "finished" (it holds nothing any more), "released" or "expired".
-    state: str
-    expires_at: float
-    #: (row, position) of every instance handed out with it.
-    instances: tuple[tuple[int, int], ...]
-    #: The kind of machine its worker was when it was granted.
-    host_class: str | None = None
-    #: Where its worker ran when it last asked for work.
-    host: str = ""
-    #: Whether it asks for second opinions on results that are there already.
-    compares: bool = False
+from server.records import Lease
+from server.states import LeaseState
 
 
 def has_expired(lease: Lease, now: float) -> bool:
     """Say whether an open lease has run out."""
-    return lease.state == "open" and lease.expires_at <= now
+    return lease.state == LeaseState.OPEN and lease.expires_at <= now
 
 
 def objection_to_renewal(lease: Lease | None, *, fence: int, now: float) -> str | None:
@@ -36,7 +15,7 @@ def objection_to_renewal(lease: Lease | None, *, fence: int, now: float) -> str 
         return "there is no such lease"
     if lease.fence != fence:
         return f"the fence of this lease is not {fence}"
-    if lease.state != "open":
+    if lease.state != LeaseState.OPEN:
         return f"the lease is {lease.state}"
     if has_expired(lease, now):
         return f"the lease expired {now - lease.expires_at:.1f} s ago"

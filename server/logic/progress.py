@@ -6,7 +6,7 @@ from itertools import pairwise
 from math import sqrt
 from statistics import stdev
 
-from server.logic.study import Study
+from server.records import Study
 
 #: The rate is taken over this many results: enough to be calm, few enough to follow the fleet.
 RATE_WINDOW = 500

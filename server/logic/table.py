@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from server.logic.slots import Result
-from server.logic.study import Plan, parameters
+from server.logic.plans import parameters
+from server.records import Plan, Result
 
 
 def header(plan: Plan) -> list[str]:

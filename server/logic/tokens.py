@@ -4,7 +4,6 @@ import hashlib
 import re
 import secrets
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 
 #: submit: make and control studies. work: lease and post. read: look at everything. admin: all.
 SCOPES = ("submit", "work", "read", "admin")
@@ -16,19 +15,6 @@ FAILURES = 20
 FAILURE_SECONDS = 60.0
 
 _ARCHIVE = re.compile(r"/v1/sessions/[^/]+/archive")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Token:
-    """The right to some requests."""
-
-    id: str
-    name: str
-    scopes: tuple[str, ...]
-    #: Seconds, UTC epoch.
-    created_at: float
-    #: None while it is good.
-    revoked_at: float | None
 
 
 def new_secret() -> str:

@@ -1,23 +1,24 @@
-"""What becomes of a posted result: accepted, duplicate, conflict, unknown or invalid."""
+"""What the coordinator makes of a posted result: accepted, duplicate, conflict and so on."""
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
-from server.logic.records import record
-from server.logic.slots import BUDGETS, Result, Slot, after_attempt, settled
+from server.logic.instances import BUDGETS, RESERVED, RETRIED, after_attempt, settled
+from server.logic.json_values import cut, flaw_in
+from server.records import Instance, Place, Result, record
+from server.states import InstanceState, Outcome, Verdict
 
-#: Failures a worker may report that say more about the machine than about the simulation.
-RETRIED = ("crashed", "timed_out")
-#: Outcomes only the coordinator may conclude.
-RESERVED = ("lost", "invalid")
 #: Characters kept of a reason: a sentence or a traceback, not a log.
 REASON_LENGTH = 4000
 #: Levels of nesting a state may have.
 STATE_DEPTH = 32
 
 _OUTCOME = re.compile(r"[a-z_]{1,40}")
+
+# Looked up once: in Python 3.11 a member of an enum takes as long as a call.
+_OK, _LEASED, _ACCEPTED = Outcome.OK, InstanceState.LEASED, Verdict.ACCEPTED
 
 
 @record
@@ -33,38 +34,69 @@ class Report:
 
 
 @record
-class Verdict:
-    """What the worker is told about one result."""
+class Judgement:
+    """What the worker is told about one result, and what changes with it."""
 
-    instance: str
-    #: "accepted", "duplicate", "conflict", "unknown" or "invalid".
-    verdict: str
+    #: Identifies the instance.
+    about: str
+    verdict: Verdict
     #: One sentence; empty if there is nothing to add.
     detail: str = ""
-
-    @property
-    def refused(self) -> bool:
-        """Whether the result was turned away."""
-        return self.verdict in ("conflict", "unknown", "invalid")
-
-
-@record
-class Judgement:
-    """A verdict and what the store must do about it."""
-
-    verdict: Verdict
-    #: The slot as it is now; None if it stays as it was.
-    slot: Slot | None = None
+    #: The instance as it is now; None if it stays as it was.
+    instance: Instance | None = None
     #: The instance's final result; None if there is none to store.
     result: Result | None = None
     #: A result that contradicts the stored one; None if there is none.
     conflict: Result | None = None
 
 
+def judge_all(
+    reports: Sequence[Report],
+    *,
+    places: Mapping[str, Place],
+    instances: Mapping[Place, Instance],
+    stored: Mapping[Place, Result],
+    lease: str,
+    outputs: Sequence[str],
+    host: str | None,
+    host_class: str | None,
+    at_work: Callable[[], Collection[str]],
+) -> list[Judgement]:
+    """Judge reports one after the other, each in the light of those before it.
+
+    Args:
+        reports: what the worker says.
+        places: of the instances that the lease was given.
+        instances: those that are named, as they stand.
+        stored: the final results of those that are done.
+        lease: as in `judge`, and so are all others.
+    """
+    instances, stored = dict(instances), dict(stored)
+    judgements = []
+    for report in reports:
+        place = places.get(report.instance, (-1, -1))
+        judgement = judge(
+            report,
+            instance=instances.get(place),
+            stored=stored.get(place),
+            lease=lease,
+            outputs=outputs,
+            host=host,
+            host_class=host_class,
+            at_work=at_work,
+        )
+        if judgement.instance is not None:
+            instances[place] = judgement.instance
+        if judgement.result is not None:
+            stored[place] = judgement.result
+        judgements.append(judgement)
+    return judgements
+
+
 def judge(
     report: Report,
     *,
-    slot: Slot | None,
+    instance: Instance | None,
     stored: Result | None,
     lease: str,
     outputs: Sequence[str],
@@ -76,8 +108,8 @@ def judge(
 
     Args:
         report: what the worker says.
-        slot: where the instance stands; None if the lease never held it.
-        stored: its final result; None unless the slot is done.
+        instance: where the instance stands; None if the lease never held it.
+        stored: its final result; None unless it is done.
         lease: the lease the report came under.
         outputs: the outputs an "ok" result must carry.
         host: the machine the report comes from.
@@ -85,38 +117,37 @@ def judge(
         at_work: returns the hosts of that class that work on the study now.
     """
 
-    def say(verdict: str, detail: str = "") -> Verdict:
-        return Verdict(instance=report.instance, verdict=verdict, detail=detail)
+    def say(verdict: Verdict, detail: str = "", **changes: Any) -> Judgement:
+        return Judgement(about=report.instance, verdict=verdict, detail=detail, **changes)
 
-    if slot is None:
-        return Judgement(verdict=say("unknown", "the lease never held this instance"))
-    held = slot.state == "leased" and slot.lease == lease
+    if instance is None:
+        return say(Verdict.UNKNOWN, "the lease never held this instance")
+    held = instance.state == _LEASED and instance.lease == lease
     fault = fault_in(report, outputs)
     if fault is not None:
-        verdict = say("invalid", fault)
         if not held:
-            return Judgement(verdict=verdict)
+            return say(Verdict.INVALID, fault)
         # Otherwise a worker that only talks nonsense could lease and return an instance for ever.
         counted, final = after_attempt(
-            slot, cause="invalid", reason=fault, host=host, at_work=at_work()
+            instance, cause=Outcome.INVALID, reason=fault, host=host, at_work=at_work()
         )
-        return Judgement(verdict=verdict, slot=counted, result=final)
-    result = as_result(report, slot.row, slot.position, outputs)
+        return say(Verdict.INVALID, fault, instance=counted, result=final)
+    result = as_result(report, instance.row, instance.position, outputs)
     if result.outcome in RETRIED and not held:
-        return Judgement(verdict=say("duplicate", "this attempt no longer counts"))
+        return say(Verdict.DUPLICATE, "this attempt no longer counts")
     if stored is not None:
         if stored.same_as(result):
-            return Judgement(verdict=say("duplicate"))
+            return say(Verdict.DUPLICATE)
         detail = f"the instance already has another result, {stored.outcome}"
-        return Judgement(verdict=say("conflict", detail), conflict=result)
-    if not held and slot.host_class != host_class:
+        return say(Verdict.CONFLICT, detail, conflict=result)
+    if not held and instance.host_class != host_class:
         # Its bits may not be mixed with those that the rest of the row will have.
         detail = "the row was given to another kind of machine meanwhile"
-        return Judgement(verdict=say("conflict", detail), conflict=result)
+        return say(Verdict.CONFLICT, detail, conflict=result)
     if result.outcome not in RETRIED:
-        return Judgement(verdict=say("accepted"), slot=settled(slot), result=result)
+        return say(_ACCEPTED, instance=settled(instance), result=result)
     counted, final = after_attempt(
-        slot,
+        instance,
         cause=result.outcome,
         reason=result.reason,
         host=host,
@@ -125,8 +156,9 @@ def judge(
         wall_seconds=result.wall_seconds,
     )
     count, budget = counted.attempts[result.outcome], BUDGETS[result.outcome]
-    tries = f"attempt {count} of {max(count, budget)}"
-    return Judgement(verdict=say("accepted", tries), slot=counted, result=final)
+    return say(
+        _ACCEPTED, f"attempt {count} of {max(count, budget)}", instance=counted, result=final
+    )
 
 
 def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
@@ -134,15 +166,15 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
 
     The outputs of a failure are ignored: they are not numbers anybody may use.
     """
-    ok = report.outcome == "ok"
+    ok = report.outcome == _OK
     if not ok and not _OUTCOME.fullmatch(report.outcome):
         return "the outcome must be 'ok' or a failure in 1 to 40 lower-case letters and underscores"
     if report.outcome in RESERVED:
         return f"only the coordinator concludes {report.outcome!r}"
     if report.wall_seconds is not None and not _is_finite(report.wall_seconds):
         return "wall_seconds must be a finite number or null"
-    if (fault := _fault_in_state(report.state)) is not None:
-        return fault
+    if report.state is not None and (flaw := flaw_in(report.state, STATE_DEPTH)) is not None:
+        return _FLAWS[flaw]
     if not ok:
         return None
     for name in outputs:
@@ -155,18 +187,23 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
 
 def as_result(report: Report, row: int, position: int, outputs: Sequence[str]) -> Result:
     """Return a faultless report as a result of the instance at `row` and `position`."""
-    ok = report.outcome == "ok"
+    ok = report.outcome == _OK
     wall = report.wall_seconds
     return Result(
         row=row,
         position=position,
         outcome=report.outcome,
         outputs={name: float(report.outputs[name]) for name in outputs} if ok else None,
-        # PostgreSQL cannot store the character NUL.
-        reason=report.reason.replace("\0", "")[:REASON_LENGTH],
+        reason=cut(report.reason, REASON_LENGTH),
         state=report.state,
         wall_seconds=None if wall is None else float(wall),
     )
+
+
+_FLAWS = {
+    "nested": f"the state is nested more than {STATE_DEPTH} deep",
+    "infinite": "the state holds a number that is not finite: send null instead",
+}
 
 
 def _is_finite(value: Any) -> bool:
@@ -177,21 +214,3 @@ def _is_finite(value: Any) -> bool:
         return isfinite(value)
     except OverflowError:
         return False
-
-
-def _fault_in_state(state: Any) -> str | None:
-    """Say in a sentence why a parsed value cannot be stored as JSON; None if it can."""
-    if state is None:
-        return None
-    left = [(state, 0)]
-    while left:
-        value, depth = left.pop()
-        if depth > STATE_DEPTH:
-            return f"the state is nested more than {STATE_DEPTH} deep"
-        if isinstance(value, Mapping):
-            left.extend((item, depth + 1) for item in value.values())
-        elif isinstance(value, list):
-            left.extend((item, depth + 1) for item in value)
-        elif isinstance(value, float) and not isfinite(value):
-            return "the state holds a number that is not finite: send null instead"
-    return None

@@ -1,28 +1,28 @@
 """Closing the loop on sessions: ask for it, follow it, read what was found."""
 
-import asyncio
-import json
-from collections.abc import AsyncIterator, Callable
-from typing import Annotated, Any
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
 
-from fastapi import APIRouter, Header, Request, Response
+from fastapi import APIRouter, Request, Response
 from fastapi.responses import StreamingResponse
 from sqlalchemy.engine import Engine
 
 from analysis.closeloop.code import digest
-from server.errors import NotFoundError
-from server.logic.caching import is_known, tag
-from server.logic.close_loops import BAD_SESSION, FILES, CloseLoop, parsed
+from analysis.closeloop.contract import REPORT_FILES
+from server.logic.caching import tag
+from server.logic.close_loops import parsed
+from server.operations import close_loops
 from server.problems import body_of
-from server.routes.common import Id, Now, Store, as_json, clock
-from server.store import close_loops, loop_workers
+from server.records import CloseLoopJob
+from server.routes.common import Id, IfNoneMatch, Now, Store, as_json, clock, not_modified
+from server.routes.events import Moment, stream
+from server.states import CloseLoopState, Outcome
 
 router = APIRouter(prefix="/v1", tags=["close-loops"])
 
 #: Seconds between two looks at the database for the sake of one listener.
 EVENT_SECONDS = 0.5
-#: A line is sent at least this often, so that nothing between takes the connection for dead.
-KEEPALIVE_SECONDS = 15.0
 #: A report's page must not speak to the coordinator in its reader's name: no script, no frame, no
 #: request, and an origin of its own.
 PAGE_POLICY = "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'"
@@ -33,8 +33,6 @@ MEDIA_TYPES = {
     "residuals.csv": "text/csv; charset=utf-8",
 }
 
-IfNoneMatch = Annotated[str | None, Header(examples=['W/"5f2b1c9d8e7a6b5c4d3e"'])]
-
 
 @router.post("/sessions/{session_id}/close-loop", status_code=202)
 def ask(session_id: Id, store: Store, now: Now, response: Response) -> dict[str, Any]:
@@ -44,7 +42,7 @@ def ask(session_id: Id, store: Store, now: Now, response: Response) -> dict[str,
     """
     job, _ = close_loops.create(store, session_id, code=digest(), now=now)
     response.headers["Location"] = f"/v1/close-loops/{job.id}"
-    return _standing(job, able=loop_workers.at_work(store, now=now))
+    return _standing(job, able=close_loops.at_work(store, now=now))
 
 
 @router.get("/close-loops/{close_loop_id}", response_model=None)
@@ -53,12 +51,12 @@ def show(close_loop_id: Id, store: Store, now: Now, if_none_match: IfNoneMatch =
 
     304 if nothing has happened since the answer whose ETag the request names.
     """
-    job = close_loops.get(store, close_loop_id)
-    able = loop_workers.at_work(store, now=now)
+    job, able = close_loops.standing(store, close_loop_id, now=now)
     seen = _tag(job, able)
-    if is_known(seen, if_none_match):
-        return Response(status_code=304, headers={"ETag": seen})
-    content = _report(store, job) if job.state == "done" else _standing(job, able=able)
+    if known := not_modified(seen, if_none_match):
+        return known
+    done = job.state == CloseLoopState.DONE
+    content = _report(store, job) if done else _standing(job, able=able)
     response = as_json(content)
     response.headers["ETag"] = seen
     return response
@@ -67,13 +65,13 @@ def show(close_loop_id: Id, store: Store, now: Now, if_none_match: IfNoneMatch =
 @router.get("/close-loops/{close_loop_id}/events")
 async def events(close_loop_id: Id, store: Store, request: Request) -> StreamingResponse:
     """Stream how far a job is as server-sent events, one per change, until it is done or failed."""
-    # Asked for before anything is sent, so that a wrong id is a problem and not an empty stream.
-    await asyncio.to_thread(close_loops.get, store, close_loop_id)
-    return StreamingResponse(
-        _follow(store, close_loop_id, request.app.state.stopping),
-        media_type="text/event-stream",
-        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
-    )
+
+    def look() -> Moment:
+        job, able = close_loops.standing(store, close_loop_id, now=clock())
+        shown = _standing(job, able=able)
+        return Moment(tag=_tag(job, able), content=shown, over=job.state.has_ended)
+
+    return await stream(look, request.app.state.stopping, seconds=EVENT_SECONDS)
 
 
 def _reader(file: str) -> Callable[..., StreamingResponse]:
@@ -96,46 +94,23 @@ def _reader(file: str) -> Callable[..., StreamingResponse]:
     return read
 
 
-for _file in FILES:
+for _file in REPORT_FILES:
     router.get(f"/close-loops/{{close_loop_id}}/{_file}")(_reader(_file))
 
 
-async def _follow(store: Engine, job_id: str, stopping: asyncio.Event) -> AsyncIterator[str]:
-    told, quiet = "", 0.0
-    while True:
-        try:
-            job = await asyncio.to_thread(close_loops.get, store, job_id)
-        except NotFoundError:
-            yield "event: deleted\ndata: {}\n\n"
-            return
-        able = await asyncio.to_thread(loop_workers.at_work, store, now=clock())
-        if (seen := _tag(job, able)) != told:
-            yield f"event: progress\ndata: {json.dumps(_standing(job, able=able))}\n\n"
-            told, quiet = seen, 0.0
-        elif quiet >= KEEPALIVE_SECONDS:
-            yield ": still here\n\n"
-            quiet = 0.0
-        if job.state in ("done", "failed") or stopping.is_set():
-            return
-        try:
-            await asyncio.wait_for(stopping.wait(), EVENT_SECONDS)
-        except TimeoutError:
-            quiet += EVENT_SECONDS
-
-
-def _tag(job: CloseLoop, able: int) -> str:
-    ended = job.state in ("done", "failed")
+def _tag(job: CloseLoopJob, able: int) -> str:
+    ended = job.state.has_ended
     about = (job.finished_at,) if ended else (job.grants, job.progress, bool(able))
     return tag(job.id, job.state, len(job.attempts), *about, weak=not ended)
 
 
-def _report(store: Engine, job: CloseLoop) -> dict[str, Any]:
+def _report(store: Engine, job: CloseLoopJob) -> dict[str, Any]:
     size = close_loops.file_size(store, job, "report.json")
     text = b"".join(close_loops.read_file(store, job, "report.json", size))
     return {**parsed(text), "id": job.id, "session_id": job.session_id, "state": job.state}
 
 
-def _standing(job: CloseLoop, *, able: int) -> dict[str, Any]:
+def _standing(job: CloseLoopJob, *, able: int) -> dict[str, Any]:
     current = job.current
     shown: dict[str, Any] = {
         "id": job.id,
@@ -147,23 +122,17 @@ def _standing(job: CloseLoop, *, able: int) -> dict[str, Any]:
         "verdict": job.verdict,
         "worker": None if current is None else current.worker,
         "attempts": [
-            {
-                "worker": attempt.worker,
-                "host": attempt.host,
-                "granted_at": attempt.granted_at,
-                "ended": attempt.ended,
-                "reason": attempt.reason,
-            }
+            {k: value for k, value in asdict(attempt).items() if k not in ("lease", "fence")}
             for attempt in job.attempts
         ],
     }
-    if job.state == "waiting" and not able:
+    if job.state == CloseLoopState.WAITING and not able:
         shown["note"] = (
             "no worker that can close loops is at work: start `rehyb-worker` on a machine with "
             "'rehyb[figures]'"
         )
     if job.fault is not None:
-        bad = job.fault["outcome"] == BAD_SESSION
+        bad = job.fault["outcome"] == Outcome.BAD_SESSION
         members = {name: job.fault[name] for name in ("outcome", "file", "column", "line")}
         shown["problem"] = body_of(422 if bad else 500, job.fault["detail"], members)
     return shown

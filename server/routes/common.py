@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Annotated, Any, get_type_hints
 
-from fastapi import Depends, Path, Request, Response
+from fastapi import Depends, Header, Path, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
@@ -13,6 +13,7 @@ from pydantic_core import to_json
 from sqlalchemy.engine import Engine
 from starlette.types import Receive, Scope, Send
 
+from server.logic.caching import is_known
 from server.metrics import Metrics
 from server.settings import Settings
 
@@ -96,6 +97,11 @@ def as_json(
     return Response(body, status, headers, media_type="application/json")
 
 
+def not_modified(tag: str, if_none_match: str | None) -> Response | None:
+    """Return 304 for a reader that has seen what `tag` stands for; None for any other."""
+    return Response(None, 304, {"ETag": tag}) if is_known(tag, if_none_match) else None
+
+
 Store = Annotated[Engine, Depends(_engine)]
 Configured = Annotated[Settings, Depends(_settings)]
 Measures = Annotated[Metrics, Depends(_metrics)]
@@ -111,5 +117,7 @@ Id = Annotated[str, Path(max_length=128, pattern=PRINTABLE, examples=["3fb1c2a4d
 LeaseId = Annotated[
     str, Path(max_length=128, pattern=PRINTABLE, examples=["0f8e4ab7c5d94e2b8a1d6c3f7e9b2a10"])
 ]
+#: The ETag of what a reader has seen already.
+IfNoneMatch = Annotated[str | None, Header(examples=['W/"5f2b1c9d8e7a6b5c4d3e"'])]
 #: A whole number that a database can hold.
 MAX_INTEGER = 2**63 - 1

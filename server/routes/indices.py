@@ -5,12 +5,11 @@ from typing import Any
 from fastapi import APIRouter, Response
 
 from analysis.sensitivity.snapshot import empty_snapshot
-from server.logic.caching import is_known, tag
-from server.logic.study import for_analysis
-from server.routes.common import Id, Store
-from server.routes.progress import IfNoneMatch
-from server.store import studies
-from server.store.result_log import StoreResultLog
+from server.logic.caching import tag
+from server.logic.plans import for_analysis
+from server.operations import studies
+from server.operations.result_log import StoreResultLog
+from server.routes.common import Id, IfNoneMatch, Store, not_modified
 
 router = APIRouter(prefix="/v1/studies/{study_id}/indices", tags=["studies"])
 
@@ -26,7 +25,7 @@ def indices(
     study = studies.get(store, study_id)
     snapshot = StoreResultLog(store).snapshot(study_id) or empty_snapshot(for_analysis(study))
     seen = tag(study_id, study.edition, snapshot["rows"], snapshot["cursor"])
-    if is_known(seen, if_none_match):
-        return Response(status_code=304, headers={"ETag": seen})
+    if known := not_modified(seen, if_none_match):
+        return known
     response.headers["ETag"] = seen
     return snapshot

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Path, Query
 
 from server.errors import InvalidStudyError
-from server.logic.study import instance_id, parameters
+from server.logic.plans import instance_id, parameters
+from server.operations import instances
 from server.routes.common import MAX_INTEGER, Id, Store
-from server.store import instances
 
 router = APIRouter(prefix="/v1/studies/{study_id}/instances", tags=["instances"])
 
@@ -65,8 +65,8 @@ def listing(
 @router.get("/{row}/{position}")
 def bundle(study_id: Id, row: Row, position: Position, store: Store) -> dict[str, Any]:
     """Return what it takes to replay an instance: `rehyb assess --replay` reads it."""
-    found = instances.account(store, study_id, (row, position))
-    plan = found.study.plan
+    study, known = instances.account(store, study_id, (row, position))
+    plan = study.plan
     return {
         "id": instance_id(study_id, row, position),
         "study": study_id,
@@ -77,15 +77,7 @@ def bundle(study_id: Id, row: Row, position: Position, store: Store) -> dict[str
         "row": row,
         "position": position,
         "parameters": parameters(plan, row)[position],
-        "state": found.state,
-        "attempts": dict(found.attempts),
-        "hosts": dict(found.hosts),
-        "host_class": found.host_class,
-        "identity": found.study.identity,
-        "result": found.result,
-        "conflicts": found.conflicts,
-        "superseded": found.superseded,
-        "comparisons": found.comparisons,
+        **known,
     }
 
 

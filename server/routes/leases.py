@@ -12,8 +12,10 @@ from pydantic import Field, StringConstraints
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError
-from server.logic.study import instance_id, parameters
+from server.logic.plans import instance_id, parameters
 from server.metrics import Metrics
+from server.operations import leases, leasing
+from server.operations.leasing import Grant, Ineligible, LeaseRequest
 from server.routes.common import (
     MAX_INTEGER,
     Body,
@@ -26,8 +28,6 @@ from server.routes.common import (
     as_json,
     example,
 )
-from server.store import offers, queue
-from server.store.offers import Grant, Misfit, Wish
 
 log = logging.getLogger(__name__)
 
@@ -83,17 +83,17 @@ class Sweep:
         if self._last <= now < self._last + SWEEP_SECONDS:
             return 0
         self._last = now
-        return await asyncio.to_thread(queue.reap, engine, now=now)
+        return await asyncio.to_thread(leases.reap, engine, now=now)
 
 
 async def lease(body: LeaseBody, request: Request) -> Response:
     """Lease instances of one study; 204: nothing to do now; 409: nothing that the worker fits."""
-    state, wish = request.app.state, wish_in(body)
+    state, wanted = request.app.state, requested(body)
     now, ttl = state.clock(), state.settings.lease_seconds
     state.metrics.lost.inc(await state.sweep(state.engine, now=now))
     with state.metrics.lease_seconds.time():
-        found = await state.turns(partial(offers.offer, wish=wish, now=now, ttl=ttl))
-    if isinstance(found, Misfit):
+        found = await state.write(partial(leasing.grant, request=wanted, now=now, ttl=ttl))
+    if isinstance(found, Ineligible):
         state.metrics.misfits.inc()
         raise ConflictError(found.why)
     if found is None:
@@ -106,9 +106,9 @@ router.add_api_route(
 )
 
 
-def wish_in(body: LeaseBody) -> Wish:
-    """Return what a worker asks for as the store knows it."""
-    return Wish(
+def requested(body: LeaseBody) -> LeaseRequest:
+    """Return what a worker asks for as operations know it."""
+    return LeaseRequest(
         worker=body.worker.id,
         host=body.worker.host,
         versions=body.worker.versions,
@@ -145,14 +145,14 @@ def renew(
 ) -> dict[str, Any]:
     """Keep a lease for another ttl."""
     ttl = settings.lease_seconds
-    expires_at = queue.renew(store, lease_id, fence=body.fence, now=now, ttl=ttl)
+    expires_at = leases.renew(store, lease_id, fence=body.fence, now=now, ttl=ttl)
     return {"expires_at": expires_at, "ttl_seconds": ttl}
 
 
 @router.post("/{lease_id}/release")
 def release(lease_id: LeaseId, body: FenceBody, store: Store, now: Now) -> dict[str, Any]:
     """Give back, unharmed, what a lease still holds."""
-    queue.release(store, lease_id, fence=body.fence, now=now)
+    leases.release(store, lease_id, fence=body.fence, now=now)
     return {"released": True}
 
 

@@ -17,15 +17,16 @@ from pydantic import Field, StringConstraints
 
 from analysis.files.parquet import parquet
 from server.logic.table import header, lines
-from server.logic.verdicts import Report, Verdict
+from server.logic.verdicts import Judgement, Report
 from server.metrics import Metrics
+from server.operations import leasing, results, studies
+from server.operations.leasing import DEFERRED, Grant, Ineligible
+from server.operations.results import Post
 from server.routes.common import Body, Direct, Id, Name, Store, as_json, example
-from server.routes.leases import RETRY_AFTER_SECONDS, Fence, LeaseBody, granted, wish_in
+from server.routes.leases import RETRY_AFTER_SECONDS, Fence, LeaseBody, granted, requested
 from server.routes.studies import show
 from server.settings import Settings
-from server.store import offers, results, studies
-from server.store.offers import ELSEWHERE, Grant, Misfit
-from server.store.results import Post
+from server.states import Verdict
 from sim.models import MODELS
 
 log = logging.getLogger(__name__)
@@ -94,25 +95,25 @@ async def post(body: ResultsBody, request: Request) -> Response:
     answer: dict[str, Any] = {}
     headers: dict[str, str] = {}
     if body.next is None:
-        verdicts = await state.turns(partial(results.take, posted=posted, now=now, ttl=ttl))
+        judgements = await state.write(partial(results.take, posted=posted, now=now, ttl=ttl))
     else:
-        asked = {"wish": wish_in(body.next), "now": now, "ttl": ttl}
+        asked = {"request": requested(body.next), "now": now, "ttl": ttl}
         measures.lost.inc(await state.sweep(state.engine, now=now))
         with measures.lease_seconds.time():
-            verdicts, found = await state.turns(partial(results.exchange, posted=posted, **asked))
-            if found is ELSEWHERE:
-                found = await state.turns(partial(offers.offer, **asked))
-        misfit = found.why if isinstance(found, Misfit) else None
+            judgements, found = await state.write(partial(results.exchange, posted=posted, **asked))
+            if found is DEFERRED:
+                found = await state.write(partial(leasing.grant, **asked))
+        misfit = found.why if isinstance(found, Ineligible) else None
         measures.misfits.inc(misfit is not None)
         answer["misfit"] = misfit
         answer["next"] = granted(found, ttl, measures) if isinstance(found, Grant) else None
         if answer["next"] is None:
             headers["Retry-After"] = str(RETRY_AFTER_SECONDS)
-    _note(body, verdicts, measures)
+    _note(body, judgements, measures)
     answer["verdicts"] = [
-        {"instance": v.instance, "verdict": v.verdict, "detail": v.detail} for v in verdicts
+        {"instance": j.about, "verdict": j.verdict, "detail": j.detail} for j in judgements
     ]
-    refused = any(verdict.refused for verdict in verdicts)
+    refused = any(judgement.verdict.refuses for judgement in judgements)
     return as_json(answer, HTTPStatus.CONFLICT if refused else HTTPStatus.OK, headers)
 
 
@@ -146,21 +147,21 @@ def _posted(body: ResultsBody, settings: Settings) -> Post:
     )
 
 
-def _note(body: ResultsBody, verdicts: Sequence[Verdict], measures: Metrics) -> None:
+def _note(body: ResultsBody, judgements: Sequence[Judgement], measures: Metrics) -> None:
     """Count what came, and log what was refused."""
-    for said, count in Counter(verdict.verdict for verdict in verdicts).items():
+    for said, count in Counter(judgement.verdict for judgement in judgements).items():
         measures.verdicts.labels(said).inc(count)
-    for result, verdict in zip(body.results, verdicts, strict=True):
-        if verdict.verdict == "accepted":
+    for result, judgement in zip(body.results, judgements, strict=True):
+        if judgement.verdict == Verdict.ACCEPTED:
             if result.wall_seconds is not None:
                 measures.run_seconds.observe(result.wall_seconds)
-        elif verdict.refused:
+        elif judgement.verdict.refuses:
             log.info(
                 "result refused as %s: %s",
-                verdict.verdict,
-                verdict.detail,
+                judgement.verdict,
+                judgement.detail,
                 extra={
-                    "instance": verdict.instance,
+                    "instance": judgement.about,
                     "lease": body.lease,
                     "worker": body.worker,
                 },

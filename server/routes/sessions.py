@@ -14,12 +14,12 @@ from pydantic import StringConstraints
 from sqlalchemy.engine import Engine
 from starlette.datastructures import UploadFile
 
-from server.checking import check
 from server.guards import session_too_large
+from server.operations import sessions
+from server.records import Session
 from server.routes.common import Configured, Id, Now, Store
-from server.store import sessions
-from server.store.parts import PART_BYTES
-from server.store.sessions import Session
+from server.session_sandbox import check
+from server.store.database.parts import PART_BYTES
 
 router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
 

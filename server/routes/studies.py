@@ -8,11 +8,13 @@ from pydantic import Field, StringConstraints, model_validator
 from sqlalchemy.engine import Engine
 
 from analysis.designs import DEFAULT_SAMPLING
-from server.logic.goals import Pursuit, set_goal
-from server.logic.goals import shown as goal_shown
-from server.logic.study import FactorChoice, Study, draw_up, refuse_dependence
+from server.logic.plans import FactorChoice, draw_up, refuse_dependence
+from server.logic.precision_goals import precision_goal
+from server.logic.precision_goals import shown as goal_shown
+from server.operations import precision_goals, reruns, studies
+from server.records import PrecisionGoal, Study
 from server.routes.common import MAX_INTEGER, PRINTABLE, Body, Id, Name, Now, Store, example
-from server.store import control, goals, reruns, studies
+from server.states import StudyState
 
 router = APIRouter(prefix="/v1/studies", tags=["studies"])
 
@@ -128,7 +130,7 @@ def submit(
     wanted = body.precision
     goal = None
     if wanted is not None:
-        goal = set_goal(
+        goal = precision_goal(
             plan,
             output=wanted.output,
             target=wanted.target,
@@ -145,20 +147,18 @@ def submit(
         now=now,
         priority=body.priority,
         tags=body.tags,
-        within=lambda connection, study_id: (
-            goals.add(connection, study_id, goal) if goal is not None else None
-        ),
+        goal=goal,
     )
     response.headers["Location"] = f"/v1/studies/{study.id}"
     response.status_code = 201 if new else 200
-    return shown(study, goals.of(store, study.id))
+    return shown(study, precision_goals.of(store, study.id))
 
 
 @router.get("")
 def every(store: Store) -> dict[str, Any]:
     """List all studies, oldest first."""
-    wanted = goals.every(store)
-    return {"studies": [shown(study, wanted.get(study.id)) for study in studies.every(store)]}
+    goals = precision_goals.every(store)
+    return {"studies": [shown(study, goals.get(study.id)) for study in studies.every(store)]}
 
 
 @router.get("/{study_id}")
@@ -176,31 +176,31 @@ def cancel(study_id: Id, store: Store, now: Now) -> dict[str, Any]:
 @router.post("/{study_id}/pause")
 def pause(study_id: Id, store: Store) -> dict[str, Any]:
     """Hand out nothing of a study for a while; results under way are taken."""
-    return _show(store, control.pause(store, study_id))
+    return _show(store, studies.switch(store, study_id, StudyState.PAUSED))
 
 
 @router.post("/{study_id}/drain")
 def drain(study_id: Id, store: Store) -> dict[str, Any]:
     """Finish the rows that were begun and begin no other; then the study is paused."""
-    return _show(store, control.drain(store, study_id))
+    return _show(store, studies.switch(store, study_id, StudyState.DRAINING))
 
 
 @router.post("/{study_id}/resume")
 def resume(study_id: Id, store: Store) -> dict[str, Any]:
     """Go on with a paused or draining study."""
-    return _show(store, control.resume(store, study_id))
+    return _show(store, studies.switch(store, study_id, StudyState.RUNNING))
 
 
 @router.post("/{study_id}/extend")
 def extend(study_id: Id, body: ExtensionBody, store: Store) -> dict[str, Any]:
     """Give a study more rows; what there is of it stays, and a complete one runs again."""
-    return _show(store, control.extend(store, study_id, body.rows))
+    return _show(store, studies.extend(store, study_id, body.rows))
 
 
 @router.post("/{study_id}/priority")
 def prioritise(study_id: Id, body: PriorityBody, store: Store) -> dict[str, Any]:
     """Serve a study before all of lower priority."""
-    return _show(store, control.prioritise(store, study_id, body.priority))
+    return _show(store, studies.prioritise(store, study_id, body.priority))
 
 
 @router.post("/{study_id}/rerun")
@@ -215,14 +215,14 @@ def rerun(study_id: Id, body: RerunBody, store: Store, now: Now) -> dict[str, An
 @router.delete("/{study_id}", status_code=204)
 def delete(study_id: Id, store: Store) -> None:
     """Remove a study that does not run, with its results and indices."""
-    control.delete(store, study_id)
+    studies.delete(store, study_id)
 
 
 def _show(store: Engine, study: Study) -> dict[str, Any]:
-    return shown(study, goals.of(store, study.id))
+    return shown(study, precision_goals.of(store, study.id))
 
 
-def shown(study: Study, pursuit: Pursuit | None) -> dict[str, Any]:
+def shown(study: Study, goal: PrecisionGoal | None) -> dict[str, Any]:
     """Return a study as the interface shows it, with its goal if it has one."""
     plan = study.plan
     return {
@@ -244,5 +244,5 @@ def shown(study: Study, pursuit: Pursuit | None) -> dict[str, Any]:
         "created_at": study.created_at,
         "priority": study.priority,
         "tags": list(study.tags),
-        "precision": goal_shown(study, pursuit),
+        "precision": goal_shown(study, goal),
     }

@@ -5,9 +5,9 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from server.logic.comparisons import Standing
+from server.logic.comparisons import Reputation
+from server.operations import comparisons, workers
 from server.routes.common import Store
-from server.store import comparisons, workers
 
 router = APIRouter(prefix="/v1/workers", tags=["workers"])
 
@@ -19,14 +19,14 @@ def every(store: Store) -> dict[str, Any]:
     The latest heard from comes first. `agreed` and `disagreed` count the results of the host that
     another one has computed again, and those of others that it has.
     """
-    standings = comparisons.standings(store)
+    reputations = comparisons.reputations(store)
     return {
         "workers": [
-            {**asdict(worker), **_shown(standings.get(worker.host, Standing()))}
+            {**asdict(worker), **_shown(reputations.get(worker.host, Reputation()))}
             for worker in workers.every(store)
         ]
     }
 
 
-def _shown(standing: Standing) -> dict[str, Any]:
-    return {**asdict(standing), "trust": standing.trust}
+def _shown(reputation: Reputation) -> dict[str, Any]:
+    return {**asdict(reputation), "trust": reputation.trust}

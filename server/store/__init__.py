@@ -1,10 +1,10 @@
-"""The coordinator's memory: the only place that speaks SQL.
+"""The coordinator's memory, a module per noun: SQL and nothing else.
 
-Every function that writes is one transaction, in which it reads, lets `server.logic` decide, and
-writes what was decided.
+Functions work within a transaction that `server.operations` opens, take and return
+`server.records`, and know no rule.
 """
 
-from server.store.engine import create_engine
-from server.store.upgrade import require_current, upgrade
+from server.store.database.engine import create_engine
+from server.store.database.upgrade import require_current, upgrade
 
 __all__ = ["create_engine", "require_current", "upgrade"]

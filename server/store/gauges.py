@@ -4,13 +4,17 @@ from collections import Counter
 from dataclasses import dataclass
 
 import sqlalchemy as sa
-from sqlalchemy.engine import Engine
+from sqlalchemy.engine import Connection
 
-from server.store.engine import reading
-from server.store.schema import close_loops, comparisons, estimator_states, leases, studies, workers
-
-#: A worker without work asks every second: one silent for so long is gone.
-GONE_SECONDS = 60.0
+from server.states import InstanceState, LeaseState, StudyState
+from server.store.database.schema import (
+    close_loops,
+    comparisons,
+    estimator_states,
+    leases,
+    studies,
+    workers,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,51 +39,53 @@ class Gauges:
     close_loops: dict[str, int]
 
 
-def read(engine: Engine, *, now: float) -> Gauges:
-    """Count, from one consistent state; as cheap as there are few studies."""
-    with reading(engine) as connection:
-        found = connection.execute(
-            sa.select(
-                studies.c.state,
-                studies.c.instances,
-                studies.c.result_count,
-                studies.c.ok_count,
-                studies.c.leased,
-                studies.c.failures,
-                sa.func.coalesce(estimator_states.c.cursor, 0).label("cursor"),
-            ).select_from(studies.outerjoin(estimator_states))
-        ).all()
-        count, oldest = connection.execute(
-            sa.select(sa.func.count(), sa.func.min(leases.c.granted_at)).where(
-                leases.c.state == "open"
-            )
-        ).one()
-        alive = connection.scalar(
-            sa.select(sa.func.count()).where(workers.c.last_seen > now - GONE_SECONDS)
+def read(connection: Connection, *, now: float, heard_after: float) -> Gauges:
+    """Count; as cheap as there are few studies.
+
+    Args:
+        connection: a transaction that sees one consistent state.
+        now: seconds, UTC epoch.
+        heard_after: workers silent since then are gone.
+    """
+    found = connection.execute(
+        sa.select(
+            studies.c.state,
+            studies.c.instances,
+            studies.c.result_count,
+            studies.c.ok_count,
+            studies.c.leased,
+            studies.c.failures,
+            sa.func.coalesce(estimator_states.c.cursor, 0).label("cursor"),
+        ).select_from(studies.outerjoin(estimator_states))
+    ).all()
+    count, oldest = connection.execute(
+        sa.select(sa.func.count(), sa.func.min(leases.c.granted_at)).where(
+            leases.c.state == LeaseState.OPEN
         )
-        opinions = connection.execute(
-            sa.select(comparisons.c.state, sa.func.count().label("n")).group_by(comparisons.c.state)
-        ).all()
-        loops = connection.execute(
-            sa.select(close_loops.c.state, sa.func.count().label("n")).group_by(close_loops.c.state)
-        ).all()
-    active = [row for row in found if row.state in ("running", "draining", "paused")]
+    ).one()
+    alive = sa.select(sa.func.count()).where(workers.c.last_seen > heard_after)
+    active = [row for row in found if not StudyState(row.state).has_ended]
     failures: Counter[str] = Counter()
     for row in found:
         failures.update(row.failures)
     return Gauges(
         studies=dict(Counter(row.state for row in found)),
         instances={
-            "pending": sum(row.instances - row.result_count - row.leased for row in active),
-            "leased": sum(row.leased for row in active),
+            InstanceState.PENDING: sum(r.instances - r.result_count - r.leased for r in active),
+            InstanceState.LEASED: sum(row.leased for row in active),
             "ok": sum(row.ok_count for row in active),
             "failed": sum(row.result_count - row.ok_count for row in active),
         },
         failures=dict(failures),
-        workers=alive or 0,
+        workers=connection.scalar(alive) or 0,
         open_leases=count,
         oldest_lease=max(0.0, now - oldest) if oldest is not None else 0.0,
-        comparisons={row.state: row.n for row in opinions},
+        comparisons=_by_state(connection, comparisons),
         lag=sum(max(0, row.result_count - row.cursor) for row in found),
-        close_loops={row.state: row.n for row in loops},
+        close_loops=_by_state(connection, close_loops),
     )
+
+
+def _by_state(connection: Connection, table: sa.Table) -> dict[str, int]:
+    query = sa.select(table.c.state, sa.func.count()).group_by(table.c.state)
+    return dict(connection.execute(query).all())

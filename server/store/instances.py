@@ -1,179 +1,281 @@
-"""Instances one by one: where they stand, what became of them, and all that it takes to replay."""
+"""Instances of the rows that were begun: where each stands, and what went wrong with it."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import cache
+from operator import itemgetter
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.engine import Connection, Engine, Row
+from sqlalchemy.engine import Connection
 
-from server.errors import NotFoundError
-from server.logic.slots import BUDGETS
-from server.logic.study import Study
-from server.store.engine import reading
-from server.store.ledger import Place
-from server.store.schema import (
-    comparisons,
-    conflicts,
-    instances,
-    results,
-    superseded,
-    workers,
+from server.records import Instance, Place
+from server.states import InstanceState
+from server.store.database.engine import JSON
+from server.store.database.prepared import Prepared, Rows, text
+from server.store.database.schema import instances
+
+#: Values in one IN list: well under what any SQLite takes.
+IN_LIST = 500
+
+#: Names of what `_to_row` returns.
+_COLUMNS = ("study_id", "row", "position", "state", "lease_id", "attempts", "host_class", "avoid")
+#: Those of them that many instances of rows that are begun share.
+_SHARED = tuple(name for name in _COLUMNS if name not in ("row", "position"))
+#: In a column of attempts, ends the names of lists of hosts.
+_ON = "_on"
+#: ... which holds this text if nothing has gone wrong.
+_NONE = "{}"
+_STATES = {state.value: state for state in InstanceState}
+
+# Statements that every lease and every post executes are built once: building one takes SQLAlchemy
+# longer than executing it takes the database.
+#: What `from_row` takes.
+EVERY = sa.select(
+    *(text(instances.c[name]) if name == "attempts" else instances.c[name] for name in _COLUMNS[1:])
 )
-from server.store.slots import attempts_in
-from server.store.studies import find
-
-#: What a listing can be narrowed to: the states of an instance, and how it ended.
-STATES = ("pending", "leased", "done", "ok", "failed", "quarantined")
-
-_JOINED = instances.outerjoin(
-    results,
-    sa.and_(
-        results.c.study_id == instances.c.study_id,
-        results.c.row == instances.c.row,
-        results.c.position == instances.c.position,
+_OF_STUDY = instances.c.study_id == sa.bindparam("of_study")
+_ARE_HELD = sa.select(instances.c.row).where(
+    _OF_STUDY,
+    instances.c.row.in_(sa.bindparam("rows", expanding=True)),
+    instances.c.lease_id == sa.bindparam("of_lease"),
+)
+_TRIED_HERE = sa.and_(
+    instances.c.avoid.is_not(None),
+    sa.or_(
+        instances.c.avoid == sa.bindparam("asking_host"),
+        # No host's name holds the character that would escape others.
+        sa.cast(instances.c.attempts, sa.Text).contains(sa.bindparam("as_json"), escape="\x1f"),
     ),
 )
-_COLUMNS = (
-    instances.c.row,
-    instances.c.position,
-    instances.c.state,
-    instances.c.attempts,
-    instances.c.host_class,
-    results.c.outcome,
-    results.c.reason,
-    results.c.wall_seconds,
-    results.c.worker_id,
-    results.c.received_at,
+
+
+def _pending(*conditions: sa.ColumnElement[bool]) -> tuple[Prepared, Prepared]:
+    """Return what finds pending instances of one kind of machine, and of none.
+
+    Both at once would be beyond the index: all instances ever begun would be looked through.
+    """
+    # As the index has it: a plan that is made once cannot rely on a parameter.
+    found = EVERY.where(_OF_STUDY, instances.c.state == sa.literal_column("'pending'"), *conditions)
+    found = found.order_by(instances.c.row, instances.c.position).limit(sa.bindparam("most"))
+    names = ("of_study", "asking_class", "most", "asking_host", "as_json")
+    mine = instances.c.host_class == sa.bindparam("asking_class")
+    none = instances.c.host_class.is_(None)
+    return (
+        Prepared(found.where(mine), *names, index="instances_returned"),
+        Prepared(found.where(none), *names, index="instances_returned"),
+    )
+
+
+_PENDING = {None: _pending(), False: _pending(sa.not_(_TRIED_HERE)), True: _pending(_TRIED_HERE)}
+_UPDATE = sa.update(instances).where(
+    _OF_STUDY,
+    instances.c.row == sa.bindparam("at_row"),
+    instances.c.position == sa.bindparam("at_position"),
+)
+_BEGIN = Rows(instances, same=_SHARED, each=("row", "position"))
+#: Most of what workers post changes no more than this.
+_MOVE = Prepared(
+    _UPDATE.values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")),
+    "of_study",
+    "at_row",
+    "at_position",
+    "to_state",
+    "to_lease",
+)
+#: The same for all that a lease holds in rows without a gap: for ten in a quarter of the time.
+_EMPTY = Prepared(
+    sa.update(instances)
+    .where(
+        _OF_STUDY,
+        instances.c.row.between(sa.bindparam("first"), sa.bindparam("last")),
+        instances.c.lease_id == sa.bindparam("of_lease"),
+    )
+    .values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")),
+    "of_study",
+    "first",
+    "last",
+    "of_lease",
+    "to_state",
+    "to_lease",
+)
+_REWRITE = Prepared(
+    _UPDATE.values({name: sa.bindparam(f"to_{name}") for name in _COLUMNS[3:]}),
+    "of_study",
+    "at_row",
+    "at_position",
+    *(f"to_{name}" for name in _COLUMNS[3:]),
+)
+_BIND = (
+    sa.update(instances)
+    .where(
+        _OF_STUDY,
+        instances.c.row.in_(sa.bindparam("rows", expanding=True)),
+        instances.c.host_class.is_(None),
+    )
+    .values(host_class=sa.bindparam("to_class"))
 )
 
 
-#: What a reader is shown of a comparison.
-_OPINION = ("state", "first_host", "second_host", "outcome", "outputs", "difference", "decided_at")
+def in_rows(
+    connection: Connection, study_id: str, places: Iterable[Place]
+) -> dict[Place, Instance]:
+    """Return where all instances of the rows in which `places` lie stand, if they were begun."""
+    found: dict[Place, Instance] = {}
+    for chunk in chunks({row for row, _ in places}):
+        for row in _of_rows(len(chunk)).execute(connection, study_id, *chunk):
+            found[row[0], row[1]] = from_row(row)
+    return found
 
 
-@dataclass(frozen=True, kw_only=True)
-class Account:
-    """All that is known of one instance."""
-
-    study: Study
-    state: str
-    #: How often it came back, by cause, and from which hosts.
-    attempts: Mapping[str, int]
-    hosts: Mapping[str, Sequence[str]]
-    host_class: str | None
-    #: Its final result with who reported it and with which versions; None if it has none.
-    result: Mapping[str, Any] | None
-    #: Results that contradict it.
-    conflicts: list[Mapping[str, Any]]
-    #: Results that were taken back before, first ones first.
-    superseded: list[Mapping[str, Any]]
-    #: What other hosts said when they were asked to compute it again.
-    comparisons: list[Mapping[str, Any]]
+@cache
+def _of_rows(count: int) -> Prepared:
+    """Return what finds the instances of so many rows."""
+    names = [f"row_{number}" for number in range(count)]
+    here = instances.c.row.in_([sa.bindparam(name) for name in names])
+    return Prepared(EVERY.where(_OF_STUDY, here), "of_study", *names)
 
 
-def page(
-    engine: Engine,
+def are_held(connection: Connection, study_id: str, places: Iterable[Place], *, lease: str) -> bool:
+    """Say whether a lease holds any of the instances in the rows in which `places` lie."""
+    for chunk in chunks({row for row, _ in places}):
+        asked = {"of_study": study_id, "rows": chunk, "of_lease": lease}
+        if connection.scalar(_ARE_HELD, asked) is not None:
+            return True
+    return False
+
+
+def pending(
+    connection: Connection,
     study_id: str,
     *,
-    state: str | None,
-    outcome: str | None,
-    after: Place,
+    host_class: str,
+    host: str,
+    tried: bool | None = None,
     limit: int,
-) -> list[Mapping[str, Any]]:
-    """Return up to `limit` instances of begun rows beyond `after`, by row and position.
+) -> list[Instance]:
+    """Return up to `limit` instances of begun rows that wait for a machine, first rows first.
 
     Args:
-        engine: where.
+        connection: a transaction that has locked the study.
         study_id: which study.
-        state: one of STATES; None: all.
-        outcome: only those that ended so.
-        after: (row, position) of the last one seen.
+        host_class: a kind of machine; rows of another kind are left out.
+        host: a machine of that kind.
+        tried: only those that have gone wrong on `host`, or only those that have not; None: both.
         limit: how many.
-
-    Raises:
-        NotFoundError: there is no study of that id.
     """
-    query = (
-        sa.select(*_COLUMNS)
-        .select_from(_JOINED)
-        .where(
-            instances.c.study_id == study_id,
-            sa.tuple_(instances.c.row, instances.c.position) > sa.tuple_(*after),
-        )
-        .order_by(instances.c.row, instances.c.position)
-        .limit(limit)
-    )
-    if state == "ok":
-        query = query.where(results.c.outcome == "ok")
-    elif state == "failed":
-        query = query.where(results.c.outcome != "ok")
-    elif state == "quarantined":
-        query = query.where(results.c.outcome.in_(BUDGETS))
-    elif state is not None:
-        query = query.where(instances.c.state == state)
-    if outcome is not None:
-        query = query.where(results.c.outcome == outcome)
-    with reading(engine) as connection:
-        find(connection, study_id)
-        return [_listed(row) for row in connection.execute(query)]
+    values = (study_id, host_class, limit, host, JSON.encode(host))
+    rows = [row for query in _PENDING[tried] for row in query.execute(connection, *values)]
+    return [from_row(row) for row in sorted(rows, key=itemgetter(0, 1))[:limit]]
 
 
-def account(engine: Engine, study_id: str, place: Place) -> Account:
-    """Return what is known of the instance at `place`, begun or not.
+def begin(
+    connection: Connection,
+    study_id: str,
+    places: Sequence[Place],
+    *,
+    lease: str | None,
+    host_class: str,
+) -> None:
+    """Add instances of new rows; `lease`: what holds them, None: nothing."""
+    state = InstanceState.PENDING if lease is None else InstanceState.LEASED
+    _BEGIN.add(connection, (study_id, state, lease, _NONE, host_class, None), places)
 
-    Raises:
-        NotFoundError: there is no such study, or no such place in it.
+
+def bind(connection: Connection, study_id: str, rows: Collection[int], host_class: str) -> None:
+    """Leave rows that any kind of machine could have taken to one kind."""
+    for chunk in chunks(rows):
+        connection.execute(_BIND, {"of_study": study_id, "rows": chunk, "to_class": host_class})
+
+
+def move(connection: Connection, study_id: str, moved: Iterable[Instance]) -> None:
+    """Write states and leases of instances in which nothing else has changed."""
+    rows = [(study_id, one.row, one.position, one.state, one.lease) for one in moved]
+    _MOVE.execute_many(connection, rows)
+
+
+def update(connection: Connection, study_id: str, changed: Iterable[Instance]) -> None:
+    """Write instances that exist already."""
+    _REWRITE.execute_many(connection, [_to_row(study_id, one) for one in changed])
+
+
+def write_changes(
+    connection: Connection,
+    study_id: str,
+    before: Mapping[Place, Instance],
+    after: Mapping[Place, Instance],
+) -> None:
+    """Write the instances that changed, with as little as their changes need.
+
+    Args:
+        connection: a transaction that has locked the study.
+        study_id: which study.
+        before: all instances of the rows concerned as they were.
+        after: those that changed, as they are now.
     """
-    with reading(engine) as connection:
-        study = find(connection, study_id)
-        row, position = place
-        if not (0 <= row < study.plan.rows and 0 <= position < study.plan.width):
-            raise NotFoundError(
-                f"study {study_id} has {study.plan.rows} rows of {study.plan.width} positions: "
-                f"there is no row {row}, position {position}"
-            )
-        slot = connection.execute(_at(instances, study_id, place)).one_or_none()
-        attempts, hosts = attempts_in({} if slot is None else slot.attempts)
-        return Account(
-            study=study,
-            state="waiting" if slot is None else slot.state,
-            attempts=attempts,
-            hosts=hosts,
-            host_class=None if slot is None else slot.host_class,
-            result=_result(connection, study_id, place),
-            conflicts=[_plain(r) for r in connection.execute(_at(conflicts, study_id, place))],
-            superseded=[_plain(r) for r in connection.execute(_at(superseded, study_id, place))],
-            comparisons=[
-                {name: value for name, value in r._mapping.items() if name in _OPINION}
-                for r in connection.execute(_at(comparisons, study_id, place))
-            ],
-        )
+    moved: list[Instance] = []
+    other: list[Instance] = []
+    for place, one in after.items():
+        (moved if one.attempts == before[place].attempts else other).append(one)
+    lease = _emptied(before, moved)
+    if lease is None:
+        move(connection, study_id, moved)
+    else:
+        rows = [row for row, _ in before]
+        to_state, to_lease = moved[0].state, moved[0].lease
+        _EMPTY.execute(connection, study_id, min(rows), max(rows), lease, to_state, to_lease)
+    update(connection, study_id, other)
 
 
-def _listed(row: Any) -> dict[str, Any]:
-    attempts, hosts = attempts_in(row.attempts)
-    return {**row._mapping, "attempts": attempts, "hosts": hosts}
+def _emptied(before: Mapping[Place, Instance], moved: Sequence[Instance]) -> str | None:
+    """Return the lease that held nothing but what moved, all to one state; None if there is none.
+
+    Of the rows between those in `before` none may be missing there.
+    """
+    leases = {before[one.row, one.position].lease for one in moved}
+    if len(leases) != 1 or len({(one.state, one.lease) for one in moved}) != 1:
+        return None
+    (lease,) = leases
+    rows = {row for row, _ in before}
+    whole = sum(one.lease == lease for one in before.values()) == len(moved)
+    return lease if whole and max(rows) - min(rows) < len(rows) else None
 
 
-def _at(table: sa.Table, study_id: str, place: Place) -> sa.Select[Any]:
-    return sa.select(table).where(
-        table.c.study_id == study_id, table.c.row == place[0], table.c.position == place[1]
+def chunks(values: Collection[int]) -> Iterable[list[int]]:
+    """Cut values into lists that fit into one query."""
+    ordered = sorted(values)
+    for start in range(0, len(ordered), IN_LIST):
+        yield ordered[start : start + IN_LIST]
+
+
+def attempts_in(stored: Mapping[str, Any]) -> tuple[dict[str, int], dict[str, tuple[str, ...]]]:
+    """Return what a column of attempts holds: how often by cause, and from which hosts."""
+    if not stored:
+        return {}, {}
+    counts = {cause: count for cause, count in stored.items() if not cause.endswith(_ON)}
+    hosts = {c.removesuffix(_ON): tuple(found) for c, found in stored.items() if c.endswith(_ON)}
+    return counts, hosts
+
+
+def _to_row(study_id: str, one: Instance) -> tuple[Any, ...]:
+    """Return the values of `_COLUMNS` for an instance of a study."""
+    on = {f"{cause}{_ON}": list(hosts) for cause, hosts in one.hosts.items()}
+    attempts = JSON.encode({**one.attempts, **on}) if one.attempts else _NONE
+    where = (study_id, one.row, one.position)
+    return *where, one.state, one.lease, attempts, one.host_class, one.avoid
+
+
+def from_row(row: Sequence[Any]) -> Instance:
+    """Return the instance that a row of `EVERY` holds."""
+    number, position, state, lease, stored, host_class, avoid = row
+    attempts, hosts = attempts_in(json.loads(stored)) if stored != _NONE else ({}, {})
+    return Instance(
+        row=number,
+        position=position,
+        state=_STATES[state],
+        lease=lease,
+        attempts=attempts,
+        host_class=host_class,
+        avoid=avoid,
+        hosts=hosts,
     )
-
-
-def _result(connection: Connection, study_id: str, place: Place) -> Mapping[str, Any] | None:
-    query = (
-        _at(results, study_id, place)
-        .join(workers, workers.c.id == results.c.worker_id)
-        .add_columns(workers.c.host, workers.c.versions)
-    )
-    row = connection.execute(query).one_or_none()
-    return None if row is None else {**_plain(row), "state": row.state}
-
-
-def _plain(row: Row[Any]) -> dict[str, Any]:
-    """Return a result of any of the tables as JSON, without what the reader knows already."""
-    known = ("id", "study_id", "row", "position", "seq", "worker_id", "state")
-    found = {name: value for name, value in row._mapping.items() if name not in known}
-    return {**found, "worker": row.worker_id}

@@ -1,22 +1,22 @@
-"""Who works for this coordinator."""
+"""Who works for this coordinator, and who of them can close loops."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.engine import Connection
 
-from server.logic.hosts import host_class
-from server.store.engine import reading
-from server.store.prepared import Prepared, as_text
-from server.store.schema import leases, workers
+from server.records import Worker
+from server.store.database.engine import insert
+from server.store.database.prepared import Prepared, as_text
+from server.store.database.schema import leases, loop_workers, workers
 
-# Built once: see `server.store.ledger`.
+# Built once: see `server.store.studies`.
 _HOSTS_AT_WORK = Prepared(
     sa.select(workers.c.host)
     .select_from(leases.join(workers, workers.c.id == leases.c.worker_id))
     .where(
+        # As the index has it: see `server.store.instances`.
         leases.c.state == sa.literal_column("'open'"),
         leases.c.study_id == sa.bindparam("of_study"),
         leases.c.expires_at > sa.bindparam("now"),
@@ -60,29 +60,10 @@ _HEARD_FROM = Prepared(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Worker:
-    """A process that evaluates instances."""
-
-    id: str
-    host: str
-    #: What decides whether two machines compute the same bits.
-    versions: Mapping[str, str]
-    #: Seconds, UTC epoch.
-    last_seen: float
-    #: Instances whose final result it reported.
-    instances_done: int
-    #: Machines of one class compute the same bits; None if it last asked before there were any.
-    host_class: str | None
-    #: What it says it is good for.
-    tags: Sequence[str]
-
-
-def every(engine: Engine) -> list[Worker]:
+def every(connection: Connection) -> list[Worker]:
     """Return all workers ever seen, the latest first."""
     query = sa.select(workers).order_by(workers.c.last_seen.desc(), workers.c.id)
-    with reading(engine) as connection:
-        return [Worker(**row._mapping) for row in connection.execute(query)]
+    return [Worker(**row._mapping) for row in connection.execute(query)]
 
 
 def introduce(
@@ -91,6 +72,7 @@ def introduce(
     *,
     host: str,
     versions: Mapping[str, str],
+    host_class: str,
     tags: Sequence[str],
     done: int = 0,
     now: float,
@@ -102,7 +84,7 @@ def introduce(
         done,
         host,
         as_text(dict(versions)),
-        host_class(versions),
+        host_class,
         as_text(list(tags)),
         now,
     )
@@ -119,3 +101,31 @@ def hosts_at_work(
 def heard_from(connection: Connection, worker: str, *, done: int = 0, now: float) -> None:
     """Note that a worker was in touch and how many final results it brought."""
     _HEARD_FROM.execute(connection, worker, now, done)
+
+
+def note_close_loops(connection: Connection, worker: str, *, now: float) -> None:
+    """Note that a worker, which was introduced before, is there to close loops."""
+    statement = insert(connection, loop_workers).values(worker_id=worker, last_seen=now)
+    connection.execute(
+        statement.on_conflict_do_update(index_elements=["worker_id"], set_={"last_seen": now})
+    )
+
+
+def close_loops_noted(connection: Connection, worker: str) -> float | None:
+    """Return when it was last noted that a worker is there to close loops; None: never."""
+    query = sa.select(loop_workers.c.last_seen).where(loop_workers.c.worker_id == worker)
+    noted: float | None = connection.scalar(query)
+    return noted
+
+
+def closing_loops(connection: Connection, *, heard_after: float, but_on: str | None = None) -> int:
+    """Return how many workers that can close loops were heard from since then.
+
+    `but_on`: without those on this host.
+    """
+    joined = loop_workers.join(workers, workers.c.id == loop_workers.c.worker_id)
+    query = sa.select(sa.func.count()).select_from(joined)
+    query = query.where(loop_workers.c.last_seen > heard_after)
+    if but_on is not None:
+        query = query.where(workers.c.host != but_on)
+    return connection.scalar(query) or 0

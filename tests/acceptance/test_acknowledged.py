@@ -16,9 +16,10 @@ import pytest
 from pydantic import SecretStr
 
 from rehyb import Client, RehybError, Unreachable
+from server.operations import check
 from server.run import serve
 from server.settings import Settings
-from server.store import check, create_engine
+from server.store import create_engine
 
 TOKEN = "token-of-those-who-acknowledge"
 KILLS = 20

@@ -19,7 +19,8 @@ import pytest
 
 from rehyb import Client, RehybError
 from rehyb.client import Json
-from server.store import check, comparisons, create_engine
+from server.operations import check, comparisons
+from server.store import create_engine
 from tests.testbed.fleet.adversary import Adversary
 from tests.testbed.fleet.bad_lab import LEASE_SECONDS, PATIENCE, TOKEN, BadLab
 from tests.testbed.studies import computed_in_one_go
@@ -151,7 +152,7 @@ def test_whatever_goes_wrong_every_instance_counts_once_and_the_bits_are_the_sam
         client.results_csv(study["id"], lab.folder / "results.csv")
     engine = create_engine(lab.database)
     contradictions = check.faults(engine)
-    standings = comparisons.standings(engine)
+    standings = comparisons.reputations(engine)
     engine.dispose()
     faults += lab.trouble()
     for source, found in (("network", lab.network.faults), ("adversary", adversary.faults)):

@@ -18,7 +18,8 @@ import pytest
 
 from analysis.closeloop.contract import REPORT_FILES
 from analysis.closeloop.loop import close_loop
-from server.store import check, close_loops, create_engine, sessions
+from server.operations import check, close_loops, sessions
+from server.store import create_engine
 from tests.testbed.fleet.lab import TOKEN, Lab, until
 from tests.testbed.sessions import write_session
 

@@ -234,7 +234,7 @@ def test_whatever_a_hostile_worker_posts_nothing_gets_in_and_the_coordinator_liv
 
 
 def test_the_coordinator_does_without_mujoco() -> None:
-    code = "import sys, server.run, server.store.result_log; sys.exit('mujoco' in sys.modules)"
+    code = "import sys, server.run, server.operations.result_log; sys.exit('mujoco' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

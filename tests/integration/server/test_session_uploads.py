@@ -17,12 +17,12 @@ from pydantic import SecretStr
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
-from server import checking
+from server import session_sandbox
 from server.app import create_app
 from server.settings import Settings
 from server.store import upgrade
-from server.store.engine import reading
-from server.store.schema import session_parts, sessions
+from server.store.database.engine import reading
+from server.store.database.schema import session_parts, sessions
 from tests.testbed.bad_sessions import BAD, linked, words
 from tests.testbed.session_folder import HEADER, Folder, rows
 
@@ -163,11 +163,13 @@ def test_a_look_that_takes_too_long_or_too_much_is_given_up(
     zipped(folder)
     file = folder.with_suffix(".zip")
     started = time.monotonic()
-    with pytest.raises(checking.BadSessionError, match=r"session\.zip: reading it takes more"):
-        asyncio.run(checking.check(file, seconds=0))
+    with pytest.raises(
+        session_sandbox.BadSessionError, match=r"session\.zip: reading it takes more"
+    ):
+        asyncio.run(session_sandbox.check(file, seconds=0))
     assert time.monotonic() - started < 5.0
-    with pytest.raises(checking.BadSessionError, match=r"session\.zip: .*(memory|status)"):
-        asyncio.run(checking.check(file, memory_mb=40))
+    with pytest.raises(session_sandbox.BadSessionError, match=r"session\.zip: .*(memory|status)"):
+        asyncio.run(session_sandbox.check(file, memory_mb=40))
 
 
 def test_the_look_knows_no_secrets_and_imports_nothing_of_the_session(
@@ -183,8 +185,8 @@ def test_the_look_knows_no_secrets_and_imports_nothing_of_the_session(
         ran.append((command, options))
         return await begin(*command, **options)
 
-    monkeypatch.setattr(checking.asyncio, "create_subprocess_exec", spy)
+    monkeypatch.setattr(session_sandbox.asyncio, "create_subprocess_exec", spy)
     zipped(folder)
-    understood = asyncio.run(checking.check(folder.with_suffix(".zip")))
+    understood = asyncio.run(session_sandbox.check(folder.with_suffix(".zip")))
     assert understood["analysed_joints"] == ["elbow"]
     assert "hunter2" not in str(ran) and "PATH" in ran[0][1]["env"]

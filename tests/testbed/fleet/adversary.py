@@ -12,8 +12,8 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from server.store import create_engine
-from server.store.engine import reading
-from server.store.schema import leases, results, workers
+from server.store.database.engine import reading
+from server.store.database.schema import leases, results, workers
 
 FLOOD = 100_000_000
 Json = dict[str, Any]

@@ -11,11 +11,13 @@ from pydantic import SecretStr
 from sqlalchemy.engine import Engine
 
 from server.app import create_app
-from server.logic.study import Plan, draw_up
+from server.logic.plans import draw_up
 from server.logic.verdicts import Report
+from server.operations.leasing import Grant
+from server.records import Plan
 from server.settings import Settings
-from server.store import create_engine, queue, upgrade
-from server.store.offers import Grant
+from server.store import create_engine, upgrade
+from tests.testbed import exchanges
 from tests.testbed.clock import Clock
 
 TOKEN = "correct horse"
@@ -105,7 +107,7 @@ def lease(engine: Engine) -> Callable[..., Grant]:
     """Leases so many instances of the Ishigami function to a worker, of which there are enough."""
 
     def ask(worker: str, count: int, *, now: float = 0.0) -> Grant:
-        found = queue.grant(
+        found = exchanges.grant(
             engine,
             worker=worker,
             host="h",

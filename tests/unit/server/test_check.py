@@ -10,18 +10,21 @@ from sqlalchemy.engine import Engine
 
 from rehyb.cli import main
 from server.errors import ConflictError
-from server.logic.study import Plan, instance_id
+from server.instance_lock import instance_lock
+from server.logic.plans import instance_id
 from server.logic.verdicts import Report
-from server.sole import sole_coordinator
-from server.store import check, create_engine, queue, results, studies
-from server.store.engine import writing
+from server.operations import check, studies
+from server.records import Plan
+from server.store import create_engine
+from server.store.database.engine import writing
+from tests.testbed import exchanges
 
 
 @pytest.fixture
 def study_id(engine: Engine, plan: Callable[..., Plan], report: Callable[..., Report]) -> str:
     """A study of which five instances are leased and three of these done."""
     study, _ = studies.create(engine, plan(), key=None, digest="", now=0.0)
-    grant = queue.grant(
+    grant = exchanges.grant(
         engine,
         worker="w",
         host="h",
@@ -34,7 +37,7 @@ def study_id(engine: Engine, plan: Callable[..., Plan], report: Callable[..., Re
     assert grant is not None
     held = grant.lease
     done = [report(instance_id(study.id, *place)) for place in held.instances[:3]]
-    results.post(engine, done, lease_id=held.id, fence=held.fence, worker="w", now=1.0, ttl=60.0)
+    exchanges.post(engine, done, lease_id=held.id, fence=held.fence, worker="w", now=1.0, ttl=60.0)
     return study.id
 
 
@@ -91,13 +94,13 @@ def test_a_backup_is_a_whole_database_and_overwrites_nothing(
 def test_a_second_coordinator_on_one_file_is_refused(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'a.sqlite3'}"
     with (
-        sole_coordinator(url),
-        sole_coordinator(f"sqlite:///{tmp_path / 'b.sqlite3'}"),
-        sole_coordinator("postgresql+psycopg://h/a"),
-        sole_coordinator("postgresql+psycopg://h/a"),
+        instance_lock(url),
+        instance_lock(f"sqlite:///{tmp_path / 'b.sqlite3'}"),
+        instance_lock("postgresql+psycopg://h/a"),
+        instance_lock("postgresql+psycopg://h/a"),
         pytest.raises(ConflictError, match="another coordinator serves"),
-        sole_coordinator(url),
+        instance_lock(url),
     ):
         raise AssertionError("two coordinators")
-    with sole_coordinator(url):
+    with instance_lock(url):
         pass

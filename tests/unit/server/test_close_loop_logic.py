@@ -4,16 +4,12 @@ from dataclasses import replace
 
 import pytest
 
+from analysis.closeloop.contract import Verdict
 from server.logic.close_loops import (
     MAX_REPORT_BYTES,
-    VERDICTS,
-    CloseLoop,
     after_attempt,
     answers,
     ask_again_in,
-    attempts_from_json,
-    attempts_to_json,
-    cut,
     failed,
     finished,
     handed_out,
@@ -21,13 +17,15 @@ from server.logic.close_loops import (
     released,
     verdict_of,
 )
+from server.logic.instances import BUDGETS
+from server.logic.json_values import cut
 from server.logic.leases import objection_to_renewal, objection_to_results
-from server.logic.slots import BUDGETS
+from server.records import CloseLoopJob
 
-WAITING = CloseLoop(id="j", session_id="s", state="waiting", created_at=1.0)
+WAITING = CloseLoopJob(id="j", session_id="s", state="waiting", created_at=1.0)
 
 
-def running(job: CloseLoop = WAITING, lease: str = "l", host: str = "pc") -> CloseLoop:
+def running(job: CloseLoopJob = WAITING, lease: str = "l", host: str = "pc") -> CloseLoopJob:
     return handed_out(job, lease=lease, worker=f"w of {lease}", host=host, now=10.0, ttl=60.0)
 
 
@@ -42,7 +40,7 @@ def running(job: CloseLoop = WAITING, lease: str = "l", host: str = "pc") -> Clo
     ],
     ids=["waiting", "running", "same code", "older code", "failed"],
 )
-def test_a_job_that_will_do_is_not_made_anew(job: CloseLoop, code: str, will_do: bool) -> None:
+def test_a_job_that_will_do_is_not_made_anew(job: CloseLoopJob, code: str, will_do: bool) -> None:
     assert answers(job, code) is will_do
 
 
@@ -108,16 +106,11 @@ def test_a_late_report_is_better_than_having_failed() -> None:
     assert finished(job, "l", code="c", verdict="adequate", now=3.0).fault is None
 
 
-def test_attempts_are_stored_and_read_as_they_were() -> None:
-    job = after_attempt(running(), cause="crashed", reason="why", now=2.0)
-    assert attempts_from_json(attempts_to_json(job.attempts)) == job.attempts
-
-
 def test_a_released_job_is_as_it_was_but_for_its_fence() -> None:
     assert released(replace(running(), progress="tracing")) == replace(WAITING, grants=1)
 
 
-@pytest.mark.parametrize("verdict", VERDICTS)
+@pytest.mark.parametrize("verdict", [*Verdict])
 def test_every_verdict_of_the_contract_is_one(verdict: str) -> None:
     assert verdict_of(f'{{"schema": 1, "verdict": "{verdict}"}}'.encode()) == verdict
 

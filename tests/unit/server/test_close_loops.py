@@ -11,10 +11,10 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from analysis.closeloop.code import digest
-from server.logic.close_loops import FILES
-from server.store import check, close_loops, sessions
-from server.store.engine import writing
-from server.store.schema import close_loops as close_loops_table
+from analysis.closeloop.contract import REPORT_FILES
+from server.operations import check, leases, sessions
+from server.store.database.engine import writing
+from server.store.database.schema import close_loops as close_loops_table
 from tests.testbed.clock import Clock
 from tests.testbed.rest_bodies import is_problem
 
@@ -91,7 +91,7 @@ def handed_in(
     text = report if isinstance(report, bytes) else json.dumps(report).encode()
     contents = {"report.json": text, "report.html": b"<p>", "model_after.xml": b"<mujoco/>"}
     contents["residuals.csv"] = b"file,role\n" * 200_000
-    files = {name: (name, contents[name]) for name in FILES if name != lacking}
+    files = {name: (name, contents[name]) for name in REPORT_FILES if name != lacking}
     path = f"/v1/close-loops/{lease['id']}/report"
     return client.post(path, params={**proof, **changes}, files=files)
 
@@ -334,7 +334,7 @@ def test_a_coordinator_that_was_away_excuses_silence(
     job = asked(client, session)
     held(client)
     clock.advance(1000.0)
-    close_loops.excuse_silence(app.state.engine, now=clock(), ttl=60.0)
+    leases.extend_open_leases(app.state.engine, now=clock(), ttl=60.0)
     assert leased(client, "v", "pc-2") is None
     assert shown(client, job)["state"] == "running"
 

@@ -9,23 +9,16 @@ from pydantic import SecretStr
 from sqlalchemy.engine import Engine
 
 from server.app import create_app
-from server.logic.comparisons import Standing, agree, difference, is_chosen
-from server.logic.slots import Result
-from server.logic.study import Plan, instance_id
+from server.logic.comparisons import Reputation, agree, difference, is_chosen
+from server.logic.plans import instance_id
 from server.logic.verdicts import Report
+from server.operations import check, comparisons, instances, leases, reruns, results, studies
+from server.operations.leasing import Grant
+from server.records import Plan, Result
 from server.settings import Settings
-from server.store import (
-    check,
-    comparisons,
-    control,
-    instances,
-    queue,
-    reruns,
-    results,
-    studies,
-    upgrade,
-)
-from server.store.offers import Grant
+from server.states import StudyState
+from server.store import upgrade
+from tests.testbed import exchanges
 
 Drawing = Callable[..., Plan]
 Reporting = Callable[..., Report]
@@ -38,7 +31,7 @@ def create(engine: Engine, plan: Plan) -> str:
 
 def lease(engine: Engine, host: str, n: int = 4, now: float = 0.0, **more: Any) -> Grant | None:
     asked = {"models": ["ishigami"], "versions": {}, "worker": f"of-{host}", **more}
-    return queue.grant(engine, host=host, max_instances=n, now=now, ttl=TTL, **asked)
+    return exchanges.grant(engine, host=host, max_instances=n, now=now, ttl=TTL, **asked)
 
 
 def post(engine: Engine, grant: Grant | None, report: Reporting, **changes: Any) -> list[str]:
@@ -49,7 +42,7 @@ def post(engine: Engine, grant: Grant | None, report: Reporting, **changes: Any)
         policy[name] = changes.pop(name, policy[name])
     reports = [report(instance_id(held.study, *place), **changes) for place in held.instances]
     proof = {"lease_id": held.id, "fence": held.fence, "worker": held.worker}
-    verdicts = results.post(engine, reports, ttl=TTL, **proof, **policy)  # type: ignore[arg-type]
+    verdicts = exchanges.post(engine, reports, ttl=TTL, **proof, **policy)  # type: ignore[arg-type]
     return [verdict.verdict for verdict in verdicts]
 
 
@@ -97,9 +90,9 @@ def test_two_results_agree_up_to_the_tolerance_and_never_with_other_outcomes() -
 
 
 def test_a_stranger_is_trusted_and_every_disagreement_costs() -> None:
-    assert Standing().trust == Standing(agreed=9).trust == 1.0
-    assert Standing(disagreed=1).trust == 0.5
-    assert Standing(agreed=98, disagreed=1).trust == 0.99
+    assert Reputation().trust == Reputation(agreed=9).trust == 1.0
+    assert Reputation(disagreed=1).trust == 0.5
+    assert Reputation(agreed=98, disagreed=1).trust == 0.99
 
 
 def test_another_host_computes_it_again_and_nothing_is_counted_twice(
@@ -116,7 +109,7 @@ def test_another_host_computes_it_again_and_nothing_is_counted_twice(
     assert lease(engine, "c") is None
     done = studies.get(engine, study)
     assert (done.result_count, done.leased, done.rows_complete) == (4, 0, 1)
-    assert comparisons.standings(engine) == {"a": Standing(agreed=4), "b": Standing(agreed=4)}
+    assert comparisons.reputations(engine) == {"a": Reputation(agreed=4), "b": Reputation(agreed=4)}
     assert check.faults(engine) == []
 
 
@@ -132,9 +125,9 @@ def test_a_host_that_computes_nonsense_is_found_in_most_disagreements(
         for host, y in truth.items():
             if grant := lease(engine, host, n=1):
                 post(engine, grant, report, outputs={"y": y})
-    standings = comparisons.standings(engine)
+    standings = comparisons.reputations(engine)
     assert standings["broken"].trust < min(standings["good"].trust, standings["sound"].trust)
-    told = instances.account(engine, study, (0, 0)).comparisons
+    told = instances.account(engine, study, (0, 0))[1]["comparisons"]
     assert [opinion["state"] for opinion in told] in (["agreed"], ["disagreed"])
     assert {"first_host", "second_host", "difference", "outputs"} <= set(told[0])
 
@@ -145,8 +138,8 @@ def test_a_disagreement_is_recorded_and_changes_no_result(
     study = create(engine, plan(rows=1))
     post(engine, lease(engine, "a"), report)
     post(engine, lease(engine, "b"), report, outputs={"y": 3.0})
-    assert comparisons.standings(engine)["b"] == Standing(disagreed=4)
-    (opinion,) = instances.account(engine, study, (0, 2)).comparisons
+    assert comparisons.reputations(engine)["b"] == Reputation(disagreed=4)
+    (opinion,) = instances.account(engine, study, (0, 2))[1]["comparisons"]
     assert opinion["state"] == "disagreed"
     assert (opinion["outputs"], opinion["difference"]) == ({"y": 3.0}, 0.5)
     kept = [found.outputs for found, _ in results.in_order(engine, studies.get(engine, study))]
@@ -161,7 +154,7 @@ def test_a_failed_simulation_is_compared_by_its_name(
     post(engine, lease(engine, "a"), report, outcome="slipped")
     post(engine, lease(engine, "b", n=2), report, outcome="slipped")
     post(engine, lease(engine, "b", n=2), report, outcome="penetrated")
-    assert comparisons.standings(engine)["b"] == Standing(agreed=2, disagreed=2)
+    assert comparisons.reputations(engine)["b"] == Reputation(agreed=2, disagreed=2)
 
 
 def test_a_second_opinion_that_does_not_come_is_asked_for_three_times(
@@ -173,16 +166,16 @@ def test_a_second_opinion_that_does_not_come_is_asked_for_three_times(
     # Silence, a crash and nonsense count; giving it back does not.
     returned = lease(engine, "b")
     assert returned is not None
-    queue.release(engine, returned.lease.id, fence=returned.lease.fence, now=now)
+    leases.release(engine, returned.lease.id, fence=returned.lease.fence, now=now)
     assert len(asked_of(lease(engine, "b", now=now))) == 4
     now += TTL
-    assert queue.reap(engine, now=now) == 0
+    assert leases.reap(engine, now=now) == 0
     crashed = lease(engine, "c", now=now)
     assert set(post(engine, crashed, report, outcome="crashed", now=now)) == {"accepted"}
     nonsense = lease(engine, "b", now=now)
     assert set(post(engine, nonsense, report, outputs={}, now=now)) == {"invalid"}
     assert lease(engine, "b", now=now) is None
-    assert comparisons.standings(engine) == {}
+    assert comparisons.reputations(engine) == {}
     assert check.faults(engine) == []
 
 
@@ -191,9 +184,9 @@ def test_what_a_paused_study_or_another_version_has_waits(
 ) -> None:
     study = create(engine, plan(rows=2))
     post(engine, lease(engine, "a"), report)
-    control.pause(engine, study)
+    studies.switch(engine, study, StudyState.PAUSED)
     assert lease(engine, "b") is None
-    control.resume(engine, study)
+    studies.switch(engine, study, StudyState.RUNNING)
     assert lease(engine, "b", models=["elbow"]) is None
     other = {"mujoco": "3.0"}
     with pytest.raises(Exception, match="was begun with"):
@@ -221,7 +214,7 @@ def test_a_study_can_be_deleted_with_its_comparisons(
     study = create(engine, plan(rows=1))
     post(engine, lease(engine, "a"), report)
     held = lease(engine, "b", n=2)
-    control.delete(engine, study)
+    studies.delete(engine, study)
     assert set(post(engine, held, report)) == {"unknown"}
     assert lease(engine, "b") is None
 

@@ -10,13 +10,16 @@ from sqlalchemy.engine import Engine
 from analysis.sensitivity.records import NoSuchStudyError
 from analysis.sensitivity.service import analyse, catch_up
 from server.errors import ConflictError, NotFoundError
-from server.logic.study import Plan, Study, for_analysis, instance_id
+from server.logic.plans import for_analysis, instance_id
 from server.logic.verdicts import Report
-from server.store import control, queue, reruns, results, studies
-from server.store.engine import reading
-from server.store.offers import Grant
-from server.store.result_log import StoreResultLog
-from server.store.schema import metadata, superseded
+from server.operations import leases, reruns, results, studies
+from server.operations.leasing import Grant
+from server.operations.result_log import StoreResultLog
+from server.records import Plan, Study
+from server.states import StudyState
+from server.store.database.engine import reading
+from server.store.database.schema import metadata, superseded
+from tests.testbed import exchanges
 
 Drawing = Callable[..., Plan]
 TTL = 60.0
@@ -28,7 +31,7 @@ def create(engine: Engine, plan: Plan, now: float = 0.0, **more: Any) -> Study:
 
 def lease(engine: Engine, n: int = 4, now: float = 0.0, **changes: Any) -> Grant | None:
     asked = {"models": ["ishigami"], "host": "h", "versions": {}, "worker": "w", **changes}
-    return queue.grant(engine, max_instances=n, now=now, ttl=TTL, **asked)
+    return exchanges.grant(engine, max_instances=n, now=now, ttl=TTL, **asked)
 
 
 def work_off(engine: Engine, *, now: float = 0.0, fail: Any = (), **who: Any) -> int:
@@ -47,7 +50,7 @@ def work_off(engine: Engine, *, now: float = 0.0, fail: Any = (), **who: Any) ->
             for row, position in grant.lease.instances
         ]
         held = grant.lease
-        verdicts = results.post(
+        verdicts = exchanges.post(
             engine,
             reports,
             lease_id=held.id,
@@ -79,10 +82,10 @@ def test_a_paused_study_hands_out_nothing_until_it_is_resumed(
     engine: Engine, plan: Drawing
 ) -> None:
     study = create(engine, plan())
-    assert control.pause(engine, study.id).state == "paused"
-    assert control.pause(engine, study.id).state == "paused"
+    assert studies.switch(engine, study.id, StudyState.PAUSED).state == "paused"
+    assert studies.switch(engine, study.id, StudyState.PAUSED).state == "paused"
     assert lease(engine) is None
-    assert control.resume(engine, study.id).state == "running"
+    assert studies.switch(engine, study.id, StudyState.RUNNING).state == "running"
     assert lease(engine) is not None
 
 
@@ -92,16 +95,16 @@ def test_a_draining_study_finishes_the_rows_it_has_begun_and_is_then_paused(
     study = create(engine, plan(rows=3))
     held = lease(engine, n=2)
     assert held is not None
-    assert control.drain(engine, study.id).state == "draining"
+    assert studies.switch(engine, study.id, StudyState.DRAINING).state == "draining"
     with pytest.raises(ConflictError, match="is draining: pause or cancel it first"):
-        control.delete(engine, study.id)
-    queue.release(engine, held.lease.id, fence=held.lease.fence, now=0.0)
+        studies.delete(engine, study.id)
+    leases.release(engine, held.lease.id, fence=held.lease.fence, now=0.0)
     assert work_off(engine) == 4
     drained = studies.get(engine, study.id)
     assert (drained.state, drained.rows_complete, drained.pending) == ("paused", 1, 8)
     # Nothing is begun: there is nothing to wait for.
-    assert control.drain(engine, study.id).state == "paused"
-    assert control.resume(engine, study.id).state == "running"
+    assert studies.switch(engine, study.id, StudyState.DRAINING).state == "paused"
+    assert studies.switch(engine, study.id, StudyState.RUNNING).state == "running"
     assert work_off(engine) == 8
     assert studies.get(engine, study.id).state == "complete"
 
@@ -109,18 +112,18 @@ def test_a_draining_study_finishes_the_rows_it_has_begun_and_is_then_paused(
 def test_a_study_that_drains_with_its_last_row_is_complete(engine: Engine, plan: Drawing) -> None:
     study = create(engine, plan(rows=1))
     lease(engine, n=1)
-    control.drain(engine, study.id)
-    queue.reap(engine, now=TTL)
+    studies.switch(engine, study.id, StudyState.DRAINING)
+    leases.reap(engine, now=TTL)
     work_off(engine, now=TTL)
     assert studies.get(engine, study.id).state == "complete"
 
 
 def test_a_paused_study_can_be_cancelled(engine: Engine, plan: Drawing) -> None:
     study = create(engine, plan())
-    control.pause(engine, study.id)
+    studies.switch(engine, study.id, StudyState.PAUSED)
     assert studies.cancel(engine, study.id, now=3.0).state == "cancelled"
     with pytest.raises(ConflictError, match="is cancelled: it cannot become running"):
-        control.resume(engine, study.id)
+        studies.switch(engine, study.id, StudyState.RUNNING)
 
 
 def test_a_study_paused_before_its_last_result_still_completes(
@@ -129,19 +132,19 @@ def test_a_study_paused_before_its_last_result_still_completes(
     study = create(engine, plan(rows=1))
     grant = lease(engine)
     assert grant is not None
-    control.pause(engine, study.id)
-    queue.release(engine, grant.lease.id, fence=grant.lease.fence, now=0.0)
-    control.resume(engine, study.id)
+    studies.switch(engine, study.id, StudyState.PAUSED)
+    leases.release(engine, grant.lease.id, fence=grant.lease.fence, now=0.0)
+    studies.switch(engine, study.id, StudyState.RUNNING)
     work_off(engine)
     assert studies.get(engine, study.id).state == "complete"
     with pytest.raises(ConflictError, match="is complete: it cannot become paused"):
-        control.pause(engine, study.id)
+        studies.switch(engine, study.id, StudyState.PAUSED)
 
 
 def test_the_higher_priority_is_served_first_and_may_change(engine: Engine, plan: Drawing) -> None:
     old, urgent = create(engine, plan(), now=1.0), create(engine, plan(), now=2.0, priority=5)
     first, second = lease(engine, 1), None
-    control.prioritise(engine, old.id, 6)
+    studies.prioritise(engine, old.id, 6)
     second = lease(engine, 1)
     assert first is not None
     assert second is not None
@@ -153,15 +156,15 @@ def test_extending_adds_rows_and_leaves_what_is_there(engine: Engine, plan: Draw
     work_off(engine)
     before = list(results.in_order(engine, study))
     assert indices(engine, study.id)["rows_complete"] == 2
-    longer = control.extend(engine, study.id, 3)
+    longer = studies.extend(engine, study.id, 3)
     assert (longer.state, longer.plan.rows, longer.plan.instances) == ("running", 3, 12)
-    assert control.extend(engine, study.id, 3) == longer
+    assert studies.extend(engine, study.id, 3) == longer
     assert work_off(engine) == 4
     assert list(results.in_order(engine, longer))[:8] == before
     assert studies.get(engine, study.id).state == "complete"
     assert indices(engine, study.id) == in_one_go(engine, study.id)
     with pytest.raises(ConflictError, match="has 3 rows, and a study never shrinks"):
-        control.extend(engine, study.id, 2)
+        studies.extend(engine, study.id, 2)
 
 
 def test_only_the_failed_run_again_and_the_indices_forget_the_failure(
@@ -223,9 +226,9 @@ def test_a_deleted_study_leaves_nothing_behind(engine: Engine, plan: Drawing) ->
     indices(engine, study.id)
     reruns.rerun(engine, study.id, which="failed", outcomes=None, now=9.0)
     with pytest.raises(ConflictError, match="pause or cancel it first"):
-        control.delete(engine, study.id)
-    control.pause(engine, study.id)
-    control.delete(engine, study.id)
+        studies.delete(engine, study.id)
+    studies.switch(engine, study.id, StudyState.PAUSED)
+    studies.delete(engine, study.id)
     with pytest.raises(NotFoundError):
         studies.get(engine, study.id)
     with pytest.raises(NoSuchStudyError):

@@ -6,7 +6,7 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
-from server.store import check
+from server.operations import check
 from tests.testbed.rest_bodies import STUDY, Json, asking, is_problem, posting, result
 
 

@@ -8,8 +8,9 @@ from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
 from server.app import create_app
+from server.operations import check
 from server.settings import Settings
-from server.store import check, upgrade
+from server.store import upgrade
 
 STUDY = {"name": "s", "model": "ishigami", "method": "morris", "rows": 25}
 ASKING = {"worker": {"id": "w", "host": "h"}, "models": ["ishigami"], "max_instances": 100}

@@ -4,6 +4,7 @@ import asyncio
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,15 +12,16 @@ from fastapi.testclient import TestClient
 from sqlalchemy.engine import Engine
 
 from analysis.sensitivity.service import catch_up
-from analysis.sensitivity.stopping import Goal
 from server.errors import ConflictError, InvalidStudyError, NotFoundError
-from server.logic.goals import Pursuit, pursued, set_goal, shown
-from server.logic.study import Plan, Study, instance_id, parameters
+from server.logic.plans import instance_id, parameters
+from server.logic.precision_goals import is_settled, next_extension, precision_goal, shown
 from server.logic.verdicts import Report
-from server.routes.progress import _follow, _look
-from server.store import control, goals, queue, reruns, results, studies
-from server.store.result_log import StoreResultLog
+from server.operations import precision_goals, reruns, studies
+from server.operations.result_log import StoreResultLog
+from server.records import Plan, PrecisionGoal, Study
+from server.routes.progress import events
 from sim.evaluation import evaluate
+from tests.testbed import exchanges
 from tests.testbed.rest_bodies import STUDY, Json, is_problem
 
 Drawing = Callable[..., Plan]
@@ -29,7 +31,7 @@ WORKER: Json = {"worker": "w", "host": "h", "versions": {}, "models": ["ishigami
 def run(engine: Engine, study_id: str) -> None:
     """Evaluate all there is to do, and let the analysis see it."""
     plan = studies.get(engine, study_id).plan
-    while grant := queue.grant(engine, max_instances=1000, now=0.0, ttl=60.0, **WORKER):
+    while grant := exchanges.grant(engine, max_instances=1000, now=0.0, ttl=60.0, **WORKER):
         held = grant.lease
         points = {row: parameters(plan, row) for row in {row for row, _ in held.instances}}
         reports = [
@@ -44,7 +46,7 @@ def run(engine: Engine, study_id: str) -> None:
             for row, position in held.instances
         ]
         proof: Json = {"lease_id": held.id, "fence": held.fence, "worker": "w"}
-        results.post(engine, reports, now=0.0, ttl=60.0, **proof)
+        exchanges.post(engine, reports, now=0.0, ttl=60.0, **proof)
     catch_up(StoreResultLog(engine), study_id)
 
 
@@ -54,16 +56,16 @@ def begun(engine: Engine, plan: Plan) -> Study:
 
 def test_a_complete_study_is_extended_until_it_is_precise(engine: Engine, plan: Drawing) -> None:
     study = begun(engine, plan(method="saltelli", rows=16))
-    goals.put(engine, study.id, Goal(output="y", target=0.4, up_to=1024))
+    precision_goals.put(engine, study.id, PrecisionGoal(output="y", target=0.4, up_to=1024))
     log = StoreResultLog(engine)
-    assert goals.due(engine) == [] and not goals.pursue(engine, study.id)
+    assert precision_goals.due(engine) == [] and not precision_goals.act_on(engine, study.id)
     rows = []
     for _ in range(8):
         run(engine, study.id)
         rows.append(studies.get(engine, study.id).plan.rows)
         log.pursue_goals()
-    found = goals.of(engine, study.id)
-    assert found is not None and found.settled(studies.get(engine, study.id))
+    found = precision_goals.of(engine, study.id)
+    assert found is not None and is_settled(studies.get(engine, study.id), found)
     assert [step["rows"] for step in found.steps] == sorted(set(rows))
     assert [step["extended_to"] for step in found.steps] == [*sorted(set(rows))[1:], None]
     assert 2 <= len(found.steps) < 7
@@ -72,50 +74,50 @@ def test_a_complete_study_is_extended_until_it_is_precise(engine: Engine, plan: 
     snapshot = log.snapshot(study.id)
     assert snapshot is not None and snapshot["rows_complete"] == rows[-1]
     # Nothing is left to do, however often one asks.
-    assert goals.due(engine) == [] and not goals.pursue(engine, study.id)
+    assert precision_goals.due(engine) == [] and not precision_goals.act_on(engine, study.id)
 
 
 def test_a_study_stops_at_its_cap_and_is_judged_anew_after_a_rerun(
     engine: Engine, plan: Drawing
 ) -> None:
     study = begun(engine, plan(method="saltelli", rows=8))
-    goals.put(engine, study.id, Goal(output="y", target=0.001, up_to=12))
+    precision_goals.put(engine, study.id, PrecisionGoal(output="y", target=0.001, up_to=12))
     for _ in range(2):
         run(engine, study.id)
-        assert goals.due(engine) == [study.id]
-        assert goals.pursue(engine, study.id)
-    found = goals.of(engine, study.id)
-    assert found is not None and found.settled(studies.get(engine, study.id))
+        assert precision_goals.due(engine) == [study.id]
+        assert precision_goals.act_on(engine, study.id)
+    found = precision_goals.of(engine, study.id)
+    assert found is not None and is_settled(studies.get(engine, study.id), found)
     assert [(step["rows"], step["extended_to"]) for step in found.steps] == [(8, 12), (12, None)]
     assert "12 at most were allowed" in found.steps[-1]["sentence"]
     reruns.rerun(engine, study.id, which="all", outcomes=None, now=0.0)
-    assert goals.due(engine) == []
+    assert precision_goals.due(engine) == []
     run(engine, study.id)
-    assert goals.due(engine) == [study.id]
+    assert precision_goals.due(engine) == [study.id]
 
 
 def test_two_processes_extend_a_study_once(engine: Engine, plan: Drawing) -> None:
     study = begun(engine, plan(method="saltelli", rows=8))
-    goals.put(engine, study.id, Goal(output="y", target=0.001, up_to=999))
+    precision_goals.put(engine, study.id, PrecisionGoal(output="y", target=0.001, up_to=999))
     run(engine, study.id)
-    assert [goals.pursue(engine, study.id) for _ in range(2)] == [True, False]
+    assert [precision_goals.act_on(engine, study.id) for _ in range(2)] == [True, False]
     assert studies.get(engine, study.id).plan.rows == 16
 
 
 def test_what_the_analysis_has_not_seen_yet_is_waited_for(engine: Engine, plan: Drawing) -> None:
     study = begun(engine, plan(method="saltelli", rows=8))
-    goals.put(engine, study.id, Goal(output="y", target=0.001, up_to=999))
+    precision_goals.put(engine, study.id, PrecisionGoal(output="y", target=0.001, up_to=999))
     run(engine, study.id)
     complete = studies.get(engine, study.id)
     snapshot = StoreResultLog(engine).snapshot(study.id)
     assert snapshot is not None
-    pursuit = Pursuit(goal=Goal(output="y", target=0.001, up_to=999))
-    assert pursued(complete, pursuit, snapshot) is not None
+    goal = PrecisionGoal(output="y", target=0.001, up_to=999)
+    assert next_extension(complete, goal, snapshot) is not None
     old = {key: value for key, value in snapshot.items() if key != "sampling"}
-    assert pursued(complete, pursuit, old) == pursued(complete, pursuit, snapshot)
-    assert pursued(complete, pursuit, {**snapshot, "rows_complete": 7}) is None
-    assert pursued(replace(complete, state="paused"), pursuit, snapshot) is None
-    assert pursued(complete, replace(pursuit, judged=complete.edition), snapshot) is None
+    assert next_extension(complete, goal, old) == next_extension(complete, goal, snapshot)
+    assert next_extension(complete, goal, {**snapshot, "rows_complete": 7}) is None
+    assert next_extension(replace(complete, state="paused"), goal, snapshot) is None
+    assert next_extension(complete, replace(goal, judged=complete.edition), snapshot) is None
 
 
 def test_events_go_on_while_a_complete_study_may_yet_be_extended(
@@ -123,13 +125,15 @@ def test_events_go_on_while_a_complete_study_may_yet_be_extended(
 ) -> None:
     monkeypatch.setattr("server.routes.progress.EVENT_SECONDS", 0.01)
     study = begun(engine, plan(method="saltelli", rows=8))
-    goals.put(engine, study.id, Goal(output="y", target=0.001, up_to=9))
+    precision_goals.put(engine, study.id, PrecisionGoal(output="y", target=0.001, up_to=9))
     run(engine, study.id)
 
     async def told() -> list[Json]:
-        stream = _follow(engine, study.id, _look(engine, study.id, 0.0), asyncio.Event())
+        app = SimpleNamespace(state=SimpleNamespace(stopping=asyncio.Event()))
+        answer = await events(study.id, engine, SimpleNamespace(app=app))  # type: ignore[arg-type]
+        stream: Any = answer.body_iterator
         said = [await anext(stream)]
-        goals.remove(engine, study.id)
+        precision_goals.remove(engine, study.id)
         said += [event async for event in stream]
         return [json.loads(event.partition("data: ")[2]) for event in said]
 
@@ -142,16 +146,19 @@ def test_a_goal_goes_with_its_study_and_is_refused_where_there_is_none(
     engine: Engine, plan: Drawing
 ) -> None:
     study = begun(engine, plan())
-    goal = Goal(output="y", target=None, up_to=9)
-    goals.put(engine, study.id, goal)
-    goals.put(engine, study.id, replace(goal, up_to=99))
-    assert goals.every(engine) == {study.id: Pursuit(goal=replace(goal, up_to=99))}
+    goal = PrecisionGoal(output="y", target=None, up_to=9)
+    precision_goals.put(engine, study.id, goal)
+    precision_goals.put(engine, study.id, replace(goal, up_to=99))
+    assert precision_goals.every(engine) == {study.id: replace(goal, up_to=99)}
     studies.cancel(engine, study.id, now=1.0)
     with pytest.raises(ConflictError, match="is cancelled: it has all the rows"):
-        goals.put(engine, study.id, goal)
-    control.delete(engine, study.id)
-    assert goals.every(engine) == {}
-    for change in (lambda: goals.put(engine, "x", goal), lambda: goals.remove(engine, "x")):
+        precision_goals.put(engine, study.id, goal)
+    studies.delete(engine, study.id)
+    assert precision_goals.every(engine) == {}
+    for change in (
+        lambda: precision_goals.put(engine, "x", goal),
+        lambda: precision_goals.remove(engine, "x"),
+    ):
         with pytest.raises(NotFoundError):
             change()
 
@@ -169,9 +176,9 @@ def test_a_goal_that_is_none_is_refused(
 ) -> None:
     asked: Json = {"output": None, "target": 0.1, "up_to": 9, **changes}
     with pytest.raises(InvalidStudyError, match=said) as refused:
-        set_goal(plan(), pointer="/precision", **asked)
+        precision_goal(plan(), pointer="/precision", **asked)
     assert refused.value.pointer == pointer
-    assert set_goal(plan(), output=None, target=None, up_to=9).output == "y"
+    assert precision_goal(plan(), output=None, target=None, up_to=9).output == "y"
     assert shown(object(), None) is None  # type: ignore[arg-type]
 
 

@@ -7,7 +7,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from server.guards import MAX_BODY_BYTES
-from server.store.engine import writing
+from server.store.database.engine import writing
 
 JSON = {"Content-Type": "application/json"}
 

@@ -8,10 +8,12 @@ from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError
 from server.logic.hosts import host_class, identity
-from server.logic.study import Plan, instance_id
+from server.logic.plans import instance_id
 from server.logic.verdicts import Report
-from server.store import queue, reruns, results, studies
-from server.store.offers import Grant
+from server.operations import leases, reruns, studies
+from server.operations.leasing import Grant
+from server.records import Plan
+from tests.testbed import exchanges
 
 Drawing = Callable[..., Plan]
 Reporting = Callable[..., Report]
@@ -29,7 +31,7 @@ def lease(
     engine: Engine, versions: dict[str, str], n: int = 3, now: float = 0.0, **changes: Any
 ) -> Grant | None:
     asked = {"models": ["ishigami"], "host": "h", "worker": versions["platform"], **changes}
-    return queue.grant(engine, versions=versions, max_instances=n, now=now, ttl=TTL, **asked)
+    return exchanges.grant(engine, versions=versions, max_instances=n, now=now, ttl=TTL, **asked)
 
 
 def places(grant: Grant | None) -> list[tuple[int, int]]:
@@ -38,7 +40,7 @@ def places(grant: Grant | None) -> list[tuple[int, int]]:
 
 def post(engine: Engine, grant: Grant, reports: list[Report], now: float = 0.0) -> list[str]:
     held = grant.lease
-    verdicts = results.post(
+    verdicts = exchanges.post(
         engine,
         reports,
         lease_id=held.id,
@@ -137,7 +139,7 @@ def test_rows_of_a_kind_of_machine_that_is_gone_begin_anew_elsewhere(
     gone = lease(engine, MAC, 3)
     assert gone is not None
     post(engine, gone, reports(gone, report)[:2])
-    queue.reap(engine, now=TTL)
+    leases.reap(engine, now=TTL)
     assert places(lease(engine, LINUX, 8, now=TTL)) == []
     assert reruns.free_stranded_rows(engine, now=100.0, patience=3600.0) == 0
     assert reruns.free_stranded_rows(engine, now=3700.0, patience=3600.0) == 1

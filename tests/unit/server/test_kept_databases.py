@@ -13,11 +13,13 @@ from alembic import command
 from alembic.script import ScriptDirectory
 from sqlalchemy.engine import Engine
 
-from server.logic.study import instance_id
+from server.logic.plans import instance_id
 from server.logic.verdicts import Report
-from server.store import check, create_engine, queue, results, studies, upgrade
-from server.store.engine import reading, writing
-from server.store.upgrade import _config
+from server.operations import check, leases, studies
+from server.store import create_engine, upgrade
+from server.store.database.engine import reading, writing
+from server.store.database.upgrade import _config
+from tests.testbed import exchanges
 
 KEPT = sorted((Path(__file__).parent / "schemas").glob("*.sqlite3"))
 VERSIONS = {
@@ -39,7 +41,7 @@ def counted(engine: Engine) -> dict[str, tuple[str, int, int, int]]:
 def work_off(engine: Engine, now: float) -> None:
     """Evaluate whatever there is for a worker like those of the time."""
     asked = {"host": "pc-w", "versions": VERSIONS, "models": ["ishigami"]}
-    while grant := queue.grant(engine, worker="w", max_instances=9, now=now, ttl=60.0, **asked):  # type: ignore[arg-type]
+    while grant := exchanges.grant(engine, worker="w", max_instances=9, now=now, ttl=60.0, **asked):  # type: ignore[arg-type]
         held = grant.lease
         reports = [
             Report(
@@ -53,7 +55,7 @@ def work_off(engine: Engine, now: float) -> None:
             for place in held.instances
         ]
         proof = {"lease_id": held.id, "fence": held.fence, "worker": "w"}
-        verdicts = results.post(engine, reports, now=now, ttl=60.0, **proof)  # type: ignore[arg-type]
+        verdicts = exchanges.post(engine, reports, now=now, ttl=60.0, **proof)  # type: ignore[arg-type]
         assert {verdict.verdict for verdict in verdicts} == {"accepted"}
 
 
@@ -85,7 +87,7 @@ def test_a_database_that_was_kept_comes_up_to_date_goes_back_and_is_worked_off(
     assert check.faults(engine) == []
     assert counted(engine) == before
     # What the vanished worker held comes back first.
-    queue.reap(engine, now=1e12)
+    leases.reap(engine, now=1e12)
     work_off(engine, now=1e12)
     after = counted(engine)
     assert {after["done"][0], after["under way"][0]} == {"complete"}

@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 
 from server.logic.leases import (
-    Lease,
     expiry,
     has_expired,
     objection_to_release,
     objection_to_renewal,
     objection_to_results,
 )
+from server.records import Lease
 
 LEASE = Lease(
     id="L",

@@ -6,13 +6,14 @@ import pytest
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
-from server.logic.study import Plan, instance_id
+from server.logic.plans import instance_id
 from server.logic.verdicts import Report
-from server.store import check, queue, results, studies
-from server.store.engine import reading
-from server.store.ledger import Place
-from server.store.offers import Grant
-from server.store.schema import instances
+from server.operations import check, leases, studies
+from server.operations.leasing import Grant
+from server.records import Place, Plan
+from server.store.database.engine import reading
+from server.store.database.schema import instances
+from tests.testbed import exchanges
 
 Leasing = Callable[..., Grant]
 
@@ -41,7 +42,7 @@ def standing(engine: Engine, grant: Grant) -> dict[Place, tuple[str, str | None]
 def post(
     engine: Engine, grant: Grant, report: Callable[..., Report], *places: Place, **changes: str
 ) -> None:
-    verdicts = results.post(
+    verdicts = exchanges.post(
         engine,
         [report(instance_id(grant.study.id, *place), **changes) for place in places],
         lease_id=grant.lease.id,
@@ -99,7 +100,7 @@ def test_late_results_of_two_leases_are_done_and_take_nothing_from_a_third(
     engine: Engine, grants: tuple[Grant, Grant], lease: Leasing, report: Callable[..., Report]
 ) -> None:
     mine, theirs = grants
-    queue.release(engine, mine.lease.id, fence=mine.lease.fence, now=1.0)
+    leases.release(engine, mine.lease.id, fence=mine.lease.fence, now=1.0)
     again = lease("u", 6)
     post(engine, mine, report, *mine.lease.instances)
     assert set(standing(engine, mine).values()) == {("done", None)}

@@ -10,10 +10,12 @@ from alembic.migration import MigrationContext
 from sqlalchemy.engine import Connection, Engine
 
 from server.logic.verdicts import Report
-from server.store import create_engine, queue, results, studies, upgrade
-from server.store.engine import writing
-from server.store.schema import metadata
-from server.store.upgrade import _config
+from server.operations import results, studies
+from server.store import create_engine, upgrade
+from server.store.database.engine import writing
+from server.store.database.schema import metadata
+from server.store.database.upgrade import _config
+from tests.testbed import exchanges
 
 Row = dict[str, Any]
 
@@ -89,11 +91,11 @@ def test_a_study_begun_under_0001_goes_on_and_is_completed(first_schema: Engine,
         instance="old:1:0", outcome="ok", outputs={"y": 1.0}, reason="", state=None, wall_seconds=1
     )
     fence = 1
-    (verdict,) = results.post(
+    (verdict,) = exchanges.post(
         first_schema, [late], lease_id="l", fence=fence, worker="w", now=5.0, ttl=60.0
     )
     assert verdict.verdict == "accepted"
-    grant = queue.grant(
+    grant = exchanges.grant(
         first_schema,
         worker="w",
         host="h",

@@ -7,8 +7,8 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
-from server.store.engine import reading, writing
-from server.store.prepared import ROWS, Prepared, Rows, text
+from server.store.database.engine import reading, writing
+from server.store.database.prepared import ROWS, Prepared, Rows, text
 
 TABLE = sa.Table(
     "things",

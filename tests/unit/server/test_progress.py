@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from server.logic.progress import BLOCKS, RATE_WINDOW, block_ends, pace, window_start
-from server.logic.study import Plan, Study
+from server.records import Plan, Study
 
 
 @pytest.fixture

@@ -7,19 +7,21 @@ import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy.engine import Engine
 
-from server.logic.slots import BUDGETS, PATIENCE, Slot, after_attempt, may_try
-from server.logic.study import Plan, instance_id
+from server.logic.instances import BUDGETS, PATIENCE, after_attempt, may_try
+from server.logic.plans import instance_id
 from server.logic.verdicts import Report
-from server.store import check, instances, queue, results, studies
-from server.store.offers import Grant
+from server.operations import check, instances, studies
+from server.operations.leasing import Grant
+from server.records import Instance, Plan
+from tests.testbed import exchanges
 from tests.testbed.rest_bodies import STUDY, Json, asking, posting, result
 
 TTL = 60.0
-HELD = Slot(row=3, position=1, state="leased", lease="L", attempts={})
+HELD = Instance(row=3, position=1, state="leased", lease="L", attempts={})
 NAMES = ["a", "b", 'the "third" PC', "café_%", "lab/5"]
 
 
-def crash(slot: Slot, host: str, at_work: set[str]) -> tuple[Slot, bool]:
+def crash(slot: Instance, host: str, at_work: set[str]) -> tuple[Instance, bool]:
     """Return the slot after a crash on `host`, and whether it is in quarantine."""
     after, final = after_attempt(slot, cause="crashed", reason="", host=host, at_work=at_work)
     return after, final is not None
@@ -88,7 +90,7 @@ def test_who_has_not_tried_it_comes_first_and_who_failed_last_comes_last(
 
 
 def lease(engine: Engine, host: str, n: int = 1) -> Grant:
-    grant = queue.grant(
+    grant = exchanges.grant(
         engine,
         worker=f"of {host}",
         host=host,
@@ -104,7 +106,7 @@ def lease(engine: Engine, host: str, n: int = 1) -> Grant:
 
 def post(engine: Engine, grant: Grant, report: Callable[..., Report], **said: Any) -> None:
     reports = [report(instance_id(grant.study.id, *p), **said) for p in grant.lease.instances]
-    results.post(
+    exchanges.post(
         engine,
         reports,
         lease_id=grant.lease.id,
@@ -132,9 +134,9 @@ def test_what_crashes_goes_from_host_to_host_and_the_others_go_on(
             post(engine, grant, report, outcome="crashed", outputs={})
             break
     assert tried == NAMES[:3]
-    found = instances.account(engine, study, (1, 1))
-    assert found.result is not None and found.result["outcome"] == "crashed"
-    assert found.hosts == {"crashed": tuple(NAMES[:3])}
+    _, found = instances.account(engine, study, (1, 1))
+    assert found["result"]["outcome"] == "crashed"
+    assert found["hosts"] == {"crashed": tuple(NAMES[:3])}
     assert check.faults(engine) == []
 
 

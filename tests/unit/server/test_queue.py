@@ -12,13 +12,15 @@ from hypothesis import strategies as st
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError, NotFoundError
-from server.logic.study import Plan, Study, instance_id
+from server.logic.plans import instance_id
 from server.logic.verdicts import Report, Verdict
-from server.store import queue, results, studies, workers
-from server.store.engine import reading
-from server.store.offers import Grant
-from server.store.schema import instances as instances_table
-from server.store.schema import results as results_table
+from server.operations import leases, results, studies, workers
+from server.operations.leasing import Grant
+from server.records import Plan, Study
+from server.store.database.engine import reading
+from server.store.database.schema import instances as instances_table
+from server.store.database.schema import results as results_table
+from tests.testbed import exchanges
 
 Drawing = Callable[..., Plan]
 Reporting = Callable[..., Report]
@@ -34,7 +36,7 @@ def lease(
     engine: Engine, *, n: int = 3, now: float = 0.0, worker: str = "w", **changes: Any
 ) -> Grant | None:
     asked = {"models": ["ishigami"], "host": "h", "versions": {}, **changes}
-    return queue.grant(engine, worker=worker, max_instances=n, now=now, ttl=TTL, **asked)
+    return exchanges.grant(engine, worker=worker, max_instances=n, now=now, ttl=TTL, **asked)
 
 
 def leased(engine: Engine, **changes: Any) -> Grant:
@@ -44,7 +46,7 @@ def leased(engine: Engine, **changes: Any) -> Grant:
 
 
 def post(engine: Engine, grant: Grant, reports: list[Report], now: float = 0.0) -> list[Verdict]:
-    return results.post(
+    return exchanges.post(
         engine,
         reports,
         lease_id=grant.lease.id,
@@ -153,9 +155,9 @@ def test_what_expired_leases_held_is_handed_out_again_before_new_rows(
 ) -> None:
     create(engine, plan())
     first = leased(engine, n=2)
-    assert queue.reap(engine, now=TTL - 0.1) == 0
-    assert queue.reap(engine, now=TTL) == 2
-    assert queue.reap(engine, now=TTL) == 0
+    assert leases.reap(engine, now=TTL - 0.1) == 0
+    assert leases.reap(engine, now=TTL) == 2
+    assert leases.reap(engine, now=TTL) == 0
     again = leased(engine, n=3, now=TTL, worker="v")
     assert again.lease.instances == (*first.lease.instances, (0, 2))
 
@@ -165,22 +167,22 @@ def test_renewing_keeps_a_lease_and_an_expired_one_is_not_renewed(
 ) -> None:
     create(engine, plan())
     held = leased(engine).lease
-    assert queue.renew(engine, held.id, fence=held.fence, now=50.0, ttl=TTL) == 110.0
-    assert queue.reap(engine, now=100.0) == 0
+    assert leases.renew(engine, held.id, fence=held.fence, now=50.0, ttl=TTL) == 110.0
+    assert leases.reap(engine, now=100.0) == 0
     with pytest.raises(ConflictError, match=r"the lease expired 10\.0 s ago"):
-        queue.renew(engine, held.id, fence=held.fence, now=120.0, ttl=TTL)
+        leases.renew(engine, held.id, fence=held.fence, now=120.0, ttl=TTL)
     with pytest.raises(ConflictError, match="fence"):
-        queue.renew(engine, held.id, fence=held.fence + 1, now=100.0, ttl=TTL)
+        leases.renew(engine, held.id, fence=held.fence + 1, now=100.0, ttl=TTL)
     with pytest.raises(ConflictError, match="no such lease"):
-        queue.renew(engine, "nothing", fence=1, now=100.0, ttl=TTL)
+        leases.renew(engine, "nothing", fence=1, now=100.0, ttl=TTL)
 
 
 def test_posting_keeps_a_lease_too(engine: Engine, plan: Drawing, report: Reporting) -> None:
     create(engine, plan())
     grant = leased(engine)
     post(engine, grant, [report(ids(grant)[0])], now=50.0)
-    assert queue.reap(engine, now=100.0) == 0
-    assert queue.reap(engine, now=110.0) == 2
+    assert leases.reap(engine, now=100.0) == 0
+    assert leases.reap(engine, now=110.0) == 2
 
 
 def test_a_late_post_is_taken_but_revives_no_lease(
@@ -189,7 +191,7 @@ def test_a_late_post_is_taken_but_revives_no_lease(
     create(engine, plan())
     grant = leased(engine)
     assert post(engine, grant, [report(ids(grant)[0])], now=TTL)[0].verdict == "accepted"
-    assert queue.reap(engine, now=TTL) == 2
+    assert leases.reap(engine, now=TTL) == 2
 
 
 def test_a_lease_is_over_with_the_last_of_its_results(
@@ -203,7 +205,7 @@ def test_a_lease_is_over_with_the_last_of_its_results(
     post(engine, grant, others)
     assert studies.standing(engine, study.id, now=1.0).workers == 0
     with pytest.raises(ConflictError, match="the lease is finished"):
-        queue.renew(engine, grant.lease.id, fence=grant.lease.fence, now=1.0, ttl=TTL)
+        leases.renew(engine, grant.lease.id, fence=grant.lease.fence, now=1.0, ttl=TTL)
     assert [v.verdict for v in post(engine, grant, [first])] == ["duplicate"]
 
 
@@ -212,10 +214,10 @@ def test_a_released_instance_comes_back_at_once_and_unharmed(engine: Engine, pla
     for _ in range(20):
         held = leased(engine).lease
         assert held.instances[0] == (0, 0)
-        queue.release(engine, held.id, fence=held.fence, now=1.0)
-        queue.release(engine, held.id, fence=held.fence, now=1.0)
+        leases.release(engine, held.id, fence=held.fence, now=1.0)
+        leases.release(engine, held.id, fence=held.fence, now=1.0)
     with pytest.raises(ConflictError, match="cannot be released: the fence"):
-        queue.release(engine, held.id, fence=0, now=1.0)
+        leases.release(engine, held.id, fence=0, now=1.0)
 
 
 def test_an_instance_lost_five_times_is_final(engine: Engine, plan: Drawing) -> None:
@@ -225,7 +227,7 @@ def test_an_instance_lost_five_times_is_final(engine: Engine, plan: Drawing) -> 
         assert studies.get(engine, study.id).state == "running"
         leased(engine, n=4, now=now)
         now += TTL
-        assert queue.reap(engine, now=now) == 4
+        assert leases.reap(engine, now=now) == 4
     lost = studies.get(engine, study.id)
     assert (lost.state, lost.failures, lost.rows_complete) == ("complete", {"lost": 4}, 1)
     assert lease(engine, now=now) is None
@@ -237,17 +239,17 @@ def test_an_instance_lost_five_times_is_final(engine: Engine, plan: Drawing) -> 
 def test_a_coordinator_that_was_away_excuses_silence(engine: Engine, plan: Drawing) -> None:
     create(engine, plan())
     held = leased(engine).lease
-    queue.excuse_silence(engine, now=500.0, ttl=TTL)
-    assert queue.reap(engine, now=559.0) == 0
-    assert queue.renew(engine, held.id, fence=held.fence, now=559.0, ttl=TTL) == 619.0
+    leases.extend_open_leases(engine, now=500.0, ttl=TTL)
+    assert leases.reap(engine, now=559.0) == 0
+    assert leases.renew(engine, held.id, fence=held.fence, now=559.0, ttl=TTL) == 619.0
 
 
 def test_a_clock_that_was_set_back_lengthens_no_lease(engine: Engine, plan: Drawing) -> None:
     create(engine, plan())
     leased(engine, now=3600.0)
-    queue.excuse_silence(engine, now=0.0, ttl=TTL)
-    assert queue.reap(engine, now=TTL - 1.0) == 0
-    assert queue.reap(engine, now=TTL) == 3
+    leases.extend_open_leases(engine, now=0.0, ttl=TTL)
+    assert leases.reap(engine, now=TTL - 1.0) == 0
+    assert leases.reap(engine, now=TTL) == 3
 
 
 def test_workers_are_remembered_with_what_they_did(
@@ -293,7 +295,7 @@ def test_whatever_workers_do_nothing_is_lost_or_counted_twice(
     now = 0.0
     for action, number, outcome in actions:
         if action == "lease":
-            queue.reap(engine, now=now)
+            leases.reap(engine, now=now)
             if grant := lease(engine, n=number + 1, now=now):
                 grants.append(grant)
         elif action == "wait":
@@ -302,10 +304,10 @@ def test_whatever_workers_do_nothing_is_lost_or_counted_twice(
             grant = grants[number % len(grants)]
             held = grant.lease
             if action == "release":
-                queue.release(engine, held.id, fence=held.fence, now=now)
+                leases.release(engine, held.id, fence=held.fence, now=now)
             elif action == "renew":
                 with suppress(ConflictError):
-                    queue.renew(engine, held.id, fence=held.fence, now=now, ttl=TTL)
+                    leases.renew(engine, held.id, fence=held.fence, now=now, ttl=TTL)
             else:
                 said = {
                     "ok": {},
@@ -321,7 +323,7 @@ def test_whatever_workers_do_nothing_is_lost_or_counted_twice(
     # Whatever happened, one diligent worker brings the study to its end.
     for _ in range(3):
         now += TTL
-        queue.reap(engine, now=now)
+        leases.reap(engine, now=now)
         while grant := lease(engine, n=8, now=now):
             post(engine, grant, [report(i) for i in ids(grant)], now=now)
     done = studies.get(engine, study.id)

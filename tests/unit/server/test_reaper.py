@@ -39,8 +39,8 @@ def test_rows_are_freed_only_by_who_has_listened_for_that_long(
             raise NotFoundError("a study was deleted meanwhile")
         return 0
 
-    monkeypatch.setattr(app.queue, "reap", reap)
-    monkeypatch.setattr(app.close_loop_store, "reap", lambda *_, **__: 0)
+    monkeypatch.setattr(app.lease_operations, "reap", reap)
+    monkeypatch.setattr(app.close_loop_operations, "reap", lambda *_, **__: 0)
     monkeypatch.setattr(app.comparisons, "give_up", lambda *_, **__: None)
     monkeypatch.setattr(app.reruns, "free_stranded_rows", free)
     engine: Any = None

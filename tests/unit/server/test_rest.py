@@ -16,7 +16,7 @@ from analysis.designs.distributions import Uniform
 from analysis.files.parquet import STUDY_KEY
 from analysis.sensitivity.service import catch_up
 from server.logic.hosts import host_class
-from server.store.result_log import StoreResultLog
+from server.operations.result_log import StoreResultLog
 from tests.testbed.rest_bodies import STUDY, Json, asking, is_problem, posting, result
 
 

@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
 
 from analysis.sensitivity.service import catch_up
-from server.store.result_log import StoreResultLog
+from server.operations.result_log import StoreResultLog
 
 Json = dict[str, Any]
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from server.store import studies
+from server.operations import studies
 from sim.models import ELBOW
 from tests.testbed.rest_bodies import STUDY, Json, is_problem
 

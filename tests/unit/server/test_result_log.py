@@ -7,17 +7,19 @@ from sqlalchemy.engine import Engine
 
 from analysis.sensitivity.service import ResultLog, analyse, catch_up
 from server.errors import NotFoundError
-from server.logic.study import Plan, Study, instance_id
+from server.logic.plans import instance_id
 from server.logic.verdicts import Report
-from server.store import queue, results, studies
-from server.store.result_log import StoreResultLog
+from server.operations import studies
+from server.operations.result_log import StoreResultLog
+from server.records import Plan, Study
+from tests.testbed import exchanges
 
 
 @pytest.fixture
 def study(engine: Engine, plan: Callable[..., Plan], report: Callable[..., Report]) -> Study:
     """A study of two rows, of which five instances have results: 0, 1, 2, a failure, and 4."""
     study, _ = studies.create(engine, plan(seed=3), key=None, digest="", now=0.0)
-    grant = queue.grant(
+    grant = exchanges.grant(
         engine,
         worker="w",
         host="h",
@@ -31,7 +33,7 @@ def study(engine: Engine, plan: Callable[..., Plan], report: Callable[..., Repor
     names = [instance_id(study.id, *place) for place in grant.lease.instances]
     reports = [report(name, outputs={"y": float(i)}) for i, name in enumerate(names)]
     reports[3] = report(names[3], outcome="diverged", outputs={})
-    results.post(
+    exchanges.post(
         engine,
         reports,
         lease_id=grant.lease.id,

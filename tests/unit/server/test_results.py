@@ -6,13 +6,15 @@ import pytest
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
-from server.logic.study import Plan, instance_id, parameters
+from server.logic.plans import instance_id, parameters
 from server.logic.table import header, lines
 from server.logic.verdicts import Report, Verdict
-from server.store import queue, results, studies
-from server.store.engine import reading
-from server.store.offers import Grant
-from server.store.schema import conflicts
+from server.operations import leases, results, studies
+from server.operations.leasing import Grant
+from server.records import Plan
+from server.store.database.engine import reading
+from server.store.database.schema import conflicts
+from tests.testbed import exchanges
 
 Reporting = Callable[..., Report]
 Leasing = Callable[..., Grant]
@@ -34,7 +36,7 @@ def _post(engine: Engine, grant: Grant, *reports: Report, **changes: object) -> 
         "ttl": 60.0,
         **changes,
     }
-    return results.post(engine, reports, **said)  # type: ignore[arg-type]
+    return exchanges.post(engine, reports, **said)  # type: ignore[arg-type]
 
 
 def _names(grant: Grant) -> list[str]:
@@ -126,7 +128,7 @@ def test_an_instance_nobody_was_given_is_unknown(
 def test_the_faster_of_two_holders_fills_the_slot(
     engine: Engine, grant: Grant, lease: Leasing, report: Reporting
 ) -> None:
-    queue.reap(engine, now=60.0)
+    leases.reap(engine, now=60.0)
     second = lease("v", 4, now=60.0)
     assert second.lease.instances == grant.lease.instances
     first = _names(grant)[0]
@@ -144,7 +146,7 @@ def test_nonsense_three_times_is_the_result(
     for _ in range(3):
         assert _names(held)[0] == _names(grant)[0]
         _post(engine, held, report(_names(held)[0], outputs={}))
-        queue.release(engine, held.lease.id, fence=held.lease.fence, now=1.0)
+        leases.release(engine, held.lease.id, fence=held.lease.fence, now=1.0)
         held = lease("w", 4, now=1.0)
     assert studies.get(engine, grant.study.id).failures == {"invalid": 1}
 

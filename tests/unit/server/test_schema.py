@@ -11,8 +11,8 @@ from sqlalchemy.engine import Engine
 
 from server.errors import SchemaError
 from server.store import create_engine, require_current, upgrade
-from server.store.engine import _use_write_ahead_log, writing
-from server.store.schema import metadata
+from server.store.database.engine import _use_write_ahead_log, writing
+from server.store.database.schema import metadata
 
 
 def test_the_migrations_make_the_tables_that_the_queries_use(engine: Engine) -> None:

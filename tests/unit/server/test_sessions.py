@@ -12,10 +12,10 @@ from fastapi.testclient import TestClient
 from sqlalchemy.engine import Engine
 
 from server.errors import BadSessionError, NotFoundError
-from server.store import check, sessions
-from server.store.engine import reading, writing
-from server.store.parts import PART_BYTES
-from server.store.schema import metadata, session_parts
+from server.operations import check, sessions
+from server.store.database.engine import reading, writing
+from server.store.database.parts import PART_BYTES
+from server.store.database.schema import metadata, session_parts
 from tests.testbed.rest_bodies import is_problem
 
 ZIP = {"Content-Type": "application/zip"}

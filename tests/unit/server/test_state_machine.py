@@ -22,23 +22,15 @@ from hypothesis.stateful import (
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError
-from server.logic.study import draw_up, instance_id
+from server.logic.plans import draw_up, instance_id
 from server.logic.verdicts import Report
-from server.store import (
-    check,
-    comparisons,
-    control,
-    create_engine,
-    offers,
-    queue,
-    reruns,
-    results,
-    studies,
-    upgrade,
-)
-from server.store.engine import writing
-from server.store.offers import Grant
-from server.store.schema import metadata
+from server.operations import check, comparisons, leases, reruns, results, studies
+from server.operations.leasing import Grant, LeaseRequest
+from server.states import StudyState
+from server.store import create_engine, upgrade
+from server.store.database.engine import writing
+from server.store.database.schema import metadata
+from tests.testbed import exchanges
 
 TTL = 60.0
 #: Two kinds of machines, the first with two hosts.
@@ -90,7 +82,7 @@ class Queue(RuleBasedStateMachine):
 
     def _lease(self, host: str, n: int) -> Grant | None:
         asked = {"models": ["ishigami"], "versions": HOSTS[host], "worker": f"of-{host}"}
-        return queue.grant(
+        return exchanges.grant(
             self.engine,
             host=host,
             max_instances=n,
@@ -127,7 +119,7 @@ class Queue(RuleBasedStateMachine):
 
     @rule(host=st.sampled_from(list(HOSTS)), n=st.integers(1, 6))
     def lease(self, host: str, n: int) -> None:
-        queue.reap(self.engine, now=self.now)
+        leases.reap(self.engine, now=self.now)
         if grant := self._lease(host, n):
             self.grants.append(grant)
 
@@ -145,7 +137,7 @@ class Queue(RuleBasedStateMachine):
     )
     def post_and_lease(self, number: int, words: str, host: str, n: int) -> None:
         said = self._said(self.grants[-1 - number % len(self.grants)], words)
-        wish = offers.Wish(
+        request = LeaseRequest(
             worker=f"of-{host}",
             host=host,
             versions=HOSTS[host],
@@ -153,7 +145,7 @@ class Queue(RuleBasedStateMachine):
             max_instances=n,
         )
         with writing(self.engine) as connection:
-            _, found = results.exchange(connection, said, wish, now=self.now, ttl=TTL)
+            _, found = results.exchange(connection, said, request, now=self.now, ttl=TTL)
         if isinstance(found, Grant):
             self.grants.append(found)
 
@@ -162,14 +154,14 @@ class Queue(RuleBasedStateMachine):
     def release(self, number: int) -> None:
         held = self.grants[-1 - number % len(self.grants)].lease
         with suppress(ConflictError):
-            queue.release(self.engine, held.id, fence=held.fence, now=self.now)
+            leases.release(self.engine, held.id, fence=held.fence, now=self.now)
 
     @precondition(lambda self: self.grants)
     @rule(number=st.integers(0, 9))
     def renew(self, number: int) -> None:
         held = self.grants[-1 - number % len(self.grants)].lease
         with suppress(ConflictError):
-            queue.renew(self.engine, held.id, fence=held.fence, now=self.now, ttl=TTL)
+            leases.renew(self.engine, held.id, fence=held.fence, now=self.now, ttl=TTL)
 
     @rule(seconds=st.sampled_from([10.0, 45.0, TTL]))
     def wait(self, seconds: float) -> None:
@@ -178,17 +170,17 @@ class Queue(RuleBasedStateMachine):
     @rule(back=st.booleans())
     def restart_with_the_clock_an_hour_off(self, back: bool) -> None:
         self.now += -3600.0 if back else 3600.0
-        queue.excuse_silence(self.engine, now=self.now, ttl=TTL)
+        leases.extend_open_leases(self.engine, now=self.now, ttl=TTL)
 
-    @rule(verb=st.sampled_from([control.pause, control.drain, control.resume]))
-    def control(self, verb: Callable[[Engine, str], Any]) -> None:
+    @rule(state=st.sampled_from([StudyState.PAUSED, StudyState.DRAINING, StudyState.RUNNING]))
+    def control(self, state: StudyState) -> None:
         with suppress(ConflictError):
-            verb(self.engine, self.study)
+            studies.switch(self.engine, self.study, state)
 
     @rule(rows=st.integers(2, 4))
     def extend(self, rows: int) -> None:
         with suppress(ConflictError):
-            control.extend(self.engine, self.study, rows)
+            studies.extend(self.engine, self.study, rows)
 
     @rule(which=st.sampled_from(["failed", "all"]))
     def rerun(self, which: str) -> None:
@@ -217,10 +209,10 @@ class Queue(RuleBasedStateMachine):
         """Whatever has happened, one diligent machine of each kind brings both to their end."""
         for study in (self.study, self.other):
             with suppress(ConflictError):
-                control.resume(self.engine, study)
+                studies.switch(self.engine, study, StudyState.RUNNING)
         for _ in range(6):
             self.now += TTL
-            queue.reap(self.engine, now=self.now)
+            leases.reap(self.engine, now=self.now)
             for host in HOSTS:
                 while grant := self._lease(host, 8):
                     self._post(grant, "ok")

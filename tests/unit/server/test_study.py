@@ -7,7 +7,8 @@ import pytest
 
 from analysis.designs import instance_parameters
 from server.errors import InvalidStudyError
-from server.logic.study import MAX_ROWS, FactorChoice, Plan, parameters
+from server.logic.plans import MAX_ROWS, FactorChoice, parameters
+from server.records import Plan
 from sim.models import ELBOW
 
 Drawing = Callable[..., Plan]

@@ -12,9 +12,9 @@ from sqlalchemy.engine import Engine
 from rehyb.cli import main
 from server.errors import ConflictError, NotFoundError
 from server.logic.tokens import FAILURES, Failures, may, scopes_needed
-from server.store import tokens
-from server.store.engine import reading
-from server.store.schema import tokens as tokens_table
+from server.operations import tokens
+from server.store.database.engine import reading
+from server.store.database.schema import tokens as tokens_table
 
 STUDY = {"name": "n", "model": "ishigami", "method": "morris", "rows": 2}
 ASKING = {

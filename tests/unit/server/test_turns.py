@@ -11,8 +11,8 @@ import sqlalchemy as sa
 from sqlalchemy import event
 from sqlalchemy.engine import Connection, Engine
 
-from server.store.engine import create_engine, reading, writing
-from server.store.turns import Turns, together
+from server.store.database.engine import create_engine, reading, writing
+from server.store.database.write_batching import WriteBatches, run_batch
 
 TABLE = sa.table("told", sa.column("word"))
 
@@ -46,17 +46,17 @@ def fail(connection: Connection) -> str:
     raise ZeroDivisionError
 
 
-def run(engine: Engine, ask: Callable[[Turns], Coroutine[Any, Any, Any]]) -> Any:
-    """Return what a coroutine makes of turns on a database."""
-    turns = Turns(engine)
+def run(engine: Engine, ask: Callable[[WriteBatches], Coroutine[Any, Any, Any]]) -> Any:
+    """Return what a coroutine makes of batches on a database."""
+    batches = WriteBatches(engine)
     try:
-        return asyncio.run(ask(turns))
+        return asyncio.run(ask(batches))
     finally:
-        turns.close()
+        batches.close()
 
 
-async def all_at_once(turns: Turns, jobs: list[Callable[[Connection], str]]) -> list[Any]:
-    return list(await asyncio.gather(*map(turns, jobs), return_exceptions=True))
+async def all_at_once(batches: WriteBatches, jobs: list[Callable[[Connection], str]]) -> list[Any]:
+    return list(await asyncio.gather(*map(batches, jobs), return_exceptions=True))
 
 
 def test_each_gets_its_own_answer_when_its_work_is_committed(
@@ -64,9 +64,9 @@ def test_each_gets_its_own_answer_when_its_work_is_committed(
 ) -> None:
     words = [f"word {number:02d}" for number in range(20)]
 
-    async def ask(turns: Turns) -> list[str]:
+    async def ask(batches: WriteBatches) -> list[str]:
         async def one(word: str) -> str:
-            said: str = await turns(tell(word))
+            said: str = await batches(tell(word))
             assert word in await asyncio.to_thread(told)
             return said
 
@@ -80,7 +80,7 @@ def test_what_fails_leaves_nothing_and_spoils_nobody_else(
     engine: Engine, told: Callable[[], list[str]]
 ) -> None:
     jobs = [tell("a"), fail, tell("b"), fail, tell("c")]
-    answers = run(engine, lambda turns: all_at_once(turns, jobs))
+    answers = run(engine, lambda batches: all_at_once(batches, jobs))
     assert [str(a) for a in answers if not isinstance(a, ZeroDivisionError)] == ["A", "B", "C"]
     assert told() == ["a", "b", "c"]
 
@@ -88,7 +88,7 @@ def test_what_fails_leaves_nothing_and_spoils_nobody_else(
 def test_on_sqlite_those_that_wait_share_a_commit(engine: Engine, told: Any) -> None:
     commits: list[Connection] = []
     event.listen(engine, "commit", commits.append)
-    run(engine, lambda turns: all_at_once(turns, [tell(str(n)) for n in range(10)]))
+    run(engine, lambda batches: all_at_once(batches, [tell(str(n)) for n in range(10)]))
     # Whoever comes first waits for nobody.
     assert len(commits) <= 2 if engine.dialect.name == "sqlite" else len(commits) == 10
     assert len(told()) == 10
@@ -100,12 +100,12 @@ def test_on_sqlite_who_comes_while_a_turn_is_about_to_begin_shares_it(
     commits: list[Connection] = []
     event.listen(engine, "commit", commits.append)
 
-    async def ask(turns: Turns) -> list[str]:
+    async def ask(batches: WriteBatches) -> list[str]:
         async def later(word: str) -> str:
             await asyncio.sleep(0)
-            return await turns(tell(word))
+            return await batches(tell(word))
 
-        return await asyncio.gather(turns(tell("a")), later("b"))
+        return await asyncio.gather(batches(tell("a")), later("b"))
 
     assert run(engine, ask) == ["A", "B"]
     assert len(commits) == (1 if engine.dialect.name == "sqlite" else 2)
@@ -116,14 +116,14 @@ def test_nobody_is_told_that_it_is_done_if_the_commit_fails(engine: Engine, told
         raise OSError("the disk is full")
 
     event.listen(engine, "commit", refuse)
-    answers = run(engine, lambda turns: all_at_once(turns, [tell("a"), tell("b"), tell("c")]))
+    answers = run(engine, lambda batches: all_at_once(batches, [tell("a"), tell("b"), tell("c")]))
     event.remove(engine, "commit", refuse)
     assert [str(answer) for answer in answers] == ["the disk is full"] * 3
     assert told() == []
 
 
 def test_a_transaction_that_fails_is_tried_again_job_by_job(engine: Engine, told: Any) -> None:
-    outcomes = together(engine, [tell("a"), fail, tell("b")])
+    outcomes = run_batch(engine, [tell("a"), fail, tell("b")])
     assert [result for result, _ in outcomes] == ["A", None, "B"]
     assert isinstance(outcomes[1][1], ZeroDivisionError)
     assert told() == ["a", "b"]
@@ -132,9 +132,9 @@ def test_a_transaction_that_fails_is_tried_again_job_by_job(engine: Engine, told
 def test_who_stops_waiting_does_not_keep_the_others_from_their_answers(
     engine: Engine, told: Any
 ) -> None:
-    async def ask(turns: Turns) -> list[Any]:
-        impatient = asyncio.ensure_future(turns(tell("impatient")))
-        others = asyncio.ensure_future(all_at_once(turns, [tell("a"), tell("b")]))
+    async def ask(batches: WriteBatches) -> list[Any]:
+        impatient = asyncio.ensure_future(batches(tell("impatient")))
+        others = asyncio.ensure_future(all_at_once(batches, [tell("a"), tell("b")]))
         await asyncio.sleep(0)
         impatient.cancel()
         return await others
@@ -153,10 +153,10 @@ def test_who_writes_for_long_keeps_no_event_loop_waiting(
             entered.set()
             leave.wait(20.0)
 
-    async def ask(turns: Turns) -> str:
+    async def ask(batches: WriteBatches) -> str:
         other = asyncio.create_task(asyncio.to_thread(write_for_long))
         await asyncio.to_thread(entered.wait, 20.0)
-        mine = asyncio.create_task(turns(tell("mine")))
+        mine = asyncio.create_task(batches(tell("mine")))
         # The loop goes on, whoever waits for the database.
         await asyncio.sleep(0.05)
         leave.set()
@@ -170,15 +170,15 @@ def test_who_writes_for_long_keeps_no_event_loop_waiting(
 def test_sqlite_s_log_is_copied_into_the_file_now_and_then(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("server.store.engine.LOG_PAGES", 20)
-    monkeypatch.setattr("server.store.turns.UPKEEP", 10)
+    monkeypatch.setattr("server.store.database.engine.LOG_PAGES", 20)
+    monkeypatch.setattr("server.store.database.write_batching.UPKEEP", 10)
     engine = create_engine(f"sqlite:///{tmp_path}/told.sqlite3")
     with writing(engine) as connection:
         connection.exec_driver_sql("CREATE TABLE told (word TEXT)")
 
-    async def ask(turns: Turns) -> None:
+    async def ask(batches: WriteBatches) -> None:
         for _ in range(60):
-            await turns(tell("x" * 4000))
+            await batches(tell("x" * 4000))
 
     run(engine, ask)
     # 60 transactions write two pages or more each; the log begins anew when it was copied.

@@ -1,4 +1,4 @@
-"""What becomes of a posted result."""
+"""What the coordinator makes of a posted result."""
 
 from collections.abc import Callable
 from math import inf, nan
@@ -6,15 +6,15 @@ from typing import Any
 
 import pytest
 
-from server.logic.slots import Result, Slot
 from server.logic.verdicts import REASON_LENGTH, Judgement, Report, judge
+from server.records import Instance, Result
 
 Reporting = Callable[..., Report]
 
-HELD = Slot(row=0, position=2, state="leased", lease="mine", attempts={})
-ELSEWHERE = Slot(row=0, position=2, state="leased", lease="other", attempts={})
-RETURNED = Slot(row=0, position=2, state="pending", lease=None, attempts={"lost": 1})
-DONE = Slot(row=0, position=2, state="done", lease=None, attempts={})
+HELD = Instance(row=0, position=2, state="leased", lease="mine", attempts={})
+ELSEWHERE = Instance(row=0, position=2, state="leased", lease="other", attempts={})
+RETURNED = Instance(row=0, position=2, state="pending", lease=None, attempts={"lost": 1})
+DONE = Instance(row=0, position=2, state="done", lease=None, attempts={})
 STORED = Result(
     row=0,
     position=2,
@@ -26,15 +26,19 @@ STORED = Result(
 )
 
 
-def judged(report: Report, slot: Slot | None = HELD, stored: Result | None = None) -> Judgement:
-    return judge(report, slot=slot, stored=stored, lease="mine", outputs=["y"])
+def judged(
+    report: Report, instance: Instance | None = HELD, stored: Result | None = None
+) -> Judgement:
+    return judge(report, instance=instance, stored=stored, lease="mine", outputs=["y"])
 
 
-@pytest.mark.parametrize("slot", [HELD, ELSEWHERE, RETURNED])
-def test_a_result_for_an_empty_slot_is_taken_however_late(slot: Slot, report: Reporting) -> None:
-    judgement = judged(report("i"), slot)
-    assert judgement.verdict.verdict == "accepted"
-    assert judgement.slot is not None and judgement.slot.state == "done"
+@pytest.mark.parametrize("instance", [HELD, ELSEWHERE, RETURNED])
+def test_a_result_for_an_empty_slot_is_taken_however_late(
+    instance: Instance, report: Reporting
+) -> None:
+    judgement = judged(report("i"), instance)
+    assert judgement.verdict == "accepted"
+    assert judgement.instance is not None and judgement.instance.state == "done"
     assert judgement.result is not None
     assert (judgement.result.outcome, judgement.result.outputs) == ("ok", {"y": 1.5})
 
@@ -42,7 +46,7 @@ def test_a_result_for_an_empty_slot_is_taken_however_late(slot: Slot, report: Re
 def test_a_failed_simulation_is_a_result_at_once(report: Reporting) -> None:
     state = {"time": 0.5, "q": [None, 1.0]}
     judgement = judged(report("i", outcome="diverged", outputs={}, reason="q1", state=state))
-    assert judgement.verdict.verdict == "accepted"
+    assert judgement.verdict == "accepted"
     assert judgement.result is not None
     assert judgement.result.outcome == "diverged"
     assert (judgement.result.outputs, judgement.result.state) == (None, state)
@@ -61,33 +65,35 @@ def test_outputs_the_study_does_not_keep_are_dropped(report: Reporting) -> None:
 @pytest.mark.parametrize("outcome", ["crashed", "timed_out"])
 def test_a_crash_of_the_holder_is_tried_again(outcome: str, report: Reporting) -> None:
     judgement = judged(report("i", outcome=outcome, outputs={}))
-    assert judgement.verdict.verdict == "accepted"
-    assert judgement.verdict.detail == "attempt 1 of 3"
-    assert judgement.slot is not None and judgement.slot.state == "pending"
+    assert judgement.verdict == "accepted"
+    assert judgement.detail == "attempt 1 of 3"
+    assert judgement.instance is not None and judgement.instance.state == "pending"
     assert judgement.result is None
 
 
 @pytest.mark.parametrize("outcome", ["crashed", "timed_out"])
 def test_the_third_crash_is_the_result(outcome: str, report: Reporting) -> None:
-    slot = Slot(row=0, position=2, state="leased", lease="mine", attempts={outcome: 2})
-    judgement = judged(report("i", outcome=outcome, reason="signal 11"), slot)
+    instance = Instance(row=0, position=2, state="leased", lease="mine", attempts={outcome: 2})
+    judgement = judged(report("i", outcome=outcome, reason="signal 11"), instance)
     assert judgement.result is not None
     assert (judgement.result.outcome, judgement.result.reason) == (outcome, "signal 11")
 
 
-@pytest.mark.parametrize(("slot", "stored"), [(ELSEWHERE, None), (RETURNED, None), (DONE, STORED)])
+@pytest.mark.parametrize(
+    ("instance", "stored"), [(ELSEWHERE, None), (RETURNED, None), (DONE, STORED)]
+)
 def test_a_crash_told_again_or_too_late_is_not_counted(
-    slot: Slot, stored: Result | None, report: Reporting
+    instance: Instance, stored: Result | None, report: Reporting
 ) -> None:
-    judgement = judged(report("i", outcome="crashed"), slot, stored)
-    assert judgement.verdict.verdict == "duplicate"
-    assert (judgement.slot, judgement.result, judgement.conflict) == (None, None, None)
+    judgement = judged(report("i", outcome="crashed"), instance, stored)
+    assert judgement.verdict == "duplicate"
+    assert (judgement.instance, judgement.result, judgement.conflict) == (None, None, None)
 
 
 def test_the_same_result_again_is_a_duplicate(report: Reporting) -> None:
     judgement = judged(report("i", wall_seconds=1.0, reason="again"), DONE, STORED)
-    assert judgement.verdict.verdict == "duplicate"
-    assert not judgement.verdict.refused
+    assert judgement.verdict == "duplicate"
+    assert not judgement.verdict.refuses
     assert judgement.result is None
 
 
@@ -96,16 +102,16 @@ def test_another_result_for_a_filled_slot_is_a_conflict_and_kept_as_one(
     changes: dict[str, Any], report: Reporting
 ) -> None:
     judgement = judged(report("i", **changes), DONE, STORED)
-    assert judgement.verdict.verdict == "conflict"
-    assert judgement.verdict.refused
+    assert judgement.verdict == "conflict"
+    assert judgement.verdict.refuses
     assert judgement.conflict is not None
-    assert (judgement.slot, judgement.result) == (None, None)
+    assert (judgement.instance, judgement.result) == (None, None)
 
 
 def test_an_instance_the_lease_never_held_is_unknown(report: Reporting) -> None:
     judgement = judged(report("i"), None)
-    assert judgement.verdict.verdict == "unknown"
-    assert judgement.verdict.refused
+    assert judgement.verdict == "unknown"
+    assert judgement.verdict.refuses
 
 
 def _nested(levels: int) -> dict[str, Any]:
@@ -141,17 +147,19 @@ def test_a_report_that_makes_no_sense_is_invalid_and_costs_its_holder_an_attempt
     changes: dict[str, Any], report: Reporting
 ) -> None:
     judgement = judged(report("i", **changes))
-    assert judgement.verdict.verdict == "invalid"
-    assert judgement.verdict.detail
-    assert judgement.slot is not None and judgement.slot.attempts == {"invalid": 1}
+    assert judgement.verdict == "invalid"
+    assert judgement.detail
+    assert judgement.instance is not None and judgement.instance.attempts == {"invalid": 1}
     assert judgement.result is None
 
 
-@pytest.mark.parametrize("slot", [ELSEWHERE, RETURNED])
-def test_nonsense_from_a_former_holder_changes_nothing(slot: Slot, report: Reporting) -> None:
-    judgement = judged(report("i", outputs={}), slot)
-    assert judgement.verdict.verdict == "invalid"
-    assert judgement.slot is None
+@pytest.mark.parametrize("instance", [ELSEWHERE, RETURNED])
+def test_nonsense_from_a_former_holder_changes_nothing(
+    instance: Instance, report: Reporting
+) -> None:
+    judgement = judged(report("i", outputs={}), instance)
+    assert judgement.verdict == "invalid"
+    assert judgement.instance is None
 
 
 def test_a_reason_is_cut_to_what_somebody_reads(report: Reporting) -> None:

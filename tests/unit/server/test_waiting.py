@@ -6,12 +6,13 @@ from typing import Any
 import pytest
 from sqlalchemy.engine import Engine
 
-from server.logic.study import Plan, instance_id
+from server.logic.plans import instance_id
 from server.logic.verdicts import Report
-from server.store import results, studies
-from server.store.engine import reading
-from server.store.offers import Grant
-from server.store.prepared import Prepared
+from server.operations import studies
+from server.operations.leasing import Grant
+from server.records import Plan
+from server.store.database.prepared import Prepared
+from tests.testbed import exchanges
 
 ROWS, WIDTH = 200, 4
 
@@ -19,7 +20,7 @@ ROWS, WIDTH = 200, 4
 def finish(engine: Engine, grant: Grant, report: Callable[..., Report]) -> None:
     """Post a result for all that a lease holds."""
     reports = [report(instance_id(grant.study.id, *place)) for place in grant.lease.instances]
-    verdicts = results.post(
+    verdicts = exchanges.post(
         engine,
         reports,
         lease_id=grant.lease.id,
@@ -66,6 +67,5 @@ def test_a_study_with_much_done_is_not_looked_through(
     # Of the last row but one some instances are left over.
     finish(engine, lease("w", 1), report)
     assert effort(engine, monkeypatch, lambda: lease("w", 2)) < 10
-    with reading(engine) as connection:
-        found = studies.find(connection, studies.every(engine)[0].id)
+    (found,) = studies.every(engine)
     assert found.handed_out == WIDTH * (ROWS - 1)

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from analysis.closeloop.report.effect_study import EffectStudyError, study_with_effects
 from rehyb.cli import app
-from server.logic.study import FactorChoice, draw_up
+from server.logic.plans import FactorChoice, draw_up
 from sim.effects.catalogue import ASSESSED
 from sim.parameters.wearer import TABLE_1
 

@@ -1,16 +1,15 @@
-"""What a study is, and how one is drawn up from a request."""
+"""How a study's plan is drawn up from a request, and the points that follow from it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from analysis.designs import METHODS, fewest_factors, instance_parameters, row_width, samplings
+from analysis.designs import METHODS, fewest_factors, instance_parameters, samplings
 from analysis.designs.distributions import Distribution, scales
 from analysis.sensitivity.records import StudyPlan
 from server.errors import InvalidStudyError
-from server.logic.records import record
+from server.records import Plan, Study
 from sim.models import MODELS, Model
 
 #: Sobol points are numbered in 30 bits; a study beyond this would take a fleet a human lifetime.
@@ -27,77 +26,6 @@ class FactorChoice:
     name: str
     range: tuple[float, float] | None = None
     distribution: Mapping[str, Any] | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Plan:
-    """Everything that decides which points a study evaluates: its manifest."""
-
-    name: str
-    model: str
-    method: str
-    sampling: str
-    rows: int
-    seed: int
-    #: Sampled factors, in the model's order.
-    distributions: Mapping[str, Distribution]
-    #: Every other factor of the model, with the value it keeps (SI units).
-    fixed: Mapping[str, float]
-    #: Outputs kept, in the model's order.
-    outputs: tuple[str, ...]
-
-    @cached_property
-    def width(self) -> int:
-        """Instances in one row of the design."""
-        return row_width(self.method, len(self.distributions))
-
-    @cached_property
-    def instances(self) -> int:
-        """Instances in the whole study."""
-        return self.rows * self.width
-
-
-@record
-class Study:
-    """A plan and how far it has come."""
-
-    id: str
-    plan: Plan
-    #: "running", "draining" (begun rows are finished, none is begun), "paused", "complete" or
-    #: "cancelled".
-    state: str
-    created_at: float
-    #: When the study was completed or cancelled; None while it runs.
-    finished_at: float | None
-    #: Instances of the rows begun, which are the first ones: each row is begun as a whole.
-    handed_out: int
-    #: Instances a worker holds now.
-    leased: int
-    #: Final results, which are numbered 1, 2, ... in the order they came.
-    result_count: int
-    ok_count: int
-    #: Rows in which every position has a final result.
-    rows_complete: int
-    #: Final failures by outcome.
-    failures: Mapping[str, int]
-    #: Of two studies with work, the one with the higher priority is served.
-    priority: int = 0
-    #: What a worker must call itself to be given any of it.
-    tags: tuple[str, ...] = ()
-    #: The code that began it (`server.logic.hosts.identity`); None before its first lease.
-    identity: Mapping[str, str] | None = None
-    #: Grows with every change that makes earlier readings of its log or its size obsolete.
-    edition: int = 0
-
-    @property
-    def pending(self) -> int:
-        """Instances without a final result that nobody holds."""
-        return self.plan.instances - self.result_count - self.leased
-
-    @property
-    def returned(self) -> int:
-        """Instances of begun rows that nobody holds and that have no final result."""
-        return self.handed_out - self.result_count - self.leased
 
 
 def instance_id(study_id: str, row: int, position: int) -> str:
@@ -209,38 +137,6 @@ def refuse_dependence(body: Any) -> None:
                     "the indices mean what they say; leave it out, or sample factors that are "
                     "independent, such as what two have in common and how they differ",
                 )
-
-
-def objection_to_extension(study: Study, rows: int) -> str | None:
-    """Say in a sentence why a study cannot have `rows` rows; None if it can."""
-    if study.state == "cancelled":
-        return "it was cancelled"
-    if rows < study.plan.rows:
-        return f"it has {study.plan.rows} rows, and a study never shrinks"
-    if rows > MAX_ROWS:
-        return f"a study has {MAX_ROWS} rows at most"
-    return None
-
-
-def extended(study: Study, rows: int) -> Study:
-    """Return the study with as many rows; what there is of it stays as it is."""
-    if rows == study.plan.rows:
-        return study
-    resumed = study.state == "complete"
-    return replace(
-        study,
-        plan=replace(study.plan, rows=rows),
-        state="running" if resumed else study.state,
-        finished_at=None if resumed else study.finished_at,
-        edition=study.edition + 1,
-    )
-
-
-def drained(study: Study) -> Study:
-    """Return a draining study paused, if all of its begun rows are done; any other as it is."""
-    if study.state == "draining" and study.handed_out == study.result_count:
-        return replace(study, state="paused")
-    return study
 
 
 def _known(pointer: str, what: str, name: str, known: Any) -> Any:

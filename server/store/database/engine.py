@@ -60,8 +60,8 @@ def writing(engine: Engine) -> Iterator[Connection]:
     next one at once; SQLite's own busy handler sleeps and polls, and is left for other processes.
     """
     sqlite_only = engine.dialect.name == "sqlite"
-    turn = engine.get_execution_options()["writer"] if sqlite_only else nullcontext()
-    with turn, engine.connect() as connection:
+    lock = engine.get_execution_options()["writer"] if sqlite_only else nullcontext()
+    with lock, engine.connect() as connection:
         connection = connection.execution_options(immediate=True)
         with connection.begin():
             # It takes the write lock now and need never start again.
@@ -69,7 +69,7 @@ def writing(engine: Engine) -> Iterator[Connection]:
             yield connection
 
 
-class Impatient:
+class ImmediateWriter:
     """Opens transactions as `writing` does, but waits for nobody and nothing; for one thread.
 
     It keeps a connection of its own: to take one from the pool and put it back costs as much as a
@@ -89,8 +89,8 @@ class Impatient:
             BlockingIOError: another thread of this process writes.
             sqlite3.OperationalError: another process does.
         """
-        turn: threading.Lock = self._engine.get_execution_options()["writer"]
-        if not turn.acquire(blocking=False):
+        lock: threading.Lock = self._engine.get_execution_options()["writer"]
+        if not lock.acquire(blocking=False):
             raise BlockingIOError("another thread writes")
         try:
             connection = self._connected()
@@ -102,7 +102,7 @@ class Impatient:
             self.close()
             raise
         finally:
-            turn.release()
+            lock.release()
 
     def close(self) -> None:
         """Close its connection."""

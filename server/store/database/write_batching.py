@@ -1,4 +1,4 @@
-"""Transactions of the many workers: those that wait for their turn together share one.
+"""Write batching: the jobs of workers that wait at the same time share one transaction.
 
 A transaction on SQLite takes less time than handing it to another thread, where it would get back
 the interpreter's lock from the event loop at every statement. So the event loop does it itself,
@@ -13,11 +13,11 @@ from typing import Any, TypeVar
 
 from sqlalchemy.engine import Connection, Engine
 
-from server.store.engine import Impatient, writing
+from server.store.database.engine import ImmediateWriter, writing
 
 T = TypeVar("T")
 
-#: What is to be done in a transaction; done again in another one if that one fails.
+#: What a transaction does; done again in another one if that one fails.
 Job = Callable[[Connection], T]
 #: What a job returned, or what it raised.
 Outcome = tuple[Any, None] | tuple[None, Exception]
@@ -29,14 +29,14 @@ Waiting = tuple[Job[Any], asyncio.Future[Any]]
 UPKEEP = 100
 
 
-class Turns:
+class WriteBatches:
     """Does jobs in transactions that write, for an event loop that must not be kept waiting."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._shared = engine.dialect.name == "sqlite"
-        self._threads = ThreadPoolExecutor(thread_name_prefix="turns")
-        self._at_once = Impatient(engine)
+        self._threads = ThreadPoolExecutor(thread_name_prefix="writes")
+        self._at_once = ImmediateWriter(engine)
         self._waiting: list[Waiting] = []
         #: Whether somebody will see to what waits.
         self._seen_to = False
@@ -66,34 +66,34 @@ class Turns:
 
     def _serve(self, loop: asyncio.AbstractEventLoop) -> None:
         """Do what waits; in a thread if it does not work out at once, or may take long."""
-        turn, self._waiting = self._waiting, []
-        jobs = [job for job, _ in turn]
+        batch, self._waiting = self._waiting, []
+        jobs = [job for job, _ in batch]
         self._count += 1
         if self._count % UPKEEP:
             try:
                 with self._at_once() as connection:
                     outcomes: list[Outcome] = [(job(connection), None) for job in jobs]
             except Exception:
-                # Somebody else writes, or a job fails: nothing of the turn is in the database.
+                # Somebody else writes, or a job fails: nothing of the batch is in the database.
                 pass
             else:
                 self._seen_to = False
-                _answer(turn, outcomes)
+                _answer(batch, outcomes)
                 return
-        later = loop.run_in_executor(self._threads, together, self._engine, jobs)
-        later.add_done_callback(lambda done: self._resume(loop, turn, done.result()))
+        later = loop.run_in_executor(self._threads, run_batch, self._engine, jobs)
+        later.add_done_callback(lambda done: self._resume(loop, batch, done.result()))
 
     def _resume(
-        self, loop: asyncio.AbstractEventLoop, turn: Sequence[Waiting], outcomes: Sequence[Outcome]
+        self, loop: asyncio.AbstractEventLoop, batch: Sequence[Waiting], outcomes: Sequence[Outcome]
     ) -> None:
-        """Answer a turn that a thread has done, and see to what came meanwhile."""
-        _answer(turn, outcomes)
+        """Answer a batch that a thread has done, and see to what came meanwhile."""
+        _answer(batch, outcomes)
         self._seen_to = bool(self._waiting)
         if self._waiting:
             loop.call_soon(self._serve, loop)
 
 
-def together(engine: Engine, jobs: Sequence[Job[Any]]) -> list[Outcome]:
+def run_batch(engine: Engine, jobs: Sequence[Job[Any]]) -> list[Outcome]:
     """Do jobs in one transaction; if it fails, each in its own, so that none spoils the others.
 
     Returns:
@@ -105,11 +105,11 @@ def together(engine: Engine, jobs: Sequence[Job[Any]]) -> list[Outcome]:
     except Exception as error:
         if len(jobs) == 1:
             return [(None, error)]
-    return [outcome for job in jobs for outcome in together(engine, [job])]
+    return [outcome for job in jobs for outcome in run_batch(engine, [job])]
 
 
-def _answer(turn: Sequence[Waiting], outcomes: Sequence[Outcome]) -> None:
-    for (_, done), (result, error) in zip(turn, outcomes, strict=True):
+def _answer(batch: Sequence[Waiting], outcomes: Sequence[Outcome]) -> None:
+    for (_, done), (result, error) in zip(batch, outcomes, strict=True):
         if done.cancelled():
             continue
         if error is None:

@@ -1,35 +1,28 @@
-"""How precise a study is to become, and what it does when it is complete."""
+"""How precise a study shall become, and what it does when it is complete."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
 from typing import Any
 
-from analysis.sensitivity.stopping import Goal, next_step
+from analysis.sensitivity.stopping import next_step
 from server.errors import InvalidStudyError
-from server.logic.study import MAX_ROWS, Plan, Study, extended
+from server.logic.plans import MAX_ROWS
+from server.logic.studies import extended
+from server.records import Plan, PrecisionGoal, Study
+from server.states import StudyState
 
 
-@dataclass(frozen=True, kw_only=True)
-class Pursuit:
-    """A goal and what has been done for it."""
-
-    goal: Goal
-    #: Edition of the study (`Study.edition`) at which nothing was left to do; None before.
-    judged: int | None = None
-    #: Every decision: "rows" that the study had, "extended_to" or None, "reached", "sentence".
-    steps: tuple[Mapping[str, Any], ...] = ()
-
-    def settled(self, study: Study) -> bool:
-        """Say whether nothing is left to do, unless somebody extends or runs the study again."""
-        return study.state == "cancelled" or (
-            study.state == "complete" and self.judged == study.edition
-        )
+def is_settled(study: Study, goal: PrecisionGoal) -> bool:
+    """Say whether nothing is left to do, unless somebody extends or reruns the study."""
+    return study.state == StudyState.CANCELLED or (
+        study.state == StudyState.COMPLETE and goal.judged == study.edition
+    )
 
 
-def set_goal(
+def precision_goal(
     plan: Plan, *, output: str | None, target: float | None, up_to: int, pointer: str = ""
-) -> Goal:
+) -> PrecisionGoal:
     """Check a goal and complete it.
 
     Args:
@@ -56,12 +49,12 @@ def set_goal(
         raise InvalidStudyError(
             f"{pointer}/up_to", f"up_to must lie between 1 and {MAX_ROWS} rows, not {up_to}"
         )
-    return Goal(output=output, target=target, up_to=up_to)
+    return PrecisionGoal(output=output, target=target, up_to=up_to)
 
 
-def pursued(
-    study: Study, pursuit: Pursuit, snapshot: Mapping[str, Any]
-) -> tuple[Study, Pursuit] | None:
+def next_extension(
+    study: Study, goal: PrecisionGoal, snapshot: Mapping[str, Any]
+) -> tuple[Study, PrecisionGoal] | None:
     """Return a study and its goal after what there is to do now; None if that is nothing.
 
     The rule is `analysis.sensitivity.stopping.next_step` (Sarrazin et al. 2016), which looks at a
@@ -69,14 +62,14 @@ def pursued(
 
     Args:
         study: as it is.
-        pursuit: of its goal.
+        goal: the study's.
         snapshot: of all its results.
     """
-    if study.state != "complete" or pursuit.settled(study):
+    if study.state != StudyState.COMPLETE or is_settled(study, goal):
         return None
     # A snapshot that an earlier version left may not say it.
     seen = {"sampling": study.plan.sampling, **snapshot}
-    step = next_step(seen, pursuit.goal, study.plan.rows)
+    step = next_step(seen, goal, study.plan.rows)
     if step is None:
         return None
     said = {
@@ -86,23 +79,20 @@ def pursued(
         "sentence": step.sentence,
     }
     after = study if step.rows is None else extended(study, step.rows)
-    return after, replace(
-        pursuit,
-        judged=study.edition if step.rows is None else None,
-        steps=(*pursuit.steps, said),
-    )
+    judged = study.edition if step.rows is None else None
+    return after, replace(goal, judged=judged, steps=(*goal.steps, said))
 
 
-def shown(study: Study, pursuit: Pursuit | None) -> dict[str, Any] | None:
+def shown(study: Study, goal: PrecisionGoal | None) -> dict[str, Any] | None:
     """Return a goal as the interface shows it; None if there is none."""
-    if pursuit is None:
+    if goal is None:
         return None
-    goal, settled = pursuit.goal, pursuit.settled(study)
+    settled = is_settled(study, goal)
     return {
         "output": goal.output,
         "target": goal.target,
         "up_to": goal.up_to,
         "settled": settled,
-        "reached": settled and bool(pursuit.steps) and bool(pursuit.steps[-1]["reached"]),
-        "steps": [dict(step) for step in pursuit.steps],
+        "reached": settled and bool(goal.steps) and bool(goal.steps[-1]["reached"]),
+        "steps": [dict(step) for step in goal.steps],
     }

@@ -11,7 +11,7 @@ from server.errors import ConflictError
 
 
 @contextmanager
-def sole_coordinator(url: str) -> Iterator[None]:
+def instance_lock(url: str) -> Iterator[None]:
     """Hold the lock file beside a SQLite database; does nothing for another.
 
     The kernel drops the lock when the process ends, however it ends.

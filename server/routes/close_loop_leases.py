@@ -10,16 +10,12 @@ from pydantic import Field, StringConstraints
 from sqlalchemy.engine import Engine
 from starlette.datastructures import UploadFile
 
-from server.logic.close_loops import (
-    FILES,
-    MAX_REPORT_BYTES,
-    PROGRESS_LENGTH,
-    REASON_LENGTH,
-    Proof,
-    ask_again_in,
-    cut,
-    verdict_of,
-)
+from analysis.closeloop.contract import REPORT_FILES
+from server.logic.close_loops import MAX_REPORT_BYTES, PROGRESS_LENGTH, ask_again_in, verdict_of
+from server.logic.json_values import cut
+from server.logic.verdicts import REASON_LENGTH
+from server.operations import close_loop_leases, close_loops
+from server.operations.close_loop_leases import Proof
 from server.routes.common import (
     MAX_INTEGER,
     Body,
@@ -32,7 +28,7 @@ from server.routes.common import (
     example,
 )
 from server.routes.leases import Fence, WorkerBody
-from server.store import close_loops, loop_workers
+from server.states import Outcome, Verdict
 
 log = logging.getLogger(__name__)
 
@@ -92,18 +88,18 @@ class LoopFailureBody(LoopFenceBody):
 @router.post("/lease", status_code=201, response_model=None)
 def lease(body: LoopLeaseBody, store: Store, settings: Configured, now: Now) -> Response:
     """Lease a session to close the loop on; 204: nothing to do now."""
-    close_loops.reap(store, now=now)
-    granted = close_loops.grant(
+    close_loop_leases.reap(store, now=now)
+    granted = close_loop_leases.grant(
         store,
         worker=body.worker.id,
         host=body.worker.host,
         versions=body.worker.versions,
-        tags=tuple(body.worker.tags),
+        tags=body.worker.tags,
         now=now,
         ttl=settings.lease_seconds,
     )
     if granted is None:
-        again = ask_again_in(loop_workers.at_work(store, now=now))
+        again = ask_again_in(close_loops.at_work(store, now=now))
         return Response(status_code=204, headers={"Retry-After": str(again)})
     job, session = granted
     attempt = job.attempts[-1]
@@ -129,7 +125,7 @@ def renew(
     """Keep a job for another ttl, and say what its worker is at."""
     ttl = settings.lease_seconds
     progress = None if body.progress is None else cut(body.progress, PROGRESS_LENGTH)
-    expires_at = close_loops.renew(
+    expires_at = close_loop_leases.renew(
         store,
         close_loop_id,
         lease=body.lease,
@@ -144,7 +140,7 @@ def renew(
 @router.post("/{close_loop_id}/release")
 def release(close_loop_id: Id, body: LoopFenceBody, store: Store) -> dict[str, Any]:
     """Give a job back, unharmed."""
-    close_loops.release(store, close_loop_id, lease=body.lease, fence=body.fence)
+    close_loop_leases.release(store, close_loop_id, lease=body.lease, fence=body.fence)
     return {"released": True}
 
 
@@ -156,7 +152,7 @@ def failure(close_loop_id: Id, body: LoopFailureBody, store: Store, now: Now) ->
         "column": None if body.column is None else cut(body.column, REASON_LENGTH),
         "line": body.line,
     }
-    counted = close_loops.fail(
+    counted = close_loop_leases.fail(
         store,
         close_loop_id,
         proof=Proof(lease=body.lease, fence=body.fence, worker=body.worker),
@@ -165,7 +161,7 @@ def failure(close_loop_id: Id, body: LoopFailureBody, store: Store, now: Now) ->
         where=place,
         now=now,
     )
-    return {"verdict": "accepted" if counted else "duplicate"}
+    return {"verdict": Verdict.ACCEPTED if counted else Verdict.DUPLICATE}
 
 
 @router.post(
@@ -178,9 +174,9 @@ def failure(close_loop_id: Id, body: LoopFailureBody, store: Store, now: Now) ->
                     "schema": {
                         "type": "object",
                         "properties": {
-                            name: {"type": "string", "format": "binary"} for name in FILES
+                            name: {"type": "string", "format": "binary"} for name in REPORT_FILES
                         },
-                        "required": list(FILES),
+                        "required": list(REPORT_FILES),
                         "examples": ["a form with four files"],
                     }
                 }
@@ -202,18 +198,19 @@ async def report(
     """Hand in a report as a form of four files; the first one that comes is the job's."""
     proof = Proof(lease=lease, fence=fence, worker=worker)
     # Before anything large is read.
-    await asyncio.to_thread(close_loops.require_holder, store, close_loop_id, proof)
-    async with request.form(max_files=len(FILES), max_fields=0) as form:
-        files = {name: form.get(name) for name in FILES}
+    await asyncio.to_thread(close_loop_leases.require_holder, store, close_loop_id, proof)
+    async with request.form(max_files=len(REPORT_FILES), max_fields=0) as form:
+        files = {name: form.get(name) for name in REPORT_FILES}
         if not all(isinstance(file, UploadFile) for file in files.values()):
             raise HTTPException(
-                HTTPStatus.UNPROCESSABLE_ENTITY, f"the form must have the files {', '.join(FILES)}"
+                HTTPStatus.UNPROCESSABLE_ENTITY,
+                f"the form must have the files {', '.join(REPORT_FILES)}",
             )
         opened = {name: file.file for name, file in files.items() if isinstance(file, UploadFile)}
         stored = await asyncio.to_thread(
             _hand_in, store, close_loop_id, opened, proof, code=code, now=now
         )
-    return {"verdict": "accepted" if stored else "duplicate"}
+    return {"verdict": Verdict.ACCEPTED if stored else Verdict.DUPLICATE}
 
 
 def _hand_in(
@@ -230,13 +227,13 @@ def _hand_in(
         if empty := [name for name, file in files.items() if file.seek(0, 2) == 0]:
             raise ValueError(f"{empty[0]} is empty")
     except ValueError as error:
-        where = {"file": None, "column": None, "line": None}
-        close_loops.fail(
-            store, job_id, proof=proof, outcome="invalid", reason=str(error), where=where, now=now
+        why = str(error)
+        close_loop_leases.fail(
+            store, job_id, proof=proof, outcome=Outcome.INVALID, reason=why, now=now
         )
-        raise HTTPException(HTTPStatus.UNPROCESSABLE_ENTITY, str(error)) from None
+        raise HTTPException(HTTPStatus.UNPROCESSABLE_ENTITY, why) from None
     for file in files.values():
         file.seek(0)
-    return close_loops.hand_in(
+    return close_loop_leases.hand_in(
         store, job_id, files, proof=proof, code=code, verdict=verdict, now=now
     )

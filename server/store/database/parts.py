@@ -7,7 +7,7 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
 
 from server.errors import NotFoundError
-from server.store.engine import reading
+from server.store.database.engine import reading
 
 #: Bytes of a part.
 PART_BYTES = 1 << 20

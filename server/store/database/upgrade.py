@@ -10,7 +10,7 @@ from sqlalchemy.engine import Connection, Engine
 
 import migrations
 from server.errors import SchemaError
-from server.store.engine import create_engine, reading, writing
+from server.store.database.engine import create_engine, reading, writing
 
 #: Any number, as long as every version of this program takes the same PostgreSQL advisory lock.
 _UPGRADE_LOCK = 827_346_501

@@ -1,0 +1,5 @@
+"""What a request does, a module per noun: read, let `server.logic` decide, write, in a transaction.
+
+Functions that take an engine open the transaction; functions that take a connection are part of
+one.
+"""

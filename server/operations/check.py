@@ -1,0 +1,99 @@
+"""Is the database whole? What the coordinator promises, counted anew from the tables."""
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from sqlalchemy.engine import Connection, Engine
+
+from analysis.closeloop.contract import REPORT_FILES
+from server.errors import ConflictError, NotFoundError
+from server.records import CloseLoopJob, Study
+from server.states import CloseLoopState, InstanceState, StudyState
+from server.store import audit, close_loops, sessions, studies
+from server.store.database.engine import reading
+
+
+def faults(engine: Engine) -> list[str]:
+    """Return what is wrong with the database, a sentence each; none if it is whole."""
+    with reading(engine) as connection:
+        found = list(audit.file_faults(connection))
+        for job in close_loops.every(connection):
+            found += [f"close-loop {job.id}: {f}" for f in _close_loop_faults(connection, job)]
+        for study_id in audit.studies_by_age(connection):
+            study = studies.find(connection, study_id)
+            found += [f"study {study.id}: {fault}" for fault in _study_faults(connection, study)]
+    return found + list(_session_faults(engine))
+
+
+def back_up(engine: Engine, path: Path) -> None:
+    """Copy a SQLite database while it is in use; the copy is as of one moment.
+
+    Raises:
+        ConflictError: the file exists, or the database is not SQLite.
+    """
+    if engine.dialect.name != "sqlite":
+        raise ConflictError("this is a PostgreSQL database: back it up with pg_dump")
+    if path.exists():
+        raise ConflictError(f"{path} exists: name a new file")
+    audit.copy(engine, path)
+
+
+def _session_faults(engine: Engine) -> Iterator[str]:
+    """Yield whose file is not what it was; read in parts, each in a transaction of its own."""
+    with reading(engine) as connection:
+        every = sessions.every(connection)
+    for session in every:
+        digest = hashlib.sha256()
+        try:
+            for part in sessions.archive(engine, session):
+                digest.update(part)
+        except NotFoundError:
+            # A part is missing, unless the session was deleted since it was listed.
+            with reading(engine) as connection:
+                if sessions.by_digest(connection, session.sha256) is None:
+                    continue
+        if digest.hexdigest() != session.sha256:
+            yield f"session {session.id}: its file is not the one that was uploaded"
+
+
+def _close_loop_faults(connection: Connection, job: CloseLoopJob) -> Iterator[str]:
+    """Yield what contradicts: a job's state and its lease, its report and its files."""
+    files = close_loops.files(connection, job.id)
+    if files != (set(REPORT_FILES) if job.state == CloseLoopState.DONE else set()):
+        yield f"it is {job.state} with {len(files)} of {len(REPORT_FILES)} files"
+    for what, there, state in (
+        ("an end of its lease", job.expires_at is not None, CloseLoopState.RUNNING),
+        ("a verdict", job.verdict is not None, CloseLoopState.DONE),
+        ("a fault", job.fault is not None, CloseLoopState.FAILED),
+    ):
+        if there != (job.state == state):
+            yield f"it is {job.state} with{'' if there else 'out'} {what}"
+    under_way = [attempt for attempt in job.attempts if attempt.ended is None]
+    if len(under_way) != (job.state == CloseLoopState.RUNNING):
+        yield f"it is {job.state} with {len(under_way)} attempts under way"
+
+
+def _study_faults(connection: Connection, study: Study) -> Iterator[str]:
+    """Yield what contradicts: counters and tables, instances and results."""
+    counts = audit.count(connection, study.id)
+    states = counts.instances
+    for what, counted, expected in (
+        ("instances of begun rows", sum(states.values()), study.handed_out),
+        ("leased instances", states.get(InstanceState.LEASED, 0), study.leased),
+        ("results", counts.results, study.result_count),
+        ("ok results", counts.ok, study.ok_count),
+        ("failed results", counts.results - counts.ok, sum(study.failures.values())),
+        ("the last result's number", counts.last, study.result_count),
+        ("instances that are done", states.get(InstanceState.DONE, 0), study.result_count),
+        ("results of instances that are done", counts.matched, study.result_count),
+        ("instances held by a lease that has ended", counts.unheld, 0),
+        ("second opinions held by a lease that has ended", counts.unasked, 0),
+        ("rows shared by kinds of machines", counts.mixed, 0),
+    ):
+        if counted != expected:
+            yield f"{what}: {counted}, where {expected} would be right"
+    if study.state == StudyState.CANCELLED:
+        return
+    if (study.state == StudyState.COMPLETE) != (counts.results == study.plan.instances):
+        yield f"it is {study.state} with {counts.results} of {study.plan.instances} results"

@@ -1,0 +1,160 @@
+"""Second opinions: asking for them, comparing, and what they say of a host.
+
+Whoever changes a study's comparisons has locked the study.
+"""
+
+import logging
+from collections.abc import Iterable, Sequence
+
+from sqlalchemy.engine import Connection, Engine
+
+from server.logic.comparisons import (
+    Reputation,
+    after_failing,
+    agree,
+    difference,
+    is_chosen,
+    is_comparable,
+)
+from server.logic.plans import instance_id
+from server.logic.verdicts import Judgement, Report, as_result, fault_in
+from server.records import Comparison, Lease, Result, Study
+from server.states import ComparisonState, Verdict
+from server.store import comparisons, results, studies
+from server.store.database.engine import reading, writing
+
+log = logging.getLogger(__name__)
+
+
+def ask(
+    connection: Connection,
+    study: Study,
+    found: Iterable[Result],
+    *,
+    share: float,
+    host: str,
+    worker: str,
+    now: float,
+) -> None:
+    """Ask for second opinions on those of a host's new final results that are chosen for it."""
+    chosen = [
+        (result.row, result.position)
+        for result in found
+        if is_comparable(result) and is_chosen(study.plan.seed, result.row, result.position, share)
+    ]
+    comparisons.add(connection, study.id, chosen, host=host, worker=worker, now=now)
+
+
+def judge(
+    connection: Connection,
+    study: Study,
+    reports: Sequence[Report],
+    *,
+    lease: Lease,
+    tolerance: float,
+    now: float,
+) -> tuple[list[Judgement], bool]:
+    """Compare reports with the results that they were asked to be second opinions on.
+
+    Args:
+        connection: a transaction that has locked the study.
+        study: which study.
+        reports: what the worker says.
+        lease: what it was given.
+        tolerance: largest relative difference of an output at which both agree.
+        now: seconds, UTC epoch.
+
+    Returns:
+        A judgement of each report, in order, and whether the lease still holds anything.
+    """
+    stored = results.at(connection, study.id, lease.instances)
+    asked = {
+        instance_id(study.id, one.row, one.position): one
+        for one in comparisons.of_lease(connection, lease.id)
+    }
+    open_ones = {name for name, one in asked.items() if one.state == ComparisonState.LEASED}
+    judgements = []
+    for report in reports:
+        # Each counts once, also within one request.
+        one = asked.pop(report.instance, None)
+        if one is None:
+            verdict, detail = Verdict.UNKNOWN, "the lease does not hold this instance"
+        elif report.instance not in open_ones:
+            verdict, detail = Verdict.DUPLICATE, ""
+        elif (fault := fault_in(report, study.plan.outputs)) is not None:
+            verdict, detail = Verdict.INVALID, fault
+            _put_back(connection, one)
+        else:
+            verdict, detail = Verdict.ACCEPTED, "a second opinion"
+            second = as_result(report, one.row, one.position, study.plan.outputs)
+            first = stored.get((one.row, one.position))
+            if first is None or not is_comparable(second):
+                _put_back(connection, one)
+            else:
+                _conclude(connection, study, one, first, second, lease, tolerance, now)
+        open_ones.discard(report.instance)
+        judgements.append(Judgement(about=report.instance, verdict=verdict, detail=detail))
+    return judgements, bool(open_ones)
+
+
+def let_go(connection: Connection, lease: Lease, *, counted: bool) -> None:
+    """Have what an ended lease still held wait again; `counted`: its worker fell silent."""
+    for one in comparisons.of_lease(connection, lease.id):
+        if one.state == ComparisonState.LEASED:
+            _put_back(connection, one, counted=counted)
+
+
+def give_up(engine: Engine, *, now: float, patience: float) -> None:
+    """Ask no more about studies that no longer run and for which nobody came for `patience` s."""
+    with reading(engine) as connection:
+        concerned = comparisons.ended_studies_waiting(connection, asked_before=now - patience)
+    for study_id in concerned:
+        with writing(engine) as connection:
+            studies.find(connection, study_id, lock=True)
+            comparisons.abandon(connection, study_id, asked_before=now - patience)
+
+
+def reputations(engine: Engine) -> dict[str, Reputation]:
+    """Return how every host came out of its comparisons."""
+    with reading(engine) as connection:
+        counts = comparisons.counts(connection)
+    return {host: Reputation(**found) for host, found in counts.items()}
+
+
+def _conclude(
+    connection: Connection,
+    study: Study,
+    asked: Comparison,
+    first: Result,
+    second: Result,
+    lease: Lease,
+    tolerance: float,
+    now: float,
+) -> None:
+    agreed = agree(first, second, tolerance)
+    if not agreed:
+        log.warning(
+            "hosts %s and %s disagree on an instance",
+            asked.first_host,
+            lease.host,
+            extra={
+                "study": study.id,
+                "instance": instance_id(study.id, asked.row, asked.position),
+                "worker": lease.worker,
+            },
+        )
+    comparisons.conclude(
+        connection,
+        asked,
+        second,
+        difference=difference(first, second),
+        agreed=agreed,
+        host=lease.host,
+        worker=lease.worker,
+        now=now,
+    )
+
+
+def _put_back(connection: Connection, asked: Comparison, *, counted: bool = True) -> None:
+    attempts = asked.attempts + counted
+    comparisons.put_back(connection, asked, state=after_failing(attempts), attempts=attempts)

@@ -1,0 +1,237 @@
+"""Leasing: a worker that asks is given instances of one study."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum, auto
+from functools import cached_property, partial
+from secrets import token_hex
+
+from sqlalchemy.engine import Connection
+
+from server.logic.hosts import host_class, identity, objection_to_worker
+from server.logic.instances import may_try
+from server.logic.leases import expiry
+from server.logic.studies import handed_out, new_rows
+from server.records import Instance, Lease, Place, Study, record
+from server.states import InstanceState, LeaseState, StudyState
+from server.store import comparisons, instances, leases, studies, workers
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeaseRequest:
+    """Who asks for instances, and for which."""
+
+    worker: str
+    host: str
+    versions: Mapping[str, str]
+    models: Sequence[str]
+    max_instances: int
+    tags: Sequence[str] = ()
+
+    @cached_property
+    def host_class(self) -> str:
+        """The kind of machine that asks."""
+        return host_class(self.versions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ineligible:
+    """There is work, but none that the worker may have."""
+
+    why: str
+
+
+class Deferred(Enum):
+    """The request must be answered in a transaction of its own."""
+
+    DEFERRED = auto()
+
+
+DEFERRED = Deferred.DEFERRED
+
+
+@record
+class Grant:
+    """A new lease and the study its instances belong to."""
+
+    lease: Lease
+    study: Study
+
+
+def grant(
+    connection: Connection,
+    request: LeaseRequest,
+    *,
+    now: float,
+    ttl: float,
+    locked: Study | None = None,
+    done: int = 0,
+) -> Grant | Ineligible | Deferred | None:
+    """Lease instances of one study that the worker may have: highest priority, then oldest.
+
+    Second opinions that other hosts' results wait for go first: they are few, and the sooner a
+    host is found out, the better. Of results, those in begun rows go first, so that rows are
+    finished before new ones are begun.
+
+    Args:
+        connection: a transaction.
+        request: who asks, and for what.
+        now: seconds, UTC epoch.
+        ttl: seconds until the lease expires.
+        locked: the study that the transaction has locked, as it is now; None if there is none.
+        done: final results that the worker has brought in the transaction.
+
+    Returns:
+        The lease of 1 to `max_instances` instances; None if there is nothing to do; Ineligible if
+        there is work but none for this worker; DEFERRED if another transaction must look, since
+        whoever locked two studies out of their order could wait for somebody who waits for it.
+    """
+    objection: str | None = None
+    granted: Grant | None = None
+    deferred = False
+    waiting = _comparing(connection, request)
+    # If another worker is faster with a second opinion, this one asks again.
+    candidates = waiting or studies.with_work(connection, request.models, known=locked)
+    for candidate in candidates:
+        unfit = objection_to_worker(candidate, versions=request.versions, tags=request.tags)
+        if unfit is not None:
+            objection = objection or unfit
+            continue
+        if locked is None:
+            study = studies.locked(connection, candidate)
+        elif locked.id == candidate.id:
+            study, locked = locked, None
+        else:
+            deferred = True
+            break
+        lease_instances = _lease_comparisons if waiting else _lease_instances
+        granted = lease_instances(connection, study, request, now, ttl)
+        if granted is not None:
+            break
+    workers.introduce(
+        connection,
+        request.worker,
+        host=request.host,
+        versions=request.versions,
+        host_class=request.host_class,
+        tags=request.tags,
+        done=done,
+        now=now,
+    )
+    if deferred:
+        return DEFERRED
+    if granted is not None:
+        return replace(granted, lease=leases.add(connection, granted.lease, now))
+    return None if objection is None else Ineligible(why=objection)
+
+
+def _comparing(connection: Connection, request: LeaseRequest) -> list[Study]:
+    """Return the first study in which a second opinion of this worker is wanted, if there is one.
+
+    First the few that are waiting are looked for, so that it costs nothing while there are none.
+    """
+    for study_id in comparisons.studies_waiting(connection, host=request.host):
+        study = studies.find(connection, study_id)
+        if (
+            (study.state.is_served or study.state == StudyState.COMPLETE)
+            and study.plan.model in request.models
+            and objection_to_worker(study, versions=request.versions, tags=request.tags) is None
+        ):
+            return [study]
+    return []
+
+
+def _lease_instances(
+    connection: Connection, study: Study, request: LeaseRequest, now: float, ttl: float
+) -> Grant | None:
+    """Hand out instances of a locked study; None if it has none for this kind of machine."""
+    if not study.state.is_served:
+        return None
+    if objection_to_worker(study, versions=request.versions, tags=study.tags) is not None:
+        return None
+    lease_id = _new_id(now)
+    mine = request.host_class
+    again = _returned(connection, study, request, now) if study.returned else []
+    unbound = {one.row for one in again if one.host_class is None}
+    again = [
+        replace(one, state=InstanceState.LEASED, lease=lease_id, host_class=mine) for one in again
+    ]
+    wanted = request.max_instances - len(again) if study.state == StudyState.RUNNING else 0
+    begun, fresh = new_rows(study, wanted)
+    if not again and not fresh:
+        return None
+    for places, holder in ((begun[:fresh], lease_id), (begun[fresh:], None)):
+        instances.begin(connection, study.id, places, lease=holder, host_class=mine)
+    instances.move(connection, study.id, again)
+    instances.bind(connection, study.id, unbound, mine)
+    updated = handed_out(
+        study,
+        begun=len(begun),
+        leased=len(again) + fresh,
+        identity=identity(request.versions),
+    )
+    studies.save(connection, updated, counted=study.identity is not None)
+    places = [*((one.row, one.position) for one in again), *begun[:fresh]]
+    return _granted(updated, lease_id, request, places, expiry(now, ttl))
+
+
+def _returned(
+    connection: Connection, study: Study, request: LeaseRequest, now: float
+) -> list[Instance]:
+    """Return instances of begun rows that wait for a machine and may go to this one."""
+    mine, host, most = request.host_class, request.host, request.max_instances
+    at_work = workers.hosts_at_work(connection, study.id, host_class=mine, now=now)
+    pending = partial(instances.pending, connection, study.id, host_class=mine, host=host)
+    if not at_work - {host}:
+        return pending(limit=most)
+    found = pending(tried=False, limit=most)
+    if len(found) < most:
+        tried = pending(tried=True, limit=instances.IN_LIST)
+        found += [one for one in tried if may_try(one, host, at_work)]
+    return found[:most]
+
+
+def _lease_comparisons(
+    connection: Connection, study: Study, request: LeaseRequest, now: float, ttl: float
+) -> Grant | None:
+    """Hand out a locked study's results to be computed again; None if somebody was faster."""
+    lease_id = _new_id(now)
+    places = comparisons.hand_out(
+        connection, study.id, host=request.host, lease=lease_id, limit=request.max_instances
+    )
+    if not places:
+        return None
+    return _granted(study, lease_id, request, places, expiry(now, ttl), compares=True)
+
+
+def _new_id(now: float) -> str:
+    """Return a lease's id that nobody guesses and that sorts after those of earlier leases.
+
+    So an index has the leases of today on a few pages, which are at hand, and not on any of them.
+    """
+    return f"{int(now * 1e6):016x}{token_hex(8)}"
+
+
+def _granted(
+    study: Study,
+    lease_id: str,
+    request: LeaseRequest,
+    places: Sequence[Place],
+    until: float,
+    *,
+    compares: bool = False,
+) -> Grant:
+    """Return an open lease of instances at `places`; it gets its fence when it is stored."""
+    lease = Lease(
+        id=lease_id,
+        fence=0,
+        worker=request.worker,
+        study=study.id,
+        state=LeaseState.OPEN,
+        expires_at=until,
+        instances=tuple(places),
+        host_class=request.host_class,
+        host=request.host,
+        compares=compares,
+    )
+    return Grant(lease=lease, study=study)

@@ -1,0 +1,75 @@
+"""Precision goals of studies: kept, and acted on when a study is complete."""
+
+from sqlalchemy.engine import Engine
+
+from server.errors import ConflictError
+from server.logic.precision_goals import next_extension
+from server.records import PrecisionGoal
+from server.states import StudyState
+from server.store import precision_goals, snapshots, studies
+from server.store.database.engine import reading, writing
+
+
+def put(engine: Engine, study_id: str, goal: PrecisionGoal) -> None:
+    """Give a study a goal in place of any it had.
+
+    Raises:
+        NotFoundError: there is no study of that id.
+        ConflictError: it is cancelled.
+    """
+    with writing(engine) as connection:
+        if studies.find(connection, study_id, lock=True).state == StudyState.CANCELLED:
+            raise ConflictError(f"study {study_id} is cancelled: it has all the rows it will have")
+        precision_goals.put(connection, study_id, goal)
+
+
+def remove(engine: Engine, study_id: str) -> None:
+    """Extend a study no more; NotFoundError if there is no study of that id."""
+    with writing(engine) as connection:
+        studies.find(connection, study_id, lock=True)
+        precision_goals.delete(connection, study_id)
+
+
+def of(engine: Engine, study_id: str) -> PrecisionGoal | None:
+    """Return a study's goal and what was done for it; None if it has none."""
+    with reading(engine) as connection:
+        return precision_goals.find(connection, study_id)
+
+
+def every(engine: Engine) -> dict[str, PrecisionGoal]:
+    """Return the goals of all studies that have one, by study."""
+    with reading(engine) as connection:
+        return precision_goals.every(connection)
+
+
+def due(engine: Engine) -> list[str]:
+    """Return the complete studies whose goal is open and whose results are all in a snapshot."""
+    with reading(engine) as connection:
+        return precision_goals.due(connection)
+
+
+def act_on(engine: Engine, study_id: str) -> bool:
+    """Do what a study's goal asks for now: extend it, or note that it is over.
+
+    Several processes may ask at once: one of them finds something to do.
+
+    Returns:
+        Whether there was anything to do.
+
+    Raises:
+        NotFoundError: there is no study of that id.
+    """
+    with writing(engine) as connection:
+        study = studies.find(connection, study_id, lock=True)
+        goal = precision_goals.find(connection, study_id)
+        snapshot = snapshots.find(connection, study_id)
+        cursor, _ = snapshots.state(connection, study_id)
+        if goal is None or snapshot is None or cursor != study.result_count:
+            return False
+        if (changed := next_extension(study, goal, snapshot)) is None:
+            return False
+        after, goal = changed
+        if after != study:
+            studies.save(connection, after)
+        precision_goals.put(connection, study_id, goal)
+    return True

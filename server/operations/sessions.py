@@ -1,0 +1,82 @@
+"""Measured sessions: keeping their zip files, finding and forgetting them."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, BinaryIO
+from uuid import uuid4
+
+from sqlalchemy.engine import Engine
+
+from server.records import Session
+from server.store import close_loops, sessions
+from server.store.database.engine import reading, writing
+
+
+def by_digest(engine: Engine, sha256: str) -> Session | None:
+    """Return the session whose zip file has this digest; None if there is none."""
+    with reading(engine) as connection:
+        return sessions.by_digest(connection, sha256)
+
+
+def create(
+    engine: Engine,
+    file: BinaryIO,
+    *,
+    name: str,
+    sha256: str,
+    size: int,
+    content: Mapping[str, Any],
+    now: float,
+) -> tuple[Session, bool]:
+    """Store a session that passed the check.
+
+    Args:
+        engine: where.
+        file: the zip file, from its beginning.
+        name: what people call it.
+        sha256: digest of the file; a session with the same one is the same.
+        size: bytes of the file.
+        content: what was understood of it.
+        now: seconds, UTC epoch.
+
+    Returns:
+        The session, and whether it is new.
+    """
+    session = Session(
+        id=uuid4().hex[:12], name=name, sha256=sha256, size=size, content=content, created_at=now
+    )
+    with writing(engine) as connection:
+        if sessions.add(connection, session, file):
+            return session, True
+        first = sessions.by_digest(connection, sha256)
+    # It was there a moment ago, in the same transaction.
+    assert first is not None
+    return first, False
+
+
+def get(engine: Engine, session_id: str) -> Session:
+    """Return a session; NotFoundError if there is none of that id."""
+    with reading(engine) as connection:
+        return sessions.find(connection, session_id)
+
+
+def every(engine: Engine) -> list[Session]:
+    """Return all sessions, oldest first."""
+    with reading(engine) as connection:
+        return sessions.every(connection)
+
+
+def archive(engine: Engine, session: Session) -> Iterator[bytes]:
+    """Yield a session's zip file, a part at a time."""
+    return sessions.archive(engine, session)
+
+
+def delete(engine: Engine, session_id: str) -> None:
+    """Remove a session and all that was found in it; whoever works on it is not heard any more.
+
+    Raises:
+        NotFoundError: there is no session of that id.
+    """
+    with writing(engine) as connection:
+        sessions.find(connection, session_id, lock=True)
+        close_loops.delete_of_session(connection, session_id)
+        sessions.delete(connection, session_id)

@@ -1,0 +1,168 @@
+"""Studies: making them, and what an operator does with one under way."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from uuid import uuid4
+
+from sqlalchemy.engine import Engine
+
+from server.errors import ConflictError
+from server.logic import studies as life
+from server.logic.progress import block_ends, window_start
+from server.records import Plan, PrecisionGoal, Study
+from server.states import StudyState
+from server.store import leases, precision_goals, results, studies
+from server.store.database.engine import reading, writing
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """A study and what else its progress is told from."""
+
+    study: Study
+    goal: PrecisionGoal | None
+    #: When the result from which on the rate is counted arrived (seconds, UTC epoch).
+    window_opened_at: float
+    #: When the results arrived between which the rate's spread is taken.
+    passed_at: tuple[float, ...]
+    #: Workers that hold a lease of this study now.
+    workers: int
+
+
+def create(
+    engine: Engine,
+    plan: Plan,
+    *,
+    key: str | None,
+    digest: str,
+    now: float,
+    priority: int = 0,
+    tags: Sequence[str] = (),
+    goal: PrecisionGoal | None = None,
+) -> tuple[Study, bool]:
+    """Store a new study, whatever its size, in constant time.
+
+    Args:
+        engine: where.
+        plan: what the study evaluates.
+        key: idempotency key of the request; a key that was used before makes no second study.
+        digest: digest of the request, to tell a repeated request from another under the same key.
+        now: seconds, UTC epoch.
+        priority: of two studies with work, the higher one is served.
+        tags: what a worker must call itself to be given any of it.
+        goal: how precise it shall become.
+
+    Returns:
+        The study, and whether it is new.
+
+    Raises:
+        ConflictError: the key was used for a different request.
+    """
+    study = Study(
+        id=uuid4().hex[:12],
+        plan=plan,
+        state=StudyState.RUNNING,
+        created_at=now,
+        priority=priority,
+        tags=tuple(tags),
+    )
+    with writing(engine) as connection:
+        if studies.add(connection, study, key=key, digest=digest):
+            if goal is not None:
+                precision_goals.put(connection, study.id, goal)
+            return study, True
+        first, first_digest = studies.of_key(connection, key)
+    if first_digest != digest:
+        raise ConflictError(f"the idempotency key {key!r} was used for a different study")
+    return first, False
+
+
+def get(engine: Engine, study_id: str) -> Study:
+    """Return a study; NotFoundError if there is none of that id."""
+    with reading(engine) as connection:
+        return studies.find(connection, study_id)
+
+
+def every(engine: Engine) -> list[Study]:
+    """Return all studies, oldest first."""
+    with reading(engine) as connection:
+        return studies.every(connection)
+
+
+def standing(engine: Engine, study_id: str, *, now: float) -> Standing:
+    """Return a study and how it has been going; NotFoundError if there is none of that id."""
+    with reading(engine) as connection:
+        study = studies.find(connection, study_id)
+        opening, ends = window_start(study.result_count), block_ends(study.result_count)
+        arrivals = results.arrivals(connection, study_id, [opening, *ends])
+        arrived_at = {0: study.created_at} | arrivals
+        return Standing(
+            study=study,
+            goal=precision_goals.find(connection, study_id),
+            window_opened_at=arrived_at[opening],
+            passed_at=tuple(arrived_at[number] for number in ends),
+            workers=leases.workers_of(connection, study_id, now=now),
+        )
+
+
+def cancel(engine: Engine, study_id: str, *, now: float) -> Study:
+    """Stop handing out a study's instances; results of those already out are still taken.
+
+    Raises:
+        NotFoundError: there is no study of that id.
+        ConflictError: the study is already complete.
+    """
+    return _change(engine, study_id, lambda study: life.cancelled(study, now))
+
+
+def switch(engine: Engine, study_id: str, state: StudyState) -> Study:
+    """Pause, drain or resume a study; results under way are taken.
+
+    Raises:
+        NotFoundError: there is no study of that id.
+        ConflictError: the study is complete or cancelled.
+    """
+    return _change(engine, study_id, lambda study: life.switched(study, state))
+
+
+def prioritise(engine: Engine, study_id: str, priority: int) -> Study:
+    """Serve a study before all of lower priority; NotFoundError if there is none of that id."""
+    return _change(engine, study_id, lambda study: replace(study, priority=priority))
+
+
+def extend(engine: Engine, study_id: str, rows: int) -> Study:
+    """Give a study more rows; what there is stays, and a complete study runs again.
+
+    Args:
+        engine: where.
+        study_id: which study.
+        rows: how many it has then in all, so that asking twice changes nothing.
+
+    Raises:
+        NotFoundError: there is no study of that id.
+        ConflictError: it is cancelled, or cannot have that many.
+    """
+    return _change(engine, study_id, lambda study: life.extended(study, rows))
+
+
+def delete(engine: Engine, study_id: str) -> None:
+    """Remove a study and everything that belongs to it.
+
+    Raises:
+        NotFoundError: there is no study of that id.
+        ConflictError: it still runs.
+    """
+    with writing(engine) as connection:
+        study = studies.find(connection, study_id, lock=True)
+        if study.state.is_served:
+            raise ConflictError(f"study {study_id} is {study.state}: pause or cancel it first")
+        studies.delete(connection, study_id)
+
+
+def _change(engine: Engine, study_id: str, change: Callable[[Study], Study]) -> Study:
+    with writing(engine) as connection:
+        before = studies.find(connection, study_id, lock=True)
+        after = change(before)
+        if after != before:
+            studies.save(connection, after)
+    return after

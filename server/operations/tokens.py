@@ -1,0 +1,53 @@
+"""Tokens: making, revoking and recognising them."""
+
+from collections.abc import Sequence
+from uuid import uuid4
+
+from sqlalchemy.engine import Engine
+
+from server.errors import ConflictError
+from server.logic.tokens import SCOPES, digest, new_secret
+from server.records import Token
+from server.store import tokens
+from server.store.database.engine import reading, writing
+
+
+def create(engine: Engine, *, name: str, scopes: Sequence[str], now: float) -> tuple[Token, str]:
+    """Make a token; returns it and its secret, which can never be had again.
+
+    Raises:
+        ConflictError: a scope is unknown, or there is none.
+    """
+    if unknown := [scope for scope in scopes if scope not in SCOPES]:
+        raise ConflictError(f"there is no scope {unknown[0]!r}: take {', '.join(SCOPES)}")
+    if not scopes:
+        raise ConflictError(f"a token needs a scope: {', '.join(SCOPES)}")
+    secret = new_secret()
+    token = Token(
+        id=uuid4().hex[:8],
+        name=name,
+        scopes=tuple(dict.fromkeys(scopes)),
+        created_at=now,
+        revoked_at=None,
+    )
+    with writing(engine) as connection:
+        tokens.add(connection, token, digest=digest(secret.encode()))
+    return token, secret
+
+
+def every(engine: Engine) -> list[Token]:
+    """Return all tokens ever made, oldest first."""
+    with reading(engine) as connection:
+        return tokens.every(connection)
+
+
+def revoke(engine: Engine, token_id: str, *, now: float) -> Token:
+    """Make a token worthless, for good; NotFoundError if there is none of that id."""
+    with writing(engine) as connection:
+        return tokens.revoke(connection, token_id, now=now)
+
+
+def scopes_of(engine: Engine, secret: bytes) -> tuple[str, ...]:
+    """Return the scopes of whoever knows `secret`; none if it is no good."""
+    with reading(engine) as connection:
+        return tokens.scopes_of(connection, digest(secret))

@@ -1,0 +1,115 @@
+"""What the tables hold, counted anew; and SQLite's own word on its file."""
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Connection, Engine
+
+from server.records import record
+from server.states import ComparisonState, InstanceState, LeaseState, Outcome
+from server.store.database.schema import comparisons, instances, leases, results, studies
+
+
+@record
+class StudyCounts:
+    """A study's tables, counted."""
+
+    #: Instances of begun rows, by state.
+    instances: dict[str, int]
+    results: int
+    ok: int
+    #: Number of the last result; 0 if there is none.
+    last: int
+    #: Results of instances that are done.
+    matched: int
+    #: Instances, and second opinions, held by a lease that has ended.
+    unheld: int
+    unasked: int
+    #: Rows shared by kinds of machines.
+    mixed: int
+
+
+def studies_by_age(connection: Connection) -> list[str]:
+    """Return the ids of all studies, whatever else of them can be read."""
+    query = sa.select(studies.c.id).order_by(studies.c.created_at, studies.c.id)
+    return list(connection.scalars(query))
+
+
+def count(connection: Connection, study_id: str) -> StudyCounts:
+    """Count what a study's tables hold."""
+    of_study = instances.c.study_id == study_id
+    states = sa.select(instances.c.state, sa.func.count()).where(of_study)
+    found, ok, last = connection.execute(
+        sa.select(
+            sa.func.count(),
+            sa.func.count().filter(results.c.outcome == Outcome.OK),
+            sa.func.max(results.c.seq),
+        ).where(results.c.study_id == study_id)
+    ).one()
+    same_place = sa.and_(
+        results.c.study_id == instances.c.study_id,
+        results.c.row == instances.c.row,
+        results.c.position == instances.c.position,
+    )
+    matched = (
+        sa.select(sa.func.count())
+        .select_from(instances.join(results, same_place))
+        .where(of_study, instances.c.state == InstanceState.DONE)
+    )
+    mixed = sa.select(instances.c.row).where(of_study).group_by(instances.c.row)
+    mixed = mixed.having(sa.func.count(instances.c.host_class.distinct()) > 1)
+    return StudyCounts(
+        instances=dict(connection.execute(states.group_by(instances.c.state)).all()),
+        results=found,
+        ok=ok,
+        last=last or 0,
+        matched=connection.scalar(matched) or 0,
+        unheld=_held_by_none(connection, instances, study_id, InstanceState.LEASED),
+        unasked=_held_by_none(connection, comparisons, study_id, ComparisonState.LEASED),
+        mixed=len(connection.execute(mixed).all()),
+    )
+
+
+def _held_by_none(connection: Connection, table: sa.Table, study_id: str, state: str) -> int:
+    """Return how many rows of a table are leased under no open lease."""
+    query = (
+        sa.select(sa.func.count())
+        .select_from(table.outerjoin(leases, leases.c.id == table.c.lease_id))
+        .where(
+            table.c.study_id == study_id,
+            table.c.state == state,
+            sa.or_(leases.c.state.is_(None), leases.c.state != LeaseState.OPEN),
+        )
+    )
+    return connection.scalar(query) or 0
+
+
+def file_faults(connection: Connection) -> Iterator[str]:
+    """Yield what SQLite finds wrong with its file, a sentence each; nothing elsewhere."""
+    if connection.dialect.name != "sqlite":
+        return
+    for (said,) in connection.exec_driver_sql("PRAGMA integrity_check"):
+        if said != "ok":
+            yield f"the file is damaged: {said}"
+    for row in connection.exec_driver_sql("PRAGMA foreign_key_check"):
+        yield f"table {row[0]} refers to something in {row[2]} that is not there"
+
+
+def copy(engine: Engine, path: Path) -> None:
+    """Copy a SQLite database to `path` while it is in use; the copy is as of one moment."""
+    partial = path.with_name(path.name + ".partial")
+    partial.unlink(missing_ok=True)
+    source = engine.raw_connection()
+    try:
+        target = sqlite3.connect(partial)
+        with target:
+            driver = source.driver_connection
+            assert isinstance(driver, sqlite3.Connection)
+            driver.backup(target)
+        target.close()
+        partial.replace(path)
+    finally:
+        source.close()
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""What SQL needs: connections and transactions, tables, prepared statements, files in parts."""

@@ -1,0 +1,66 @@
+"""Where the analysis of every study stands, and what it last published."""
+
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Connection
+
+from server.store.database.engine import insert
+from server.store.database.schema import estimator_states, snapshots, studies
+
+
+def studies_with_news(connection: Connection) -> list[str]:
+    """Return the studies that have results beyond the analysis's cursor, oldest first."""
+    query = (
+        sa.select(studies.c.id)
+        .outerjoin(estimator_states)
+        .where(studies.c.result_count > sa.func.coalesce(estimator_states.c.cursor, 0))
+        .order_by(studies.c.created_at, studies.c.id)
+    )
+    return list(connection.scalars(query))
+
+
+def state(connection: Connection, study_id: str) -> tuple[int, bytes | None]:
+    """Return the cursor and the state last committed; (0, None) before the first commit."""
+    query = sa.select(estimator_states).where(estimator_states.c.study_id == study_id)
+    row = connection.execute(query).one_or_none()
+    return (0, None) if row is None else (row.cursor, row.state)
+
+
+def advance(
+    connection: Connection, study_id: str, *, expected: int, cursor: int, state: bytes
+) -> bool:
+    """Replace cursor and state; False if the cursor is not as expected."""
+    advanced = {"cursor": cursor, "state": state}
+    statement = sa.update(estimator_states).where(
+        estimator_states.c.study_id == study_id, estimator_states.c.cursor == expected
+    )
+    if connection.execute(statement.values(advanced)).rowcount == 1:
+        return True
+    if expected != 0:
+        return False
+    first = insert(connection, estimator_states).values(study_id=study_id, **advanced)
+    first = first.on_conflict_do_nothing()
+    return connection.scalar(first.returning(estimator_states.c.study_id)) is not None
+
+
+def publish(connection: Connection, study_id: str, snapshot: dict[str, Any]) -> None:
+    """Replace a study's snapshot."""
+    connection.execute(
+        insert(connection, snapshots)
+        .values(study_id=study_id, snapshot=snapshot)
+        .on_conflict_do_update(index_elements=["study_id"], set_={"snapshot": snapshot})
+    )
+
+
+def find(connection: Connection, study_id: str) -> dict[str, Any] | None:
+    """Return the snapshot last published; None before the first commit."""
+    query = sa.select(snapshots.c.snapshot).where(snapshots.c.study_id == study_id)
+    found: dict[str, Any] | None = connection.scalar(query)
+    return found
+
+
+def forget(connection: Connection, study_id: str) -> None:
+    """Let the analysis of a study start over."""
+    for table in (estimator_states, snapshots):
+        connection.execute(sa.delete(table).where(table.c.study_id == study_id))

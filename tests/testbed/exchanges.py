@@ -1,0 +1,69 @@
+"""What workers ask of a coordinator's database, each in a transaction of its own."""
+
+from collections.abc import Mapping, Sequence
+
+from sqlalchemy.engine import Engine
+
+from server.errors import ConflictError
+from server.logic.verdicts import Judgement, Report
+from server.operations import leasing, results
+from server.operations.leasing import DEFERRED, Grant, Ineligible, LeaseRequest
+from server.store.database.engine import writing
+
+
+def grant(
+    engine: Engine,
+    *,
+    worker: str,
+    host: str,
+    versions: Mapping[str, str],
+    models: Sequence[str],
+    max_instances: int,
+    now: float,
+    ttl: float,
+    tags: Sequence[str] = (),
+) -> Grant | None:
+    """Lease instances; None if there is nothing to do.
+
+    Raises:
+        ConflictError: there is work, but none for this worker; the message says why.
+    """
+    request = LeaseRequest(
+        worker=worker,
+        host=host,
+        versions=versions,
+        models=models,
+        max_instances=max_instances,
+        tags=tags,
+    )
+    with writing(engine) as connection:
+        found = leasing.grant(connection, request, now=now, ttl=ttl)
+    if isinstance(found, Ineligible):
+        raise ConflictError(found.why)
+    assert found is not DEFERRED
+    return found
+
+
+def post(
+    engine: Engine,
+    reports: Sequence[Report],
+    *,
+    lease_id: str,
+    fence: int,
+    worker: str,
+    now: float,
+    ttl: float,
+    share: float = 0.0,
+    tolerance: float = 0.0,
+) -> list[Judgement]:
+    """Post results; returns a judgement of each."""
+    posted = results.Post(
+        reports=reports,
+        lease=lease_id,
+        fence=fence,
+        worker=worker,
+        share=share,
+        tolerance=tolerance,
+    )
+    with writing(engine) as connection:
+        return results.take(connection, posted, now=now, ttl=ttl)
