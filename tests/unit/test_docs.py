@@ -1,5 +1,6 @@
 """What README and docs name exists: targets, commands, routes, settings, outputs, links."""
 
+import ast
 import importlib.util
 import re
 import subprocess
@@ -127,3 +128,14 @@ def test_pages_that_code_names_exist() -> None:
         for name in re.findall(r"\bdocs/[a-z0-9_/-]+", path.read_text()):
             found = (ROOT / name).is_dir() or (ROOT / f"{name}.md").is_file()
             assert found or list(ROOT.glob(f"{name}-*.md")) or path == Path(__file__), (path, name)
+
+
+def test_every_step_of_a_walk_exists() -> None:
+    steps = re.findall(r"`([\w/]+\.py):([\w.]+)`", (DOCS / "understand" / "walks.md").read_text())
+    assert steps
+    for file, name in steps:
+        found: ast.AST | None = ast.parse((ROOT / file).read_text())
+        for part in name.split("."):
+            inside = getattr(found, "body", ())
+            found = next((node for node in inside if getattr(node, "name", None) == part), None)
+        assert found is not None, f"{file}:{name}"
