@@ -53,26 +53,6 @@ class Units:
     outputs: Mapping[str, str]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Section:
-    """What the page says of one study, in the order of `templates/study.html`."""
-
-    title: str
-    #: What failures do to the indices; empty if nothing.
-    warning: str
-    remarks: Sequence[str]
-    indices: Grid
-    #: What can be opened below the indices and below the pictures, by title.
-    beside: Mapping[str, Sequence[Grid | str]]
-    pictures: Sequence[Picture]
-    behind: Mapping[str, Sequence[Grid | str]]
-    #: Name and value of what the study is, and its sampled factors.
-    facts: Mapping[str, str]
-    sampled: Grid
-    #: The runs that panels point at (`analysis.reports.hover.runs_table`).
-    runs: Mapping[str, Any]
-
-
 def chapter(study: Mapping[str, Any], results: Path) -> Chapter:
     """Return the chapter of a study.
 
@@ -159,7 +139,8 @@ def write_report(
 
 def _section(
     chapter: Chapter, output: str, units: Units, drawn: list[Picture], *, surrogates: bool
-) -> Section:
+) -> dict[str, Any]:
+    """Return what `templates/study.html` says of one study, in its order."""
     snapshot, unit = chapter.snapshot, units.outputs.get(output, "")
     names = [factor["name"] for factor in chapter.study["factors"]]
     own = {name: units.factors.get(name, "") for name in names}
@@ -179,24 +160,25 @@ def _section(
         "Surrogates on the same runs": _surrogate(chapter, output) if surrogates else [],
         "Failures": tables.failures(snapshot) if snapshot["failure"]["failed"] else [],
     }
-    return Section(
-        title=_METHODS[chapter.study["method"]],
-        warning=alarm,
-        remarks=[sentence for sentence in remarks(snapshot, output) if sentence != alarm],
-        indices=tables.indices(snapshot, output, unit),
-        beside=beside,
-        pictures=drawn,
-        behind={title: blocks for title, blocks in behind.items() if blocks},
-        facts=_facts(chapter),
-        sampled=Grid(
+    return {
+        "title": _METHODS[chapter.study["method"]],
+        "warning": alarm,
+        "remarks": [sentence for sentence in remarks(snapshot, output) if sentence != alarm],
+        "indices": tables.indices(snapshot, output, unit),
+        # What can be opened below the indices, and below the pictures.
+        "beside": beside,
+        "pictures": drawn,
+        "behind": {title: blocks for title, blocks in behind.items() if blocks},
+        "facts": _facts(chapter),
+        "sampled": Grid(
             head=["sampled factor", "distribution", "unit"],
             rows=[
                 [factor["name"], _distribution(factor["distribution"]), own[factor["name"]]]
                 for factor in chapter.study["factors"]
             ],
         ),
-        runs=hover.runs_table(chapter.table, output),
-    )
+        "runs": hover.runs_table(chapter.table, output),
+    }
 
 
 def _facts(chapter: Chapter) -> dict[str, str]:

@@ -40,9 +40,9 @@ class Verdict:
     """What is known of a study's failures."""
 
     #: Whether failures depend on the factors; None while there are too few to tell.
-    depends: bool | None
-    #: The factors that stand out, the most influential first; may be empty though `depends`.
-    factors: tuple[str, ...]
+    depends_on_factors: bool | None
+    #: The factors that stand out, the most influential first; may be empty all the same.
+    caused_by: tuple[str, ...]
     #: For the reader; empty if no run failed.
     sentence: str
 
@@ -60,12 +60,12 @@ def judge(
         failed, runs: how many runs failed, of how many.
     """
     if failed == 0:
-        return Verdict(depends=None, factors=(), sentence="")
+        return Verdict(depends_on_factors=None, caused_by=(), sentence="")
     start = f"{failed} of {runs} runs failed ({failed / runs:.1%})"
     if failed < FEWEST:
         return Verdict(
-            depends=None,
-            factors=(),
+            depends_on_factors=None,
+            caused_by=(),
             sentence=f"{start}: too few to tell whether failures depend on the factors.",
         )
     zero, floor = _MARKS[family(estimator.method)]
@@ -88,7 +88,7 @@ def judge(
             f"{start}, and failures depend on the factors{which}. The indices of the outputs "
             "describe the runs that succeeded, not the ranges as asked."
         )
-    return Verdict(depends=depends, factors=factors, sentence=sentence)
+    return Verdict(depends_on_factors=depends, caused_by=factors, sentence=sentence)
 
 
 def _errors_off(weighted: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -50,6 +50,15 @@ def plan_of(study: Mapping[str, Any]) -> StudyPlan:
     )
 
 
+def output_of(snapshot: Mapping[str, Any], output: str) -> Mapping[str, Any]:
+    """Return what a snapshot says of an output; ValueError if the study has none of that name."""
+    if output not in snapshot["outputs"]:
+        known = ", ".join(snapshot["outputs"])
+        raise ValueError(f"the study has no output {output!r}: it has {known}")
+    found: Mapping[str, Any] = snapshot["outputs"][output]
+    return found
+
+
 @dataclass(frozen=True, kw_only=True)
 class LoggedResult:
     """The one final result of one instance, as the store logged it."""

@@ -13,6 +13,7 @@ from typing import Any
 
 from analysis.designs import family
 from analysis.sensitivity.ranking import RANKED_BY
+from analysis.sensitivity.records import output_of
 
 #: Of the largest mu*, and of the variance: a factor that surely does less is not influential.
 SHARE_OF_LARGEST = 0.1
@@ -30,6 +31,8 @@ class Influence:
     by: str
     #: What the index is compared with; None before there is an index.
     threshold: float | None
+    #: What a factor of no influence has of the index.
+    dummy: float = DUMMY
     #: Whole interval above, below, or on both sides of it; factors without one are undecided.
     influential: tuple[str, ...]
     non_influential: tuple[str, ...]
@@ -127,11 +130,8 @@ def _influence(snapshot: Mapping[str, Any], output: str) -> list[dict[str, Any]]
     """Return `Proposal.table`."""
     if snapshot["method"] != "morris":
         raise ValueError(f"screening needs a study of method morris, not {snapshot['method']}")
-    if output not in snapshot["outputs"]:
-        known = ", ".join(snapshot["outputs"])
-        raise ValueError(f"the study has no output {output!r}: it has {known}")
     table: list[dict[str, Any]] = []
-    for factor, indices in snapshot["outputs"][output]["factors"].items():
+    for factor, indices in output_of(snapshot, output)["factors"].items():
         mu_star, sigma = indices["mu_star"], indices["sigma"]["value"]
         known_at_all = None not in (*mu_star.values(), sigma)
         table.append(

@@ -39,7 +39,7 @@ null.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from itertools import combinations
 from math import isfinite
 from typing import Any
@@ -54,9 +54,9 @@ from analysis.sensitivity.estimators import (
     estimator_class,
 )
 from analysis.sensitivity.failures import judge
-from analysis.sensitivity.ranking import RANKED_BY, rank
+from analysis.sensitivity.ranking import RANKED_BY, Ranking, rank
 from analysis.sensitivity.records import StudyPlan
-from analysis.sensitivity.screening import DUMMY, influence
+from analysis.sensitivity.screening import influence
 
 #: Of the confidence intervals (paper, figure 10).
 LEVEL = 0.9
@@ -166,7 +166,7 @@ def _output(
         **{name: _interval(index, (o,)) for name, index in sums.items()},
         **_pairs(plan, statistics, indices, o),
         "ranking": _ranking(plan, statistics, o),
-        "screening": _screening(factors, plan.method),
+        "screening": _plain(influence(factors, plan.method)),
         "convergence": {
             "rows": [point.rows for point in series],
             "factors": {
@@ -227,24 +227,14 @@ def _pairs(
 def _ranking(plan: StudyPlan, statistics: Mapping[str, Statistic], o: int) -> dict[str, Any]:
     by = RANKED_BY[family(plan.method)]
     ranking = rank(statistics[by].weighted[:, o], plan.factors)
-    return {
-        "by": by,
-        "order": None if ranking is None else list(ranking.order),
-        "same_order": None if ranking is None else ranking.same_order,
-        "same_first": None if ranking is None else ranking.same_first,
-    }
+    unknown = dict.fromkeys(field.name for field in fields(Ranking))
+    return {"by": by, **(unknown if ranking is None else _plain(ranking))}
 
 
-def _screening(factors: Mapping[str, Any], method: str) -> dict[str, Any]:
-    found = influence(factors, method)
-    return {
-        "by": found.by,
-        "threshold": found.threshold,
-        "dummy": DUMMY,
-        "influential": list(found.influential),
-        "non_influential": list(found.non_influential),
-        "undecided": list(found.undecided),
-    }
+def _plain(record: Any) -> dict[str, Any]:
+    """Return the fields of a record, tuples as the lists that JSON has."""
+    found = asdict(record)
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in found.items()}
 
 
 def _failure(
@@ -253,13 +243,7 @@ def _failure(
     runs = sum(evaluations.values())
     failed = runs - evaluations.get("ok", 0)
     verdict = judge(estimator, len(plan.outputs), plan.factors, failed=failed, runs=runs)
-    return {
-        "failed": failed,
-        "runs": runs,
-        "depends_on_factors": verdict.depends,
-        "caused_by": list(verdict.factors),
-        "sentence": verdict.sentence,
-    }
+    return {"failed": failed, "runs": runs, **_plain(verdict)}
 
 
 def _curve(series: Sequence[Point], name: str, at: tuple[int, ...]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import Any
 from analysis.designs import family, row_width
 from analysis.designs.points import LATIN_HYPERCUBE_ROWS
 from analysis.sensitivity.estimators import SYMBOLS
+from analysis.sensitivity.records import output_of
 
 #: Half width wanted of variance shares, and of mu* as a share of the largest mu*.
 SHARE_TARGET = 0.02
@@ -55,10 +56,7 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
     """
     if target is not None and not 0.0 < target < inf:
         raise ValueError(f"a target is a positive half width of an interval, not {target:g}")
-    if output not in snapshot["outputs"]:
-        known = ", ".join(snapshot["outputs"])
-        raise ValueError(f"the study has no output {output!r}: it has {known}")
-    factors = snapshot["outputs"][output]["factors"]
+    factors = output_of(snapshot, output)["factors"]
     wanted = _WANTED[family(snapshot["method"])]
     entries = [(factor, name, factors[factor][name]) for factor in factors for name in wanted]
     if any(None in entry.values() for _, _, entry in entries):

@@ -10,6 +10,7 @@ rows that were held out, and names the runs that no smooth function explains.
 """
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -180,14 +181,17 @@ def _trained(x: Array, y: Array, kernel: Any = None) -> Any:
 
 def _held_out(x: Array, y: Array, rows: NDArray[np.int64], kernel: Any) -> Array:
     """Return what each run is predicted to be from the runs of other folds."""
-    # By rank, so that there are five parts whatever the numbers of the rows.
-    fold = np.unique(rows, return_inverse=True)[1] % FOLDS
     predicted = np.full_like(y, np.mean(y))
-    for part in np.unique(fold):
-        away = fold == part
+    for away in _folds(rows):
         if not away.all():
             predicted[away] = _trained(x[~away], y[~away], kernel).predict(x[away])
     return predicted
+
+
+def _folds(rows: NDArray[np.int64]) -> list[NDArray[np.bool_]]:
+    """Return which runs are held out in turn: five parts by rank, whatever the rows' numbers."""
+    fold = np.unique(rows, return_inverse=True)[1] % FOLDS
+    return [fold == part for part in np.unique(fold)]
 
 
 def _fit(x: Array, y: Array, rows: NDArray[np.int64], names: tuple[str, ...]) -> tuple[Fit, Array]:
@@ -199,15 +203,9 @@ def _fit(x: Array, y: Array, rows: NDArray[np.int64], names: tuple[str, ...]) ->
         dists=[uniform()] * len(names),
         rng=np.random.default_rng(0),
     )
-    first, total = np.ravel(found.first_order), np.ravel(found.total_order)
+    first, total = (np.ravel(order).tolist() for order in (found.first_order, found.total_order))
     predicted = _held_out(x, y, rows, process.kernel_)
-    fit = Fit(
-        runs=len(y),
-        held_out=_explained(y, predicted),
-        first_order=dict(zip(names, first.tolist(), strict=True)),
-        total_order=dict(zip(names, total.tolist(), strict=True)),
-    )
-    return fit, predicted
+    return _described(y, predicted, names, first, total), predicted
 
 
 def _chaos(x: Array, y: Array, rows: NDArray[np.int64], names: tuple[str, ...]) -> Fit | None:
@@ -219,22 +217,26 @@ def _chaos(x: Array, y: Array, rows: NDArray[np.int64], names: tuple[str, ...]) 
     except ModuleNotFoundError:
         return None
     predicted = np.full_like(y, np.mean(y))
-    fold = np.unique(rows, return_inverse=True)[1] % FOLDS
-    for part in np.unique(fold):
-        away = fold == part
+    for away in _folds(rows):
         if np.ptp(y[~away]) > 0.0:
             predicted[away] = fit_chaos(x[~away], y[~away]).predict(x[away])
+    return _described(y, predicted, names, whole.first_order, whole.total_order)
+
+
+def _described(
+    y: Array,
+    predicted: Array,
+    names: tuple[str, ...],
+    first: Sequence[float],
+    total: Sequence[float],
+) -> Fit:
     return Fit(
         runs=len(y),
-        held_out=_explained(y, predicted),
-        first_order=dict(zip(names, whole.first_order, strict=True)),
-        total_order=dict(zip(names, whole.total_order, strict=True)),
+        # Below 0 if a mean would do.
+        held_out=1.0 - float(np.sum((y - predicted) ** 2) / np.sum((y - y.mean()) ** 2)),
+        first_order=dict(zip(names, first, strict=True)),
+        total_order=dict(zip(names, total, strict=True)),
     )
-
-
-def _explained(y: Array, predicted: Array) -> float:
-    """Return the share of the variance that predictions explain; below 0 if a mean would do."""
-    return 1.0 - float(np.sum((y - predicted) ** 2) / np.sum((y - y.mean()) ** 2))
 
 
 def _outliers(

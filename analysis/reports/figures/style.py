@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from analysis.designs import family
+from analysis.sensitivity.records import output_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,10 +53,7 @@ def factors_of(snapshot: Snapshot, output: str, method: str) -> Mapping[str, Any
     """Return an output's factors; ValueError if the family is another or the output unknown."""
     if family(snapshot["method"]) != method:
         raise ValueError(f"this figure shows studies of method {method}, not {snapshot['method']}")
-    if output not in snapshot["outputs"]:
-        known = ", ".join(snapshot["outputs"])
-        raise ValueError(f"the study has no output {output!r}: it has {known}")
-    factors: Mapping[str, Any] = snapshot["outputs"][output]["factors"]
+    factors: Mapping[str, Any] = output_of(snapshot, output)["factors"]
     return factors
 
 

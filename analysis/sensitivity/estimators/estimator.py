@@ -171,40 +171,17 @@ class Estimator(ABC):
 
     def statistics(self) -> dict[str, Statistic]:
         """Return each index in every weighting of the rows."""
-        return {
-            name: Statistic(
-                weighted=np.concatenate([index.weighted[:1], index.weighted[FIRST:]]),
-                n=index.count[0],
-                without=index.weighted[1:FIRST],
-                present=index.count[1:FIRST] < index.count[0],
-                power=index.power,
-                tail=index.tail,
-                whole=None if index.whole is None else index.whole[:FIRST],
-            )
-            for name, index in self._indices(self._weighted(), self._weighted_sample()).items()
-        }
+        return self._statistics(WEIGHTINGS)
 
     def indices(self, level: float = 0.9) -> dict[str, Estimate]:
         """Return each of `statistics` with its interval at `level`."""
-        found: dict[str, Estimate] = {}
-        some = self._indices(self._weighted(FIRST), self._weighted_sample())
-        for name, index in some.items():
-            values, present = index.weighted, index.count[1:] < index.count[0]
-            found[name] = estimate(
-                values[0],
-                values[1:],
-                present,
-                level,
-                power=index.power,
-                stretch=None if index.tail is None else index.tail.stretch,
-                whole=index.whole,
-            )
-        return found
+        some = self._statistics(FIRST)
+        return {name: statistic.estimate(level) for name, statistic in some.items()}
 
     def tails(self) -> dict[str, Tail]:
         """Return how the means of squares among the indices are made up, where that is known."""
-        sample = self._indices(self._weighted(1), self._weighted_sample())
-        return {name: index.tail for name, index in sample.items() if index.tail is not None}
+        sample = self._statistics(1)
+        return {name: found.tail for name, found in sample.items() if found.tail is not None}
 
     def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
         """Return indices by other estimators of the same runs: by its name and the index's.
@@ -261,6 +238,21 @@ class Estimator(ABC):
     @abstractmethod
     def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
         """Return each index, by name, in the weightings of `sums`; `sample` has `sample_sums`."""
+
+    def _statistics(self, stop: int) -> dict[str, Statistic]:
+        """Return `statistics` in the first `stop` weightings only, which takes less time."""
+        return {
+            name: Statistic(
+                weighted=np.concatenate([index.weighted[:1], index.weighted[FIRST:]]),
+                n=index.count[0],
+                without=index.weighted[1:FIRST],
+                present=index.count[1:FIRST] < index.count[0],
+                power=index.power,
+                tail=index.tail,
+                whole=None if index.whole is None else index.whole[:FIRST],
+            )
+            for name, index in self._indices(self._weighted(stop), self._weighted_sample()).items()
+        }
 
     def _identity(self) -> tuple[object, ...]:
         shape = (self.factors, self.outputs, self.indicators)
