@@ -29,13 +29,16 @@ class Verdict(StrEnum):
     FAILURE = "failure"
 
 
+#: How bad it is, and one sentence: what is, and what would be right.
+Judgement = tuple[Verdict, str]
+
+
 @dataclass(frozen=True)
 class Finding:
     """What one check found."""
 
     check: str
     verdict: Verdict
-    #: One sentence: what is, and what would be right.
     detail: str
 
 
@@ -46,35 +49,42 @@ def examine(*, spool: Path, connect: Callable[[], Client]) -> Iterator[Finding]:
         spool: where results would wait.
         connect: returns a client of the coordinator; may raise RehybError.
     """
-    yield _processor()
-    yield _simulation()
-    yield _disk(spool)
-    yield from _coordinator(connect)
+    yield Finding("processor", *_processor())
+    yield Finding("simulation", *_simulation())
+    yield Finding("spool", *_disk(spool))
+    try:
+        with connect() as client:
+            health = client.health()
+            yield Finding("coordinator", Verdict.OK, f"{client.url} answers")
+            yield Finding("clock", *_clock(health.get("date")))
+            yield Finding("token", *_token(client))
+    except RehybError as error:
+        yield Finding("coordinator", Verdict.FAILURE, str(error))
 
 
-def _processor() -> Finding:
+def _processor() -> Judgement:
     cores = available_cores()
     found = cpu()
     if found == "unknown":
-        return Finding("processor", Verdict.OK, f"{cores} cores for this process")
+        return Verdict.OK, f"{cores} cores for this process"
     if {"avx", "asimd"} & set(found.split()):
-        return Finding("processor", Verdict.OK, f"{cores} cores for this process, with {found}")
+        return Verdict.OK, f"{cores} cores for this process, with {found}"
     detail = f"{cores} cores without AVX: MuJoCo's own builds ask for it on x86-64"
-    return Finding("processor", Verdict.WARNING, detail)
+    return Verdict.WARNING, detail
 
 
-def _simulation() -> Finding:
+def _simulation() -> Judgement:
     try:
         digest, seconds = canary()
     except RehybError as error:
-        return Finding("simulation", Verdict.FAILURE, str(error))
+        return Verdict.FAILURE, str(error)
     detail = f"the nominal elbow took {seconds:.2f} s; code {code()}, canary {digest}"
     if seconds > SLOW_SECONDS:
-        return Finding("simulation", Verdict.WARNING, f"{detail}: that is slow")
-    return Finding("simulation", Verdict.OK, detail)
+        return Verdict.WARNING, f"{detail}: that is slow"
+    return Verdict.OK, detail
 
 
-def _disk(spool: Path) -> Finding:
+def _disk(spool: Path) -> Judgement:
     probe = spool / ".doctor"
     try:
         spool.mkdir(parents=True, exist_ok=True)
@@ -83,40 +93,29 @@ def _disk(spool: Path) -> Finding:
         free = shutil.disk_usage(spool).free
     except OSError as error:
         detail = f"results cannot wait in {spool}: {error.strerror}; name another with --spool"
-        return Finding("spool", Verdict.FAILURE, detail)
+        return Verdict.FAILURE, detail
     detail = f"{free / 1e9:.1f} GB are free for results in {spool}"
     if free < SPOOL_BYTES:
-        return Finding("spool", Verdict.WARNING, f"only {detail}")
-    return Finding("spool", Verdict.OK, detail)
+        return Verdict.WARNING, f"only {detail}"
+    return Verdict.OK, detail
 
 
-def _coordinator(connect: Callable[[], Client]) -> Iterator[Finding]:
-    try:
-        with connect() as client:
-            health = client.health()
-            yield Finding("coordinator", Verdict.OK, f"{client.url} answers")
-            yield _clock(health.get("date"))
-            yield _token(client)
-    except RehybError as error:
-        yield Finding("coordinator", Verdict.FAILURE, str(error))
-
-
-def _clock(date: str | None) -> Finding:
+def _clock(date: str | None) -> Judgement:
     if date is None:
-        return Finding("clock", Verdict.WARNING, "the coordinator tells no time")
+        return Verdict.WARNING, "the coordinator tells no time"
     apart = time.time() - parsedate_to_datetime(date).timestamp()
     detail = f"{abs(apart):.0f} s apart from the coordinator's"
     if abs(apart) > CLOCK_SECONDS:
         detail += ": nothing is lost by that, but its log will not agree with others'"
-        return Finding("clock", Verdict.WARNING, detail)
-    return Finding("clock", Verdict.OK, detail)
+        return Verdict.WARNING, detail
+    return Verdict.OK, detail
 
 
-def _token(client: Client) -> Finding:
+def _token(client: Client) -> Judgement:
     try:
         client.workers()
     except Unauthorized as error:
         # A worker's own token need not be good for reading.
         if error.problem.get("status") != 403:
-            return Finding("token", Verdict.FAILURE, str(error))
-    return Finding("token", Verdict.OK, "the coordinator knows it")
+            return Verdict.FAILURE, str(error)
+    return Verdict.OK, "the coordinator knows it"

@@ -1,8 +1,119 @@
-"""How much work a worker asks for."""
+"""What a worker asks for, what it owes, and when its coordinator hears of either."""
+
+from collections.abc import Callable
+from random import Random
+from typing import Any
 
 import pytest
 
-from worker.leases import lease_size
+from rehyb.errors import Conflict
+from worker.leases import Leases, lease_size
+
+
+class Coordinator:
+    """Grants one lease, and notes what it is told of it."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[str, str, int]] = []
+        self.retry_after = 8.0
+        self.lost = False
+
+    def lease(self, **request: Any) -> dict[str, Any]:
+        instances = [{"id": name} for name in "abc"][: request["max_instances"]]
+        return {"id": "l", "fence": 7, "ttl_seconds": 30.0, "instances": instances}
+
+    def renew(self, lease: str, fence: int) -> None:
+        self.told.append(("renew", lease, fence))
+        if self.lost:
+            raise Conflict("it is another's")
+
+    def release(self, lease: str, fence: int) -> None:
+        self.told.append(("release", lease, fence))
+
+
+@pytest.fixture
+def coordinator() -> Coordinator:
+    return Coordinator()
+
+
+@pytest.fixture
+def leases(coordinator: Coordinator) -> Leases:
+    """Leases that may take five instances in all, on three processes."""
+    client: Any = coordinator
+    return Leases(
+        client=client, worker={}, models=("m",), processes=3, batch=10, left=5, rng=Random(1)
+    )
+
+
+def granted(leases: Leases, now: float = 0.0) -> None:
+    request = leases.request(now)
+    assert request is not None
+    leases.ask(request, now)
+
+
+def test_a_lease_is_renewed_at_a_third_of_its_life_and_under_its_fence(
+    leases: Leases, coordinator: Coordinator
+) -> None:
+    granted(leases)
+    leases.renew(9.9)
+    assert coordinator.told == []
+    leases.renew(10.0)
+    leases.renew(19.9)
+    assert coordinator.told == [("renew", "l", 7)]
+    # Results posted under it extend it as well.
+    leases.extend("l", 19.9)
+    leases.renew(29.8)
+    assert len(coordinator.told) == 1
+
+
+def test_of_a_lease_that_is_lost_nothing_more_is_begun_or_told(
+    leases: Leases, coordinator: Coordinator
+) -> None:
+    granted(leases)
+    coordinator.lost = True
+    leases.renew(10.0)
+    leases.release()
+    assert (len(leases), len(leases.queue)) == (0, 0)
+    assert coordinator.told == [("renew", "l", 7)]
+
+
+@pytest.mark.parametrize("give_up", [Leases.give_up_queue, Leases.give_up])
+def test_what_is_given_up_is_released(
+    leases: Leases, coordinator: Coordinator, give_up: Callable[[Leases], None]
+) -> None:
+    granted(leases)
+    leases.finish(leases.queue.popleft(), 1.0)
+    give_up(leases)
+    leases.release()
+    assert (len(leases), coordinator.told) == (0, [("release", "l", 7)])
+
+
+def test_a_lease_with_every_result_needs_no_release(
+    leases: Leases, coordinator: Coordinator
+) -> None:
+    granted(leases)
+    while leases.queue:
+        leases.finish(leases.queue.popleft(), 1.0)
+    assert leases.any_finished
+    leases.release()
+    assert (len(leases), coordinator.told) == (0, [])
+
+
+def test_no_more_is_asked_for_than_may_be_begun(leases: Leases) -> None:
+    granted(leases)
+    assert leases.left == 2
+    granted(leases)
+    assert leases.left == 0 and leases.request(1e9) is None
+
+
+def test_without_work_it_waits_half_to_all_of_what_it_is_told_and_logs_a_reason_once(
+    leases: Leases, caplog: pytest.LogCaptureFixture
+) -> None:
+    for _ in range(3):
+        leases.take(None, "begun with MuJoCo 3", 100.0)
+    assert leases.request(103.9) is None
+    assert leases.request(108.0) is not None
+    assert caplog.text.count("begun with MuJoCo 3") == 1
 
 
 @pytest.mark.parametrize(
