@@ -10,7 +10,6 @@ import sys
 import time
 from collections import deque
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Self
 
 from rehyb.errors import FleetError
@@ -78,12 +77,7 @@ class LocalFleet:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stop()
 
     def supervise(self) -> None:
@@ -121,7 +115,6 @@ class LocalFleet:
             self.directory / "logs" / f"{name}.log",
         )
         self._processes.append(process)
-        process.start()
         return process
 
     def _stop(self) -> None:
@@ -152,20 +145,20 @@ class _Process:
         self._log = log
         self._log_start = 0
         self._deaths: deque[float] = deque(maxlen=DEATHS)
-        self._popen: subprocess.Popen[bytes] | None = None
+        self._popen = self._started()
 
     @property
     def pid(self) -> int:
-        return self._popen.pid if self._popen else 0
+        return self._popen.pid
 
-    def start(self) -> None:
+    def _started(self) -> subprocess.Popen[bytes]:
         from worker.parent_death import die_with_parent
 
         parent = os.getpid()
         self._log.parent.mkdir(exist_ok=True)
         with self._log.open("ab") as log:
             self._log_start = log.tell()
-            self._popen = subprocess.Popen(
+            return subprocess.Popen(
                 self._command,
                 env=self._environment,
                 stdin=subprocess.DEVNULL,
@@ -177,7 +170,7 @@ class _Process:
             )
 
     def revive(self) -> None:
-        if self._popen is None or self._popen.poll() is None:
+        if self._popen.poll() is None:
             return
         now = time.monotonic()
         self._deaths.append(now)
@@ -186,12 +179,12 @@ class _Process:
                 f"the {self.name} died {DEATHS} times within {DEATHS_SECONDS:g} s, "
                 f"last with {self._last_words()}"
             )
-        self.start()
+        self._popen = self._started()
 
     def wait_for(self, pattern: re.Pattern[str], seconds: float) -> re.Match[str]:
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
-            ended = self._popen is None or self._popen.poll() is not None
+            ended = self._popen.poll() is not None
             if match := pattern.search(self._written()):
                 return match
             if ended:
@@ -200,12 +193,10 @@ class _Process:
         raise FleetError(f"the {self.name} was not ready after {seconds:g} s: see {self._log}")
 
     def signal(self, number: signal.Signals) -> None:
-        if self._popen is not None and self._popen.poll() is None:
+        if self._popen.poll() is None:
             self._popen.send_signal(number)
 
     def ended_by(self, deadline: float) -> bool:
-        if self._popen is None:
-            return True
         try:
             self._popen.wait(max(0.0, deadline - time.monotonic()))
         except subprocess.TimeoutExpired:
@@ -213,9 +204,8 @@ class _Process:
         return True
 
     def kill(self) -> None:
-        if self._popen is not None:
-            self._popen.kill()
-            self._popen.wait()
+        self._popen.kill()
+        self._popen.wait()
 
     def _written(self) -> str:
         with self._log.open("rb") as log:

@@ -1,11 +1,14 @@
 """Options and arguments that several commands share, and how their texts are read."""
 
+import json
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import inf
+from pathlib import Path
 from types import FrameType
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -55,6 +58,20 @@ def number(text: str, what: str) -> float:
         return float(text)
     except ValueError:
         raise typer.BadParameter(f"{what} must be a number, not {text!r}") from None
+
+
+def read_json(source: str) -> Any:
+    """Return the JSON in a file, or of standard input if `source` is "-".
+
+    Raises:
+        typer.BadParameter: it cannot be read, or is not JSON.
+    """
+    try:
+        return json.loads(sys.stdin.read() if source == "-" else Path(source).read_text())
+    except OSError as error:
+        raise typer.BadParameter(f"{source} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise typer.BadParameter(f"{source} is not JSON: {error}") from None
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """Commands that simulate here and now: `assess` and `validate`."""
 
-import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rehyb.cli.answers import Answer, answering
-from rehyb.cli.options import assignment, number
+from rehyb.cli.options import assignment, number, read_json
 from rehyb.errors import RehybError
 
 if TYPE_CHECKING:
@@ -137,12 +136,7 @@ def _replayed(source: str) -> tuple[dict[str, float], dict[str, str]]:
     """Return parameters, and target, fidelity and device, of a replay bundle of an assessment."""
     from sim.models import ASSESSMENTS
 
-    try:
-        bundle = json.loads(sys.stdin.read() if source == "-" else Path(source).read_text())
-    except OSError as error:
-        raise typer.BadParameter(f"{source} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise typer.BadParameter(f"{source} is not JSON: {error}") from None
+    bundle = read_json(source)
     if not isinstance(bundle, dict) or not isinstance(bundle.get("parameters"), dict):
         raise typer.BadParameter(f"{source} is no replay bundle: it has no parameters")
     if bundle.get("model") not in ASSESSMENTS:

@@ -1,7 +1,6 @@
 """Commands about studies: `study submit`, `list`, `show`, `progress`, `indices`, and so on."""
 
 import json
-import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -10,7 +9,15 @@ from typing import Annotated, Any
 import typer
 
 from rehyb.cli.answers import Answer, answering, file_written, print_rows, study_submitted
-from rehyb.cli.options import StudyId, Target, assignment, check_target, check_up_to, number
+from rehyb.cli.options import (
+    StudyId,
+    Target,
+    assignment,
+    check_target,
+    check_up_to,
+    number,
+    read_json,
+)
 from rehyb.cli.precision import wait_for_precision
 from rehyb.client import Client, Json
 from rehyb.errors import Invalid
@@ -242,12 +249,7 @@ def _print_indices(snapshot: Json, target: float | None) -> None:
 
 
 def _read(file: Path) -> Json:
-    try:
-        study = json.loads(sys.stdin.read() if str(file) == "-" else file.read_text())
-    except OSError as error:
-        raise typer.BadParameter(f"{file} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise typer.BadParameter(f"{file} is not JSON: {error}") from None
+    study = read_json(str(file))
     if not isinstance(study, dict):
         raise typer.BadParameter(f"{file} must hold one JSON object, a study")
     return study

@@ -32,6 +32,14 @@ STUDY: dict[str, Any] = {
     "outputs": ["y"],
     "state": "complete",
 }
+UNIT = Uniform(low=0.0, high=1.0).to_json()
+#: Of a function of two factors that the test makes up.
+OF_TWO = STUDY | {
+    "rows": 8,
+    "seed": 1,
+    "factors": [{"name": name, "distribution": UNIT} for name in ("x1", "x2")],
+    "fixed": {"x3": 0.0},
+}
 #: A place whose run was lost.
 LOST = (2, 3)
 
@@ -122,3 +130,8 @@ class FinishedStudy:
             for one in self.results
             if one.outcome != "ok"
         ]
+
+
+def weighted_sum() -> FinishedStudy:
+    """Return a coordinator with the study of y = 3 x1 + x2."""
+    return FinishedStudy(OF_TWO, lambda x: {"y": 3.0 * x["x1"] + x["x2"]}, lost=())

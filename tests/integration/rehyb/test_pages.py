@@ -7,29 +7,20 @@ from typing import Any
 
 import pytest
 
-from analysis.designs.distributions import Uniform
 from rehyb.campaign.plans import Plan
 from rehyb.campaign.run import Campaign
 from rehyb.reports import report_studies
-from tests.testbed.finished_study import STUDY, FinishedStudy
+from tests.testbed.finished_study import FinishedStudy, weighted_sum
 from tests.testbed.instant_coordinator import InstantCoordinator
 
 Run = Callable[..., tuple[int, str, str]]
-
-UNIT = Uniform(low=0.0, high=1.0).to_json()
-SUM = STUDY | {
-    "rows": 8,
-    "seed": 1,
-    "factors": [{"name": name, "distribution": UNIT} for name in ("x1", "x2")],
-    "fixed": {"x3": 0.0},
-}
 
 
 @pytest.fixture
 def coordinator(talk_to: Callable[[FinishedStudy], None], monkeypatch: pytest.MonkeyPatch) -> None:
     """A coordinator with a study of a weighted sum."""
     monkeypatch.setenv("COLUMNS", "200")
-    talk_to(FinishedStudy(SUM, lambda x: {"y": 3.0 * x["x1"] + x["x2"]}, lost=()))
+    talk_to(weighted_sum())
 
 
 @pytest.mark.usefixtures("coordinator")

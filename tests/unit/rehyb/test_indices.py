@@ -4,25 +4,16 @@ from collections.abc import Callable
 
 import pytest
 
-from analysis.designs.distributions import Uniform
-from tests.testbed.finished_study import STUDY, FinishedStudy
+from tests.testbed.finished_study import FinishedStudy, weighted_sum
 
 Run = Callable[..., tuple[int, str, str]]
-
-UNIT = Uniform(low=0.0, high=1.0).to_json()
-SUM = STUDY | {
-    "rows": 8,
-    "seed": 1,
-    "factors": [{"name": name, "distribution": UNIT} for name in ("x1", "x2")],
-    "fixed": {"x3": 0.0},
-}
 
 
 @pytest.fixture(autouse=True)
 def coordinator(talk_to: Callable[[FinishedStudy], None], monkeypatch: pytest.MonkeyPatch) -> None:
     """A coordinator with a study of a weighted sum."""
     monkeypatch.setenv("COLUMNS", "200")
-    talk_to(FinishedStudy(SUM, lambda x: {"y": 3.0 * x["x1"] + x["x2"]}, lost=()))
+    talk_to(weighted_sum())
 
 
 def test_indices_come_with_their_ranking_and_how_many_rows_are_wanted(run: Run) -> None:

@@ -1,0 +1,91 @@
+"""What a campaign decides follows from its plan and from what its studies have found."""
+
+from typing import Any
+
+import pytest
+
+from rehyb.campaign.decisions import (
+    Proposed,
+    decided,
+    next_step,
+    screening_phase,
+    standing,
+    variance_phase,
+)
+from rehyb.campaign.plans import Plan
+from rehyb.errors import CampaignError, Invalid
+from tests.testbed.finished_study import STUDY, FinishedStudy
+
+PLAN = Plan(model="elbow", output="stiffness_error", screening_rows=4, variance_rows=8)
+
+
+def test_phase_2_holds_what_is_fixed_at_its_nominal_value_and_samples_the_others() -> None:
+    first, second = screening_phase(PLAN), variance_phase(PLAN, "forearm_mass")
+    assert (first.number, first.study["method"], first.study["rows"]) == (1, "morris", 4)
+    assert (second.number, second.study["method"], second.study["rows"]) == (2, "saltelli", 8)
+    assert list(second.study["fixed"]) == ["forearm_mass"]
+    assert "forearm_mass" not in [factor["name"] for factor in second.study["factors"]]
+    assert second.title.startswith("variance (Sobol indices), forearm_mass fixed at ")
+    assert second.title.endswith(" kg")
+
+
+@pytest.mark.parametrize(
+    ("progress", "seen", "answer"),
+    [
+        ({"state": "running", "workers": 2}, 0, (False, "")),
+        ({"state": "running", "workers": 0}, 0, (False, "waiting for a worker")),
+        (
+            {"state": "complete", "rows": 8},
+            7,
+            (False, "all results are in; the analysis has seen 7 of 8 rows"),
+        ),
+        ({"state": "complete", "rows": 8}, 8, (True, "")),
+    ],
+)
+def test_indices_are_final_when_the_analysis_has_seen_every_row(
+    progress: dict[str, Any], seen: int, answer: tuple[bool, str]
+) -> None:
+    assert standing(progress, {"rows_complete": seen}) == answer
+
+
+def test_a_cancelled_study_ends_the_campaign() -> None:
+    with pytest.raises(CampaignError, match="study s was cancelled"):
+        standing({"state": "cancelled", "study": "s"}, {})
+
+
+def test_only_phase_2_has_a_precision_goal() -> None:
+    sizes: dict[str, Any] = {"screening_rows": 4, "variance_rows": 32}
+    plan = Plan(model="ishigami", output="y", most_rows=100, target=0.001, **sizes)
+    first, second = screening_phase(plan), variance_phase(plan, "x3")
+    snapshot = FinishedStudy(STUDY | {"rows": 32}, lost=()).indices
+    assert next_step(plan, first, snapshot, 32) is None
+    step = next_step(plan, second, snapshot, 32)
+    assert step is not None and step.rows == 64
+    without = Plan(model="ishigami", output="y", **sizes)
+    assert next_step(without, second, snapshot, 32) is None
+    other = Plan(model="ishigami", output="z", most_rows=100, **sizes)
+    with pytest.raises(Invalid, match="has no output 'z': it has y"):
+        next_step(other, second, snapshot, 32)
+
+
+@pytest.mark.parametrize(
+    ("agreed", "separated", "expected", "evidence"),
+    [
+        ("x3", True, True, "It is idle."),
+        ("x3", False, False, "It is idle."),
+        ("x1", True, False, "It is idle. Asked, the user fixed x1 instead."),
+    ],
+)
+def test_a_decision_says_whether_the_screening_supports_it(
+    agreed: str, separated: bool, expected: bool, evidence: str
+) -> None:
+    proposed = Proposed(
+        factor="x3",
+        value="0",
+        evidence="It is idle.",
+        separated=separated,
+        factors=("x3", "x1"),
+        snapshot={},
+    )
+    decision = {"fixed": agreed, "separated": expected, "evidence": evidence}
+    assert decided(proposed, agreed) == decision
