@@ -124,7 +124,7 @@ class LocalFleet:
             _end(workers)
             _end([p for p in self._processes if p not in workers])
         finally:
-            # A second Ctrl-C lands here: no more patience.
+            # A second Ctrl-C lands here: nothing is waited for any more.
             for process in self._processes:
                 process.kill()
             self._processes.clear()
@@ -177,7 +177,7 @@ class _Process:
         if len(self._deaths) == DEATHS and now - self._deaths[0] < DEATHS_SECONDS:
             raise FleetError(
                 f"the {self.name} died {DEATHS} times within {DEATHS_SECONDS:g} s, "
-                f"last with {self._last_words()}"
+                f"last with {self._last_line()}"
             )
         self._popen = self._started()
 
@@ -188,7 +188,7 @@ class _Process:
             if match := pattern.search(self._written()):
                 return match
             if ended:
-                raise FleetError(f"the {self.name} did not start: {self._last_words()}")
+                raise FleetError(f"the {self.name} did not start: {self._last_line()}")
             time.sleep(0.05)
         raise FleetError(f"the {self.name} was not ready after {seconds:g} s: see {self._log}")
 
@@ -212,17 +212,17 @@ class _Process:
             log.seek(self._log_start)
             return log.read().decode(errors="replace")
 
-    def _last_words(self) -> str:
+    def _last_line(self) -> str:
         lines = [line for line in self._written().splitlines() if line.strip()]
         return f"{lines[-1].strip() if lines else 'no word'} (see {self._log})"
 
 
 def _end(processes: list[_Process]) -> None:
     """Ask to finish, then to stop at once."""
-    for patience in (STOP_SECONDS, CUT_SHORT_SECONDS):
+    for seconds in (STOP_SECONDS, CUT_SHORT_SECONDS):
         for process in processes:
             process.signal(signal.SIGTERM)
-        deadline = time.monotonic() + patience
+        deadline = time.monotonic() + seconds
         if all(process.ended_by(deadline) for process in processes):
             return
 

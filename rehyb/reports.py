@@ -22,11 +22,11 @@ def report_studies(
 
     Args:
         client: the coordinator that has the studies.
-        ids: theirs, in the order they are told.
+        ids: of the studies, in the order of their chapters.
         out: the page.
         output: shown in the figures; default: the first that the first study has.
         folders: where to write every figure too, by format: "png" or "pdf".
-        surrogates: also fit functions to the runs and show what these say.
+        surrogates: also fit functions to the runs and show their indices.
 
     Raises:
         Invalid: a study has no such output.
@@ -41,8 +41,8 @@ def report_studies(
                     f"study {study['id']} has no output {shown!r}: "
                     f"it has {', '.join(study['outputs'])}"
                 )
-        told = studies[0][0]["name"] if len(studies) == 1 else f"{len(studies)} studies"
-        title = f"Sensitivity of {shown.replace('_', ' ')}: {told}"
+        subject = studies[0][0]["name"] if len(studies) == 1 else f"{len(studies)} studies"
+        title = f"Sensitivity of {shown.replace('_', ' ')}: {subject}"
         return write(studies, shown, out, title=title, folders=folders, surrogates=surrogates)
 
 

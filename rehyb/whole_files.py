@@ -9,7 +9,7 @@ from typing import Any
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a place to write to, which becomes `path` when the block ends well, else goes away."""
+    """Yield a path to write to: it is renamed to `path` when the block succeeds, else removed."""
     partial = path.with_name(path.name + ".partial")
     try:
         yield partial

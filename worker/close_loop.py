@@ -46,7 +46,7 @@ def close(_model: str, parameters: Mapping[str, Any]) -> "Evaluation":
     tempfile.tempdir = str(folder)
     started = time.perf_counter()
 
-    def told(stage: str) -> None:
+    def show(stage: str) -> None:
         # At once as a whole: the parent reads it any time.
         fresh = folder / f"{PROGRESS}.fresh"
         fresh.write_text(stage, encoding="utf-8")
@@ -54,7 +54,7 @@ def close(_model: str, parameters: Mapping[str, Any]) -> "Evaluation":
 
     try:
         with unpacked(archive) as session:
-            close_loop(session, folder / OUT, told)
+            close_loop(session, folder / OUT, show)
     except SessionError as error:
         return Evaluation(
             outcome=Outcome.BAD_SESSION,

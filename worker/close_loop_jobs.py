@@ -29,11 +29,11 @@ log = logging.getLogger(__name__)
 
 #: Seconds the thread waits for its child before it looks at the clock and for signals again.
 TICK_SECONDS = 0.2
-#: Progress is told at most this often, seconds.
-TELL_SECONDS = 0.5
+#: Progress is sent at most this often, seconds.
+PROGRESS_SECONDS = 0.5
 #: Seconds before the next job after one that came to nothing for the worker's own reasons.
 PAUSE_SECONDS = 5.0
-#: Characters told of a reason, and of a file's or a column's name.
+#: Characters sent of a reason, and of a file's or a column's name.
 REASON_LENGTH, PLACE_LENGTH = 4000, 1000
 #: A worker that leaves at once waits no longer for an answer under way.
 LEAVE_SECONDS = 10.0
@@ -140,8 +140,8 @@ class CloseLoopJobs:
                 raise ServerError(f"session {session['id']} did not arrive as it was uploaded")
 
     def _wait_for_child(self, job: Job, progress: Path) -> dict[str, Any] | None:
-        """Return what the child reports; None if the job is not ours any more, or given back."""
-        told, tell_at = "", 0.0
+        """Return what the child reports; None if the job is lost or given back."""
+        sent, send_at = "", 0.0
         while True:
             if finished := self.pool.wait(TICK_SECONDS):
                 return finished[0].result
@@ -149,8 +149,8 @@ class CloseLoopJobs:
                 self._give_back(job)
                 return None
             stage, now = _read(progress), time.monotonic()
-            if stage != told and now >= tell_at:
-                told, tell_at, self._renew_at = stage, now + TELL_SECONDS, now
+            if stage != sent and now >= send_at:
+                sent, send_at, self._renew_at = stage, now + PROGRESS_SECONDS, now
             try:
                 self._renew_if_due(job, stage)
             except (Conflict, NotFound) as error:
@@ -170,7 +170,7 @@ class CloseLoopJobs:
             self._renew_at = now + self.rng.uniform(1.0, 2.0)
 
     def _hand_in(self, job: Job, out: Path) -> dict[str, Any] | None:
-        """Hand in the report; returns what to say instead if the coordinator cannot use it."""
+        """Hand in the report; returns the failure to report if the coordinator cannot use it."""
         maker = {"worker": self.worker["id"], "code": self.code}
         try:
             self._until_heard(partial(self.client.hand_in_report, job, out, **maker))

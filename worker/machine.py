@@ -48,7 +48,7 @@ def cpu(path: Path = Path("/proc/cpuinfo")) -> str:
 
 
 def code() -> str:
-    """Return a digest of the sources of `sim`: it tells a changed model that no version tells."""
+    """Return a digest of the sources of `sim`: it shows a changed model where no version does."""
     folder = Path(str(sim.__file__)).parent
     digest = hashlib.sha256()
     for path in sorted((*folder.rglob("*.py"), *folder.rglob("*.xml"))):
@@ -80,7 +80,7 @@ def canary(program: str = _CANARY) -> tuple[str, float]:
             "or MuJoCo hangs on it"
         ) from None
     if ran.returncode != 0:
-        said = ran.stderr.strip().splitlines() or [f"exit status {ran.returncode}"]
-        raise CanaryError(f"the nominal elbow cannot be evaluated on this machine: {said[-1]}")
+        lines = ran.stderr.strip().splitlines() or [f"exit status {ran.returncode}"]
+        raise CanaryError(f"the nominal elbow cannot be evaluated on this machine: {lines[-1]}")
     digest, seconds = json.loads(ran.stdout)
     return str(digest), float(seconds)

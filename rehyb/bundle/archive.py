@@ -117,7 +117,7 @@ def write_bundle(client: Client, study_id: str, out: Path) -> str:
 
 
 def read_bundle(path: Path, folder: Path) -> Bundle:
-    """Read a bundle; its results are put into `folder` under a name of ours.
+    """Read a bundle; its results are put into `folder`, under a name that it cannot choose.
 
     Raises:
         Invalid: the file is no bundle, is cut short or damaged, or unpacks to more than a bundle

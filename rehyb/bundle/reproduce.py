@@ -164,11 +164,11 @@ def _failures(bundle: Bundle, table: "Table") -> Judgement:
     """Compare the failures in the ledger with those in the table."""
     lines = zip(table.rows.tolist(), table.positions.tolist(), table.outcomes, strict=True)
     failed = {line for line in lines if line[2] != "ok"}
-    told = {(one.get("row"), one.get("position"), one.get("outcome")) for one in bundle.failures}
-    if failed != told or len(told) != len(bundle.failures):
+    listed = {(one.get("row"), one.get("position"), one.get("outcome")) for one in bundle.failures}
+    if failed != listed or len(listed) != len(bundle.failures):
         return False, (
-            f"failures.json tells of {len(bundle.failures)} failures, and {len(failed & told)} of "
-            f"the {len(failed)} in results.csv are among them"
+            f"failures.json tells of {len(bundle.failures)} failures, and "
+            f"{len(failed & listed)} of the {len(failed)} in results.csv are among them"
         )
     stated = bundle.manifest.get("results")
     if stated != len(table.outcomes):

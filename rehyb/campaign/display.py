@@ -26,7 +26,7 @@ LINE_SECONDS = 2.0
 
 
 def report_parts(report: Report) -> Iterable[RenderableType]:
-    """Return what a finished campaign has to say, part by part."""
+    """Return what a finished campaign reports, part by part."""
     plan = report.plan
     level = f"{report.phase1['level']:.0%} confidence intervals"
     yield ""

@@ -57,8 +57,8 @@ def write_report(
         plan: what was computed.
         decision: from `decided`.
         phases: {"study", "progress", "indices"} of each.
-        seconds: tells the wall time that the campaign has run.
-        precision: what was last said of phase 2's precision goal.
+        seconds: returns the wall time that the campaign has run.
+        precision: the last decision about phase 2's precision goal, a sentence.
     """
     from analysis.reports.figures import campaign_figure
     from rehyb.reports import write

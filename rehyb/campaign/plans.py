@@ -1,4 +1,4 @@
-"""What a campaign is to compute, and sizes by name."""
+"""What a campaign computes, and sizes by name."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What a campaign is to compute; the same plan resumes the same campaign."""
+    """What a campaign computes; the same plan resumes the same campaign."""
 
     model: str
     #: The output whose uncertainty is ranked.

@@ -58,7 +58,7 @@ class CloseLoops(Connection):
         return self._leased("/v1/close-loops/lease", {"worker": worker})
 
     def renew_close_loop(self, job: Mapping[str, Any], progress: str | None) -> Json:
-        """Keep a leased job and say what it is at; Conflict or NotFound if it is ours no more."""
+        """Renew a leased job and send its progress; Conflict or NotFound if the lease is lost."""
         body = {"lease": job["lease"], "fence": job["fence"], "progress": progress}
         return self._json("POST", f"/v1/close-loops/{job['id']}/renew", body)
 
@@ -120,7 +120,7 @@ def close_loop_by_worker(
         client: the coordinator.
         session: a folder with session.json, or its zip file.
         out: a folder; nothing is there unless the report is.
-        progress: is told in a line what is done now.
+        progress: called with a line about each new stage.
         sleep: waits for so many seconds.
 
     Returns:
@@ -137,13 +137,14 @@ def close_loop_by_worker(
     with packed(session) as archive:
         kept = client.upload_session(archive, plain_name(session.resolve().stem)[:60])
     job = client.close_loop(kept["id"])
-    told = [""]
+    shown = ""
 
-    def follow(standing: dict[str, Any]) -> None:
+    def follow(standing: Json) -> None:
+        nonlocal shown
         stage = standing.get("note") or standing["progress"] or standing["state"]
-        if stage != told[-1]:
-            told.append(stage)
+        if stage != shown:
             progress(stage)
+        shown = stage
 
     ended = client.wait_for_report(job["id"], on_progress=follow, sleep=sleep)
     if ended["state"] == "failed":

@@ -73,7 +73,7 @@ class Connection:
         return body_of(self._request(method, path, body, headers))
 
     def _leased(self, path: str, body: Body) -> Json | None:
-        """Ask for a lease; None if there is no work for now, which `retry_after` tells about."""
+        """Ask for a lease; None, with `retry_after` set, if there is no work for now."""
         response = self._request("POST", path, body)
         if response.status_code == HTTPStatus.NO_CONTENT:
             self._note_pause(response)

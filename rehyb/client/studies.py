@@ -72,7 +72,7 @@ class Studies(Connection):
         """Have a study extended until it is precise enough, and return it.
 
         The coordinator's analysis does it, whenever the study is complete, without a client; the
-        study's "precision" tells what was decided.
+        study's "precision" lists what was decided.
 
         Args:
             study_id: which study.
@@ -136,7 +136,7 @@ class Studies(Connection):
         return self._json("GET", f"/v1/studies/{study_id}/instances?{urlencode(given)}")
 
     def instance(self, study_id: str, row: int, position: int) -> Json:
-        """Return all that is needed to replay an instance, and what became of it."""
+        """Return all that is needed to replay an instance, and its result."""
         return self._json("GET", f"/v1/studies/{study_id}/instances/{row}/{position}")
 
     def cancel(self, study_id: str) -> Json:
@@ -202,7 +202,7 @@ class Studies(Connection):
     ) -> Json:
         """Wait until a study with a precision goal is extended no more.
 
-        It only looks: interrupted, the study goes on, and the same call goes on telling.
+        It only looks: interrupted, the study goes on, and the same call can follow it again.
 
         Args:
             study_id: which study.
@@ -217,7 +217,7 @@ class Studies(Connection):
             Conflict: the study was cancelled.
             Invalid: it has no goal.
         """
-        told = 0
+        known = 0
         while True:
             progress = self.progress(study_id)
             on_progress(progress)
@@ -225,10 +225,10 @@ class Studies(Connection):
             if goal is None:
                 raise Invalid(f"study {study_id} has no precision to reach: say one with --up-to")
             # A goal that was set anew begins anew.
-            told = min(told, len(goal["steps"]))
-            for step in goal["steps"][told:]:
+            known = min(known, len(goal["steps"]))
+            for step in goal["steps"][known:]:
                 on_step(step["sentence"])
-                told += 1
+                known += 1
             if progress["state"] == "cancelled":
                 raise Conflict(f"study {study_id} was cancelled before it was precise enough")
             if goal["settled"]:
@@ -237,7 +237,7 @@ class Studies(Connection):
 
 
 def _is_over(progress: Json) -> bool:
-    """Say whether a study gets no further results; an older coordinator tells no precision."""
+    """Say whether a study gets no further results; an older coordinator knows no precision."""
     goal = progress.get("precision")
     if progress["state"] in ("running", "draining", "paused"):
         return False

@@ -97,7 +97,7 @@ class InstantPool:
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("TELL_SECONDS", "PAUSE_SECONDS"):
+    for name in ("PROGRESS_SECONDS", "PAUSE_SECONDS"):
         monkeypatch.setattr(close_loop_jobs, name, 0.01)
     monkeypatch.setattr(backoff, "FAREWELL_SECONDS", 0.01)
     monkeypatch.setattr(backoff, "full_jitter", lambda failures, rng: 0.001)
