@@ -5,15 +5,13 @@ import numpy as np
 import pytest
 
 from sim.body.soft_tissue import BONE_CLEARANCE
-from sim.parameters.wearer import NOMINAL_WEARER
-from sim.system.build import build_system
 from sim.system.start import reset_to_start
 from sim.system.system import System
 
 
 @pytest.fixture(scope="module")
-def loaded() -> tuple[System, mujoco.MjData]:
-    system = build_system(NOMINAL_WEARER)
+def loaded(nominal_system: System) -> tuple[System, mujoco.MjData]:
+    system = nominal_system
     data = reset_to_start(system)
     data.ctrl[system.contraction_inputs] = 0.4
     mujoco.mj_step(system.model, data, 20)

@@ -1,0 +1,30 @@
+"""The paper's validations, repeated."""
+
+from pathlib import Path
+
+from sim.validation import validate
+from sim.validation.compression import (
+    OGNEVA_CONTRACTED,
+    OGNEVA_RELAXED,
+    run_compression_test,
+)
+
+
+def test_validation_reports_the_papers_figures_3_and_6_with_pictures(tmp_path: Path) -> None:
+    report = validate(tmp_path / "validation")
+    assert all(picture.stat().st_size > 20_000 for picture in report.pictures)
+    rows = {row.quantity: row for row in report.rows}
+    assert rows["isometric flexion torque, peak"].agrees
+    assert rows["isometric extension torque, peak"].agrees
+    assert rows["isometric flexion torque, angle of peak"].agrees
+    assert rows["isometric extension torque, angle of peak"].agrees
+    assert rows["Young's modulus of the softest tissue at 10% strain"].measured < 30.0
+    assert rows["Young's modulus of the stiffest tissue at 10% strain"].measured > 66.0
+
+
+def test_the_tissue_encloses_the_moduli_of_figure_6() -> None:
+    softest, stiffest = (run_compression_test(k) for k in (100.5, 974.43))
+    for strain in (0.1, 0.15, 0.2):
+        assert softest.modulus_at(strain) <= OGNEVA_RELAXED
+    for strain in (0.1, 0.12, 0.15):
+        assert stiffest.modulus_at(strain) >= OGNEVA_CONTRACTED

@@ -1,0 +1,29 @@
+"""Conditions beside Table 1."""
+
+import pytest
+
+from sim.models import ELBOW
+from sim.parameters.conditions import CONDITIONS, DEFAULT_CONDITIONS, split
+from sim.parameters.wearer import TABLE_1
+
+
+def test_what_is_not_in_table_1_is_off_unless_a_study_asks_for_it() -> None:
+    assert ELBOW.sampled == TABLE_1
+    assert all(f.low <= f.nominal <= f.high for f in CONDITIONS)
+    assert all(f.bounds[0] <= f.low < f.high <= f.bounds[1] for f in CONDITIONS)
+    assert {f.name for f in CONDITIONS} == set(vars(DEFAULT_CONDITIONS)) - {"effects"}
+
+
+def test_wearer_and_conditions_are_told_apart_by_their_names() -> None:
+    wearer, conditions = split({"forearm_mass": 1.2, "cuff_friction": 0.1})
+    assert (wearer.forearm_mass, conditions.cuff_friction) == (1.2, 0.1)
+    with pytest.raises(ValueError, match="the elbow has no factor 'weather'"):
+        split({"weather": 1.0})
+
+
+def test_lengths_are_over_the_nominal_ones_that_a_study_may_choose() -> None:
+    """Section 2.2.1 has 36.37 and 34.9 cm, section 2.3 what is the default."""
+    wearer, _ = split({"nominal_upper_arm_length": 0.3637, "nominal_forearm_length": 0.349})
+    assert wearer.upper_arm_scale == pytest.approx(0.3337 / 0.3637)
+    assert wearer.forearm_scale == pytest.approx(0.319 / 0.349)
+    assert split({})[0].upper_arm_scale == split({})[0].forearm_scale == 1.0
