@@ -9,7 +9,7 @@ Razavi and Haghnegahdar 2019, What should we do when a model crashes?, fill in t
 here they stay missing, and the crash is an output.)
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from analysis.designs import family
 from analysis.designs.radial import MEAN_INVERSE_STEP
 from analysis.designs.trajectories import STEP
-from analysis.sensitivity.estimators import Estimator
+from analysis.sensitivity.estimators import Estimator, Statistic
 from analysis.sensitivity.estimators.bootstrap import percentiles
 
 #: Bootstrap standard errors that a mark must be off by. Where 5 % of the runs fail at random, 1 to
@@ -48,7 +48,13 @@ class Verdict:
 
 
 def judge(
-    estimator: Estimator, column: int, names: Sequence[str], *, failed: int, runs: int
+    estimator: Estimator,
+    statistics: Mapping[str, Statistic],
+    column: int,
+    names: Sequence[str],
+    *,
+    failed: int,
+    runs: int,
 ) -> Verdict:
     """Say whether failures depend on the factors, and on which.
 
@@ -56,6 +62,7 @@ def judge(
 
     Args:
         estimator: of the study; the output `column` is 1 where a run failed and 0 elsewhere.
+        statistics: of the estimator.
         names: of the factors.
         failed, runs: how many runs failed, of how many.
     """
@@ -69,7 +76,6 @@ def judge(
             sentence=f"{start}: too few to tell whether failures depend on the factors.",
         )
     zero, floor = _MARKS[family(estimator.method)]
-    statistics = estimator.statistics()
     alone = _errors_off(statistics[zero].weighted[:, column])
     with_others = statistics[floor].weighted[:, column]
     contrast = _errors_off(with_others - _dummy(estimator, column)[:, None])

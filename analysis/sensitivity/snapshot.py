@@ -81,13 +81,8 @@ def take_snapshot(
         rows_complete: rows of which every result is in.
         evaluations: number of results by outcome.
     """
-    statistics = estimator.statistics()
-    indices = {name: statistic.estimate(LEVEL) for name, statistic in statistics.items()}
-    compared = estimator.compared(LEVEL)
-    shown = [
-        _output(plan, estimator, o, statistics, indices, compared, series)
-        for o in range(len(plan.outputs) + 1)
-    ]
+    found = _Findings(plan, estimator, series)
+    shown = [found.output(o) for o in range(len(plan.outputs) + 1)]
     return {
         "study": plan.id,
         "method": plan.method,
@@ -100,7 +95,7 @@ def take_snapshot(
         "evaluations": dict(sorted(evaluations.items())),
         "outputs": dict(zip(plan.outputs, shown, strict=False)),
         "sampling": plan.sampling,
-        "failure": _failure(plan, estimator, evaluations) | shown[-1],
+        "failure": _failure(plan, estimator, found.statistics, evaluations) | shown[-1],
     }
 
 
@@ -128,107 +123,84 @@ def new_growing_estimator(plan: StudyPlan) -> GrowingEstimator:
     return GrowingEstimator(lambda: new_estimator(plan), LEVEL)
 
 
-def _output(
-    plan: StudyPlan,
-    estimator: Estimator,
-    o: int,
-    statistics: Mapping[str, Statistic],
-    indices: Mapping[str, Estimate],
-    compared: Mapping[str, Mapping[str, Estimate]],
-    series: Sequence[Point],
-) -> dict[str, Any]:
-    """Return OUTPUT of the module docstring."""
-    moments, effects = estimator.moments(), estimator.effects
-    of_factors = {
-        name: index
-        for name, index in indices.items()
-        if index.value.ndim == 2 and name not in OF_PAIRS
-    }
-    sums = {name: index for name, index in indices.items() if index.value.ndim == 1}
-    factors = {
-        factor: {
-            **{name: _interval(index, (o, f)) for name, index in of_factors.items()},
-            **_per_unit(plan, factor, of_factors, (o, f)),
-            **_rests_on(statistics, (o, f)),
-            **{
-                who: {name: _interval(index, (o, f)) for name, index in found.items()}
-                for who, found in compared.items()
-            },
-            "n": int(effects[o, f]),
-        }
-        for f, factor in enumerate(plan.factors)
-    }
-    return {
-        "mean": _number(moments.mean[o]),
-        "sd": _number(moments.sd[o]),
-        "n": int(moments.n[o]),
-        "factors": factors,
-        **{name: _interval(index, (o,)) for name, index in sums.items()},
-        **_pairs(plan, statistics, indices, o),
-        "ranking": _ranking(plan, statistics, o),
-        "screening": _plain(influence(factors, plan.method)),
-        "convergence": {
-            "rows": [point.rows for point in series],
-            "factors": {
-                factor: {name: _curve(series, name, (o, f)) for name in of_factors}
-                for f, factor in enumerate(plan.factors)
-            },
+class _Findings:
+    """What was found of a study's outputs."""
+
+    def __init__(self, plan: StudyPlan, estimator: Estimator, series: Sequence[Point]) -> None:
+        self.statistics = estimator.statistics()
+        self._plan, self._series = plan, series
+        self._indices = {name: found.estimate(LEVEL) for name, found in self.statistics.items()}
+        self._compared = estimator.compared(LEVEL)
+        self._moments, self._effects = estimator.moments(), estimator.effects
+        self._pairs = list(enumerate(combinations(plan.factors, 2)))
+        #: Names of the indices of pairs, of single factors and of whole outputs.
+        self._of_pairs = [name for name in OF_PAIRS if name in self._indices]
+        rest = {n: index for n, index in self._indices.items() if n not in OF_PAIRS}
+        self._of_factors = [name for name, index in rest.items() if index.value.ndim == 2]
+        self._of_outputs = [name for name, index in rest.items() if index.value.ndim == 1]
+
+    def output(self, o: int) -> dict[str, Any]:
+        """Return OUTPUT of the module docstring."""
+        plan, indices = self._plan, self._indices
+        factors = {name: self._factor(name, (o, f)) for f, name in enumerate(plan.factors)}
+        by = RANKED_BY[family(plan.method)]
+        ranking = rank(self.statistics[by].weighted[:, o], plan.factors)
+        unknown = dict.fromkeys(field.name for field in fields(Ranking))
+        return {
+            "mean": _number(self._moments.mean[o]),
+            "sd": _number(self._moments.sd[o]),
+            "n": int(self._moments.n[o]),
+            "factors": factors,
+            **{name: _interval(indices[name], (o,)) for name in self._of_outputs},
             **{
                 name: [
-                    {"factors": list(pair), **_curve(series, name, (o, p))}
-                    for p, pair in enumerate(combinations(plan.factors, 2))
+                    {
+                        "factors": list(pair),
+                        **_interval(indices[name], (o, p)),
+                        "n": int(self.statistics[name].n[o, p]),
+                    }
+                    for p, pair in self._pairs
                 ]
-                for name in OF_PAIRS
-                if name in indices
+                for name in self._of_pairs
             },
-        },
-    }
+            "ranking": {"by": by, **(unknown if ranking is None else _plain(ranking))},
+            "screening": _plain(influence(factors, plan.method)),
+            "convergence": {
+                "rows": [point.rows for point in self._series],
+                "factors": {
+                    factor: {name: self._curve(name, (o, f)) for name in self._of_factors}
+                    for f, factor in enumerate(plan.factors)
+                },
+                **{
+                    name: [
+                        {"factors": list(pair), **self._curve(name, (o, p))}
+                        for p, pair in self._pairs
+                    ]
+                    for name in self._of_pairs
+                },
+            },
+        }
 
+    def _factor(self, factor: str, at: tuple[int, int]) -> dict[str, Any]:
+        found: dict[str, Any] = {n: _interval(self._indices[n], at) for n in self._of_factors}
+        # Shares have no unit, and effects do not rest on a few large squares.
+        if self._plan.method == "morris":
+            scale, found["per_unit"] = self._plan.scales.get(factor), None
+            if scale is not None and scale.width != 0.0:
+                found["per_unit"] = {
+                    **{n: _interval(self._indices[n], at, scale.width) for n in self._of_factors},
+                    "scale": asdict(scale),
+                }
+        total = self.statistics.get("total_order")
+        if total is not None and total.tail is not None:
+            found["rests_on"] = _number(total.tail.rows[at])
+        for who, compared in self._compared.items():
+            found[who] = {name: _interval(index, at) for name, index in compared.items()}
+        return {**found, "n": int(self._effects[at])}
 
-def _per_unit(
-    plan: StudyPlan, factor: str, of_factors: Mapping[str, Estimate], at: tuple[int, int]
-) -> dict[str, Any]:
-    """Return {"per_unit": ...} of the module docstring; nothing for shares, which have no unit."""
-    if plan.method != "morris":
-        return {}
-    scale = plan.scales.get(factor)
-    if scale is None or scale.width == 0.0:
-        return {"per_unit": None}
-    found = {name: _interval(index, at, scale.width) for name, index in of_factors.items()}
-    return {"per_unit": {**found, "scale": asdict(scale)}}
-
-
-def _rests_on(statistics: Mapping[str, Statistic], at: tuple[int, int]) -> dict[str, Any]:
-    """Return {"rests_on": ...} of the module docstring; nothing for elementary effects."""
-    total = statistics.get("total_order")
-    if total is None or total.tail is None:
-        return {}
-    return {"rests_on": _number(total.tail.rows[at])}
-
-
-def _pairs(
-    plan: StudyPlan, statistics: Mapping[str, Statistic], indices: Mapping[str, Estimate], o: int
-) -> dict[str, Any]:
-    """Return {"second_order": ...} of the module docstring; nothing if the design has none."""
-    return {
-        name: [
-            {
-                "factors": list(pair),
-                **_interval(indices[name], (o, p)),
-                "n": int(statistics[name].n[o, p]),
-            }
-            for p, pair in enumerate(combinations(plan.factors, 2))
-        ]
-        for name in OF_PAIRS
-        if name in indices
-    }
-
-
-def _ranking(plan: StudyPlan, statistics: Mapping[str, Statistic], o: int) -> dict[str, Any]:
-    by = RANKED_BY[family(plan.method)]
-    ranking = rank(statistics[by].weighted[:, o], plan.factors)
-    unknown = dict.fromkeys(field.name for field in fields(Ranking))
-    return {"by": by, **(unknown if ranking is None else _plain(ranking))}
+    def _curve(self, name: str, at: tuple[int, int]) -> dict[str, Any]:
+        points = [_interval(point.indices[name], at) for point in self._series]
+        return {end: [point[end] for point in points] for end in ("value", "low", "high")}
 
 
 def _plain(record: Any) -> dict[str, Any]:
@@ -238,17 +210,16 @@ def _plain(record: Any) -> dict[str, Any]:
 
 
 def _failure(
-    plan: StudyPlan, estimator: Estimator, evaluations: Mapping[str, int]
+    plan: StudyPlan,
+    estimator: Estimator,
+    statistics: Mapping[str, Statistic],
+    evaluations: Mapping[str, int],
 ) -> dict[str, Any]:
     runs = sum(evaluations.values())
     failed = runs - evaluations.get("ok", 0)
-    verdict = judge(estimator, len(plan.outputs), plan.factors, failed=failed, runs=runs)
+    column = len(plan.outputs)
+    verdict = judge(estimator, statistics, column, plan.factors, failed=failed, runs=runs)
     return {"failed": failed, "runs": runs, **_plain(verdict)}
-
-
-def _curve(series: Sequence[Point], name: str, at: tuple[int, ...]) -> dict[str, Any]:
-    points = [_interval(point.indices[name], at) for point in series]
-    return {end: [point[end] for point in points] for end in ("value", "low", "high")}
 
 
 def _interval(index: Estimate, at: tuple[int, ...], width: float = 1.0) -> dict[str, float | None]:
