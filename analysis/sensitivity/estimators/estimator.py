@@ -109,6 +109,8 @@ class Estimator(ABC):
     method: ClassVar[str]
     #: The sum of which a row must have a term to count as used.
     use: ClassVar[str]
+    #: The sum whose terms are counted as the rows of an index.
+    counted: ClassVar[str]
     #: Sums kept per output and factor, per output and pair of factors, and per output.
     factor_sums: ClassVar[tuple[str, ...]]
     pair_sums: ClassVar[tuple[str, ...]] = ()
@@ -193,9 +195,10 @@ class Estimator(ABC):
         return {}
 
     @property
-    @abstractmethod
     def effects(self) -> NDArray[np.int64]:
         """From how many rows each index was computed, shape (outputs, factors)."""
+        effects: NDArray[np.int64] = self._weighted(1).count(self.counted)[0]
+        return effects
 
     def moments(self) -> Moments:
         """Return mean and spread of the outputs over the factors' distributions."""

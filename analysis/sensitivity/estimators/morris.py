@@ -21,13 +21,8 @@ class MorrisEstimator(Estimator):
     """
 
     method = "morris"
-    use = "effect"
+    use = counted = "effect"
     factor_sums = ("effect", "effect_squared", "magnitude")
-
-    @property
-    def effects(self) -> NDArray[np.int64]:
-        effects: NDArray[np.int64] = self._weighted(1).count("effect")[0]
-        return effects
 
     def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
         """Return "mu", "mu_star" and "sigma" of every output and factor."""

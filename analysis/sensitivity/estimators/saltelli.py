@@ -28,15 +28,10 @@ class SaltelliEstimator(Estimator):
     """
 
     method = "saltelli"
-    use = "difference_squared"
+    use, counted = "difference_squared", "product"
     factor_sums = ("product", "difference", "difference_squared")
     output_sums = ("value", "value_squared", "between_squared")
     sample_sums = ("difference_root", "difference_size", "difference_fourth", *martinez.SUMS)
-
-    @property
-    def effects(self) -> NDArray[np.int64]:
-        effects: NDArray[np.int64] = self._weighted(1).count("product")[0]
-        return effects
 
     def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
         """Return {"martinez": S and ST by Martinez 2011} (`martinez`)."""
