@@ -3,12 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
 from scipy.stats import norm
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.model import Candidate, Channel, Model, Term
 from analysis.closeloop.identification.regression import Rows, Score
 from sim.effects.effect import Theta
+
+#: A model and its coefficients.
+Fit = tuple[Model, np.ndarray]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +98,22 @@ class Trace:
     ceiling_before: NoiseCeiling
     ceiling_after: NoiseCeiling
     notes: tuple[str, ...] = ()
+
+    @property
+    def fits(self) -> tuple[Fit, Fit]:
+        """The declared and the final model, each with its coefficients."""
+        return (
+            (self.declared, self.declared_score.coefficients),
+            (self.model, self.score.coefficients),
+        )
+
+    @property
+    def fit_of_steps(self) -> Fit:
+        """The model that holds the effects of the steps: not the final one if none is named."""
+        if self.verdict == Verdict.NOT_IDENTIFIABLE and self.steps:
+            taken = self.steps[0].taken
+            return taken.model, taken.score.coefficients
+        return self.model, self.score.coefficients
 
     def without_names(self, note: str) -> "Trace":
         """Return the trace of a residual that no effect may be named for."""

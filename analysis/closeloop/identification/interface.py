@@ -49,9 +49,7 @@ def beyond_interface(found: Trace) -> Trace:
     if ONE_WAY in found.notes:
         # Too little was recorded to say anything, and the advice is what to record.
         return found
-    named = found.verdict == Verdict.EFFECT_FOUND
-    model = found.model if named else found.steps[0].taken.model
-    coefficients = found.score.coefficients if named else found.steps[0].taken.score.coefficients
+    model, coefficients = found.fit_of_steps
     kept = tuple(
         step
         for number, step in enumerate(found.steps)

@@ -55,11 +55,7 @@ class Outcome:
 def outcome_of(trace: Trace) -> Outcome:
     """Compare the models' predictions with the trials and settle the verdict."""
     recording, rows = trace.rows.recording, trace.rows
-    models = (
-        (trace.declared, trace.declared_score.coefficients),
-        (trace.model, trace.score.coefficients),
-    )
-    expected = [settled(*model) for model in models]
+    expected = [settled(*model) for model in trace.fits]
     holdouts = tuple(
         number for number, trial in enumerate(recording.session.trials) if trial.role == "holdout"
     )
@@ -67,7 +63,7 @@ def outcome_of(trace: Trace) -> Outcome:
     holdout = [raw_errors(recording, effort, holdouts) for effort in expected]
     left_out = not holdout[0]
     if left_out:
-        holdout = [left_out_errors(model, rows) for model, _ in models]
+        holdout = [left_out_errors(model, rows) for model, _ in trace.fits]
     found = oscillations(recording, fit[1])
     adequate = trace.verdict == Verdict.ADEQUATE
     return Outcome(

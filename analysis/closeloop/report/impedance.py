@@ -36,8 +36,7 @@ def impedance_entries(found: Trace) -> dict[str, Any]:
     Where names cannot be told apart, each has a value of its own; the interval holds them all.
     """
     recording = found.rows.recording
-    before = Refits(found.declared, found.rows, found.declared_score.coefficients)
-    after = Refits(found.model, found.rows, found.score.coefficients)
+    before, after = (Refits(model, found.rows, own) for model, own in found.fits)
     others = alternatives(found)
     entries: dict[str, Any] = {}
     for joint in before.values:

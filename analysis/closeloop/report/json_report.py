@@ -116,14 +116,10 @@ def _advice(found: Trace, verdict: Verdict) -> list[str]:
 
 def _diagnostics(found: Trace) -> dict[str, Any]:
     recording = found.rows.recording
-    models = (
-        ("before", found.declared, found.declared_score.coefficients),
-        ("after", found.model, found.score.coefficients),
-    )
     return {
         recording.name(joint): {
             word: diagnose(model, coefficients, found.rows, joint)
-            for word, model, coefficients in models
+            for word, (model, coefficients) in zip(("before", "after"), found.fits, strict=True)
         }
         for joint in recording.joints
     }

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.identification.model import Candidate, Channel, Model, Term, gain
 from analysis.closeloop.identification.uncertainty import Fits, leave_out
@@ -16,11 +17,8 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
     """Return one entry for every effect of the answer, by held-out gain."""
     recording = found.rows.recording
     steps = sorted(found.steps, key=lambda step: -step.share(step.taken))
-    named = found.verdict != "not_identifiable"
-    model, coefficients = found.model, found.score.coefficients
-    if not named and steps:
-        model = found.steps[0].taken.model
-        coefficients = found.steps[0].taken.score.coefficients
+    named = found.verdict != Verdict.NOT_IDENTIFIABLE
+    model, coefficients = found.fit_of_steps
     fits = leave_out(model, found.rows, coefficients) if steps else None
     entries = []
     for step in steps:
@@ -32,7 +30,7 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
         entries.append(
             {
                 "name": effect.name,
-                "joint": recording.device.joints[joint],
+                "joint": recording.name(joint),
                 "parameters": _parameters(model, coefficients, fits, candidate),
                 "indistinguishable_from": others,
                 "separating_trial": effect.separating_trial if others or not named else None,

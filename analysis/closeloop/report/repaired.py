@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from analysis.closeloop.contract import Verdict
 from analysis.closeloop.session.device import Device
 from sim.effects.catalogue import BY_NAME, VISCOELASTIC
 
@@ -22,7 +23,7 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
         if values["stiffness"] < 0 or values["damping"] < 0:
             warnings.append(f"model_after.xml: the fitted impedance of {name} is not passive")
     elements = []
-    for effect in report["effects"] if report["verdict"] == "effect_found" else []:
+    for effect in report["effects"] if report["verdict"] == Verdict.EFFECT_FOUND else []:
         values = {name: entry["value"] for name, entry in effect["parameters"].items()}
         trial = spec.copy()
         try:
