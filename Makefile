@@ -19,7 +19,7 @@ test: $(READY)  ## Run every test (unit, integration with real processes, accept
 	$(PYTEST)
 
 unit: $(READY)  ## Run the unit tests, which take seconds
-	$(PYTEST) -m "not postgresql" tests/unit
+	$(PYTEST) tests/unit
 
 lint: $(READY)  ## Look at style, format and types
 	$(BIN)/ruff check .

@@ -21,13 +21,6 @@ VARIABLE = "REHYB_TEST_POSTGRES_URL"
 OPTIONS = ("fsync=off", "synchronous_commit=off", "full_page_writes=off", "max_connections=200")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what needs a PostgreSQL server, so that `make unit` can do without one."""
-    for item in items:
-        if "postgresql" in item.name or "postgresql_server" in getattr(item, "fixturenames", ()):
-            item.add_marker(pytest.mark.postgresql)
-
-
 @pytest.fixture(scope="session")
 def empty_database(postgresql_server: str) -> Iterator[Callable[[], str]]:
     """Empty the one database that the tests share, one after the other; returns its URL."""

@@ -1,0 +1,32 @@
+"""A fresh Python that imports a room loads neither what the room must not know nor ballast."""
+
+import subprocess
+import sys
+
+import pytest
+
+#: A spare machine installs little, and the parent process of a worker loads little.
+HEAVY = {"mujoco", "numpy", "scipy", "sqlalchemy", "fastapi", "pydantic", "matplotlib", "server"}
+
+
+@pytest.mark.parametrize(
+    ("module", "forbidden"),
+    [
+        ("rehyb", HEAVY),
+        ("rehyb.client", HEAVY),
+        ("rehyb.cli", HEAVY),
+        ("worker.cli", HEAVY | {"analysis"}),
+        ("worker.agent", HEAVY),
+        ("server.app", {"mujoco", "matplotlib", "worker"}),
+        ("analysis.closeloop.code", {"mujoco", "numpy"}),
+        ("sim.assessment.assess", {"httpx2", "fastapi", "sqlalchemy", "analysis", "matplotlib"}),
+    ],
+)
+def test_importing_a_room_does_not_load_what_it_must_not_know(
+    module: str, forbidden: set[str]
+) -> None:
+    code = f"import sys, {module}; print(*{{name.split('.')[0] for name in sys.modules}})"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert set(loaded) & forbidden == set()
