@@ -10,55 +10,15 @@ while ...:
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
-from math import tanh
 
 import mujoco
 
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import AppliedEffect
 from sim.effects.elements import PREFIX
-
-#: Width over which the direction of a motion changes, rad/s or m/s.
-SMOOTH = 0.01
+from sim.effects.motion import SimulatedMotion
 
 Torque = Callable[[mujoco.MjData], float]
-
-
-@dataclass(frozen=True)
-class SimulatedMotion:
-    """Motion of one joint at one instant of a simulation, as `sim.effects.motion.Motion`."""
-
-    data: mujoco.MjData
-    qpos: int
-    dof: int
-
-    @property
-    def position(self) -> float:
-        return float(self.data.qpos[self.qpos])
-
-    @property
-    def velocity(self) -> float:
-        return float(self.data.qvel[self.dof])
-
-    @property
-    def acceleration(self) -> float:
-        return float(self.data.qacc[self.dof])
-
-    @property
-    def direction(self) -> float:
-        return tanh(self.velocity / SMOOTH)
-
-    @property
-    def load(self) -> float:
-        return abs(float(self.data.qfrc_bias[self.dof] - self.data.qfrc_passive[self.dof]))
-
-    @property
-    def time(self) -> float:
-        return float(self.data.time)
-
-    def other(self, dof: int) -> tuple[float, float]:
-        return float(self.data.qpos[dof]), float(self.data.qvel[dof])
 
 
 class AppliedEffects:

@@ -3,80 +3,46 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from sim.effects.drive import (
-    ActuatorLag,
-    Drift,
-    PositionOffset,
-    TimeDelay,
-    TorqueGain,
-    TorqueOffset,
-)
+from sim.effects import drive, elastic, friction, inertia, limb, transmission
 from sim.effects.effect import Effect
-from sim.effects.elastic import EndRange, JointStiffness, NonlinearStiffness, Viscoelastic
-from sim.effects.friction import (
-    Asymmetric,
-    Coulomb,
-    LoadDependent,
-    PositionDependent,
-    Stribeck,
-    Viscous,
-)
-from sim.effects.inertia import AddedInertia, Payload
-from sim.effects.limb import CrossJointCoupling, StretchReflex, Thixotropy
-from sim.effects.transmission import Backlash, Hysteresis, SeriesElasticity, TorqueRipple
 
 #: Candidates for a residual, simplest first.
 EFFECTS: tuple[Effect, ...] = (
-    TorqueOffset(),
-    Coulomb(),
-    Viscous(),
-    AddedInertia(),
-    TorqueGain(),
-    PositionOffset(),
-    TimeDelay(),
-    ActuatorLag(),
-    JointStiffness(),
-    Payload(),
-    LoadDependent(),
-    NonlinearStiffness(),
-    SeriesElasticity(),
-    Drift(),
-    Hysteresis(),
-    Backlash(),
-    Thixotropy(),
-    CrossJointCoupling(),
-    Stribeck(),
-    Asymmetric(),
-    PositionDependent(),
-    EndRange(),
-    TorqueRipple(),
-    StretchReflex(),
+    drive.TorqueOffset(),
+    friction.Coulomb(),
+    friction.Viscous(),
+    inertia.AddedInertia(),
+    drive.TorqueGain(),
+    drive.PositionOffset(),
+    drive.TimeDelay(),
+    drive.ActuatorLag(),
+    elastic.JointStiffness(),
+    inertia.Payload(),
+    friction.LoadDependent(),
+    elastic.NonlinearStiffness(),
+    transmission.SeriesElasticity(),
+    drive.Drift(),
+    transmission.Hysteresis(),
+    transmission.Backlash(),
+    limb.Thixotropy(),
+    limb.CrossJointCoupling(),
+    friction.Stribeck(),
+    friction.Asymmetric(),
+    friction.PositionDependent(),
+    elastic.EndRange(),
+    transmission.TorqueRipple(),
+    limb.StretchReflex(),
 )
 #: The declared impedance, which is no candidate.
-VISCOELASTIC = Viscoelastic()
+VISCOELASTIC = elastic.Viscoelastic()
 #: Every effect that a session may declare.
 BY_NAME: Mapping[str, Effect] = MappingProxyType(
     {effect.name: effect for effect in (VISCOELASTIC, *EFFECTS)}
 )
+_ORDER = """
+coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_dependent_friction
+position_dependent_friction torque_offset torque_gain added_inertia payload torque_ripple
+nonlinear_stiffness end_range_torque stretch_reflex
+"""
 #: Effects that a simulated assessment can have, in the order of their factors.
-ASSESSED: Mapping[str, Effect] = MappingProxyType(
-    {
-        name: BY_NAME[name]
-        for name in (
-            "coulomb_friction",
-            "viscous_friction",
-            "stribeck_friction",
-            "asymmetric_friction",
-            "load_dependent_friction",
-            "position_dependent_friction",
-            "torque_offset",
-            "torque_gain",
-            "added_inertia",
-            "payload",
-            "torque_ripple",
-            "nonlinear_stiffness",
-            "end_range_torque",
-            "stretch_reflex",
-        )
-    }
-)
+ASSESSED: Mapping[str, Effect] = MappingProxyType({name: BY_NAME[name] for name in _ORDER.split()})

@@ -8,11 +8,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.effects.effect import Columns, Effect, Law, Theta, scaled
+from sim.effects.effect import Columns, Effect, Law, Theta
 from sim.effects.elements import add_constant, add_delay, add_filter, joint_of, motors_of
 from sim.effects.functions import Signal, expm1
-from sim.effects.motion import Estimate, Motion, Recording
-from sim.effects.parameter import GainReading, Parameter, Reading, Step, Values, named, size
+from sim.effects.motion import Motion, RecordedJoint, Recording
+from sim.effects.parameter import (
+    RELATIVE,
+    SECONDS,
+    GainReading,
+    Nonlinear,
+    Parameter,
+    Reading,
+    Values,
+    named,
+    size,
+)
 
 if TYPE_CHECKING:
     import mujoco
@@ -22,6 +32,17 @@ GAINS = (0.33, 3.0)
 #: Slowest drive, s: a loop closed around a slower one cannot follow a limb. Soft tissue relaxes in
 #: 0.1 to 1 s (viscosity over stiffness, Table 1), and looks like one.
 MAX_LAG = 0.16
+#: Delays and lags to begin with, s; negative ones are those of a sensor.
+DELAYS = tuple(
+    sign * delay
+    for delay in (0.002, 0.004, 0.007, 0.011, 0.016, 0.023, 0.032, 0.045, 0.065)
+    for sign in (-1.0, 1.0)
+)
+LAGS = tuple(
+    sign * constant
+    for constant in (0.003, 0.006, 0.011, 0.02, 0.035, 0.06, 0.1, 0.16)
+    for sign in (-1.0, 1.0)
+)
 
 
 class TorqueOffset(Law):
@@ -55,11 +76,11 @@ class TorqueGain(Effect):
     owner = "robot"
     parameters = named(
         gain=Parameter(
-            unit="1",
-            low=0.8,
-            high=1.2,
+            "1",
+            "torque at the joint over the torque reported",
+            0.8,
+            1.2,
             neutral=1.0,
-            description="torque at the joint over the torque reported",
             switches=True,
             floor=0.2,
             ceiling=5.0,
@@ -68,16 +89,14 @@ class TorqueGain(Effect):
     coefficients = ("gain",)
     scales_effort = True
 
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
-        return {joint: recording.inverse[:, [joint]]}
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        return {joint.number: joint.recording.inverse[:, [joint.number]]}
 
-    def readings(self, recording: Recording, joint: int, theta: Theta) -> dict[str, Reading]:
+    def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
         return {"gain": GainReading(column=0)}
 
     def plausible(
-        self, coefficients: np.ndarray, recording: Recording, joint: int, samples: np.ndarray
+        self, joint: RecordedJoint, coefficients: np.ndarray, samples: np.ndarray
     ) -> bool:
         return 1.0 / GAINS[1] < 1.0 + float(coefficients[-1]) < 1.0 / GAINS[0]
 
@@ -102,23 +121,16 @@ class PositionOffset(Effect):
     signature = "the residual follows the slope of gravity over posture"
     element = "joint/@ref"
     separating_trial = "hold still in five postures all over the range"
-    parameters = named(offset=Parameter(unit="rad", description="recorded position less the true"))
+    parameters = named(offset=Parameter("rad", "recorded position less the true"))
     coefficients = ("offset",)
+    nonlinear = (Nonlinear("offset", (-0.3, -0.1, -0.03, 0.03, 0.1, 0.3), scaling=0.4),)
     uses_estimate = True
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [{"offset": offset} for offset in (-0.3, -0.1, -0.03, 0.03, 0.1, 0.3)]
-
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return scaled(theta, "offset", scale)
-
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         # Recorded position = true position + offset, so the torque is that of q - offset. The
         # secant over the offset itself is exact once both agree.
-        secant = recording.secant(joint, -theta["offset"])
-        return {number: -secant[:, [number]] for number in recording.joints}
+        secant = joint.recording.secant(joint.number, -theta["offset"])
+        return {number: -secant[:, [number]] for number in joint.recording.joints}
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
         joint_of(spec, joint).ref += parameters["offset"]
@@ -135,26 +147,13 @@ class TimeDelay(Effect):
     )
     element = "applied torque (delay)"
     separating_trial = "shake the joint fast, with a small amplitude"
-    parameters = named(delay=Parameter(unit="s", description="from the effort to the joint"))
-    steps = (Step("delay", least=5e-4, share=0.0),)
+    parameters = named(delay=Parameter("s", "from the effort to the joint"))
+    nonlinear = (Nonlinear("delay", DELAYS, scaling=0.25, step=SECONDS),)
     channel = True
-
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [
-            {"delay": sign * delay}
-            for delay in (0.002, 0.004, 0.007, 0.011, 0.016, 0.023, 0.032, 0.045, 0.065)
-            for sign in (-1.0, 1.0)
-        ]
-
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return scaled(theta, "delay", scale, step=0.25)
 
     def through(self, recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
         # The joint feels effort(t - d), so the effort is what the joint needs d later.
         return recording.shifted(column, theta["delay"])
-
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
-        return {"delay": theta["delay"]}
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str | None:
         delay = parameters["delay"]
@@ -169,19 +168,9 @@ class ActuatorLag(Effect):
     signature = "fast parts of the torque are missing and late, slow ones are not"
     element = "actuator/general/@dynprm (filter)"
     separating_trial = "sweep the joint from slow to fast with a small amplitude"
-    parameters = named(time_constant=Parameter(unit="s", description="of the first-order lag"))
-    steps = (Step("time_constant", least=5e-4, share=0.0),)
+    parameters = named(time_constant=Parameter("s", "of the first-order lag"))
+    nonlinear = (Nonlinear("time_constant", LAGS, scaling=0.25, step=SECONDS),)
     channel = True
-
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [
-            {"time_constant": sign * constant}
-            for constant in (0.003, 0.006, 0.011, 0.02, 0.035, 0.06, 0.1, 0.16)
-            for sign in (-1.0, 1.0)
-        ]
-
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return scaled(theta, "time_constant", scale, step=0.25)
 
     def plausible_theta(self, theta: Theta) -> bool:
         return abs(theta["time_constant"]) <= MAX_LAG
@@ -192,9 +181,6 @@ class ActuatorLag(Effect):
             # Above the fit's band a slope of the torque, a third derivative, is noise alone.
             return column + constant * recording.derivative(recording.filtered(column))
         return recording.lagged(column, -constant)
-
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
-        return {"time_constant": theta["time_constant"]}
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str | None:
         if parameters["time_constant"] <= 0:
@@ -211,26 +197,21 @@ class Drift(Law):
     signature = "the residual changes from trial to trial in the order they were run"
     separating_trial = "repeat the first trial at the end of the session"
     parameters = named(
-        rate=Parameter(unit="Nm/s", description="at the session's beginning"),
-        time_constant=Parameter(unit="s", description="over which it levels off"),
+        rate=Parameter("Nm/s", "at the session's beginning"),
+        time_constant=Parameter("s", "over which it levels off"),
     )
     coefficients = ("rate",)
-    steps = (Step("level_off"),)
+    nonlinear = (Nonlinear("level_off", (10.0, 0.6, 0.2), step=RELATIVE),)
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         constant = parameters["time_constant"]
         return parameters["rate"] * constant * -expm1(-motion.time / constant)
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [{"level_off": share} for share in (10.0, 0.6, 0.2)]
-
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
-        time = recording.time - recording.time.min()
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        time = joint.recording.time - joint.recording.time.min()
         constant = theta["level_off"] * max(float(time.max()), 1e-9)
-        return {joint: (constant * (1.0 - np.exp(-time / constant)))[:, None]}
+        return {joint.number: (constant * (1.0 - np.exp(-time / constant)))[:, None]}
 
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
-        length = float(np.ptp(recording.time))
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        length = float(np.ptp(joint.recording.time))
         return {"time_constant": theta["level_off"] * length}

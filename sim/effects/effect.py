@@ -6,13 +6,15 @@ is what the motor has to add: along the motion if the effect resists. The joint 
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from sim.effects.functions import Signal
-from sim.effects.motion import Estimate, Motion, RecordedMotion, Recording
-from sim.effects.parameter import Parameter, Reading, Step, Values
+from sim.effects.motion import Motion, RecordedJoint, Recording
+from sim.effects.parameter import Nonlinear, Parameter, Reading, Values
 
 if TYPE_CHECKING:
     import mujoco
@@ -46,8 +48,8 @@ class Effect(ABC):
     coefficients: tuple[str, ...] = ()
     #: Lower bound of every coefficient (the last repeats); -inf if either sign is physical.
     lower: tuple[float, ...] = (-np.inf,)
-    #: Non-linear parameters that have an interval.
-    steps: tuple[Step, ...] = ()
+    #: Parameters that the columns are not linear in (`Theta`).
+    nonlinear: tuple[Nonlinear, ...] = ()
     #: Whether the columns depend on the estimate so far.
     uses_estimate: bool = False
     #: Whether the effect acts on the whole effort channel (`through`) instead of adding torque.
@@ -73,17 +75,21 @@ class Effect(ABC):
         """Whether the effect can be asked of this joint of this device."""
         return True
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
         """Return the grid of non-linear parameters; one empty entry if there is none."""
-        return [{}]
+        names = [parameter.name for parameter in self.nonlinear]
+        grids = [parameter.grid for parameter in self.nonlinear]
+        return [dict(zip(names, values, strict=True)) for values in product(*grids)]
 
     def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
         """Return parameters around `theta` to refine it; `scale` shrinks towards zero."""
-        return []
+        return [
+            {**theta, parameter.name: value}
+            for parameter in self.nonlinear
+            for value in parameter.near(theta[parameter.name], scale)
+        ]
 
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         """Return what the motor has to add for one unit of each coefficient."""
         return {}
 
@@ -91,14 +97,15 @@ class Effect(ABC):
         """Return what the effort must be for `column`, (n, k), to arrive at the joint."""
         return column
 
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
         """Return the physical parameters that are no coefficients."""
-        return {}
+        own = self.parameters.keys() - set(self.coefficients)
+        return {p.name: theta[p.name] for p in self.nonlinear if p.name in own}
 
-    def readings(self, recording: Recording, joint: int, theta: Theta) -> dict[str, Reading]:
+    def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
         """Return where each physical parameter comes from."""
         found = {name: Reading(column=i) for i, name in enumerate(self.coefficients)}
-        values = self.fixed(recording, joint, theta)
+        values = self.fixed(joint, theta)
         return found | {name: Reading(value=value) for name, value in values.items()}
 
     def unit(self, parameter: str, theta: Theta) -> str:
@@ -114,14 +121,13 @@ class Effect(ABC):
         return True
 
     def plausible(
-        self, coefficients: np.ndarray, recording: Recording, joint: int, samples: np.ndarray
+        self, joint: RecordedJoint, coefficients: np.ndarray, samples: np.ndarray
     ) -> bool:
         """Whether the effect can be what its fitted coefficients say.
 
         Args:
+            joint: that was fitted.
             coefficients: of the columns that were kept.
-            recording: that was fitted.
-            joint: the joint's column.
             samples: those of the joint that were fitted.
         """
         return True
@@ -178,30 +184,21 @@ class Law(AppliedEffect):
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         """Return what the motor has to add; linear in the parameters that are coefficients."""
 
-    def motion(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> RecordedMotion:
+    def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
         """Return the recorded motion as the law is told it."""
-        return RecordedMotion(recording=recording, joint=joint, smooth=theta.get("smooth", 0.0))
+        return replace(joint, smooth=theta.get("smooth", 0.0))
 
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
-        motion = self.motion(recording, joint, theta, estimate)
-        readings = self.readings(recording, joint, theta)
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        motion = self.motion(joint, theta)
+        readings = self.readings(joint, theta)
         used = sorted(set().union(*(reading.columns for reading in readings.values())))
         columns = []
         for number in used:
             unit = {other: float(other == number) for other in used}
             parameters = {name: float(reading.of(unit)) for name, reading in readings.items()}
             torque = self.torque(parameters, motion)
-            columns.append(np.broadcast_to(torque, recording.time.shape))
-        return {joint: np.column_stack(columns)}
+            columns.append(np.broadcast_to(torque, joint.recording.time.shape))
+        return {joint.number: np.column_stack(columns)}
 
     def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
         return lambda motion: float(self.torque(parameters, motion))
-
-
-def scaled(theta: Theta, name: str, scale: float, step: float = 0.4) -> list[Theta]:
-    """Return `theta` with one positive parameter a little smaller and larger."""
-    return [{**theta, name: theta[name] * (1 + sign * step * scale)} for sign in (-1, 1)]

@@ -12,8 +12,8 @@ import numpy as np
 from sim.effects.effect import Columns, Effect, Law, Theta
 from sim.effects.elements import add_damping, add_spring, joint_of
 from sim.effects.functions import Signal, at_least, at_most, expm1
-from sim.effects.motion import Estimate, Motion, Recording, travel
-from sim.effects.parameter import Parameter, Step, Values, named, size
+from sim.effects.motion import Motion, RecordedJoint
+from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Values, named, size
 
 if TYPE_CHECKING:
     import mujoco
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 EXPONENTIAL, END_WIDTH = 0.0, 0.35
 #: Which way a one-sided effect acts.
 SIDE = Parameter(
-    unit="1",
-    low=-1.0,
-    high=1.0,
+    "1",
+    "+1 acts in flexion, -1 in extension",
+    -1.0,
+    1.0,
     neutral=1.0,
-    description="+1 acts in flexion, -1 in extension",
     choice=True,
     in_joint_frame=True,
 )
@@ -50,16 +50,14 @@ class Viscoelastic(Effect):
     separating_trial = "move through the whole range, both ways, at three speeds"
     includes = ("torque_offset", "viscous_friction", "joint_stiffness")
     parameters = named(
-        stiffness=Parameter(unit="Nm/rad", description="K"),
-        damping=Parameter(unit="Nm s/rad", description="D"),
-        neutral_angle=Parameter(unit="rad", description="q0", in_joint_frame=True),
+        stiffness=Parameter("Nm/rad", "K"),
+        damping=Parameter("Nm s/rad", "D"),
+        neutral_angle=Parameter("rad", "q0", in_joint_frame=True),
     )
 
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
-        q, v = recording.position[:, joint], recording.velocity[:, joint]
-        return {joint: np.column_stack([q, v, np.ones_like(q)])}
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        q, v = joint.position, joint.velocity
+        return {joint.number: np.column_stack([q, v, np.ones_like(q)])}
 
     def impedance(self, coefficients: Mapping[int, float], gain: float) -> dict[str, float]:
         """Return stiffness, damping and neutral angle (NaN without stiffness).
@@ -90,8 +88,8 @@ class JointStiffness(Law):
     separating_trial = "move slowly through the whole range, both ways"
     includes = ("torque_offset",)
     parameters = named(
-        stiffness=Parameter(unit="Nm/rad", description="of the spring"),
-        torque_at_zero=Parameter(unit="Nm", description="what the motor adds at position 0"),
+        stiffness=Parameter("Nm/rad", "of the spring"),
+        torque_at_zero=Parameter("Nm", "what the motor adds at position 0"),
     )
     coefficients = ("stiffness", "torque_at_zero")
     lower = (0.0, -np.inf)
@@ -118,30 +116,17 @@ class NonlinearStiffness(Law):
     owner = "human"
     parameters = named(
         cubic_stiffness=size("Nm/rad3", 5.0, "hardening of the limb's joint", low=-5.0),
-        centre=Parameter(
-            unit="rad",
-            low=0.5,
-            high=1.5,
-            neutral=1.0,
-            description="angle without torque",
-            in_joint_frame=True,
-        ),
+        centre=Parameter("rad", "angle without torque", 0.5, 1.5, neutral=1.0, in_joint_frame=True),
     )
     coefficients = ("cubic_stiffness",)
-    steps = (Step("centre"),)
+    nonlinear = (Nonlinear("centre", shift=0.1, step=RELATIVE),)
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         return parameters["cubic_stiffness"] * (motion.position - parameters["centre"]) ** 3
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        middle, half = travel(recording, joint)
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        middle, half = joint.travel
         return [{"centre": middle + half * share} for share in np.linspace(-1.4, 1.4, 15)]
-
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return [{"centre": theta["centre"] + sign * 0.1 * scale} for sign in (-1, 1)]
-
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
-        return {"centre": theta["centre"]}
 
 
 class EndRange(Law):
@@ -156,37 +141,27 @@ class EndRange(Law):
     owner = "human"
     parameters = named(
         stiffness=size("Nm/rad", 20.0, "steepness (Nm/rad2 or Nm by the power)"),
-        onset=Parameter(
-            unit="rad",
-            low=0.2,
-            high=1.8,
-            neutral=1.5,
-            description="angle where it begins",
-            in_joint_frame=True,
-        ),
+        onset=Parameter("rad", "angle where it begins", 0.2, 1.8, neutral=1.5, in_joint_frame=True),
         side=SIDE,
         power=Parameter(
-            unit="1",
-            low=0.0,
-            high=2.0,
+            "1",
+            "1 or 2; 0 stands for an exponential",
+            0.0,
+            2.0,
             neutral=1.0,
-            description="1 or 2; 0 stands for an exponential",
             floor=0.0,
             ceiling=4.0,
             choice=True,
         ),
-        width=Parameter(
-            unit="rad",
-            low=0.1,
-            high=0.5,
-            neutral=0.3,
-            description="width of the exponential",
-            floor=0.01,
-        ),
+        width=Parameter("rad", "width of the exponential", 0.1, 0.5, neutral=0.3, floor=0.01),
     )
     coefficients = ("stiffness",)
     lower = (0.0,)
-    steps = (Step("onset"),)
+    nonlinear = (
+        Nonlinear("onset", shift=0.08, step=RELATIVE),
+        Nonlinear("side"),
+        Nonlinear("power"),
+    )
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         side, power = sign_of(parameters["side"]), parameters["power"]
@@ -197,8 +172,8 @@ class EndRange(Law):
             rise = beyond**power
         return side * parameters["stiffness"] * rise
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        middle, half = travel(recording, joint)
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        middle, half = joint.travel
         return [
             {"side": side, "onset": middle + side * half * share, "power": power}
             for side in (-1.0, 1.0)
@@ -206,16 +181,8 @@ class EndRange(Law):
             for power in (1.0, 2.0, EXPONENTIAL)
         ]
 
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return [{**theta, "onset": theta["onset"] + sign * 0.08 * scale} for sign in (-1, 1)]
-
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
-        return {
-            "onset": theta["onset"],
-            "side": theta["side"],
-            "power": theta["power"],
-            "width": END_WIDTH * travel(recording, joint)[1],
-        }
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        return {**super().fixed(joint, theta), "width": END_WIDTH * joint.travel[1]}
 
     def unit(self, parameter: str, theta: Theta) -> str:
         if parameter != "stiffness":

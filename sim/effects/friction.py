@@ -7,21 +7,31 @@ varies enters as an applied torque, or as a level that is set anew at each step.
 """
 
 from abc import abstractmethod
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.effects.effect import Columns, Law, Theta, scaled
+from sim.effects.effect import Columns, Law, Theta
 from sim.effects.elements import add_damping, joint_of
 from sim.effects.functions import Signal, choose, exp, magnitude
-from sim.effects.motion import Estimate, Motion, RecordedMotion, Recording, travel
-from sim.effects.parameter import Parameter, Reading, Step, Values, named, size
+from sim.effects.motion import Motion, RecordedJoint
+from sim.effects.parameter import (
+    RELATIVE,
+    Nonlinear,
+    Parameter,
+    Reading,
+    Values,
+    named,
+    size,
+)
 
 if TYPE_CHECKING:
     import mujoco
 
 #: Width over which the direction changes, over the top speed.
-SMOOTH = (0.004, 0.02, 0.06)
+SMOOTH = Nonlinear("smooth", (0.004, 0.02, 0.06), scaling=0.4)
+COARSE = Nonlinear("smooth", (0.004, 0.02))
 #: Friction that takes more than this share of the load locks a transmission: nobody could move the
 #: robot by hand. What looks like it is Coulomb friction beside something else.
 MAX_LOAD_SHARE = 0.5
@@ -32,6 +42,7 @@ class Friction(Law):
 
     owner = "robot"
     lower: tuple[float, ...] = (0.0,)
+    nonlinear: tuple[Nonlinear, ...] = (SMOOTH,)
     rubs = directed = at_reversals = True
     #: Whether the level is another from step to step, for which MuJoCo has no element.
     varies: bool = True
@@ -42,12 +53,6 @@ class Friction(Law):
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         return self.level(parameters, motion) * motion.direction
-
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [{"smooth": share} for share in SMOOTH]
-
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return scaled(theta, "smooth", scale)
 
 
 class Coulomb(Friction):
@@ -104,34 +109,29 @@ class Stribeck(Friction):
         torque=size("Nm", 3.0, "friction of the robot's joint when fast"),
         breakaway_excess=size("Nm", 2.0, "how much more of it there is when slow"),
         stribeck_velocity=Parameter(
-            unit="rad/s",
-            low=0.02,
-            high=0.5,
-            neutral=0.1,
-            description="speed at which the excess is lost",
-            floor=1e-3,
+            "rad/s", "speed at which the excess is lost", 0.02, 0.5, neutral=0.1, floor=1e-3
         ),
     )
     coefficients = ("torque", "breakaway_excess")
-    steps = (Step("speed"),)
+    nonlinear = (
+        replace(SMOOTH, grid=COARSE.grid),
+        Nonlinear("speed", (0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE),
+    )
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         slow = exp(-((motion.velocity / parameters["stribeck_velocity"]) ** 2))
         return parameters["torque"] + parameters["breakaway_excess"] * slow
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [
-            {"smooth": smooth, "speed": speed}
-            for smooth in SMOOTH[:2]
-            for speed in (0.03, 0.06, 0.12, 0.24, 0.4)
-            if speed > 2 * smooth
-        ]
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        return [t for t in super().thetas(joint) if t["speed"] > 2 * t["smooth"]]
 
     def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return scaled(theta, "speed", scale) + scaled(theta, "smooth", scale)
+        # The speed first: it matters more.
+        found = super().neighbours(theta, scale)
+        return found[2:] + found[:2]
 
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
-        return {"stribeck_velocity": theta["speed"] * float(recording.top_speed[joint])}
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        return {"stribeck_velocity": theta["speed"] * joint.top_speed}
 
 
 class Asymmetric(Friction):
@@ -155,6 +155,7 @@ class Asymmetric(Friction):
         ),
     )
     lower = (0.0, -np.inf, -np.inf)
+    nonlinear = (SMOOTH, Nonlinear("viscous", (0.0, 1.0)))
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         return self._constant(parameters, motion) + self._slope(parameters) * motion.velocity
@@ -171,12 +172,7 @@ class Asymmetric(Friction):
     def _slope(self, parameters: Values) -> float:
         return 0.5 * parameters.get("viscous_difference", 0.0)
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [
-            {"smooth": smooth, "viscous": viscous} for smooth in SMOOTH for viscous in (0.0, 1.0)
-        ]
-
-    def readings(self, recording: Recording, joint: int, theta: Theta) -> dict[str, Reading]:
+    def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
         found = {
             "torque_positive": Reading(column=0, also=(1, 1.0)),
             "torque_negative": Reading(column=0, also=(1, -1.0)),
@@ -199,30 +195,23 @@ class LoadDependent(Friction):
         load_share=size("1", 0.3, "further friction over the motor's torque"),
     )
     coefficients = ("torque", "load_share")
+    nonlinear = (COARSE, Nonlinear("load", (0, 1, 2)))
     uses_estimate = True
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         return parameters["torque"] + parameters["load_share"] * motion.load
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [{"smooth": smooth, "load": load} for smooth in SMOOTH[:2] for load in (0, 1, 2)]
-
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return []
-
-    def motion(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> RecordedMotion:
+    def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
         loads = (
-            recording.static[:, joint],
-            estimate.prediction[:, joint],
-            np.nan_to_num(recording.effort[:, joint]),
+            joint.recording.static[:, joint.number],
+            joint.estimate.prediction[:, joint.number],
+            np.nan_to_num(joint.recording.effort[:, joint.number]),
         )
         load = np.abs(loads[int(theta["load"])])
-        return RecordedMotion(recording=recording, joint=joint, smooth=theta["smooth"], load=load)
+        return replace(joint, smooth=theta["smooth"], load=load)
 
     def plausible(
-        self, coefficients: np.ndarray, recording: Recording, joint: int, samples: np.ndarray
+        self, joint: RecordedJoint, coefficients: np.ndarray, samples: np.ndarray
     ) -> bool:
         return bool(coefficients[-1] <= MAX_LOAD_SHARE)
 
@@ -239,39 +228,25 @@ class PositionDependent(Friction):
         torque_middle=size("Nm", 3.0, "friction in the middle of the range"),
         torque_slope=size("Nm/rad", 1.0, "its slope over the angle", low=-1.0),
         torque_curvature=size("Nm/rad2", 1.0, "its curvature", low=-1.0),
-        middle=Parameter(
-            unit="rad",
-            low=0.5,
-            high=1.5,
-            neutral=1.0,
-            description="middle of the range",
-            in_joint_frame=True,
-        ),
+        middle=Parameter("rad", "middle of the range", 0.5, 1.5, neutral=1.0, in_joint_frame=True),
     )
     lower = (0.0, -np.inf, -np.inf)
+    nonlinear = (COARSE,)
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         x = motion.position - parameters["middle"]
         slope, curvature = parameters["torque_slope"], parameters["torque_curvature"]
         return parameters["torque_middle"] + slope * x + curvature * x * x
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return super().thetas(recording, joint, estimate)[:2]
-
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return []
-
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         # Over half the range, so that the columns are alike in size.
-        sign = self.motion(recording, joint, theta, estimate).direction
-        middle, half = travel(recording, joint)
-        x = (recording.position[:, joint] - middle) / half
-        return {joint: np.column_stack([sign, sign * x, sign * x**2])}
+        sign = self.motion(joint, theta).direction
+        middle, half = joint.travel
+        x = (joint.position - middle) / half
+        return {joint.number: np.column_stack([sign, sign * x, sign * x**2])}
 
-    def readings(self, recording: Recording, joint: int, theta: Theta) -> dict[str, Reading]:
-        middle, half = travel(recording, joint)
+    def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
+        middle, half = joint.travel
         return {
             "torque_middle": Reading(column=0),
             "torque_slope": Reading(column=1, scale=1 / half),

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.effects.effect import Columns, Effect, Law, Theta, scaled
+from sim.effects.effect import Columns, Effect, Law, Theta
 from sim.effects.elements import add_point_mass, joint_of
 from sim.effects.functions import Signal
-from sim.effects.motion import Estimate, Motion, Recording
-from sim.effects.parameter import Parameter, Step, Values, named
+from sim.effects.motion import Motion, RecordedJoint, Recording
+from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Values, named
 
 if TYPE_CHECKING:
     import mujoco
@@ -37,55 +37,42 @@ class Payload(Effect):
     twins = ("torque_gain",)
     owner = "robot"
     parameters = named(
-        mass=Parameter(
-            unit="kg",
-            low=0.0,
-            high=1.0,
-            description="mass on the robot's link",
-            switches=True,
-            floor=-0.45,
-        ),
+        mass=Parameter("kg", "mass on the robot's link", 0.0, 1.0, switches=True, floor=-0.45),
         distance=Parameter(
-            unit="m",
-            low=0.05,
-            high=0.3,
+            "m",
+            "its distance from the joint, towards the link's centre of mass",
+            0.05,
+            0.3,
             neutral=0.1,
-            description="its distance from the joint, towards the link's centre of mass",
             floor=0.0,
             ceiling=2.0,
         ),
     )
     coefficients = ("mass",)
-    steps = (Step("distance"),)
+    nonlinear = (
+        Nonlinear("distance", (0.4, 0.7, 1.0, 1.4, 2.0, 3.0), scaling=0.25, step=RELATIVE),
+    )
     adds_mass = True
 
     def applies(self, recording: Recording, joint: int) -> bool:
         return recording.centre_of_mass(joint) is not None
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [{"distance": share} for share in (0.4, 0.7, 1.0, 1.4, 2.0, 3.0)]
-
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return scaled(theta, "distance", scale, step=0.25)
-
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         # The torque of one kilogram is a quadratic in its share of the lever.
-        share, centre = theta["distance"], self._centre(recording, joint)
+        share, centre = theta["distance"], self._centre(joint)
         axis, once, twice = (
-            recording.mass_torque(joint, centre * factor) for factor in (0.0, 1.0, 2.0)
+            joint.recording.mass_torque(joint.number, centre * factor) for factor in (0.0, 1.0, 2.0)
         )
         curve = (twice - 2 * once + axis) / 2
         torque = axis + (once - axis - curve) * share + curve * share**2
-        return {number: torque[:, [number]] for number in recording.joints}
+        return {number: torque[:, [number]] for number in joint.recording.joints}
 
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
-        lever = float(np.linalg.norm(self._centre(recording, joint)))
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        lever = float(np.linalg.norm(self._centre(joint)))
         return {"distance": lever * theta["distance"]}
 
-    def _centre(self, recording: Recording, joint: int) -> np.ndarray:
-        centre = recording.centre_of_mass(joint)
+    def _centre(self, joint: RecordedJoint) -> np.ndarray:
+        centre = joint.recording.centre_of_mass(joint.number)
         assert centre is not None
         return centre
 
@@ -105,12 +92,7 @@ class AddedInertia(Law):
     owner = "robot"
     parameters = named(
         inertia=Parameter(
-            unit="kg m2",
-            low=0.0,
-            high=0.1,
-            description="further inertia of the robot's joint",
-            switches=True,
-            floor=-0.14,
+            "kg m2", "further inertia of the robot's joint", 0.0, 0.1, switches=True, floor=-0.14
         )
     )
     coefficients = ("inertia",)
@@ -120,9 +102,9 @@ class AddedInertia(Law):
         return parameters["inertia"] * motion.acceleration
 
     def plausible(
-        self, coefficients: np.ndarray, recording: Recording, joint: int, samples: np.ndarray
+        self, joint: RecordedJoint, coefficients: np.ndarray, samples: np.ndarray
     ) -> bool:
-        own = recording.own_inertia[samples, joint]
+        own = joint.recording.own_inertia[samples, joint.number]
         return float(coefficients[-1]) >= -MAX_REMOVED * float(own.min())
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:

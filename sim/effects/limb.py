@@ -9,11 +9,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim.effects.effect import AppliedEffect, Columns, Law, Theta, scaled
+from sim.effects.effect import AppliedEffect, Columns, Law, Theta
 from sim.effects.elastic import SIDE, sign_of
 from sim.effects.functions import Signal, at_least, choose, exp
-from sim.effects.motion import Estimate, Motion, RecordedMotion, Recording, travel
-from sim.effects.parameter import Parameter, Step, Values, named, size
+from sim.effects.motion import Motion, RecordedJoint, Recording
+from sim.effects.parameter import RELATIVE, SECONDS, Nonlinear, Parameter, Values, named, size
 
 #: Rest that makes a muscle stiff again, s, and in a simulation the speed of a joint at rest.
 REST_SECONDS, REST_SPEED = 0.3, 0.01
@@ -32,35 +32,26 @@ class StretchReflex(AppliedEffect):
     parameters = named(
         gain=size("Nm s/rad", 5.0, "torque against a stretch beyond the threshold"),
         threshold_velocity=Parameter(
-            unit="rad/s",
-            low=0.0,
-            high=2.0,
-            neutral=0.5,
-            description="speed of stretch beyond which it acts",
-            floor=0.0,
+            "rad/s", "speed of stretch beyond which it acts", 0.0, 2.0, neutral=0.5, floor=0.0
         ),
         threshold_angle=Parameter(
-            unit="rad",
-            low=0.2,
-            high=1.8,
+            "rad",
+            f"angle beyond which it acts; {NO_ANGLE:g} for every angle",
+            0.2,
+            1.8,
             neutral=NO_ANGLE,
-            description=f"angle beyond which it acts; {NO_ANGLE:g} for every angle",
             in_joint_frame=True,
         ),
-        delay=Parameter(
-            unit="s",
-            low=0.0,
-            high=0.1,
-            neutral=0.0,
-            description="time from stretch to torque",
-            floor=0.0,
-            ceiling=0.5,
-        ),
+        delay=Parameter("s", "time from stretch to torque", 0.0, 0.1, floor=0.0, ceiling=0.5),
         side=SIDE,
     )
     coefficients = ("gain",)
     lower = (0.0,)
-    steps = (Step("delay", least=5e-4, share=0.0), Step("speed"), Step("angle"))
+    nonlinear = (
+        Nonlinear("delay", shift=0.015, step=SECONDS),
+        Nonlinear("speed", shift=0.1, step=RELATIVE),
+        Nonlinear("angle", shift=0.15, step=RELATIVE),
+    )
     directed = True
 
     def drive(self, parameters: Values, motion: Motion) -> Signal:
@@ -72,7 +63,7 @@ class StretchReflex(AppliedEffect):
             return drive
         return choose(side * (motion.position - onset) > 0, drive, 0.0)
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
         grid: list[Theta] = []
         for side in (-1.0, 1.0):
             for delay in (0.0, 0.03, 0.06, 0.1):
@@ -83,32 +74,26 @@ class StretchReflex(AppliedEffect):
         return grid
 
     def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        near: list[Theta] = [
-            {**theta, "delay": max(0.0, theta["delay"] + sign * 0.015 * scale)} for sign in (-1, 1)
-        ]
-        name, step = ("angle", 0.15) if theta["angle"] > -1.0 else ("speed", 0.1)
-        near += [{**theta, name: theta[name] + sign * step * scale} for sign in (-1, 1)]
-        return near
+        every = super().neighbours(theta, scale)
+        delays = [{**near, "delay": max(0.0, near["delay"])} for near in every[:2]]
+        return delays + (every[4:] if theta["angle"] > -1.0 else every[2:4])
 
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
-        middle, half = travel(recording, joint)
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        middle, half = joint.travel
         found = {
             "delay": theta["delay"],
             "side": theta["side"],
-            "threshold_velocity": theta["speed"] * float(recording.top_speed[joint]),
+            "threshold_velocity": theta["speed"] * joint.top_speed,
         }
         if theta["angle"] > -1.0:
             found["threshold_angle"] = middle + theta["side"] * theta["angle"] * half
         return found
 
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
-        motion = RecordedMotion(recording=recording, joint=joint)
-        drive = np.asarray(self.drive(self.fixed(recording, joint, theta), motion))
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        drive = np.asarray(self.drive(self.fixed(joint, theta), joint))
         if theta["delay"]:
-            drive = recording.shifted(drive, -theta["delay"])
-        return {joint: (theta["side"] * drive)[:, None]}
+            drive = joint.recording.shifted(drive, -theta["delay"])
+        return {joint.number: (theta["side"] * drive)[:, None]}
 
     def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
         steps = max(1, round(parameters["delay"] / step))
@@ -132,30 +117,22 @@ class Thixotropy(AppliedEffect):
     signature = "the first movement after a rest meets more resistance than the next ones"
     separating_trial = "rest ten seconds, then move to and fro five times without a pause"
     parameters = named(
-        torque=Parameter(unit="Nm", description="after a rest"),
-        distance=Parameter(unit="rad", description="of motion over which it is lost"),
+        torque=Parameter("Nm", "after a rest"),
+        distance=Parameter("rad", "of motion over which it is lost"),
     )
     coefficients = ("torque",)
     lower = (0.0,)
-    steps = (Step("distance"),)
+    nonlinear = (Nonlinear("distance", (0.2, 0.5, 1.0, 2.0), scaling=0.4, step=RELATIVE),)
     rubs = directed = at_reversals = True
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [{"distance": share} for share in (0.2, 0.5, 1.0, 2.0)]
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        return {"distance": theta["distance"] * joint.travel[1]}
 
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return scaled(theta, "distance", scale)
-
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
-        return {"distance": theta["distance"] * travel(recording, joint)[1]}
-
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
-        distance = self.fixed(recording, joint, theta)["distance"]
-        sign = np.tanh(recording.velocity[:, joint] / recording.rest_speed[joint])
-        left = exp(-distance_since_rest(recording, joint) / distance)
-        return {joint: (sign * left)[:, None]}
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        distance = self.fixed(joint, theta)["distance"]
+        sign = np.tanh(joint.velocity / joint.rest_speed)
+        left = exp(-distance_since_rest(joint) / distance)
+        return {joint.number: (sign * left)[:, None]}
 
     def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
         rested, way = REST_SECONDS, 0.0
@@ -171,17 +148,17 @@ class Thixotropy(AppliedEffect):
         return torque
 
 
-def distance_since_rest(recording: Recording, joint: int) -> np.ndarray:
+def distance_since_rest(joint: RecordedJoint) -> np.ndarray:
     """Return the way moved since the last rest; a piece begins rested, (n,)."""
-    way = np.zeros(len(recording.time))
-    for piece in recording.slices:
-        speed = np.abs(recording.velocity[piece, joint])
-        path = np.cumsum(speed) / recording.rate
-        still = speed < recording.rest_speed[joint]
+    way, rate = np.zeros(len(joint.velocity)), joint.recording.rate
+    for piece in joint.recording.slices:
+        speed = np.abs(joint.velocity[piece])
+        path = np.cumsum(speed) / rate
+        still = speed < joint.rest_speed
         edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
         base = np.zeros(len(speed))
         for start, stop in zip(edges[::2], edges[1::2], strict=True):
-            if (stop - start) / recording.rate >= REST_SECONDS:
+            if (stop - start) / rate >= REST_SECONDS:
                 base[start:] = path[stop - 1]
         way[piece] = np.maximum(path - base, 0.0)
     return way
@@ -195,10 +172,10 @@ class CrossJointCoupling(Law):
     signature = "the residual of one joint follows the position of another"
     separating_trial = "move the neighbouring joint alone while this one is held"
     parameters = named(
-        stiffness=Parameter(unit="Nm/rad", description="over the neighbour's position"),
-        damping=Parameter(unit="Nm s/rad", description="over the neighbour's velocity"),
-        neutral=Parameter(unit="rad", description="neighbour's position without torque"),
-        other_dof=Parameter(unit="1", description="number of the neighbour"),
+        stiffness=Parameter("Nm/rad", "over the neighbour's position"),
+        damping=Parameter("Nm s/rad", "over the neighbour's velocity"),
+        neutral=Parameter("rad", "neighbour's position without torque"),
+        other_dof=Parameter("1", "number of the neighbour"),
     )
     coefficients = ("stiffness", "damping")
 
@@ -210,10 +187,13 @@ class CrossJointCoupling(Law):
     def applies(self, recording: Recording, joint: int) -> bool:
         return neighbour(recording, joint) is not None
 
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
-        other = neighbour(recording, joint)
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        other = neighbour(joint.recording, joint.number)
         assert other is not None
-        return {"neutral": float(recording.position[:, other].mean()), "other_dof": float(other)}
+        return {
+            "neutral": float(joint.recording.position[:, other].mean()),
+            "other_dof": float(other),
+        }
 
 
 def neighbour(recording: Recording, joint: int) -> int | None:

@@ -3,55 +3,37 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from math import tanh
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from sim.effects.functions import Signal
 
+if TYPE_CHECKING:
+    import mujoco
 
-class Motion(Protocol):
-    """Motion of one joint, SI units; floats in a simulation, arrays (n,) of a recording."""
-
-    @property
-    def position(self) -> Signal: ...
-    @property
-    def velocity(self) -> Signal: ...
-    @property
-    def acceleration(self) -> Signal: ...
-    @property
-    def direction(self) -> Signal:
-        """Sign of the velocity, smooth through zero, -1 to 1."""
-
-    @property
-    def load(self) -> Signal:
-        """Size of the torque that the joint carries, at least 0."""
-
-    @property
-    def time(self) -> Signal: ...
-    def other(self, dof: int) -> tuple[Signal, Signal]:
-        """Return position and velocity of another joint."""
+#: Width over which the direction of a simulated motion changes, rad/s or m/s.
+SMOOTH = 0.01
 
 
 class Recording(Protocol):
-    """Recorded motion of a device; arrays have shape (n, joints) unless said otherwise."""
+    """Recorded motion of a device, SI units; arrays have shape (n, joints) unless said otherwise.
+
+    `time` is the session's clock, (n,); `slices` are pieces without a gap; `joints` are those whose
+    balance is analysed. `effort` is NaN where a joint has none. `inverse` is the torque that the
+    declared chain needs, `static` what holding still in the same place would take, `own_inertia`
+    the diagonal of the mass matrix. Below `rest_speed`, (joints,), a joint rests.
+    """
 
     @property
-    def time(self) -> np.ndarray:
-        """Session clock, s, (n,)."""
-
+    def time(self) -> np.ndarray: ...
     @property
-    def rate(self) -> float:
-        """Samples a second."""
-
+    def rate(self) -> float: ...
     @property
-    def slices(self) -> Sequence[slice]:
-        """Pieces without a gap."""
-
+    def slices(self) -> Sequence[slice]: ...
     @property
-    def joints(self) -> tuple[int, ...]:
-        """Joints whose balance is analysed."""
-
+    def joints(self) -> tuple[int, ...]: ...
     @property
     def position(self) -> np.ndarray: ...
     @property
@@ -59,31 +41,17 @@ class Recording(Protocol):
     @property
     def acceleration(self) -> np.ndarray: ...
     @property
-    def effort(self) -> np.ndarray:
-        """NaN where a joint has none."""
-
+    def effort(self) -> np.ndarray: ...
     @property
-    def inverse(self) -> np.ndarray:
-        """Torque that the declared chain needs."""
-
+    def inverse(self) -> np.ndarray: ...
     @property
-    def static(self) -> np.ndarray:
-        """Torque that holding still in the same place would take."""
-
+    def static(self) -> np.ndarray: ...
     @property
-    def own_inertia(self) -> np.ndarray:
-        """Diagonal of the mass matrix, kg m2 or kg."""
-
+    def own_inertia(self) -> np.ndarray: ...
     @property
-    def top_speed(self) -> np.ndarray:
-        """(joints,)."""
-
+    def top_speed(self) -> np.ndarray: ...
     @property
-    def rest_speed(self) -> np.ndarray:
-        """Speed below which a joint rests, (joints,)."""
-
-    def is_hinge(self, joint: int) -> bool:
-        """Whether the joint turns; else it slides."""
+    def rest_speed(self) -> np.ndarray: ...
 
     def centre_of_mass(self, joint: int) -> np.ndarray | None:
         """Return that of the joint's body in its frame, (3,); None if it lies on the axis."""
@@ -94,21 +62,13 @@ class Recording(Protocol):
     def secant(self, joint: int, step: float) -> np.ndarray:
         """Return the change of every static torque over `step` of one joint's position."""
 
-    # Signals (n, ...), piece by piece.
-    def filtered(self, signal: np.ndarray) -> np.ndarray:
-        """Return what the fit's low-pass leaves."""
-
-    def smoothed(self, signal: np.ndarray) -> np.ndarray:
-        """Return what the low-pass of the positions leaves."""
-
-    def shifted(self, signal: np.ndarray, seconds: float) -> np.ndarray:
-        """Return signal(t + seconds)."""
-
-    def lagged(self, signal: np.ndarray, time_constant: float) -> np.ndarray:
-        """Return the signal behind a first-order low-pass."""
-
-    def derivative(self, signal: np.ndarray) -> np.ndarray:
-        """Return the signal's rate of change."""
+    # Of signals (n, ...), piece by piece: the fit's low-pass and that of the positions,
+    # signal(t + seconds), a first-order low-pass, the rate of change.
+    def filtered(self, columns: np.ndarray) -> np.ndarray: ...
+    def smoothed(self, columns: np.ndarray) -> np.ndarray: ...
+    def shifted(self, columns: np.ndarray, seconds: float) -> np.ndarray: ...
+    def lagged(self, columns: np.ndarray, time_constant: float) -> np.ndarray: ...
+    def derivative(self, columns: np.ndarray) -> np.ndarray: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,43 +84,94 @@ class Estimate:
     residual: np.ndarray
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordedMotion:
-    """The recorded motion of one joint, as `Motion`; arrays (n,)."""
+@dataclass(frozen=True)
+class RecordedJoint:
+    """One joint of a recording: its motion, arrays (n,), and what is known before a fit."""
 
     recording: Recording
-    joint: int
+    number: int
+    estimate: Estimate
     #: Share of the top speed below which the direction is smooth.
     smooth: float = 0.0
     load: Signal = 0.0
 
     @property
     def position(self) -> np.ndarray:
-        return self.recording.position[:, self.joint]
+        return self.recording.position[:, self.number]
 
     @property
     def velocity(self) -> np.ndarray:
-        return self.recording.velocity[:, self.joint]
+        return self.recording.velocity[:, self.number]
 
     @property
     def acceleration(self) -> np.ndarray:
-        return self.recording.acceleration[:, self.joint]
+        return self.recording.acceleration[:, self.number]
 
     @cached_property
     def direction(self) -> np.ndarray:
-        scale = self.smooth * self.recording.top_speed[self.joint]
-        return np.asarray(np.tanh(self.velocity / scale))
+        return np.asarray(np.tanh(self.velocity / (self.smooth * self.top_speed)))
 
     @property
     def time(self) -> np.ndarray:
         return np.asarray(self.recording.time - self.recording.time.min())
 
-    def other(self, dof: int) -> tuple[Signal, Signal]:
+    @property
+    def top_speed(self) -> float:
+        return float(self.recording.top_speed[self.number])
+
+    @property
+    def rest_speed(self) -> float:
+        return float(self.recording.rest_speed[self.number])
+
+    @property
+    def travel(self) -> tuple[float, float]:
+        """Middle and half width of the range of motion."""
+        return travel(self.position)
+
+    def other(self, dof: int) -> tuple[np.ndarray, np.ndarray]:
         return self.recording.position[:, dof], self.recording.velocity[:, dof]
 
 
-def travel(recording: Recording, joint: int) -> tuple[float, float]:
-    """Return the middle and half width of the joint's range of motion."""
-    position = recording.position[:, joint]
+@dataclass(frozen=True)
+class SimulatedMotion:
+    """Motion of one joint at one instant of a simulation."""
+
+    data: "mujoco.MjData"
+    qpos: int
+    dof: int
+
+    @property
+    def position(self) -> float:
+        return float(self.data.qpos[self.qpos])
+
+    @property
+    def velocity(self) -> float:
+        return float(self.data.qvel[self.dof])
+
+    @property
+    def acceleration(self) -> float:
+        return float(self.data.qacc[self.dof])
+
+    @property
+    def direction(self) -> float:
+        return tanh(self.velocity / SMOOTH)
+
+    @property
+    def load(self) -> float:
+        return abs(float(self.data.qfrc_bias[self.dof] - self.data.qfrc_passive[self.dof]))
+
+    @property
+    def time(self) -> float:
+        return float(self.data.time)
+
+    def other(self, dof: int) -> tuple[float, float]:
+        return float(self.data.qpos[dof]), float(self.data.qvel[dof])
+
+
+Motion = RecordedJoint | SimulatedMotion
+
+
+def travel(position: np.ndarray) -> tuple[float, float]:
+    """Return the middle and half width of a range of positions."""
     low, high = float(position.min()), float(position.max())
     return (low + high) / 2, max((high - low) / 2, 1e-9)

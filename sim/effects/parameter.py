@@ -1,7 +1,7 @@
 """Physical parameters of an effect, and how each is read from a fit."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from math import inf
 from types import MappingProxyType
 
@@ -13,7 +13,7 @@ from sim.effects.functions import Signal
 Values = Mapping[str, float]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Parameter:
     """One physical parameter of an effect."""
 
@@ -23,6 +23,7 @@ class Parameter:
     #: Range of a study that names none; infinite if no simulated assessment has the effect.
     low: float = -inf
     high: float = inf
+    _: KW_ONLY
     #: Value without the effect, or a harmless one if the effect is off by another parameter.
     neutral: float = 0.0
     #: Whether the effect is off while this parameter (and its like) is neutral.
@@ -52,27 +53,34 @@ def named(**parameters: Parameter) -> Mapping[str, Parameter]:
 
 def size(unit: str, high: float, description: str, *, low: float = 0.0) -> Parameter:
     """Return a parameter that switches its effect and cannot change sign if `low` is 0."""
-    return Parameter(
-        unit=unit,
-        description=description,
-        low=low,
-        high=high,
-        switches=True,
-        floor=0.0 if low >= 0.0 else -inf,
-    )
+    floor = 0.0 if low >= 0.0 else -inf
+    return Parameter(unit, description, low, high, switches=True, floor=floor)
+
+
+#: Steps that show the slope over a non-linear parameter: absolute, and over its value.
+RELATIVE, SECONDS = (1e-3, 0.02), (5e-4, 0.0)
 
 
 @dataclass(frozen=True)
-class Step:
-    """How far a non-linear parameter is moved to see what it changes."""
+class Nonlinear:
+    """A parameter that the columns are not linear in: where its search begins and goes on."""
 
     name: str
-    #: In the parameter's unit, and over its value.
-    least: float = 1e-3
-    share: float = 0.02
+    #: Values to begin with.
+    grid: tuple[float, ...] = ()
+    _: KW_ONLY
+    #: Largest moves that refine it: over its value, and absolute.
+    scaling: float = 0.0
+    shift: float = 0.0
+    #: Step that shows the slope over it; None for a choice, or what shifts with the estimate: they
+    #: have no interval.
+    step: tuple[float, float] | None = None
 
-    def at(self, value: float) -> float:
-        return self.least + self.share * abs(value)
+    def near(self, value: float, scale: float) -> list[float]:
+        """Return values around `value`; `scale` shrinks from 1 towards zero."""
+        if self.scaling:
+            return [value * (1 + sign * self.scaling * scale) for sign in (-1, 1)]
+        return [value + sign * self.shift * scale for sign in (-1, 1)] if self.shift else []
 
 
 @dataclass(frozen=True, kw_only=True)

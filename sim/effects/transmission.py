@@ -9,10 +9,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim.effects.effect import AppliedEffect, Columns, Effect, Law, Theta, scaled
+from sim.effects.effect import AppliedEffect, Columns, Effect, Law, Theta
 from sim.effects.functions import Signal, cos, exp, sin
-from sim.effects.motion import Estimate, Motion, Recording, travel
-from sim.effects.parameter import Parameter, Reading, Step, Values, named, size
+from sim.effects.motion import Motion, RecordedJoint
+from sim.effects.parameter import (
+    RELATIVE,
+    Nonlinear,
+    Parameter,
+    Reading,
+    Values,
+    named,
+    size,
+)
 
 
 class SeriesElasticity(Effect):
@@ -28,15 +36,13 @@ class SeriesElasticity(Effect):
     )
     element = "applied torque"
     separating_trial = "push the joint with short pulses, and record the limb's own angle"
-    parameters = named(compliance=Parameter(unit="rad/Nm", description="1 / k"))
+    parameters = named(compliance=Parameter("rad/Nm", "1 / k"))
     coefficients = ("compliance",)
     lower = (0.0,)
     uses_estimate = True
 
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
-        return {joint: -_felt(recording, joint, estimate.prediction[:, joint], estimate)[:, None]}
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        return {joint.number: -_felt(joint, joint.estimate.prediction[:, joint.number])[:, None]}
 
 
 class Backlash(Effect):
@@ -51,32 +57,24 @@ class Backlash(Effect):
     signature = "the residual steps where the load changes sign, not where the velocity does"
     element = "applied torque"
     separating_trial = "move to and fro where the load changes sign, and again with a preload"
-    parameters = named(gap=Parameter(unit="rad", description="whole play"))
+    parameters = named(gap=Parameter("rad", "whole play"))
     lower = (0.0,)
+    nonlinear = (
+        Nonlinear("width", (0.02, 0.06, 0.15, 0.3), scaling=0.4),
+        Nonlinear("late", (0.0, 0.03, 0.08, 0.16)),
+    )
     uses_estimate = True
     at_reversals = True
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [
-            {"width": share, "late": late}
-            for share in (0.02, 0.06, 0.15, 0.3)
-            for late in (0.0, 0.03, 0.08, 0.16)
-        ]
-
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return scaled(theta, "width", scale)
-
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
-        load = estimate.prediction[:, joint]
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        load = joint.estimate.prediction[:, joint.number]
         spread = max(float(np.quantile(np.abs(load), 0.95)), 1e-9)
         side = np.tanh(load / (theta["width"] * spread))
         if theta["late"]:
-            side = recording.lagged(side, theta["late"])
-        return {joint: -_felt(recording, joint, recording.smoothed(side), estimate)[:, None]}
+            side = joint.recording.lagged(side, theta["late"])
+        return {joint.number: -_felt(joint, joint.recording.smoothed(side))[:, None]}
 
-    def readings(self, recording: Recording, joint: int, theta: Theta) -> dict[str, Reading]:
+    def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
         return {"gap": Reading(column=0, scale=2.0)}
 
 
@@ -91,29 +89,28 @@ class TorqueRipple(Law):
     parameters = named(
         cosine=size("Nm", 1.0, "ripple, cosine part", low=-1.0),
         sine=size("Nm", 1.0, "ripple, sine part", low=-1.0),
-        order=Parameter(
-            unit="1", low=1.0, high=40.0, neutral=12.0, description="periods a turn", choice=True
-        ),
+        order=Parameter("1", "periods a turn", 1.0, 40.0, neutral=12.0, choice=True),
     )
     coefficients = ("cosine", "sine")
-    steps = (Step("order"),)
+    nonlinear = (Nonlinear("order", scaling=0.01, step=RELATIVE),)
     uses_estimate = True
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         angle = parameters["order"] * motion.position
         return parameters["cosine"] * cos(angle) + parameters["sine"] * sin(angle)
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
         """Return the orders that stand out in the residual's spectrum over position."""
-        residual = estimate.residual[:, joint]
-        good = np.isfinite(residual) & (
-            np.abs(recording.velocity[:, joint]) > 2 * recording.rest_speed[joint]
-        )
-        _, half = travel(recording, joint)
+        residual = joint.estimate.residual[:, joint.number]
+        good = np.isfinite(residual) & (np.abs(joint.velocity) > 2 * joint.rest_speed)
+        _, half = joint.travel
         if good.sum() < 200:
             return []
         step = max(1, int(good.sum() / 8000))
-        position, torque = recording.position[good, joint][::step], residual[good][::step]
+        position, torque = (
+            joint.position[good][::step],
+            residual[good][::step],
+        )
         first, step_order = 1.5 * np.pi / half, 0.25 * np.pi / half
         orders = first + step_order * np.arange(234)
         # Turning each sample's phase on by one order is much cheaper than another exponential.
@@ -131,12 +128,6 @@ class TorqueRipple(Law):
             for shift in (-0.12, 0.0, 0.12)
         ]
 
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return scaled(theta, "order", scale, step=0.01)
-
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
-        return {"order": theta["order"]}
-
     def unit(self, parameter: str, theta: Theta) -> str:
         return "1/rad" if parameter == "order" else super().unit(parameter, theta)
 
@@ -149,31 +140,23 @@ class Hysteresis(AppliedEffect):
     signature = "after each reversal the residual rises over the same distance, not the same time"
     separating_trial = "move to and fro with small and with large amplitudes at one speed"
     parameters = named(
-        torque=Parameter(unit="Nm", description="once it slides"),
-        distance=Parameter(unit="rad", description="over which it builds up"),
+        torque=Parameter("Nm", "once it slides"),
+        distance=Parameter("rad", "over which it builds up"),
     )
     coefficients = ("torque",)
     lower = (0.0,)
-    steps = (Step("distance"),)
+    nonlinear = (Nonlinear("distance", (0.03, 0.06, 0.12, 0.25, 0.5), scaling=0.4, step=RELATIVE),)
     rubs = directed = at_reversals = True
 
-    def thetas(self, recording: Recording, joint: int, estimate: Estimate) -> list[Theta]:
-        return [{"distance": share} for share in (0.03, 0.06, 0.12, 0.25, 0.5)]
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        return {"distance": theta["distance"] * joint.travel[1]}
 
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        return scaled(theta, "distance", scale)
-
-    def fixed(self, recording: Recording, joint: int, theta: Theta) -> Values:
-        return {"distance": theta["distance"] * travel(recording, joint)[1]}
-
-    def columns(
-        self, recording: Recording, joint: int, theta: Theta, estimate: Estimate
-    ) -> Columns:
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         """Return the friction state along the recorded motion; each piece starts at 0."""
-        distance = self.fixed(recording, joint, theta)["distance"]
-        state = np.zeros((len(recording.time), 1))
-        for piece in recording.slices:
-            position = recording.position[piece, joint]
+        distance = self.fixed(joint, theta)["distance"]
+        state = np.zeros((len(joint.recording.time), 1))
+        for piece in joint.recording.slices:
+            position = joint.position[piece]
             sign = np.sign(np.diff(position, prepend=position[0]))
             turns = np.flatnonzero(np.diff(sign)) + 1
             part, z = state[piece, 0], 0.0
@@ -181,7 +164,7 @@ class Hysteresis(AppliedEffect):
                 way = np.abs(position[start:stop] - position[max(start - 1, 0)])
                 part[start:stop] = self.wound(z, float(sign[start]), way, distance)
                 z = part[stop - 1]
-        return {joint: state}
+        return {joint.number: state}
 
     def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
         state = 0.0
@@ -204,11 +187,12 @@ class Hysteresis(AppliedEffect):
         return sign + (state - sign) * exp(-way / distance) if sign else state
 
 
-def _felt(recording: Recording, joint: int, ahead: np.ndarray, estimate: Estimate) -> np.ndarray:
+def _felt(joint: RecordedJoint, ahead: np.ndarray) -> np.ndarray:
     """Return the torque that a move by `ahead` (rad or m, (n,)) changes: M, D and K of it."""
+    recording, estimate, number = joint.recording, joint.estimate, joint.number
     rate = recording.derivative(ahead)
     twice = recording.derivative(rate)
     # The slope of gravity and declared springs over the joint's own position.
-    slope = estimate.stiffness[joint] + recording.secant(joint, 1e-4)[:, joint]
-    inertia = recording.own_inertia[:, joint]
-    return np.asarray(inertia * twice + estimate.damping[joint] * rate + slope * ahead)
+    slope = estimate.stiffness[number] + recording.secant(number, 1e-4)[:, number]
+    inertia = recording.own_inertia[:, number]
+    return np.asarray(inertia * twice + estimate.damping[number] * rate + slope * ahead)

@@ -12,9 +12,10 @@ from math import prod
 import mujoco
 import numpy as np
 
-from sim.effects.applied import AppliedEffects, SimulatedMotion
+from sim.effects.applied import AppliedEffects
 from sim.effects.catalogue import ASSESSED
 from sim.effects.friction import Friction
+from sim.effects.motion import SimulatedMotion
 from sim.effects.parameter import Values
 from sim.parameters.conditions import Conditions
 from sim.robot.control import Gains

@@ -15,17 +15,11 @@ from analysis.closeloop.identification.model import (
     evaluate,
     kept_columns,
 )
-from analysis.closeloop.identification.regression import (
-    Rows,
-    Score,
-    Variant,
-    compare,
-    score,
-)
+from analysis.closeloop.identification.regression import Rows, Score, Variant, compare, score
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Theta
-from sim.effects.motion import Estimate
+from sim.effects.motion import Estimate, RecordedJoint
 
 #: An effect whose torque the declared unknowns imitate to this share cannot be named.
 MIN_UNIQUE = 0.02
@@ -89,31 +83,21 @@ def _sharpened(options: list[Option], rows: Rows, current: Score) -> list[Option
 
 
 def _without_included(model: Model, candidate: Candidate) -> Model:
-    keep = tuple(
-        term
-        for term in model.terms
-        if term.candidate is None
-        or term.joint != candidate.joint
-        or term.candidate.effect.name not in candidate.effect.includes
-    )
-    return replace(model, terms=keep)
+    return model.keeping(lambda other: not candidate.includes(other))
 
 
 def _try(
     model: Model, rows: Rows, candidate: Candidate, estimate: Estimate, current: Score
 ) -> Option | None:
     effect = candidate.effect
-    thetas = effect.thetas(model.recording, candidate.joint, estimate)
-    if effect.channel:
-        found = _best_channel(model, rows, candidate, thetas)
-    else:
-        found = _best_term(model, rows, candidate, thetas, estimate)
+    joint = RecordedJoint(model.recording, candidate.joint, estimate)
+    found = _best(model, rows, candidate, effect.thetas(joint), joint)
     if found is None:
         return None
     tried, scored = found
     samples = rows.samples[candidate.joint]
     own = scored.coefficients[len(scored.coefficients) - len(scored.variant.kept) :]
-    if not effect.plausible(own, model.recording, candidate.joint, samples):
+    if not effect.plausible(joint, own, samples):
         return None
     rubs = effect.rubs and not _corrects(model, candidate)
     if rubs and _drives(tried, scored, candidate):
@@ -148,13 +132,16 @@ def _drives(model: Model, scored: Score, candidate: Candidate) -> bool:
     return given > MAX_GIVEN * taken
 
 
-def _best_term(
-    model: Model, rows: Rows, candidate: Candidate, thetas: list[Theta], estimate: Estimate
+def _best(
+    model: Model, rows: Rows, candidate: Candidate, thetas: list[Theta], joint: RecordedJoint
 ) -> tuple[Model, Score] | None:
-    effect, joint = candidate.effect, candidate.joint
+    """Return the model with the best variant of an effect, or None if there is none."""
+    if candidate.effect.channel:
+        return _best_channel(model, rows, candidate, thetas)
+    effect = candidate.effect
     base, base_lower = model.base(rows)
     variants = []
-    for theta, stacked in _stacked(model, rows, candidate, thetas, estimate):
+    for theta, stacked in _stacked(model, rows, candidate, thetas, joint):
         stacked, kept = keep_independent(base, stacked)
         if kept:
             variants.append(Variant(theta=theta, columns=stacked, kept=kept))
@@ -165,8 +152,8 @@ def _best_term(
         return None
     term = Term(
         effect=effect,
-        joint=joint,
-        columns=effect.columns(model.recording, joint, scored.variant.theta, estimate),
+        joint=candidate.joint,
+        columns=effect.columns(joint, scored.variant.theta),
         lower=effect.lower,
         theta=scored.variant.theta,
         kept=scored.variant.kept,
@@ -176,13 +163,13 @@ def _best_term(
 
 
 def _stacked(
-    model: Model, rows: Rows, candidate: Candidate, thetas: list[Theta], estimate: Estimate
+    model: Model, rows: Rows, candidate: Candidate, thetas: list[Theta], joint: RecordedJoint
 ) -> list[tuple[Theta, np.ndarray]]:
     """Return every variant's columns stacked over rows; one pass of the filter."""
-    effect, joint = candidate.effect, candidate.joint
+    effect = candidate.effect
 
     def make() -> list[tuple[Theta, np.ndarray]]:
-        every = [effect.columns(model.recording, joint, theta, estimate) for theta in thetas]
+        every = [effect.columns(joint, theta) for theta in thetas]
         if not every:
             return []
         widths = [next(iter(columns.values())).shape[1] for columns in every]
@@ -224,17 +211,14 @@ def refined(option: Option, rows: Rows, rounds: int = 4) -> tuple[Model, Score]:
     rest, theta = model.without(candidate), option.theta
     for scale in REFINEMENTS[:rounds]:
         estimate = _estimate_beside(model, current, own)
+        joint = RecordedJoint(model.recording, candidate.joint, estimate)
         if candidate.effect.uses_estimate and own is not None:
-            grid = candidate.effect.thetas(model.recording, candidate.joint, estimate)
-            again = _best_term(rest, rows, candidate, [theta, *grid], estimate)
+            grid = candidate.effect.thetas(joint)
+            again = _best(rest, rows, candidate, [theta, *grid], joint)
             if again is not None and again[1].sse < current.sse:
                 (model, current), theta = again, again[1].variant.theta
         for near in candidate.effect.neighbours(theta, scale):
-            found = (
-                _best_channel(rest, rows, candidate, [near])
-                if candidate.effect.channel
-                else _best_term(rest, rows, candidate, [near], estimate)
-            )
+            found = _best(rest, rows, candidate, [near], joint)
             if found is not None and found[1].sse < current.sse:
                 (model, current), theta = found, near
     # Coefficients must follow the order of the model's terms.

@@ -7,18 +7,13 @@ from math import prod
 import numpy as np
 
 from analysis.closeloop.identification.least_squares import keep_independent
-from analysis.closeloop.identification.regression import (
-    Rows,
-    Score,
-    Variant,
-    score,
-)
+from analysis.closeloop.identification.regression import Rows, Score, Variant, score
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lagged
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Columns, Effect, Theta
 from sim.effects.elastic import Viscoelastic
-from sim.effects.motion import Estimate
+from sim.effects.motion import Estimate, RecordedJoint
 
 EMPTY = Variant(theta={}, columns=np.empty((0, 0)), kept=())
 
@@ -33,6 +28,10 @@ class Candidate:
     @property
     def key(self) -> tuple[str, int]:
         return self.effect.name, self.joint
+
+    def includes(self, other: "Candidate") -> bool:
+        """Whether the other is a special case of this one."""
+        return other.joint == self.joint and other.effect.name in self.effect.includes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +63,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Model:
-    """Terms and channels of a recording; fitted by `fit`."""
+    """Terms and channels of a recording; fitted by `evaluate`."""
 
     recording: Recording
     terms: tuple[Term, ...] = ()
@@ -157,7 +156,7 @@ def declared_model(recording: Recording, rows: Rows) -> Model:
             continue
         effect = BY_NAME[declared.effect]
         if not effect.channel:
-            thetas = effect.thetas(recording, joint, no_estimate(recording))
+            thetas = effect.thetas(unfitted(recording, joint))
             choices.append([_declared(recording, effect, joint, theta) for theta in thetas])
     choices = [options for options in choices if options]
     taken = [options[len(options) // 2] for options in choices]
@@ -182,7 +181,7 @@ def _nearby(recording: Recording, term: Term, scale: float) -> list[Term]:
 
 
 def _declared(recording: Recording, effect: Effect, joint: int, theta: Theta) -> Term:
-    columns = effect.columns(recording, joint, theta, no_estimate(recording))
+    columns = effect.columns(unfitted(recording, joint), theta)
     return Term(effect=effect, joint=joint, columns=columns, theta=theta)
 
 
@@ -201,14 +200,16 @@ def with_independent(model: Model, term: Term, rows: Rows) -> Model:
     return model.with_term(replace(term, kept=kept)) if kept else model
 
 
-def no_estimate(recording: Recording) -> Estimate:
+def unfitted(recording: Recording, joint: int) -> RecordedJoint:
+    """Return a joint as it is known before any fit."""
     count = recording.position.shape[1]
-    return Estimate(
+    estimate = Estimate(
         stiffness=np.zeros(count),
         damping=np.zeros(count),
         prediction=recording.inverse,
         residual=recording.effort - recording.inverse,
     )
+    return RecordedJoint(recording, joint, estimate)
 
 
 def evaluate(model: Model, rows: Rows, **options: object) -> Score:

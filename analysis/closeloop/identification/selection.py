@@ -95,6 +95,4 @@ def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
 def _nested(option: Option, taken: Option) -> bool:
     """Whether one of the two is a special case of the other, which always fits as well."""
     a, b = option.candidate, taken.candidate
-    return a.joint == b.joint and (
-        b.effect.name in a.effect.includes or a.effect.name in b.effect.includes
-    )
+    return a.includes(b) or b.includes(a)

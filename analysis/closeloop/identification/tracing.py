@@ -158,8 +158,7 @@ def _simpler_starts(grown: Grown, rows: Rows, before: Score) -> list[Grown]:
         richer = first.taken.candidate
         for option in first.options:
             own = option.candidate
-            simpler = own.joint == richer.joint and own.effect.name in richer.effect.includes
-            if not simpler or option.refused:
+            if not richer.includes(own) or option.refused:
                 continue
             alone = _alone(option)
             model, score = refined(replace(option, model=alone, score=evaluate(alone, rows)), rows)

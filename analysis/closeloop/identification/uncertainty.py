@@ -35,7 +35,7 @@ import numpy as np
 from scipy.stats import t
 
 from analysis.closeloop.identification.least_squares import solve
-from analysis.closeloop.identification.model import Channel, Model, Term, no_estimate, prediction
+from analysis.closeloop.identification.model import Channel, Model, Term, prediction, unfitted
 from analysis.closeloop.identification.regression import Rows
 
 #: Confidence of every interval.
@@ -232,9 +232,11 @@ def _slopes(
     for part in parts:
         if part.candidate is None:
             continue
-        for parameter in part.candidate.effect.steps:
+        for parameter in part.candidate.effect.nonlinear:
+            if parameter.step is None:
+                continue
             name, value = parameter.name, part.theta[parameter.name]
-            step = parameter.at(value)
+            step = parameter.step[0] + parameter.step[1] * abs(value)
             up, down = (
                 prediction(_moved(model, part, name, value + sign * step), coefficients)
                 for sign in (1.0, -1.0)
@@ -254,7 +256,7 @@ def _moved(model: Model, part: Term | Channel, name: str, value: float) -> Model
         moved = replace(part, theta=theta)
         return replace(model, channels=tuple(moved if c is part else c for c in model.channels))
     assert part.candidate is not None
-    estimate = no_estimate(model.recording)
-    columns = part.candidate.effect.columns(model.recording, part.joint, theta, estimate)
+    joint = unfitted(model.recording, part.joint)
+    columns = part.candidate.effect.columns(joint, theta)
     moved_term = replace(part, theta=theta, columns=columns)
     return replace(model, terms=tuple(moved_term if t is part else t for t in model.terms))

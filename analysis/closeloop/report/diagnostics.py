@@ -143,7 +143,7 @@ def _order(
     recording: Recording, joint: int, samples: np.ndarray, residual: np.ndarray
 ) -> dict[str, float]:
     """Return the strongest period over position: order (1/rad or 1/m), amplitude, clearness."""
-    _, half = travel(recording, joint)
+    _, half = travel(recording.position[:, joint])
     step = max(1, len(samples) // 4000)
     position = recording.position[samples[::step], joint]
     torque = residual[::step] - residual.mean()

@@ -6,10 +6,10 @@ import numpy as np
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.findings import Trace
-from analysis.closeloop.identification.model import Candidate, Channel, Model, Term, gain
+from analysis.closeloop.identification.model import Candidate, Channel, Model, Term, gain, unfitted
 from analysis.closeloop.identification.uncertainty import Fits, leave_out
-from analysis.closeloop.session.recording import Recording
 from sim.effects.effect import Theta
+from sim.effects.motion import RecordedJoint
 from sim.effects.parameter import unit_at
 
 
@@ -49,7 +49,7 @@ def _parameters(
     model: Model, coefficients: np.ndarray, fits: Fits, candidate: Candidate
 ) -> dict[str, Any]:
     """Return the physical parameters with their intervals."""
-    effect, joint, recording = candidate.effect, candidate.joint, model.recording
+    effect, joint = candidate.effect, unfitted(model.recording, candidate.joint)
     parts: list[Term | Channel] = [*model.terms, *model.channels]
     theta = next(part.theta for part in parts if part.candidate == candidate)
     own: dict[int, float] = {}
@@ -60,37 +60,36 @@ def _parameters(
         if term.candidate == candidate:
             own = dict(zip(term.kept, found.tolist(), strict=True))
             refitted = dict(zip(term.kept, spread.T, strict=True))
-    scale = gain(model, coefficients, joint)
+    scale = gain(model, coefficients, candidate.joint)
     entries = {}
-    for key, reading in effect.readings(recording, joint, theta).items():
+    for key, reading in effect.readings(joint, theta).items():
         if reading.column is None:
             value, lowest = reading.of({}), -np.inf
-            every = _moved(fits, candidate, recording, theta, key)
+            every = _moved(fits, candidate, joint, theta, key)
         elif reading.column in own:
             value = reading.of(own, scale)
             lowest = reading.lowest(effect.bound(reading.column), scale)
             every = np.asarray(reading.of(refitted, scale))
         else:
             continue
-        unit = unit_at(effect.unit(key, theta), hinge=recording.is_hinge(joint))
+        unit = unit_at(effect.unit(key, theta), hinge=model.recording.is_hinge(candidate.joint))
         interval = list(fits.interval(every, float(value), lowest))
         entries[key] = {"value": value, "ci90": interval, "unit": unit}
     return entries
 
 
 def _moved(
-    fits: Fits, candidate: Candidate, recording: Recording, theta: Theta, key: str
+    fits: Fits, candidate: Candidate, joint: RecordedJoint, theta: Theta, key: str
 ) -> np.ndarray:
     """Return a fixed parameter with the non-linear parameters of each fit, to first order."""
-    effect, joint = candidate.effect, candidate.joint
-    value = effect.fixed(recording, joint, theta)[key]
+    value = candidate.effect.fixed(joint, theta)[key]
     spread = np.full(len(fits.coefficients), value)
-    for (name, own_joint, theta_name), values in fits.thetas.items():
-        if (name, own_joint) != candidate.key:
+    for (*named, theta_name), values in fits.thetas.items():
+        if tuple(named) != candidate.key:
             continue
         step = 1e-6 * max(1.0, abs(theta[theta_name]))
         moved = {**theta, theta_name: theta[theta_name] + step}
-        slope = (effect.fixed(recording, joint, moved)[key] - value) / step
+        slope = (candidate.effect.fixed(joint, moved)[key] - value) / step
         if slope:
             spread = value + slope * (values - theta[theta_name])
     return spread

@@ -1,0 +1,45 @@
+"""Every effect is found again in rich data."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.candidates import _try, refined
+from analysis.closeloop.identification.model import Candidate, Channel, Model, evaluate, unfitted
+from analysis.closeloop.identification.regression import select_rows
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME, EFFECTS
+from sim.effects.effect import Theta
+from tests.testbed.rich_recording import ELBOW, TRUTH, torque
+
+
+@pytest.mark.parametrize("name", [effect.name for effect in EFFECTS])
+def test_an_effect_is_found_again_in_rich_data(name: str, recording: Recording) -> None:
+    effect, (theta, coefficients) = BY_NAME[name], TRUTH[name]
+    candidate = Candidate(effect=effect, joint=ELBOW)
+    if effect.channel:
+        channel = Channel(candidate=candidate, theta=theta)
+        known = Model(recording, channels=(channel,)).known()
+        effort = np.column_stack([known[joint][:, 0] for joint in (0, 1)])
+    else:
+        effort = recording.inverse + torque(recording, name)
+    noise = 0.01 * np.random.default_rng(1).standard_normal(effort.shape)
+    measured = replace(recording, effort=recording.filtered(effort + noise), cache={})
+    rows = select_rows(measured, (0,))
+    model = Model(measured)
+    estimate = unfitted(measured, ELBOW).estimate
+    option = _try(model, rows, candidate, estimate, evaluate(model, rows))
+    assert option is not None and option.gain > 0.9 * evaluate(model, rows).loss
+    better, scored = refined(option, rows)
+    last: Theta = better.channels[-1].theta if effect.channel else better.terms[-1].theta
+    if not effect.uses_estimate:
+        for key, value in theta.items():
+            # Some widths and levels are choices of the grid that hardly change the torque.
+            if key in ("delay", "time_constant", "distance", "centre", "onset"):
+                assert last[key] == pytest.approx(value, rel=0.15)
+    expected = effort - recording.inverse
+    left = better.target(rows) - better.base(rows)[0] @ scored.coefficients
+    assert np.sqrt(np.mean(left**2)) < 0.1 * np.sqrt(np.mean(expected**2)) + 0.01
+    if coefficients and name in ("viscous_friction", "added_inertia", "torque_offset", "drift"):
+        assert scored.coefficients == pytest.approx(coefficients, rel=0.05)

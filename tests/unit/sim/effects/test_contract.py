@@ -1,0 +1,213 @@
+"""What every effect promises, from its words to its torque in MuJoCo."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.model import unfitted
+from analysis.closeloop.session.recording import Recording
+from sim.effects.applied import AppliedEffects
+from sim.effects.catalogue import ASSESSED, BY_NAME, EFFECTS, VISCOELASTIC
+from sim.effects.effect import AppliedEffect, Effect, Law
+from sim.effects.motion import SimulatedMotion
+from sim.effects.parameter import unit_at
+from tests.testbed.effects import Arm
+from tests.testbed.rich_recording import ELBOW, TRUTH, torque, values
+from tests.testbed.sessions import mjcf
+
+CONTRACT = """
+coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_dependent_friction
+position_dependent_friction torque_offset torque_gain payload added_inertia position_offset
+joint_stiffness nonlinear_stiffness end_range_torque torque_ripple time_delay actuator_lag
+series_elasticity backlash hysteresis stretch_reflex thixotropy drift cross_joint_coupling
+"""
+every_effect = pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
+#: Effects whose torque an actuator applies at every step.
+APPLIED = [
+    effect.name
+    for effect in EFFECTS
+    if isinstance(effect, AppliedEffect) and effect.element == AppliedEffect.element
+]
+#: In the loop of a simulation the load holds Coriolis torques too, and a joint at rest has no
+#: share of its fastest motion to be smoothed over.
+TOLERANCE = {"load_dependent_friction": 0.1, "hysteresis": 0.1}
+
+
+def spec() -> mujoco.MjSpec:
+    return mujoco.MjSpec.from_string(mjcf(Arm()))
+
+
+def test_the_catalogue_has_the_names_of_the_contract_simplest_first() -> None:
+    assert sorted(effect.name for effect in EFFECTS) == sorted(CONTRACT.split())
+    assert EFFECTS[0].complexity == 1 and EFFECTS[-1].complexity == 4
+    assert set(BY_NAME) == {VISCOELASTIC.name, *CONTRACT.split()} == {VISCOELASTIC.name, *TRUTH}
+
+
+@every_effect
+def test_an_effect_says_what_to_look_for_and_where_it_is(effect: Effect) -> None:
+    assert effect.complexity >= 1
+    assert effect.signature and effect.element and effect.separating_trial
+    assert {*effect.includes, *effect.twins} <= set(BY_NAME)
+    assert set(effect.coefficients) <= set(effect.parameters)
+    assert (effect.owner is not None) == (effect.name in ASSESSED)
+
+
+@every_effect
+def test_a_parameter_has_a_unit_a_description_and_limits_that_hold_its_range(
+    effect: Effect,
+) -> None:
+    assert effect.parameters
+    for name, parameter in effect.parameters.items():
+        assert parameter.unit and parameter.description, name
+        assert parameter.floor <= parameter.neutral <= parameter.ceiling, name
+        if effect.owner is not None:
+            assert parameter.floor <= parameter.low < parameter.high <= parameter.ceiling, name
+            assert parameter.within_limits(parameter.low) == parameter.low, name
+    if effect.owner is not None:
+        assert any(parameter.switches for parameter in effect.parameters.values())
+
+
+@pytest.mark.parametrize(
+    ("unit", "slide"),
+    [("Nm", "N"), ("Nm s/rad", "N s/m"), ("rad/Nm", "m/N"), ("kg m2", "kg"), ("1/rad", "1/m")],
+)
+def test_a_slide_has_newtons_and_metres(unit: str, slide: str) -> None:
+    assert unit_at(unit, hinge=True) == unit and unit_at(unit, hinge=False) == slide
+
+
+@every_effect
+def test_columns_are_finite_and_the_same_again_and_parameters_name_them(
+    effect: Effect, recording: Recording
+) -> None:
+    joint = unfitted(recording, ELBOW)
+    assert effect.applies(recording, ELBOW)
+    thetas = [TRUTH[effect.name][0], *effect.thetas(joint)]
+    assert {tuple(theta) for theta in thetas} == {tuple(thetas[0])}
+    for theta in thetas[:4]:
+        readings = effect.readings(joint, theta)
+        assert set(readings) <= set(effect.parameters)
+        assert all(effect.unit(name, theta) for name in readings)
+        used = set().union(*(reading.columns for reading in readings.values()))
+        columns = effect.columns(joint, theta)
+        again = effect.columns(joint, theta)
+        for number, column in columns.items():
+            assert column.shape == (len(recording.time), len(used))
+            assert np.isfinite(column).all() and np.array_equal(column, again[number])
+        assert bool(columns) != effect.channel
+        assert effect.plausible_theta(theta)
+
+
+@every_effect
+def test_what_refines_an_effect_stays_near_and_finite(effect: Effect, recording: Recording) -> None:
+    theta = TRUTH[effect.name][0]
+    for near in effect.neighbours(theta, 0.12):
+        assert set(near) == set(theta) and near != theta
+        assert all(abs(near[key] - theta[key]) <= 0.05 * max(1.0, abs(theta[key])) for key in theta)
+    assert all(parameter.name in theta for parameter in effect.nonlinear)
+
+
+@pytest.mark.parametrize(
+    "effect", [e for e in BY_NAME.values() if e.includes], ids=lambda e: e.name
+)
+def test_an_effect_absorbs_what_it_includes(effect: Effect, recording: Recording) -> None:
+    joint = unfitted(recording, ELBOW)
+    for name in effect.includes:
+        simple = BY_NAME[name].columns(joint, BY_NAME[name].thetas(joint)[0])[ELBOW]
+        left = []
+        for theta in effect.thetas(joint):
+            columns = effect.columns(joint, theta)[ELBOW]
+            fit = columns @ np.linalg.lstsq(columns, simple, rcond=None)[0]
+            left.append(np.linalg.norm(simple - fit) / np.linalg.norm(simple))
+        assert min(left) < 1e-9, name
+
+
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.rubs or e.name == "viscous_friction"])
+def test_friction_takes_energy_from_the_motor(effect: Effect, recording: Recording) -> None:
+    needed = torque(recording, effect.name)[:, ELBOW]
+    assert float((needed * recording.velocity[:, ELBOW]).mean()) > 0
+
+
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if isinstance(e, Law)], ids=lambda e: e.name)
+def test_a_law_is_the_same_for_a_step_and_for_a_recording(
+    effect: Law, recording: Recording
+) -> None:
+    """Away from reversals and with its own load, which a simulation knows otherwise."""
+    model = spec().compile()
+    data, theta = mujoco.MjData(model), TRUTH[effect.name][0]
+    motion = effect.motion(unfitted(recording, ELBOW), theta)
+    whole = np.broadcast_to(
+        effect.torque(values(recording, effect.name), motion), recording.time.shape
+    )
+    for i in range(3, 1000, 50):
+        data.qpos[:], data.qvel[:] = recording.position[i], recording.velocity[i]
+        data.qacc[:], data.time = recording.acceleration[i], recording.time[i]
+        data.qfrc_bias[ELBOW] = np.broadcast_to(motion.load, recording.time.shape)[i]
+        if abs(recording.velocity[i, ELBOW]) > 0.2 * recording.top_speed[ELBOW]:
+            step = effect.torque(
+                values(recording, effect.name), SimulatedMotion(data, ELBOW, ELBOW)
+            )
+            assert isinstance(step, float)
+            assert step == pytest.approx(whole[i], rel=1e-9)
+
+
+def test_a_payload_is_the_torque_of_a_point_mass_on_both_joints(recording: Recording) -> None:
+    columns = BY_NAME["payload"].columns(unfitted(recording, ELBOW), {"distance": 2.0})
+    lever, upper = 2.0 * Arm().lever, 0.3
+    angle = recording.position.sum(axis=1)
+    spin = recording.acceleration.sum(axis=1)
+    q1, q2 = recording.position.T
+    v1 = recording.velocity[:, 0]
+    a1 = recording.acceleration[:, 0]
+    elbow = lever**2 * spin + 9.81 * lever * np.cos(angle)
+    elbow += upper * lever * (a1 * np.cos(q2) + v1**2 * np.sin(q2))
+    # The point is a sphere of a millimetre to MuJoCo.
+    assert columns[1][:, 0] == pytest.approx(elbow, abs=1e-5)
+    assert set(columns) == {0, 1}
+    assert np.ptp(columns[0]) > 0 and np.ptp(q1) > 0
+
+
+@pytest.mark.parametrize("name", APPLIED)
+def test_an_applied_torque_is_the_catalogues_torque(name: str, recording: Recording) -> None:
+    changed = spec()
+    changed.option.timestep = 1.0 / recording.rate
+    element = BY_NAME[name].add(changed, "elbow", values(recording, name))
+    assert element is not None and element.startswith("applied torque: actuator effect_")
+    model = mujoco.MjModel.from_xml_string(changed.to_xml())
+    effects, data = AppliedEffects(model), mujoco.MjData(model)
+    felt = np.empty(len(recording.time))
+    for i, (q, v) in enumerate(zip(recording.position, recording.velocity, strict=True)):
+        data.qpos[:], data.qvel[:], data.time = q, v, recording.time[i]
+        mujoco.mj_forward(model, data)
+        effects.apply(data)
+        felt[i] = data.ctrl[0]
+    needed = torque(recording, name)[:, ELBOW]
+    # The joint feels the opposite of what the motor must add; both are smoothed at a reversal.
+    moving = np.abs(recording.velocity[:, ELBOW]) > 0.1 * recording.top_speed[ELBOW]
+    # What was before the recording reaches into it by a reflex's delay.
+    moving &= recording.time > 0.1
+    rms = float(np.sqrt(np.mean(needed**2)))
+    assert np.abs(felt + needed)[moving].max() < TOLERANCE.get(name, 0.05) * rms
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["viscous_friction", "joint_stiffness", "added_inertia", "payload", "position_offset"],
+)
+def test_a_native_element_is_the_catalogues_torque(name: str, recording: Recording) -> None:
+    needed = torque(recording, name)
+    torques = []
+    for change in (False, True):
+        changed = spec()
+        if change:
+            found = BY_NAME[name].add(changed, "elbow", values(recording, name))
+            assert found == BY_NAME[name].element
+        model = mujoco.MjModel.from_xml_string(changed.to_xml())
+        data, out = mujoco.MjData(model), np.empty((50, 2))
+        for row, i in enumerate(range(0, 1000, 20)):
+            data.qpos[:] = recording.position[i]
+            if name != "position_offset":  # known for its gravity only
+                data.qvel[:], data.qacc[:] = recording.velocity[i], recording.acceleration[i]
+            mujoco.mj_inverse(model, data)
+            out[row] = data.qfrc_inverse
+        torques.append(out)
+    assert torques[1] - torques[0] == pytest.approx(needed[::20], abs=2e-3)
