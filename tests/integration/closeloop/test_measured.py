@@ -1,29 +1,12 @@
-"""Real recordings: a positioning axis with a worn screw, and stretches of healthy elbows.
+"""Real recordings: a positioning axis with a worn screw, and stretches of healthy elbows."""
 
-They are not part of the repository: REHYB_MEASURED names their folder, or they lie in
-`shared/measured` beside or above the checkout.
-"""
-
-import csv
-import json
-import os
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from analysis.closeloop.loop import close_loop
-
-
-def measured_folder() -> Path | None:
-    """Return where the recordings are, or None."""
-    if named := os.environ.get("REHYB_MEASURED"):
-        return Path(named)
-    root = Path(__file__).resolve().parents[3]
-    places = (parent / "shared" / "measured" for parent in (root, *root.parents))
-    return next((place for place in places if place.is_dir()), None)
-
+from tests.testbed.recordings import measured_folder, write_elbows, write_emps
 
 MEASURED = measured_folder()
 pytestmark = pytest.mark.skipif(
@@ -34,28 +17,7 @@ pytestmark = pytest.mark.skipif(
 def emps(folder: Path, joint: str, declared: tuple[str, ...] = ()) -> dict[str, Any]:
     """Close the loop on the positioning axis with `joint` attributes declared."""
     assert MEASURED is not None
-    folder.mkdir()
-    for name in ("train", "test_pulses"):
-        table = np.loadtxt(MEASURED / "emps" / f"emps_{name}.csv", delimiter=",", skiprows=1)
-        np.savetxt(
-            folder / f"{name}.csv",
-            table[:, [0, 2, 4]],
-            delimiter=",",
-            header="time,slide.position,slide.effort",
-            comments="",
-            fmt="%.9g",
-        )
-    (folder / "device.xml").write_text(
-        f'<mujoco><worldbody><body name="carriage"><joint name="slide" type="slide" axis="1 0 0" '
-        f'{joint}/><geom type="box" size=".1 .1 .1" mass="95.1"/></body></worldbody></mujoco>'
-    )
-    session = {
-        "schema": 1,
-        "model": "device.xml",
-        "declared_effects": [{"effect": effect, "joint": "slide"} for effect in declared],
-        "trials": [{"file": "train.csv"}, {"file": "test_pulses.csv", "role": "holdout"}],
-    }
-    (folder / "session.json").write_text(json.dumps(session))
+    write_emps(folder, MEASURED, joint, declared)
     return close_loop(folder, folder / "out")
 
 
@@ -96,34 +58,7 @@ def test_without_declared_coulomb_friction_it_is_found_first(tmp_path: Path) -> 
 
 def test_ramps_of_healthy_elbows_lack_inertia_and_nothing_else(tmp_path: Path) -> None:
     assert MEASURED is not None
-    path = MEASURED / "elbow_stretch" / "healthy_constant_velocity.csv"
-    with path.open() as file:
-        rows = list(csv.DictReader(file))
-    trials, clock = [], 0.0
-    for name in dict.fromkeys(row["trial"] for row in rows):
-        table = np.array(
-            [
-                [clock + float(r["t_s"]), np.radians(float(r["angle_deg"])), float(r["torque_Nm"])]
-                for r in rows
-                if r["trial"] == name
-            ]
-        )
-        clock = table[-1, 0] + 2.0
-        header = "time,elbow.position,elbow.effort"
-        np.savetxt(tmp_path / f"{name}.csv", table, delimiter=",", header=header, comments="")
-        trials.append({"file": f"{name}.csv", "group": name})
-    (tmp_path / "device.xml").write_text(
-        '<mujoco><option gravity="0 0 0"/><worldbody><body name="forearm"><joint name="elbow" '
-        'axis="0 0 1"/><geom type="capsule" fromto="0 0 0 .25 0 0" size=".03" mass="0.001"/>'
-        "</body></worldbody></mujoco>"
-    )
-    session = {
-        "schema": 1,
-        "model": "device.xml",
-        "declared_effects": [{"effect": "viscoelastic_joint", "joint": "elbow"}],
-        "trials": trials,
-    }
-    (tmp_path / "session.json").write_text(json.dumps(session))
+    write_elbows(tmp_path, MEASURED)
     report = close_loop(tmp_path, tmp_path / "out")
     assert [effect["name"] for effect in report["effects"]] == ["added_inertia"]
     # A forearm with hand: 0.05 to 0.12 kg m2 (Winter 2009); the lever of the cuff adds to it.
