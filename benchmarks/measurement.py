@@ -121,7 +121,7 @@ def rewritten(text: str, header: Header, figures: str) -> str:
     Header.read(text)
     if BEGIN not in text or END not in text:
         raise MeasurementError(f"the page lacks {BEGIN} or {END}")
-    items = re.compile(r"(?:^- \w+: .+\n)+", re.MULTILINE)
+    items = re.compile(r"^- Machine: .+\n(?:- \w+: .+\n)+", re.MULTILINE)
     text = items.sub(lambda _: "\n".join(header.lines()) + "\n", text, count=1)
     before, rest = text.split(BEGIN)
     after = rest.split(END)[1]
