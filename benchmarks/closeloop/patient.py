@@ -24,16 +24,16 @@ from analysis.closeloop.identification.tracing import trace
 from analysis.closeloop.load import load_session
 from analysis.closeloop.loop import analyse
 from benchmarks.machine import describe_machine
-from sim.assessment.patient import (
+from sim.assessment.validity import FailedError
+from sim.parameters.fidelity import FIDELITIES
+from sim.parameters.wearer import NOMINAL
+from tests.testbed.patient import (
     EXERCISES,
     Exercise,
     record_exercise,
     true_impedance,
     write_session,
 )
-from sim.assessment.validity import FailedError
-from sim.parameters.fidelity import FIDELITIES
-from sim.parameters.wearer import NOMINAL
 
 #: An arm at rest as in an assessment of spasticity: the passive force of the paper's muscles makes
 #: it 6 Nm/rad stiff. With the refitted ones it has 0.4, as a healthy arm, of which errors in per

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim.body.skeleton import (
-    HAND_MASS,
+    HAND_BOXES,
     HUMAN_JOINTS,
     PRONATION,
     add_arm,
@@ -48,7 +48,7 @@ def test_masses_change_inertia() -> None:
     assert model.body("humerus").mass[0] == 3.0
     forearm = model.body("ulna").mass[0] + model.body("radius").mass[0]
     assert forearm == pytest.approx(1.5)
-    assert model.body("hand").mass[0] == pytest.approx(HAND_MASS)
+    assert model.body("hand").mass[0] == pytest.approx(sum(mass for _, mass, _, _ in HAND_BOXES))
     ratio = model.body("humerus").inertia / arm_of(NOMINAL_WEARER).body("humerus").inertia
     assert ratio == pytest.approx([3.0 / 1.761] * 3)
 
