@@ -5,14 +5,13 @@ from typing import Annotated
 
 import typer
 
-from rehyb.cli.answers import Answer, answering
+from rehyb.cli.answers import Answer, Token, Url, answering
 from rehyb.cli.options import Output, StudyId, Target
 from rehyb.client import Client, Json
 
 
 @answering
 def watch(
-    client: Client,
     as_json: bool,
     study: StudyId,
     up_to: Annotated[
@@ -25,6 +24,8 @@ def watch(
     ] = None,
     target: Target = None,
     output: Output = None,
+    url: Url = None,
+    token: Token = None,
 ) -> Answer:
     """Have a study extended until its indices are precise enough, and wait for it.
 
@@ -32,9 +33,10 @@ def watch(
     """
     if up_to is None and (target is not None or output is not None):
         raise typer.BadParameter("--target and --output need --up-to, the rows that it may cost")
-    if up_to is not None:
-        client.set_precision_goal(study, up_to, target, output)
-    answer = wait_for_precision(client, study, as_json=as_json)
+    with Client(url, token) as client:
+        if up_to is not None:
+            client.set_precision_goal(study, up_to, target, output)
+        answer = wait_for_precision(client, study, as_json=as_json)
     return Answer(answer, status=0 if answer["reached"] else 1)
 
 

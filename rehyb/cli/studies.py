@@ -8,7 +8,15 @@ from typing import Annotated, Any
 
 import typer
 
-from rehyb.cli.answers import Answer, answering, file_written, print_rows, study_submitted
+from rehyb.cli.answers import (
+    Answer,
+    Token,
+    Url,
+    answering,
+    file_written,
+    print_rows,
+    study_submitted,
+)
 from rehyb.cli.options import (
     StudyId,
     Target,
@@ -28,7 +36,6 @@ app = typer.Typer(help="Submit studies and see what becomes of them.", no_args_i
 @app.command()
 @answering
 def submit(
-    client: Client,
     as_json: bool,
     file: Annotated[
         Path | None,
@@ -79,6 +86,8 @@ def submit(
     target: Annotated[
         float | None, typer.Option(help="Half width wanted of every interval of the first output.")
     ] = None,
+    url: Url = None,
+    token: Token = None,
 ) -> Answer:
     """Submit a study, from a JSON file or from options; options win over the file."""
     check_up_to(target, up_to)
@@ -99,12 +108,13 @@ def submit(
             "precision": None if up_to is None else {"target": target, "up_to": up_to},
         },
     )
-    submitted = study_submitted(client.submit(study, idempotency_key=key))
-    if up_to is None:
-        return submitted
-    if not as_json:
-        print(submitted.text, flush=True)
-    precise = wait_for_precision(client, submitted.content["id"], as_json=as_json)
+    with Client(url, token) as client:
+        submitted = study_submitted(client.submit(study, idempotency_key=key))
+        if up_to is None:
+            return submitted
+        if not as_json:
+            print(submitted.text, flush=True)
+        precise = wait_for_precision(client, submitted.content["id"], as_json=as_json)
     return Answer(submitted.content | precise, status=0 if precise["reached"] else 1)
 
 
@@ -157,16 +167,18 @@ def progress(
 @app.command()
 @answering
 def indices(
-    client: Client,
     study: StudyId,
     plot: Annotated[
         Path | None, typer.Option(help="Also draw them.", metavar="FILE.png", show_default=False)
     ] = None,
     target: Target = None,
+    url: Url = None,
+    token: Token = None,
 ) -> Answer:
     """Show a study's sensitivity indices, their intervals, and how many rows are still wanted."""
     check_target(target)
-    snapshot = client.indices(study)
+    with Client(url, token) as client:
+        snapshot = client.indices(study)
     outputs = list(snapshot["outputs"])
     if plot is not None:
         from analysis.reports.figures import screening_figure, variance_figure

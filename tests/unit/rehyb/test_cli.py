@@ -99,6 +99,8 @@ def test_a_coordinator_that_is_not_there_fails_with_what_to_do(
         ("campaign run --directory d --preset huge", "no preset 'huge': take demo or paper"),
         ("campaign run --directory d --model leg", "no model 'leg': take one of elbow"),
         ("campaign run --directory d --output z", "elbow has no output 'z': it has stiffness_err"),
+        ("study submit --target 1", "--target needs --up-to, the rows that it may cost in all"),
+        ("study watch s1 --target 1", "--target and --output need --up-to, the rows that it may"),
         ("study indices s1 --target 0", "--target is a positive half width, not 0"),
         ("assess --set leg_length=1", "there is no factor 'leg_length': take upper_arm_length"),
         ("assess --set forearm_mass=heavy", "forearm_mass must be a number, not 'heavy'"),
@@ -109,9 +111,10 @@ def test_a_coordinator_that_is_not_there_fails_with_what_to_do(
         ("no-such-command", "No such command"),
     ],
 )
-def test_wrong_use_has_status_2_and_says_what_would_be_right(
-    run: Run, command: str, words: str
+def test_wrong_use_has_status_2_and_says_what_would_be_right_before_a_token_is_needed(
+    run: Run, monkeypatch: pytest.MonkeyPatch, command: str, words: str
 ) -> None:
+    monkeypatch.delenv("REHYB_TOKEN")
     status, out, err = run(*command.split())
     assert status == 2
     assert words in out + err
