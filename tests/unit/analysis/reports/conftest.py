@@ -1,7 +1,8 @@
-"""Figures without a layout, for speed: the tests in a browser look at whole ones."""
+"""Figures drawn in less time: the tests in a browser look at whole ones."""
 
 from collections.abc import Iterator
 
+import matplotlib as mpl
 import pytest
 from matplotlib.figure import Figure
 
@@ -11,4 +12,6 @@ def without_layout() -> Iterator[None]:
     """Leave panels where they are: finding room for their labels takes most of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "set_layout_engine", lambda figure, layout: None)
+        # Letters as text, not as outlines.
+        patch.setitem(mpl.rcParams, "svg.fonttype", "none")
         yield

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import threading
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import pytest
@@ -80,9 +81,16 @@ class MemoryLog:
 
 def study(method: str, rows: int = 10) -> tuple[MemoryLog, dict[str, Any]]:
     """Return the log of a study and its snapshot computed at one go."""
+    plan, results, snapshot = computed(method, rows)
+    return MemoryLog(plan, list(results)), snapshot
+
+
+@cache
+def computed(method: str, rows: int) -> tuple[StudyPlan, list[LoggedResult], dict[str, Any]]:
+    """Return a study, its results and its snapshot; nobody changes them."""
     plan = study_plan(method, rows)
     results = results_of(plan, failed=FAILED)
-    return MemoryLog(plan, results), analyse(plan, results)
+    return plan, results, analyse(plan, results)
 
 
 def same(snapshot: dict[str, Any], expected: dict[str, Any]) -> bool:
