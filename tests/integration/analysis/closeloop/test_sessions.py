@@ -150,7 +150,7 @@ def test_the_command_prints_the_report_and_refuses_bad_input_with_2(tmp_path: Pa
             capture_output=True,
             text=True,
             cwd=tmp_path,
-            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])},
+            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[4])},
             check=False,
         )
 

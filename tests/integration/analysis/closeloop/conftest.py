@@ -1,0 +1,11 @@
+"""A rich recording without noise, made once."""
+
+import pytest
+
+from analysis.closeloop.session.recording import Recording
+from tests.testbed.rich_recording import rich_recording
+
+
+@pytest.fixture(scope="package")
+def recording() -> Recording:
+    return rich_recording()
