@@ -21,10 +21,11 @@ test: $(READY)  ## Run every test (unit, integration with real processes, accept
 unit: $(READY)  ## Run the unit tests, which take seconds
 	$(PYTEST) tests/unit
 
-lint: $(READY)  ## Look at style, format and types
+lint: $(READY)  ## Look at style, format, types and which room imports which
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 check: lint unit  ## What to run before each commit: lint and unit
 
