@@ -1,7 +1,9 @@
 """A client whose studies are computed on the spot, for tests of campaigns."""
 
 import csv
+import json
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +63,7 @@ class InstantCoordinator:
 
     def indices(self, study_id: str) -> dict[str, Any]:
         self._answer()
-        plan, _, results = evaluated(study_id, self.submitted[study_id])
-        return analyse(plan, results)
+        return snapshot(study_id, json.dumps(self.submitted[study_id]))
 
     def results_csv(self, study_id: str, path: Path) -> None:
         plan, distributions, results = evaluated(study_id, self.submitted[study_id])
@@ -106,3 +107,10 @@ def evaluated(
         return evaluate(study["model"], {**point, **study.get("fixed", {})}).outputs
 
     return plan, distributions, results_of(plan, outputs, distributions=distributions)
+
+
+@cache
+def snapshot(study_id: str, study: str) -> dict[str, Any]:
+    """Return the final snapshot of a study, given as JSON."""
+    plan, _, results = evaluated(study_id, json.loads(study))
+    return analyse(plan, results)

@@ -3,7 +3,7 @@
 import copy
 import json
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import httpx2
@@ -69,6 +69,7 @@ def at_once(seconds: float) -> None:
     """Do not wait."""
 
 
+@cache
 def indices(rows: int) -> dict[str, Any]:
     """Return the snapshot of a study of the Ishigami function."""
     return FinishedStudy(STUDY | {"rows": rows, "seed": 1}, lost=()).indices
