@@ -216,7 +216,7 @@ def test_a_worker_leaves_after_as_many_instances_as_it_was_to_do(tmp_path: Path)
 
 
 def test_the_next_work_comes_with_the_acknowledgement_of_the_last(tmp_path: Path) -> None:
-    work = Work(tmp_path, [["a"], ["b"], ["c"]], processes=1)
+    work = Work(tmp_path, [["a"], ["b"], ["c"]], processes=1, max_idle=None)
     work.new_agent("w2", max_instances=3).run()
     assert set(work.coordinator.results) == {"a", "b", "c"}
     assert work.coordinator.calls == ["/v1/leases", *["/v1/results"] * 3]
@@ -225,7 +225,7 @@ def test_the_next_work_comes_with_the_acknowledgement_of_the_last(tmp_path: Path
 def test_an_older_coordinator_that_leases_nothing_with_results_gets_the_results_all_the_same(
     tmp_path: Path,
 ) -> None:
-    work = Work(tmp_path, [["a"], ["b"]], processes=1)
+    work = Work(tmp_path, [["a"], ["b"]], processes=1, max_idle=None)
     work.coordinator.old = True
     work.new_agent("w2", max_instances=2).run()
     assert set(work.coordinator.results) == {"a", "b"}
@@ -235,7 +235,7 @@ def test_an_older_coordinator_that_leases_nothing_with_results_gets_the_results_
 def test_a_misfit_that_comes_with_verdicts_is_logged_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    work = Work(tmp_path, [["a"], ["b"]], processes=1)
+    work = Work(tmp_path, [["a"], ["b"]], processes=1, max_idle=None)
     agent = work.new_agent("w2", max_instances=2)
     work.coordinator.misfits = 0
 
