@@ -15,11 +15,11 @@ from sim.effects.motion import Motion, RecordedJoint, Recording
 from sim.effects.parameter import (
     RELATIVE,
     SECONDS,
-    GainReading,
     Nonlinear,
     Parameter,
     Reading,
     Values,
+    both_signs,
     named,
     size,
 )
@@ -27,22 +27,14 @@ from sim.effects.parameter import (
 if TYPE_CHECKING:
     import mujoco
 
-#: A gain beyond these is another effect in disguise.
-GAINS = (0.33, 3.0)
+#: How a gain is read from its coefficient; beyond these limits it is another effect in disguise.
+GAIN, GAINS = Reading(column=0, gain=True), (0.33, 3.0)
 #: Slowest drive, s: a loop closed around a slower one cannot follow a limb. Soft tissue relaxes in
 #: 0.1 to 1 s (viscosity over stiffness, Table 1), and looks like one.
 MAX_LAG = 0.16
 #: Delays and lags to begin with, s; negative ones are those of a sensor.
-DELAYS = tuple(
-    sign * delay
-    for delay in (0.002, 0.004, 0.007, 0.011, 0.016, 0.023, 0.032, 0.045, 0.065)
-    for sign in (-1.0, 1.0)
-)
-LAGS = tuple(
-    sign * constant
-    for constant in (0.003, 0.006, 0.011, 0.02, 0.035, 0.06, 0.1, 0.16)
-    for sign in (-1.0, 1.0)
-)
+DELAYS = both_signs(0.002, 0.004, 0.007, 0.011, 0.016, 0.023, 0.032, 0.045, 0.065)
+LAGS = both_signs(0.003, 0.006, 0.011, 0.02, 0.035, 0.06, 0.1, 0.16)
 
 
 class TorqueOffset(Law):
@@ -93,7 +85,7 @@ class TorqueGain(Effect):
         return {joint.number: joint.recording.inverse[:, [joint.number]]}
 
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
-        return {"gain": GainReading(column=0)}
+        return {"gain": GAIN}
 
     def plausible(
         self, joint: RecordedJoint, coefficients: np.ndarray, samples: np.ndarray
@@ -101,7 +93,7 @@ class TorqueGain(Effect):
         return 1.0 / GAINS[1] < 1.0 + float(coefficients[-1]) < 1.0 / GAINS[0]
 
     def gain(self, coefficients: np.ndarray) -> float:
-        return float(GainReading(column=0).of({0: float(coefficients[0])}))
+        return float(GAIN.of({0: float(coefficients[0])}))
 
     def motor_gain(self, parameters: Values) -> float:
         return parameters["gain"]

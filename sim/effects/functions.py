@@ -4,6 +4,7 @@ A step takes plain floats through `math`, which is much faster than NumPy there.
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -11,24 +12,20 @@ import numpy as np
 Signal = float | np.ndarray
 
 
-def exp(x: Signal) -> Signal:
-    return math.exp(x) if isinstance(x, float) else np.asarray(np.exp(x))
+def _either(scalar: Callable[[float], float], array: np.ufunc) -> Callable[[Signal], Signal]:
+    """Return one function of a float by `scalar` and of an array by `array`."""
+
+    def function(x: Signal) -> Signal:
+        return scalar(x) if isinstance(x, float) else np.asarray(array(x))
+
+    return function
 
 
-def expm1(x: Signal) -> Signal:
-    return math.expm1(x) if isinstance(x, float) else np.asarray(np.expm1(x))
-
-
-def cos(x: Signal) -> Signal:
-    return math.cos(x) if isinstance(x, float) else np.asarray(np.cos(x))
-
-
-def sin(x: Signal) -> Signal:
-    return math.sin(x) if isinstance(x, float) else np.asarray(np.sin(x))
-
-
-def magnitude(x: Signal) -> Signal:
-    return abs(x) if isinstance(x, float) else np.abs(x)
+exp = _either(math.exp, np.exp)
+expm1 = _either(math.expm1, np.expm1)
+cos = _either(math.cos, np.cos)
+sin = _either(math.sin, np.sin)
+magnitude = _either(abs, np.abs)
 
 
 def at_least(low: float, x: Signal) -> Signal:

@@ -61,6 +61,11 @@ def size(unit: str, high: float, description: str, *, low: float = 0.0) -> Param
 RELATIVE, SECONDS = (1e-3, 0.02), (5e-4, 0.0)
 
 
+def both_signs(*sizes: float) -> tuple[float, ...]:
+    """Return every size with either sign."""
+    return tuple(sign * size for size in sizes for sign in (-1.0, 1.0))
+
+
 @dataclass(frozen=True)
 class Nonlinear:
     """A parameter that the columns are not linear in: where its search begins and goes on."""
@@ -93,6 +98,8 @@ class Reading:
     also: tuple[int, float] | None = None
     #: Value of a non-linear parameter.
     value: float | None = None
+    #: Whether it is the gain of an effort channel: effort = (1 + coefficient) declared torque.
+    gain: bool = False
 
     @property
     def columns(self) -> set[int]:
@@ -100,35 +107,25 @@ class Reading:
         own = set() if self.column is None else {self.column}
         return own if self.also is None else own | {self.also[0]}
 
-    def of(self, coefficients: Mapping[int, Signal], gain: float = 1.0) -> Signal:
+    def of(self, coefficients: Mapping[int, Signal], scaled: float = 1.0) -> Signal:
         """Return the parameter.
 
         Args:
             coefficients: by column; one that `also` names may be missing.
-            gain: torque at the joint over the effort reported.
+            scaled: torque at the joint over the effort reported, which divides the whole balance.
         """
         if self.column is None:
             assert self.value is not None
             return self.value
         found = coefficients[self.column]
+        if self.gain:
+            return 1.0 / np.maximum(1.0 + found, 0.05)
         if self.also is not None and self.also[0] in coefficients:
             found = found + self.also[1] * coefficients[self.also[0]]
-        return found * self.scale * gain
+        return found * self.scale * scaled
 
-    def lowest(self, bound: float, gain: float = 1.0) -> float:
+    def lowest(self, bound: float, scaled: float = 1.0) -> float:
         """Return the least value while the coefficient is at least `bound`."""
-        if self.also is None and self.scale > 0:
-            return bound * self.scale * gain
-        return -inf
-
-
-@dataclass(frozen=True, kw_only=True)
-class GainReading(Reading):
-    """The gain of an effort channel: effort = (1 + coefficient) times the declared torque."""
-
-    def of(self, coefficients: Mapping[int, Signal], gain: float = 1.0) -> Signal:
-        assert self.column is not None
-        return 1.0 / np.maximum(1.0 + coefficients[self.column], 0.05)
-
-    def lowest(self, bound: float, gain: float = 1.0) -> float:
-        return -inf
+        if self.gain or self.also is not None or self.scale <= 0:
+            return -inf
+        return bound * self.scale * scaled
