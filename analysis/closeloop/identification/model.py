@@ -1,6 +1,6 @@
 """A model of the balance: the declared unknowns and the effects added so far, with their fit."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
 
@@ -14,8 +14,6 @@ from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Columns, Effect, Theta
 from sim.effects.elastic import Viscoelastic
 from sim.effects.motion import Estimate, RecordedJoint
-
-EMPTY = Variant(theta={}, columns=np.empty((0, 0)), kept=())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,11 +210,11 @@ def unfitted(recording: Recording, joint: int) -> RecordedJoint:
     return RecordedJoint(recording, joint, estimate)
 
 
-def evaluate(model: Model, rows: Rows, **options: object) -> Score:
-    """Fit the model to the rows and score it on left-out folds."""
+def evaluate(model: Model, rows: Rows, *, fold_rows: Sequence[np.ndarray] | None = None) -> Score:
+    """Fit the model to the rows and score it on left-out folds: the groups, or `fold_rows`."""
     base, lower = model.base(rows)
-    empty = replace(EMPTY, columns=np.empty((len(base), 0)))
-    return score(rows, model.target(rows), base, lower, [empty], (0.0,), **options)  # type: ignore[arg-type]
+    alone = Variant(theta={}, columns=np.empty((len(base), 0)), kept=())
+    return score(rows, model.target(rows), base, lower, [alone], (0.0,), fold_rows=fold_rows)
 
 
 def prediction(model: Model, coefficients: np.ndarray) -> np.ndarray:
@@ -278,7 +276,7 @@ def _known_filter(recording: Recording, column: np.ndarray) -> np.ndarray:
         return column
     out = np.array(column)
     for piece in recording.slices:
-        cutoff = trials.get(int(recording.trial[piece.start]))
+        cutoff = trials.get(recording.trial_of(piece))
         if cutoff is not None and cutoff < 0.4 * recording.rate:
             out[piece] = lagged(column[piece], 1.0 / (2 * np.pi * cutoff), recording.rate)
     return out
