@@ -18,6 +18,7 @@ from sim.assessment.validity import FAILURES
 from sim.models import ELBOW
 from sim.parameters.conditions import CONDITIONS
 from sim.robot.device import DEVICES
+from tests.testbed import arrows
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -139,3 +140,28 @@ def test_every_step_of_a_walk_exists() -> None:
             inside = getattr(found, "body", ())
             found = next((node for node in inside if getattr(node, "name", None) == part), None)
         assert found is not None, f"{file}:{name}"
+
+
+@pytest.mark.parametrize("page", arrows.PAGES, ids=lambda page: page.name)
+def test_the_drawing_is_that_of_the_contracts(page: Path) -> None:
+    text = page.read_text()
+    picture = arrows.drawing(arrows.contracts())
+    assert arrows.drawn(text, picture) == text, "run python -m tests.testbed.arrows"
+
+
+def test_a_drawing_says_what_a_room_may_import_and_its_layers() -> None:
+    linter = {
+        "root_packages": ["a", "b", "c"],
+        "contracts": [
+            {"type": "forbidden", "source_modules": ["a"], "forbidden_modules": ["b", "c"]},
+            {"type": "forbidden", "source_modules": ["b"], "forbidden_modules": ["c.heavy"]},
+            {"type": "layers", "containers": ["b"], "layers": ["top", "(mid)", "x | y"]},
+        ],
+    }
+    assert arrows.drawing(linter).splitlines() == [
+        "a -> nothing of ours",
+        "b -> a, c (without heavy)",
+        "c -> a, b",
+        "",
+        "b =  top -> mid -> x | y",
+    ]
