@@ -15,7 +15,7 @@ from server.compression import Gunzip
 from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
 from server.metrics import Clock, Metrics
-from server.operations import close_loop_leases as close_loop_operations
+from server.operations import close_loops as close_loop_operations
 from server.operations import comparisons, reruns, tokens
 from server.operations import leases as lease_operations
 from server.routes import (

@@ -165,7 +165,7 @@ class Lease:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """A second opinion that is asked for."""
+    """A second opinion that is asked for, and what came of it."""
 
     id: int
     row: int
@@ -173,8 +173,18 @@ class Comparison:
     state: ComparisonState
     #: How often it failed to come.
     attempts: int
+    #: What holds it; it stays when the second opinion has come.
+    lease_id: str | None
     #: Whose result is computed again.
     first_host: str
+    decided_at: float | None
+    second_host: str | None
+    second_worker_id: str | None
+    #: The second host's.
+    outcome: str | None
+    outputs: Mapping[str, float] | None
+    #: Largest relative difference of an output; None if the outcomes differ.
+    difference: float | None
 
 
 @dataclass(frozen=True, kw_only=True)

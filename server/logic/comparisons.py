@@ -6,10 +6,10 @@ the host that is at fault will be found in most of the disagreements.
 """
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from server.logic.instances import BUDGETS
-from server.records import Result
+from server.records import Comparison, Result
 from server.states import ComparisonState
 
 #: How often a second opinion may fail to come before nobody is asked any more.
@@ -63,6 +63,33 @@ def agree(first: Result, second: Result, tolerance: float) -> bool:
     return apart is not None and apart <= tolerance
 
 
-def after_failing(attempts: int) -> ComparisonState:
-    """Return where a second opinion stands that failed to come so many times."""
-    return ComparisonState.ABANDONED if attempts >= ATTEMPTS else ComparisonState.WAITING
+def put_back(asked: Comparison, *, counted: bool = True) -> Comparison:
+    """Return a second opinion that failed to come; `counted`: its worker is at fault."""
+    attempts = asked.attempts + counted
+    spent = attempts >= ATTEMPTS
+    state = ComparisonState.ABANDONED if spent else ComparisonState.WAITING
+    return replace(asked, state=state, attempts=attempts, lease_id=None)
+
+
+def concluded(
+    asked: Comparison,
+    first: Result,
+    second: Result,
+    *,
+    host: str,
+    worker: str,
+    tolerance: float,
+    now: float,
+) -> Comparison:
+    """Return a second opinion that has come from `worker` on `host`; see `agree`."""
+    agreed = agree(first, second, tolerance)
+    return replace(
+        asked,
+        state=ComparisonState.AGREED if agreed else ComparisonState.DISAGREED,
+        decided_at=now,
+        second_host=host,
+        second_worker_id=worker,
+        outcome=second.outcome,
+        outputs=second.outputs,
+        difference=difference(first, second),
+    )

@@ -24,7 +24,7 @@ class FactorChoice:
     """How a request wants one factor sampled: a range, a distribution, or the model's own range."""
 
     name: str
-    range: tuple[float, float] | None = None
+    range: Sequence[float] | None = None
     distribution: Mapping[str, Any] | None = None
 
 

@@ -9,7 +9,7 @@ from sqlalchemy.engine import Connection, Engine
 from analysis.closeloop.contract import REPORT_FILES
 from server.errors import ConflictError, NotFoundError
 from server.records import CloseLoopJob, Study
-from server.states import CloseLoopState, InstanceState, StudyState
+from server.states import CloseLoopState, StudyState
 from server.store import audit, close_loops, sessions, studies
 from server.store.database.engine import reading
 
@@ -76,24 +76,23 @@ def _close_loop_faults(connection: Connection, job: CloseLoopJob) -> Iterator[st
 
 def _study_faults(connection: Connection, study: Study) -> Iterator[str]:
     """Yield what contradicts: counters and tables, instances and results."""
-    counts = audit.count(connection, study.id)
-    states = counts.instances
+    count = audit.count(connection, study.id)
     for what, counted, expected in (
-        ("instances of begun rows", sum(states.values()), study.handed_out),
-        ("leased instances", states.get(InstanceState.LEASED, 0), study.leased),
-        ("results", counts.results, study.result_count),
-        ("ok results", counts.ok, study.ok_count),
-        ("failed results", counts.results - counts.ok, sum(study.failures.values())),
-        ("the last result's number", counts.last, study.result_count),
-        ("instances that are done", states.get(InstanceState.DONE, 0), study.result_count),
-        ("results of instances that are done", counts.matched, study.result_count),
-        ("instances held by a lease that has ended", counts.unheld, 0),
-        ("second opinions held by a lease that has ended", counts.unasked, 0),
-        ("rows shared by kinds of machines", counts.mixed, 0),
+        ("instances of begun rows", count["begun"], study.handed_out),
+        ("leased instances", count["leased"], study.leased),
+        ("results", count["results"], study.result_count),
+        ("ok results", count["ok"], study.ok_count),
+        ("failed results", count["results"] - count["ok"], sum(study.failures.values())),
+        ("the last result's number", count["last"], study.result_count),
+        ("instances that are done", count["done"], study.result_count),
+        ("results of instances that are done", count["matched"], study.result_count),
+        ("instances held by a lease that has ended", count["unheld"], 0),
+        ("second opinions held by a lease that has ended", count["unasked"], 0),
+        ("rows shared by kinds of machines", count["mixed"], 0),
     ):
         if counted != expected:
             yield f"{what}: {counted}, where {expected} would be right"
     if study.state == StudyState.CANCELLED:
         return
-    if (study.state == StudyState.COMPLETE) != (counts.results == study.plan.instances):
-        yield f"it is {study.state} with {counts.results} of {study.plan.instances} results"
+    if (study.state == StudyState.COMPLETE) != (count["results"] == study.plan.instances):
+        yield f"it is {study.state} with {count['results']} of {study.plan.instances} results"

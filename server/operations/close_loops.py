@@ -1,17 +1,46 @@
-"""Close-loop jobs: asked for, followed, and the files of their reports."""
+"""Close-loop jobs: asked for and followed, leased to workers, and what these hand in."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import BinaryIO
 from uuid import uuid4
 
-from sqlalchemy.engine import Engine
+from sqlalchemy.engine import Connection, Engine
 
-from server.errors import NotFoundError
-from server.logic.close_loops import answers
-from server.logic.hosts import GONE_SECONDS
-from server.records import CloseLoopJob
-from server.states import CloseLoopState
+from server.errors import ConflictError, NotFoundError
+from server.logic.close_loops import (
+    after_attempt,
+    answers,
+    failed,
+    finished,
+    handed_out,
+    is_noted,
+    lease_of,
+    released,
+)
+from server.logic.hosts import GONE_SECONDS, host_class
+from server.logic.leases import (
+    expiry,
+    objection_to_release,
+    objection_to_renewal,
+    objection_to_results,
+)
+from server.records import CloseLoopJob, Session
+from server.states import CloseLoopState, LeaseState, Outcome
 from server.store import close_loops, sessions, workers
-from server.store.database.engine import reading, writing
+from server.store.database.engine import alone_reading, reading, writing
+
+get = alone_reading(close_loops.find)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proof:
+    """What a worker shows to speak for a job."""
+
+    lease: str
+    fence: int
+    worker: str
 
 
 def create(engine: Engine, session_id: str, *, code: str, now: float) -> tuple[CloseLoopJob, bool]:
@@ -44,12 +73,6 @@ def create(engine: Engine, session_id: str, *, code: str, now: float) -> tuple[C
     return job, True
 
 
-def get(engine: Engine, job_id: str) -> CloseLoopJob:
-    """Return a job; NotFoundError if there is none of that id."""
-    with reading(engine) as connection:
-        return close_loops.find(connection, job_id)
-
-
 def standing(engine: Engine, job_id: str, *, now: float) -> tuple[CloseLoopJob, int]:
     """Return a job as `get` does, and how many workers can close loops now."""
     return get(engine, job_id), at_work(engine, now=now)
@@ -73,3 +96,192 @@ def file_size(engine: Engine, job: CloseLoopJob, file: str) -> int:
 def read_file(engine: Engine, job: CloseLoopJob, file: str, size: int) -> Iterator[bytes]:
     """Yield a file of a report, a part at a time."""
     return close_loops.read_file(engine, job.id, file, size)
+
+
+def grant(
+    engine: Engine,
+    *,
+    worker: str,
+    host: str,
+    versions: Mapping[str, str],
+    tags: Sequence[str],
+    now: float,
+    ttl: float,
+) -> tuple[CloseLoopJob, Session] | None:
+    """Lease the oldest waiting job to a worker; None if there is none for it.
+
+    A job that went wrong on its host goes to another one, if one is at work.
+    """
+    with reading(engine) as connection:
+        waiting = close_loops.waiting(connection)
+        noted = is_noted(workers.close_loops_noted(connection, worker), now)
+    if noted and not waiting:
+        return None
+    with writing(engine) as connection:
+        workers.introduce(
+            connection,
+            worker,
+            host=host,
+            versions=versions,
+            host_class=host_class(versions),
+            tags=tags,
+            now=now,
+        )
+        workers.note_close_loops(connection, worker, now=now)
+        heard_after = now - GONE_SECONDS
+        others = workers.closing_loops(connection, heard_after=heard_after, but_on=host)
+        for candidate in close_loops.waiting(connection, lock=True):
+            if candidate.avoid == host and others:
+                continue
+            job = handed_out(
+                candidate, lease=uuid4().hex, worker=worker, host=host, now=now, ttl=ttl
+            )
+            close_loops.save(connection, job)
+            return job, sessions.find(connection, job.session_id)
+    return None
+
+
+def renew(
+    engine: Engine,
+    job_id: str,
+    *,
+    lease: str,
+    fence: int,
+    progress: str | None,
+    now: float,
+    ttl: float,
+) -> float:
+    """Extend a job's lease, note what its worker is at, and return when it expires now.
+
+    Raises:
+        NotFoundError: there is no such job; its session may have been deleted.
+        ConflictError: the lease has ended, or never was the bearer's.
+    """
+    until = expiry(now, ttl)
+    with writing(engine) as connection:
+        job = close_loops.find(connection, job_id, lock=True)
+        held = lease_of(job, lease)
+        objection = objection_to_renewal(held, fence=fence, now=now)
+        if held is None or objection is not None:
+            raise ConflictError(f"lease {lease!r} cannot be renewed: {objection}")
+        said = job.progress if progress is None else progress
+        close_loops.save(connection, replace(job, expires_at=until, progress=said))
+        _heard_from(connection, held.worker, now)
+    return until
+
+
+def release(engine: Engine, job_id: str, *, lease: str, fence: int) -> None:
+    """Take a job back unharmed; does nothing if its lease has ended; raises as `renew` does."""
+    with writing(engine) as connection:
+        job = close_loops.find(connection, job_id, lock=True)
+        held = lease_of(job, lease)
+        objection = objection_to_release(held, fence=fence)
+        if held is None or objection is not None:
+            raise ConflictError(f"lease {lease!r} cannot be released: {objection}")
+        if held.state == LeaseState.OPEN:
+            close_loops.save(connection, released(job))
+
+
+def require_holder(engine: Engine, job_id: str, proof: Proof) -> None:
+    """Raise as `hand_in` does, before anything is read that may be large."""
+    with reading(engine) as connection:
+        _require_holder(close_loops.find(connection, job_id), proof)
+
+
+def hand_in(
+    engine: Engine,
+    job_id: str,
+    files: Mapping[str, BinaryIO],
+    *,
+    proof: Proof,
+    code: str,
+    verdict: str,
+    now: float,
+) -> bool:
+    """Store a job's report; False if it has one: the first stays.
+
+    A lease that has expired is no objection while there is no report.
+
+    Raises:
+        NotFoundError: there is no such job.
+        ConflictError: the lease never was the bearer's.
+    """
+    with _held(engine, job_id, proof) as (connection, job):
+        if job.state == CloseLoopState.DONE:
+            return False
+        close_loops.add_files(connection, job_id, files)
+        close_loops.save(
+            connection, finished(job, proof.lease, code=code, verdict=verdict, now=now)
+        )
+        _heard_from(connection, proof.worker, now)
+    return True
+
+
+def fail(
+    engine: Engine,
+    job_id: str,
+    *,
+    proof: Proof,
+    outcome: str,
+    reason: str,
+    where: Mapping[str, str | int | None] | None = None,
+    now: float,
+) -> bool:
+    """Count an attempt that failed; False if it no longer counts; raises as `hand_in` does.
+
+    Args:
+        engine: where.
+        job_id: which job.
+        proof: under which lease it was attempted.
+        outcome: "bad_session", which is final, or a key of BUDGETS.
+        reason: a sentence.
+        where: file, column and line of what is wrong with the session.
+        now: seconds, UTC epoch.
+    """
+    with _held(engine, job_id, proof) as (connection, job):
+        workers.heard_from(connection, proof.worker, now=now)
+        if job.current is None or job.current.lease != proof.lease:
+            return False
+        if outcome == Outcome.BAD_SESSION:
+            after = failed(job, outcome=outcome, detail=reason, where=where, now=now)
+        else:
+            after = after_attempt(job, cause=outcome, reason=reason, now=now)
+        close_loops.save(connection, after)
+    return True
+
+
+def reap(engine: Engine, *, now: float) -> int:
+    """Take back what silent workers hold, as lost; returns how many jobs that were."""
+    with reading(engine) as connection:
+        if not close_loops.expired(connection, now=now):
+            return 0
+    with writing(engine) as connection:
+        lost = close_loops.expired(connection, now=now, lock=True)
+        for job in lost:
+            reason = f"worker {job.attempts[-1].worker} fell silent"
+            after = after_attempt(job, cause=Outcome.LOST, reason=reason, now=now)
+            close_loops.save(connection, after)
+    return len(lost)
+
+
+@contextmanager
+def _held(engine: Engine, job_id: str, proof: Proof) -> Iterator[tuple[Connection, CloseLoopJob]]:
+    """Open a transaction that has locked a job, for somebody who may speak for it."""
+    with writing(engine) as connection:
+        job = close_loops.find(connection, job_id, lock=True)
+        _require_holder(job, proof)
+        yield connection, job
+
+
+def _require_holder(job: CloseLoopJob, proof: Proof) -> None:
+    held = lease_of(job, proof.lease)
+    if held is None:
+        raise ConflictError(f"close-loop {job.id} was never leased as {proof.lease!r}")
+    objection = objection_to_results(held, fence=proof.fence, worker=proof.worker)
+    if objection is not None:
+        raise ConflictError(f"nothing can be handed in under lease {proof.lease!r}: {objection}")
+
+
+def _heard_from(connection: Connection, worker: str, now: float) -> None:
+    workers.heard_from(connection, worker, now=now)
+    workers.note_close_loops(connection, worker, now=now)

@@ -10,15 +10,14 @@ from sqlalchemy.engine import Connection, Engine
 
 from server.logic.comparisons import (
     Reputation,
-    after_failing,
-    agree,
-    difference,
+    concluded,
     is_chosen,
     is_comparable,
+    put_back,
 )
 from server.logic.plans import instance_id
 from server.logic.verdicts import Judgement, Report, as_result, fault_in
-from server.records import Comparison, Lease, Result, Study
+from server.records import Lease, Result, Study
 from server.states import ComparisonState, Verdict
 from server.store import comparisons, results, studies
 from server.store.database.engine import reading, writing
@@ -83,15 +82,35 @@ def judge(
             verdict, detail = Verdict.DUPLICATE, ""
         elif (fault := fault_in(report, study.plan.outputs)) is not None:
             verdict, detail = Verdict.INVALID, fault
-            _put_back(connection, one)
+            comparisons.save(connection, put_back(one))
         else:
             verdict, detail = Verdict.ACCEPTED, "a second opinion"
             second = as_result(report, one.row, one.position, study.plan.outputs)
             first = stored.get((one.row, one.position))
             if first is None or not is_comparable(second):
-                _put_back(connection, one)
+                after = put_back(one)
             else:
-                _conclude(connection, study, one, first, second, lease, tolerance, now)
+                after = concluded(
+                    one,
+                    first,
+                    second,
+                    host=lease.host,
+                    worker=lease.worker,
+                    tolerance=tolerance,
+                    now=now,
+                )
+            comparisons.save(connection, after)
+            if after.state == ComparisonState.DISAGREED:
+                log.warning(
+                    "hosts %s and %s disagree on an instance",
+                    one.first_host,
+                    lease.host,
+                    extra={
+                        "study": study.id,
+                        "instance": report.instance,
+                        "worker": lease.worker,
+                    },
+                )
         open_ones.discard(report.instance)
         judgements.append(Judgement(about=report.instance, verdict=verdict, detail=detail))
     return judgements, bool(open_ones)
@@ -101,7 +120,7 @@ def let_go(connection: Connection, lease: Lease, *, counted: bool) -> None:
     """Have what an ended lease still held wait again; `counted`: its worker fell silent."""
     for one in comparisons.of_lease(connection, lease.id):
         if one.state == ComparisonState.LEASED:
-            _put_back(connection, one, counted=counted)
+            comparisons.save(connection, put_back(one, counted=counted))
 
 
 def give_up(engine: Engine, *, now: float, patience: float) -> None:
@@ -119,42 +138,3 @@ def reputations(engine: Engine) -> dict[str, Reputation]:
     with reading(engine) as connection:
         counts = comparisons.counts(connection)
     return {host: Reputation(**found) for host, found in counts.items()}
-
-
-def _conclude(
-    connection: Connection,
-    study: Study,
-    asked: Comparison,
-    first: Result,
-    second: Result,
-    lease: Lease,
-    tolerance: float,
-    now: float,
-) -> None:
-    agreed = agree(first, second, tolerance)
-    if not agreed:
-        log.warning(
-            "hosts %s and %s disagree on an instance",
-            asked.first_host,
-            lease.host,
-            extra={
-                "study": study.id,
-                "instance": instance_id(study.id, asked.row, asked.position),
-                "worker": lease.worker,
-            },
-        )
-    comparisons.conclude(
-        connection,
-        asked,
-        second,
-        difference=difference(first, second),
-        agreed=agreed,
-        host=lease.host,
-        worker=lease.worker,
-        now=now,
-    )
-
-
-def _put_back(connection: Connection, asked: Comparison, *, counted: bool = True) -> None:
-    attempts = asked.attempts + counted
-    comparisons.put_back(connection, asked, state=after_failing(attempts), attempts=attempts)

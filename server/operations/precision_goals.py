@@ -7,7 +7,11 @@ from server.logic.precision_goals import next_extension
 from server.records import PrecisionGoal
 from server.states import StudyState
 from server.store import precision_goals, snapshots, studies
-from server.store.database.engine import reading, writing
+from server.store.database.engine import alone_reading, writing
+
+of = alone_reading(precision_goals.find)
+every = alone_reading(precision_goals.every)
+due = alone_reading(precision_goals.due)
 
 
 def put(engine: Engine, study_id: str, goal: PrecisionGoal) -> None:
@@ -28,24 +32,6 @@ def remove(engine: Engine, study_id: str) -> None:
     with writing(engine) as connection:
         studies.find(connection, study_id, lock=True)
         precision_goals.delete(connection, study_id)
-
-
-def of(engine: Engine, study_id: str) -> PrecisionGoal | None:
-    """Return a study's goal and what was done for it; None if it has none."""
-    with reading(engine) as connection:
-        return precision_goals.find(connection, study_id)
-
-
-def every(engine: Engine) -> dict[str, PrecisionGoal]:
-    """Return the goals of all studies that have one, by study."""
-    with reading(engine) as connection:
-        return precision_goals.every(connection)
-
-
-def due(engine: Engine) -> list[str]:
-    """Return the complete studies whose goal is open and whose results are all in a snapshot."""
-    with reading(engine) as connection:
-        return precision_goals.due(connection)
 
 
 def act_on(engine: Engine, study_id: str) -> bool:

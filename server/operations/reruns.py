@@ -94,11 +94,7 @@ def _reopen(
         comparisons.forget(connection, study.id, taken)
         reruns.number_anew(connection, study.id)
         snapshots.forget(connection, study.id)
-    study = recounted(
-        study,
-        outcomes=reruns.outcomes(connection, study.id),
-        rows_complete=reruns.complete_rows(connection, study),
-        leased=reruns.leased(connection, study.id),
-    )
+    outcomes, rows_complete, leased = reruns.count(connection, study)
+    study = recounted(study, outcomes=outcomes, rows_complete=rows_complete, leased=leased)
     studies.save(connection, study)
     return study, len(taken)

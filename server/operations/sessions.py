@@ -1,6 +1,6 @@
 """Measured sessions: keeping their zip files, finding and forgetting them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, BinaryIO
 from uuid import uuid4
 
@@ -8,13 +8,12 @@ from sqlalchemy.engine import Engine
 
 from server.records import Session
 from server.store import close_loops, sessions
-from server.store.database.engine import reading, writing
+from server.store.database.engine import alone_reading, writing
 
-
-def by_digest(engine: Engine, sha256: str) -> Session | None:
-    """Return the session whose zip file has this digest; None if there is none."""
-    with reading(engine) as connection:
-        return sessions.by_digest(connection, sha256)
+by_digest = alone_reading(sessions.by_digest)
+get = alone_reading(sessions.find)
+every = alone_reading(sessions.every)
+archive = sessions.archive
 
 
 def create(
@@ -51,23 +50,6 @@ def create(
     # It was there a moment ago, in the same transaction.
     assert first is not None
     return first, False
-
-
-def get(engine: Engine, session_id: str) -> Session:
-    """Return a session; NotFoundError if there is none of that id."""
-    with reading(engine) as connection:
-        return sessions.find(connection, session_id)
-
-
-def every(engine: Engine) -> list[Session]:
-    """Return all sessions, oldest first."""
-    with reading(engine) as connection:
-        return sessions.every(connection)
-
-
-def archive(engine: Engine, session: Session) -> Iterator[bytes]:
-    """Yield a session's zip file, a part at a time."""
-    return sessions.archive(engine, session)
 
 
 def delete(engine: Engine, session_id: str) -> None:

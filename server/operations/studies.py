@@ -12,7 +12,10 @@ from server.logic.progress import block_ends, window_start
 from server.records import Plan, PrecisionGoal, Study
 from server.states import StudyState
 from server.store import leases, precision_goals, results, studies
-from server.store.database.engine import reading, writing
+from server.store.database.engine import alone_reading, reading, writing
+
+get = alone_reading(studies.find)
+every = alone_reading(studies.every)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,18 +78,6 @@ def create(
     if first_digest != digest:
         raise ConflictError(f"the idempotency key {key!r} was used for a different study")
     return first, False
-
-
-def get(engine: Engine, study_id: str) -> Study:
-    """Return a study; NotFoundError if there is none of that id."""
-    with reading(engine) as connection:
-        return studies.find(connection, study_id)
-
-
-def every(engine: Engine) -> list[Study]:
-    """Return all studies, oldest first."""
-    with reading(engine) as connection:
-        return studies.every(connection)
 
 
 def standing(engine: Engine, study_id: str, *, now: float) -> Standing:

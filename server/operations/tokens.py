@@ -9,7 +9,9 @@ from server.errors import ConflictError
 from server.logic.tokens import SCOPES, digest, new_secret
 from server.records import Token
 from server.store import tokens
-from server.store.database.engine import reading, writing
+from server.store.database.engine import alone_reading, reading, writing
+
+every = alone_reading(tokens.every)
 
 
 def create(engine: Engine, *, name: str, scopes: Sequence[str], now: float) -> tuple[Token, str]:
@@ -33,12 +35,6 @@ def create(engine: Engine, *, name: str, scopes: Sequence[str], now: float) -> t
     with writing(engine) as connection:
         tokens.add(connection, token, digest=digest(secret.encode()))
     return token, secret
-
-
-def every(engine: Engine) -> list[Token]:
-    """Return all tokens ever made, oldest first."""
-    with reading(engine) as connection:
-        return tokens.every(connection)
 
 
 def revoke(engine: Engine, token_id: str, *, now: float) -> Token:

@@ -14,8 +14,8 @@ from analysis.closeloop.contract import REPORT_FILES
 from server.logic.close_loops import MAX_REPORT_BYTES, PROGRESS_LENGTH, ask_again_in, verdict_of
 from server.logic.json_values import cut
 from server.logic.verdicts import REASON_LENGTH
-from server.operations import close_loop_leases, close_loops
-from server.operations.close_loop_leases import Proof
+from server.operations import close_loops
+from server.operations.close_loops import Proof
 from server.routes.common import (
     MAX_INTEGER,
     Body,
@@ -88,8 +88,8 @@ class LoopFailureBody(LoopFenceBody):
 @router.post("/lease", status_code=201, response_model=None)
 def lease(body: LoopLeaseBody, store: Store, settings: Configured, now: Now) -> Response:
     """Lease a session to close the loop on; 204: nothing to do now."""
-    close_loop_leases.reap(store, now=now)
-    granted = close_loop_leases.grant(
+    close_loops.reap(store, now=now)
+    granted = close_loops.grant(
         store,
         worker=body.worker.id,
         host=body.worker.host,
@@ -125,7 +125,7 @@ def renew(
     """Keep a job for another ttl, and say what its worker is at."""
     ttl = settings.lease_seconds
     progress = None if body.progress is None else cut(body.progress, PROGRESS_LENGTH)
-    expires_at = close_loop_leases.renew(
+    expires_at = close_loops.renew(
         store,
         close_loop_id,
         lease=body.lease,
@@ -140,7 +140,7 @@ def renew(
 @router.post("/{close_loop_id}/release")
 def release(close_loop_id: Id, body: LoopFenceBody, store: Store) -> dict[str, Any]:
     """Give a job back, unharmed."""
-    close_loop_leases.release(store, close_loop_id, lease=body.lease, fence=body.fence)
+    close_loops.release(store, close_loop_id, lease=body.lease, fence=body.fence)
     return {"released": True}
 
 
@@ -152,7 +152,7 @@ def failure(close_loop_id: Id, body: LoopFailureBody, store: Store, now: Now) ->
         "column": None if body.column is None else cut(body.column, REASON_LENGTH),
         "line": body.line,
     }
-    counted = close_loop_leases.fail(
+    counted = close_loops.fail(
         store,
         close_loop_id,
         proof=Proof(lease=body.lease, fence=body.fence, worker=body.worker),
@@ -198,7 +198,7 @@ async def report(
     """Hand in a report as a form of four files; the first one that comes is the job's."""
     proof = Proof(lease=lease, fence=fence, worker=worker)
     # Before anything large is read.
-    await asyncio.to_thread(close_loop_leases.require_holder, store, close_loop_id, proof)
+    await asyncio.to_thread(close_loops.require_holder, store, close_loop_id, proof)
     async with request.form(max_files=len(REPORT_FILES), max_fields=0) as form:
         files = {name: form.get(name) for name in REPORT_FILES}
         if not all(isinstance(file, UploadFile) for file in files.values()):
@@ -228,12 +228,10 @@ def _hand_in(
             raise ValueError(f"{empty[0]} is empty")
     except ValueError as error:
         why = str(error)
-        close_loop_leases.fail(
-            store, job_id, proof=proof, outcome=Outcome.INVALID, reason=why, now=now
-        )
+        close_loops.fail(store, job_id, proof=proof, outcome=Outcome.INVALID, reason=why, now=now)
         raise HTTPException(HTTPStatus.UNPROCESSABLE_ENTITY, why) from None
     for file in files.values():
         file.seek(0)
-    return close_loop_leases.hand_in(
+    return close_loops.hand_in(
         store, job_id, files, proof=proof, code=code, verdict=verdict, now=now
     )

@@ -17,7 +17,7 @@ router = APIRouter(prefix="/v1/studies/{study_id}/precision", tags=["studies"])
 def put(study_id: Id, body: PrecisionBody, store: Store) -> dict[str, Any]:
     """Extend a study, whenever it is complete, until it is precise enough or has enough rows."""
     plan = studies.get(store, study_id).plan
-    goal = precision_goal(plan, output=body.output, target=body.target, up_to=body.up_to)
+    goal = precision_goal(plan, **body.model_dump())
     precision_goals.put(store, study_id, goal)
     return show(study_id, store)
 

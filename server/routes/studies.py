@@ -18,6 +18,9 @@ from server.states import StudyState
 
 router = APIRouter(prefix="/v1/studies", tags=["studies"])
 
+#: Of a study that is submitted, what its plan is drawn up from, besides the factors.
+_OF_PLAN = {"name", "model", "method", "sampling", "rows", "seed", "fixed", "outputs"}
+
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Title = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
@@ -107,36 +110,15 @@ def submit(
     body: StudyBody, store: Store, now: Now, response: Response, key: Key = None
 ) -> dict[str, Any]:
     """Submit a study; the same Idempotency-Key and body return the study already there (200)."""
+    factors = body.factors
     plan = draw_up(
-        name=body.name,
-        model=body.model,
-        method=body.method,
-        sampling=body.sampling,
-        rows=body.rows,
-        seed=body.seed,
-        factors=None
-        if body.factors is None
-        else [
-            FactorChoice(
-                name=factor.name,
-                range=None if factor.range is None else (factor.range[0], factor.range[1]),
-                distribution=factor.distribution,
-            )
-            for factor in body.factors
-        ],
-        fixed=body.fixed,
-        outputs=body.outputs,
+        **body.model_dump(include=_OF_PLAN),
+        factors=None if factors is None else [FactorChoice(**dict(factor)) for factor in factors],
     )
     wanted = body.precision
     goal = None
     if wanted is not None:
-        goal = precision_goal(
-            plan,
-            output=wanted.output,
-            target=wanted.target,
-            up_to=wanted.up_to,
-            pointer="/precision",
-        )
+        goal = precision_goal(plan, **wanted.model_dump(), pointer="/precision")
     # Who may compute it, how soon and how far it may grow makes no other study of it.
     what = body.model_dump_json(exclude={"priority", "tags", "precision"})
     study, new = studies.create(

@@ -7,28 +7,8 @@ from pathlib import Path
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
 
-from server.records import record
 from server.states import ComparisonState, InstanceState, LeaseState, Outcome
 from server.store.database.schema import comparisons, instances, leases, results, studies
-
-
-@record
-class StudyCounts:
-    """A study's tables, counted."""
-
-    #: Instances of begun rows, by state.
-    instances: dict[str, int]
-    results: int
-    ok: int
-    #: Number of the last result; 0 if there is none.
-    last: int
-    #: Results of instances that are done.
-    matched: int
-    #: Instances, and second opinions, held by a lease that has ended.
-    unheld: int
-    unasked: int
-    #: Rows shared by kinds of machines.
-    mixed: int
 
 
 def studies_by_age(connection: Connection) -> list[str]:
@@ -37,8 +17,14 @@ def studies_by_age(connection: Connection) -> list[str]:
     return list(connection.scalars(query))
 
 
-def count(connection: Connection, study_id: str) -> StudyCounts:
-    """Count what a study's tables hold."""
+def count(connection: Connection, study_id: str) -> dict[str, int]:
+    """Count what a study's tables hold.
+
+    "begun", "leased" and "done" instances; "results", "ok" ones among them and the "last" one's
+    number; results "matched" by an instance that is done; instances "unheld" and second opinions
+    "unasked", that is held by a lease that has ended; rows "mixed", that is shared by kinds of
+    machines.
+    """
     of_study = instances.c.study_id == study_id
     states = sa.select(instances.c.state, sa.func.count()).where(of_study)
     found, ok, last = connection.execute(
@@ -60,16 +46,19 @@ def count(connection: Connection, study_id: str) -> StudyCounts:
     )
     mixed = sa.select(instances.c.row).where(of_study).group_by(instances.c.row)
     mixed = mixed.having(sa.func.count(instances.c.host_class.distinct()) > 1)
-    return StudyCounts(
-        instances=dict(connection.execute(states.group_by(instances.c.state)).all()),
-        results=found,
-        ok=ok,
-        last=last or 0,
-        matched=connection.scalar(matched) or 0,
-        unheld=_held_by_none(connection, instances, study_id, InstanceState.LEASED),
-        unasked=_held_by_none(connection, comparisons, study_id, ComparisonState.LEASED),
-        mixed=len(connection.execute(mixed).all()),
-    )
+    by_state: dict[str, int] = dict(connection.execute(states.group_by(instances.c.state)).all())
+    return {
+        "begun": sum(by_state.values()),
+        "leased": by_state.get(InstanceState.LEASED, 0),
+        "done": by_state.get(InstanceState.DONE, 0),
+        "results": found,
+        "ok": ok,
+        "last": last or 0,
+        "matched": connection.scalar(matched) or 0,
+        "unheld": _held_by_none(connection, instances, study_id, InstanceState.LEASED),
+        "unasked": _held_by_none(connection, comparisons, study_id, ComparisonState.LEASED),
+        "mixed": len(connection.execute(mixed).all()),
+    }
 
 
 def _held_by_none(connection: Connection, table: sa.Table, study_id: str, state: str) -> int:

@@ -13,7 +13,6 @@ from server.states import CloseLoopState
 from server.store.database import parts
 from server.store.database.schema import close_loop_parts, close_loops
 
-_WAITING = close_loops.c.state == CloseLoopState.WAITING
 _RUNNING = close_loops.c.state == CloseLoopState.RUNNING
 
 
@@ -40,24 +39,14 @@ def of_session(connection: Connection, session_id: str) -> list[CloseLoopJob]:
     return _select(connection, close_loops.c.session_id == session_id)
 
 
-def any_waiting(connection: Connection) -> bool:
-    """Say whether a job waits for a worker."""
-    return _any(connection, _WAITING)
+def waiting(connection: Connection, *, lock: bool = False) -> list[CloseLoopJob]:
+    """Return the jobs that wait for a worker, oldest first."""
+    return _select(connection, close_loops.c.state == CloseLoopState.WAITING, lock=lock)
 
 
-def waiting(connection: Connection) -> list[CloseLoopJob]:
-    """Return, locked, the jobs that wait for a worker, oldest first."""
-    return _select(connection, _WAITING, lock=True)
-
-
-def any_expired(connection: Connection, *, now: float) -> bool:
-    """Say whether a job's lease has run out."""
-    return _any(connection, sa.and_(_RUNNING, close_loops.c.expires_at <= now))
-
-
-def expired(connection: Connection, *, now: float) -> list[CloseLoopJob]:
-    """Return, locked, the jobs whose lease has run out, oldest first."""
-    return _select(connection, sa.and_(_RUNNING, close_loops.c.expires_at <= now), lock=True)
+def expired(connection: Connection, *, now: float, lock: bool = False) -> list[CloseLoopJob]:
+    """Return the jobs whose lease has run out, oldest first."""
+    return _select(connection, sa.and_(_RUNNING, close_loops.c.expires_at <= now), lock=lock)
 
 
 def extend_open(connection: Connection, *, until: float) -> None:
@@ -105,11 +94,6 @@ def delete_of_session(connection: Connection, session_id: str) -> None:
 
 def _file(job_id: str, file: str) -> dict[str, str]:
     return {"close_loop_id": job_id, "file": file}
-
-
-def _any(connection: Connection, where: sa.ColumnElement[bool]) -> bool:
-    query = sa.select(sa.literal(1)).select_from(close_loops).where(where)
-    return connection.scalar(query.limit(1)) is not None
 
 
 def _select(

@@ -4,12 +4,12 @@ Whoever changes a study's comparisons has locked the study.
 """
 
 from collections.abc import Collection, Sequence
-from typing import Any
+from dataclasses import fields
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection
 
-from server.records import Comparison, Place, Result
+from server.records import Comparison, Place
 from server.states import ComparisonState, StudyState
 from server.store.database.prepared import Prepared, Rows
 from server.store.database.schema import comparisons, studies
@@ -30,14 +30,7 @@ _ADD = Rows(
     same=("study_id", "state", "attempts", "asked_at", "first_host", "first_worker_id"),
     each=("row", "position"),
 )
-_EVERY = sa.select(
-    comparisons.c.id,
-    comparisons.c.row,
-    comparisons.c.position,
-    comparisons.c.state,
-    comparisons.c.attempts,
-    comparisons.c.first_host,
-)
+_EVERY = sa.select(*(comparisons.c[field.name] for field in fields(Comparison)))
 
 
 def add(
@@ -83,36 +76,11 @@ def of_lease(connection: Connection, lease: str) -> list[Comparison]:
     ]
 
 
-def conclude(
-    connection: Connection,
-    comparison: Comparison,
-    second: Result,
-    *,
-    difference: float | None,
-    agreed: bool,
-    host: str,
-    worker: str,
-    now: float,
-) -> None:
-    """Write what the second host found, and whether it agrees."""
-    _update(
-        connection,
-        comparison,
-        state=ComparisonState.AGREED if agreed else ComparisonState.DISAGREED,
-        decided_at=now,
-        second_host=host,
-        second_worker_id=worker,
-        outcome=second.outcome,
-        outputs=second.outputs,
-        difference=difference,
+def save(connection: Connection, comparison: Comparison) -> None:
+    """Write back a comparison that was read in the same transaction."""
+    connection.execute(
+        sa.update(comparisons).where(comparisons.c.id == comparison.id).values(vars(comparison))
     )
-
-
-def put_back(
-    connection: Connection, comparison: Comparison, *, state: ComparisonState, attempts: int
-) -> None:
-    """Take a comparison from its lease."""
-    _update(connection, comparison, state=state, attempts=attempts, lease_id=None)
 
 
 def forget(connection: Connection, study_id: str, places: Collection[Place]) -> None:
@@ -164,9 +132,3 @@ def counts(connection: Connection) -> dict[str, dict[str, int]]:
             of_host = found.setdefault(row.host, {})
             of_host[row.state] = of_host.get(row.state, 0) + row.n
     return found
-
-
-def _update(connection: Connection, comparison: Comparison, **values: Any) -> None:
-    connection.execute(
-        sa.update(comparisons).where(comparisons.c.id == comparison.id).values(values)
-    )

@@ -16,35 +16,18 @@ from server.store.database.schema import leases, workers
 _STATES = {state.value: state for state in LeaseState}
 
 # Built once: see `server.store.studies`.
-_ADD = Prepared(
-    sa.insert(leases).returning(leases.c.fence),
-    "id",
-    "worker_id",
-    "study_id",
-    "state",
-    "granted_at",
-    "expires_at",
-    "instances",
-    "host_class",
-    "compares",
-)
+_ADDED = ("id", "worker_id", "study_id", "state", "granted_at", "expires_at", "instances")
+_ADD = Prepared(sa.insert(leases).returning(leases.c.fence), *_ADDED, "host_class", "compares")
 _EVERY = sa.select(
-    leases.c.id,
-    leases.c.fence,
-    leases.c.worker_id,
-    leases.c.study_id,
-    leases.c.state,
-    leases.c.expires_at,
+    *(leases.c[name] for name in ("id", "fence", "worker_id", "study_id", "state", "expires_at")),
     text(leases.c.instances),
     leases.c.host_class,
     workers.c.host,
     leases.c.compares,
 ).join(workers, workers.c.id == leases.c.worker_id)
 _ONE = _EVERY.where(leases.c.id == sa.bindparam("of_lease"))
-_FIND, _FIND_LOCKED = (
-    Prepared(_ONE, "of_lease"),
-    Prepared(_ONE.with_for_update(of=leases), "of_lease"),
-)
+_FIND = Prepared(_ONE, "of_lease")
+_FIND_LOCKED = Prepared(_ONE.with_for_update(of=leases), "of_lease")
 _IS_OPEN = leases.c.state == LeaseState.OPEN
 _EXTEND = Prepared(
     sa.update(leases)

@@ -34,26 +34,6 @@ def failed(connection: Connection, study_id: str, outcomes: Sequence[str] | None
     return _found(connection, sa.and_(instances.c.study_id == study_id, is_failed))
 
 
-def complete_rows(connection: Connection, study: Study) -> int:
-    """Return how many rows of a study have a final result in every position."""
-    complete = (
-        sa.select(instances.c.row)
-        .where(instances.c.study_id == study.id, instances.c.state == InstanceState.DONE)
-        .group_by(instances.c.row)
-        .having(sa.func.count() == study.plan.width)
-        .subquery()
-    )
-    return connection.scalar(sa.select(sa.func.count()).select_from(complete)) or 0
-
-
-def leased(connection: Connection, study_id: str) -> int:
-    """Return how many instances of a study workers hold."""
-    query = sa.select(sa.func.count()).where(
-        instances.c.study_id == study_id, instances.c.state == InstanceState.LEASED
-    )
-    return connection.scalar(query) or 0
-
-
 def studies_with_stranded(connection: Connection, *, heard_after: float) -> Sequence[str]:
     """Return the studies with rows as `stranded_rows` has them."""
     query = (
@@ -132,10 +112,18 @@ def number_anew(connection: Connection, study_id: str) -> None:
     connection.execute(renumber.values(seq=-results.c.seq))
 
 
-def outcomes(connection: Connection, study_id: str) -> dict[str, int]:
-    """Return how many final results a study has, by outcome."""
-    query = sa.select(results.c.outcome, sa.func.count()).where(results.c.study_id == study_id)
-    return dict(connection.execute(query.group_by(results.c.outcome)).all())
+def count(connection: Connection, study: Study) -> tuple[dict[str, int], int, int]:
+    """Count final results by outcome, rows with one in every position, and leased instances."""
+    outcomes = sa.select(results.c.outcome, sa.func.count()).where(results.c.study_id == study.id)
+    found = sa.select(instances.c.row).where(instances.c.study_id == study.id)
+    leased = found.where(instances.c.state == InstanceState.LEASED)
+    complete = found.where(instances.c.state == InstanceState.DONE).group_by(instances.c.row)
+    complete = complete.having(sa.func.count() == study.plan.width)
+    rows, held = (
+        connection.scalar(sa.select(sa.func.count()).select_from(counted.subquery())) or 0
+        for counted in (complete, leased)
+    )
+    return dict(connection.execute(outcomes.group_by(results.c.outcome)).all()), rows, held
 
 
 def _found(connection: Connection, where: sa.ColumnElement[bool]) -> list[Instance]:

@@ -1,6 +1,7 @@
 """Final results, each numbered in its study's log, and results that contradict one."""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
 import sqlalchemy as sa
@@ -10,6 +11,8 @@ from server.records import Place, Result
 from server.store.database.prepared import Rows, as_text
 from server.store.database.schema import conflicts, results
 
+#: What a result is made of.
+_RESULT = [field.name for field in fields(Result)]
 _APPEND = Rows(
     results,
     same=("study_id", "worker_id", "received_at"),
@@ -113,12 +116,4 @@ def logged(
 
 
 def _result(row: Any) -> Result:
-    return Result(
-        row=row.row,
-        position=row.position,
-        outcome=row.outcome,
-        outputs=row.outputs,
-        reason=row.reason,
-        state=row.state,
-        wall_seconds=row.wall_seconds,
-    )
+    return Result(**{name: getattr(row, name) for name in _RESULT})

@@ -17,18 +17,7 @@ from server.records import Plan, Study
 from server.states import StudyState
 from server.store.database.engine import insert
 from server.store.database.prepared import Prepared, as_text, text
-from server.store.database.schema import (
-    comparisons,
-    conflicts,
-    estimator_states,
-    goals,
-    instances,
-    leases,
-    results,
-    snapshots,
-    studies,
-    superseded,
-)
+from server.store.database.schema import metadata, studies
 
 #: What a study is read from: its plan's columns first, then its own.
 _OF_PLAN = [field.name for field in fields(Plan)]
@@ -61,10 +50,8 @@ _WITH_WORK = Prepared(
     .order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
 )
 _ONE_TO_SAVE = sa.update(studies).where(studies.c.id == sa.bindparam("of_study"))
-_SAVE, _SAVE_COUNTS = (
-    Prepared(_ONE_TO_SAVE, "of_study", "rows", "instances", *_COURSE),
-    Prepared(_ONE_TO_SAVE, "of_study", *_COUNTS),
-)
+_SAVE = Prepared(_ONE_TO_SAVE, "of_study", "rows", "instances", *_COURSE)
+_SAVE_COUNTS = Prepared(_ONE_TO_SAVE, "of_study", *_COUNTS)
 
 
 def add(connection: Connection, study: Study, *, key: str | None, digest: str) -> bool:
@@ -159,18 +146,9 @@ def save(connection: Connection, study: Study, *, counted: bool = False) -> None
 
 def delete(connection: Connection, study_id: str) -> None:
     """Remove a locked study and everything that belongs to it."""
-    for table in (
-        goals,
-        snapshots,
-        estimator_states,
-        conflicts,
-        comparisons,
-        superseded,
-        results,
-        instances,
-        leases,
-    ):
-        connection.execute(sa.delete(table).where(table.c.study_id == study_id))
+    for table in metadata.tables.values():
+        if "study_id" in table.c:
+            connection.execute(sa.delete(table).where(table.c.study_id == study_id))
     connection.execute(sa.delete(studies).where(studies.c.id == study_id))
 
 

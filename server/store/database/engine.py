@@ -4,13 +4,17 @@ import json
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from typing import Any
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection, Engine
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 #: Writes what goes into columns of JSON: `json.dumps` would make a new encoder for every value.
 JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
@@ -67,6 +71,19 @@ def writing(engine: Engine) -> Iterator[Connection]:
             # It takes the write lock now and need never start again.
             _begin(connection, "BEGIN IMMEDIATE")
             yield connection
+
+
+def alone_reading(
+    read: Callable[Concatenate[Connection, P], T],
+) -> Callable[Concatenate[Engine, P], T]:
+    """Return what does `read` in a transaction of its own."""
+
+    @wraps(read)
+    def alone(engine: Engine, /, *given: P.args, **named: P.kwargs) -> T:
+        with reading(engine) as connection:
+            return read(connection, *given, **named)
+
+    return alone
 
 
 class ImmediateWriter:

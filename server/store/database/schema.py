@@ -1,8 +1,26 @@
 """The tables as queries see them. Alembic makes them: see `migrations/versions`."""
 
+from typing import Any
+
 import sqlalchemy as sa
 
 metadata = sa.MetaData()
+
+
+def _reported() -> list[sa.Column[Any]]:
+    """Return the columns of a result that is kept as evidence."""
+    return [
+        sa.Column("id", sa.BigInteger().with_variant(sa.Integer, "sqlite"), primary_key=True),
+        sa.Column("study_id", sa.ForeignKey("studies.id"), nullable=False, index=True),
+        sa.Column("row", sa.BigInteger, nullable=False),
+        sa.Column("position", sa.Integer, nullable=False),
+        sa.Column("outcome", sa.String(40), nullable=False),
+        sa.Column("outputs", sa.JSON(none_as_null=True)),
+        sa.Column("reason", sa.Text, nullable=False),
+        sa.Column("worker_id", sa.ForeignKey("workers.id"), nullable=False),
+        sa.Column("received_at", sa.Double, nullable=False),
+    ]
+
 
 #: One row per study: its plan, and counters that make its progress cheap to tell. Whoever changes
 #: a study's instances or results locks this row first.
@@ -115,30 +133,14 @@ results = sa.Table(
 conflicts = sa.Table(
     "conflicts",
     metadata,
-    sa.Column("id", sa.BigInteger().with_variant(sa.Integer, "sqlite"), primary_key=True),
-    sa.Column("study_id", sa.ForeignKey("studies.id"), nullable=False, index=True),
-    sa.Column("row", sa.BigInteger, nullable=False),
-    sa.Column("position", sa.Integer, nullable=False),
-    sa.Column("outcome", sa.String(40), nullable=False),
-    sa.Column("outputs", sa.JSON(none_as_null=True)),
-    sa.Column("reason", sa.Text, nullable=False),
-    sa.Column("worker_id", sa.ForeignKey("workers.id"), nullable=False),
-    sa.Column("received_at", sa.Double, nullable=False),
+    *_reported(),
 )
 
 #: Final results that were taken back so that their instances could run again: kept as evidence.
 superseded = sa.Table(
     "superseded",
     metadata,
-    sa.Column("id", sa.BigInteger().with_variant(sa.Integer, "sqlite"), primary_key=True),
-    sa.Column("study_id", sa.ForeignKey("studies.id"), nullable=False, index=True),
-    sa.Column("row", sa.BigInteger, nullable=False),
-    sa.Column("position", sa.Integer, nullable=False),
-    sa.Column("outcome", sa.String(40), nullable=False),
-    sa.Column("outputs", sa.JSON(none_as_null=True)),
-    sa.Column("reason", sa.Text, nullable=False),
-    sa.Column("worker_id", sa.ForeignKey("workers.id"), nullable=False),
-    sa.Column("received_at", sa.Double, nullable=False),
+    *_reported(),
     sa.Column("superseded_at", sa.Double, nullable=False),
     sa.Column("why", sa.String(200), nullable=False),
 )
