@@ -79,10 +79,9 @@ class Verdict(StrEnum):
     UNKNOWN = "unknown"
     INVALID = "invalid"
 
-    @property
-    def refuses(self) -> bool:
-        """Whether the result was turned away."""
-        return self in (Verdict.CONFLICT, Verdict.UNKNOWN, Verdict.INVALID)
+
+#: The verdicts with which a result is turned away.
+REFUSALS = frozenset({Verdict.CONFLICT, Verdict.UNKNOWN, Verdict.INVALID})
 
 
 class Outcome(StrEnum):

@@ -145,7 +145,10 @@ def judge(
         detail = "the row was given to another kind of machine meanwhile"
         return say(Verdict.CONFLICT, detail, conflict=result)
     if result.outcome not in RETRIED:
-        return say(_ACCEPTED, instance=settled(instance), result=result)
+        # As `say` would, without its detour: most reports end here.
+        return Judgement(
+            about=report.instance, verdict=_ACCEPTED, instance=settled(instance), result=result
+        )
     counted, final = after_attempt(
         instance,
         cause=result.outcome,

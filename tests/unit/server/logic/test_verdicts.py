@@ -8,6 +8,7 @@ import pytest
 
 from server.logic.verdicts import REASON_LENGTH, Judgement, Report, judge
 from server.records import Instance, Result
+from server.states import REFUSALS
 
 Reporting = Callable[..., Report]
 
@@ -93,7 +94,7 @@ def test_a_crash_told_again_or_too_late_is_not_counted(
 def test_the_same_result_again_is_a_duplicate(report: Reporting) -> None:
     judgement = judged(report("i", wall_seconds=1.0, reason="again"), DONE, STORED)
     assert judgement.verdict == "duplicate"
-    assert not judgement.verdict.refuses
+    assert judgement.verdict not in REFUSALS
     assert judgement.result is None
 
 
@@ -103,7 +104,7 @@ def test_another_result_for_a_filled_slot_is_a_conflict_and_kept_as_one(
 ) -> None:
     judgement = judged(report("i", **changes), DONE, STORED)
     assert judgement.verdict == "conflict"
-    assert judgement.verdict.refuses
+    assert judgement.verdict in REFUSALS
     assert judgement.conflict is not None
     assert (judgement.instance, judgement.result) == (None, None)
 
@@ -111,7 +112,7 @@ def test_another_result_for_a_filled_slot_is_a_conflict_and_kept_as_one(
 def test_an_instance_the_lease_never_held_is_unknown(report: Reporting) -> None:
     judgement = judged(report("i"), None)
     assert judgement.verdict == "unknown"
-    assert judgement.verdict.refuses
+    assert judgement.verdict in REFUSALS
 
 
 def _nested(levels: int) -> dict[str, Any]:
