@@ -52,7 +52,7 @@ def problem(
 def body_of(status: int, detail: str, members: Mapping[str, Any]) -> dict[str, Any]:
     """Return a problem as JSON; arguments as in `problem`."""
     return {
-        # RFC 9457, 4.2.1: nothing is to be known beyond what the status says.
+        # RFC 9457, 4.2.1: there is nothing to know beyond what the status says.
         "type": "about:blank",
         "title": HTTPStatus(status).phrase,
         "status": int(status),

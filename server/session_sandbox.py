@@ -26,7 +26,7 @@ async def check(
     """Return what is understood of the zipped session `file`: see `analysis.closeloop.check`.
 
     Args:
-        file: named as the session is to be called in a sentence.
+        file: its name is what sentences call the session.
         seconds: it may take.
         memory_mb: megabytes it may take.
 
@@ -34,7 +34,7 @@ async def check(
         BadSessionError: it cannot be analysed, or not be looked at within the limits.
     """
     with tempfile.TemporaryDirectory(prefix="rehyb-check-") as scratch:
-        # What it leaves behind when it is killed is in `scratch`. It has no business with secrets.
+        # What it leaves behind when it is killed is in `scratch`. It needs no secrets.
         environment = {k: v for k, v in os.environ.items() if not k.startswith("REHYB_")}
         limits = ("--memory-mb", str(memory_mb), "--seconds", str(seconds))
         # -P: nothing is imported from the folder that it works in.

@@ -53,7 +53,7 @@ class ResultLog(Protocol):
         False if the cursor is not as expected, or the study has changed since `plan` was asked for.
         """
 
-    def pursue_goals(self) -> None:
+    def act_on_precision_goals(self) -> None:
         """Extend the complete studies that are less precise than their goals.
 
         The rule is `analysis.sensitivity.stopping.next_step`; studies whose snapshot lacks a result
@@ -94,7 +94,7 @@ def follow(log: ResultLog, *, stop: Event, poll_seconds: float = 0.5) -> None:
             # One that was deleted since it was listed needs no indices.
             with suppress(NoSuchStudyError):
                 catch_up(log, study_id)
-        log.pursue_goals()
+        log.act_on_precision_goals()
         stop.wait(poll_seconds)
 
 

@@ -82,7 +82,7 @@ class Arriving:
         self.cursor, self.state = cursor, state
         return True
 
-    def pursue_goals(self) -> None:
+    def act_on_precision_goals(self) -> None:
         """Nothing: it has none."""
 
 

@@ -37,7 +37,7 @@ def objection_to_release(lease: Lease | None, *, fence: int) -> str | None:
 def objection_to_results(lease: Lease, *, fence: int, worker: str) -> str | None:
     """Say in a sentence why the bearer may not post under the lease; None if it may.
 
-    An ended lease is no objection: a late result of real work still fills an empty slot.
+    An ended lease is no objection: a late result of real work is still taken where there is none.
     """
     if lease.fence != fence:
         return f"the fence of this lease is not {fence}"

@@ -11,7 +11,7 @@ from server.records import Study
 #: The rate is taken over this many results: enough to be calm, few enough to follow the fleet.
 RATE_WINDOW = 500
 #: The window is cut into so many blocks of equally many results: how much the times they took
-#: differ says how far the rate is to be trusted.
+#: differ says how far the rate can be trusted.
 BLOCKS = 10
 #: Student's t for a two-sided interval of 90 % with BLOCKS - 1 degrees of freedom.
 STUDENT_T = 1.833

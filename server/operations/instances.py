@@ -1,4 +1,4 @@
-"""Instances one by one: a listing, all that is known of one, and writing what became of some."""
+"""Instances one by one: a listing, all that is known of one, and writing what changed in some."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -24,7 +24,7 @@ def settle(
     worker: str,
     now: float,
 ) -> Study:
-    """Write what became of leased or returned instances.
+    """Write what changed in leased or returned instances.
 
     Args:
         connection: a transaction that has locked the study.

@@ -89,7 +89,7 @@ class StoreResultLog:
                 return True
         return False
 
-    def pursue_goals(self) -> None:
+    def act_on_precision_goals(self) -> None:
         """Extend the complete studies that are less precise than they shall become."""
         for study_id in precision_goals.due(self._engine):
             # One that was deleted since it was listed needs nothing.

@@ -31,7 +31,7 @@ class Gauges:
     open_leases: int
     #: Seconds since the oldest open lease was granted; 0 if there is none.
     oldest_lease: float
-    #: Second opinions by what became of them.
+    #: Second opinions by state.
     comparisons: dict[str, int]
     #: Results that no estimator has taken in.
     lag: int

@@ -147,7 +147,7 @@ def insert(connection: Connection, table: sa.Table) -> postgresql.Insert | sqlit
 
 def _open_sqlite(connection: Any, _record: Any) -> None:
     """Set up one SQLite connection."""
-    # sqlite3 would open transactions by its own lights; `_begin` does it instead.
+    # sqlite3 would open transactions by rules of its own; `_begin` does it instead.
     connection.isolation_level = None
     connection.execute(f"PRAGMA busy_timeout = {BUSY_SECONDS * 1000}")
     _use_write_ahead_log(connection)

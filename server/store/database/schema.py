@@ -281,7 +281,7 @@ loop_workers = sa.Table(
     sa.Column("last_seen", sa.Double, nullable=False),
 )
 
-#: How precise a study is to become, and what was done for it (`server.logic.goals`).
+#: How precise a study shall become, and what was done for it.
 goals = sa.Table(
     "goals",
     metadata,

@@ -63,7 +63,7 @@ def test_a_complete_study_is_extended_until_it_is_precise(engine: Engine, plan: 
     for _ in range(8):
         run(engine, study.id)
         rows.append(studies.get(engine, study.id).plan.rows)
-        log.pursue_goals()
+        log.act_on_precision_goals()
     found = precision_goals.of(engine, study.id)
     assert found is not None and is_settled(studies.get(engine, study.id), found)
     assert [step["rows"] for step in found.steps] == sorted(set(rows))

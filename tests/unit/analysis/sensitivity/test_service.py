@@ -74,7 +74,7 @@ class MemoryLog:
             self.commits += 1
             return True
 
-    def pursue_goals(self) -> None:
+    def act_on_precision_goals(self) -> None:
         self.pursued_at.append(self.cursor)
         self.after_goals()
 
