@@ -8,6 +8,7 @@ from server.errors import ConflictError
 from server.logic.verdicts import Judgement, Report
 from server.operations import leasing, results
 from server.operations.leasing import DEFERRED, Grant, Ineligible, LeaseRequest
+from server.records import Lease
 from server.store.database.engine import writing
 
 
@@ -67,3 +68,19 @@ def post(
     )
     with writing(engine) as connection:
         return results.take(connection, posted, now=now, ttl=ttl)
+
+
+def hand_in(
+    engine: Engine, lease: Lease, reports: Sequence[Report], *, now: float = 0.0
+) -> list[str]:
+    """Post results under the lease that a worker holds; returns the verdict of each."""
+    judged = post(
+        engine,
+        reports,
+        lease_id=lease.id,
+        fence=lease.fence,
+        worker=lease.worker,
+        now=now,
+        ttl=60.0,
+    )
+    return [judgement.verdict for judgement in judged]

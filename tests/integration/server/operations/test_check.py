@@ -14,6 +14,7 @@ from server.instance_lock import instance_lock
 from server.logic.plans import instance_id
 from server.logic.verdicts import Report
 from server.operations import check, studies
+from server.operations.leasing import Grant
 from server.records import Plan
 from server.store import create_engine
 from server.store.database.engine import writing
@@ -21,23 +22,17 @@ from tests.testbed import exchanges
 
 
 @pytest.fixture
-def study_id(engine: Engine, plan: Callable[..., Plan], report: Callable[..., Report]) -> str:
+def study_id(
+    engine: Engine,
+    plan: Callable[..., Plan],
+    report: Callable[..., Report],
+    lease: Callable[..., Grant],
+) -> str:
     """A study of which five instances are leased and three of these done."""
     study, _ = studies.create(engine, plan(), key=None, digest="", now=0.0)
-    grant = exchanges.grant(
-        engine,
-        worker="w",
-        host="h",
-        versions={},
-        models=["ishigami"],
-        max_instances=5,
-        now=0.0,
-        ttl=60.0,
-    )
-    assert grant is not None
-    held = grant.lease
+    held = lease("w", 5).lease
     done = [report(instance_id(study.id, *place)) for place in held.instances[:3]]
-    exchanges.post(engine, done, lease_id=held.id, fence=held.fence, worker="w", now=1.0, ttl=60.0)
+    exchanges.hand_in(engine, held, done, now=1.0)
     return study.id
 
 

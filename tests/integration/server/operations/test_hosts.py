@@ -39,17 +39,7 @@ def places(grant: Grant | None) -> list[tuple[int, int]]:
 
 
 def post(engine: Engine, grant: Grant, reports: list[Report], now: float = 0.0) -> list[str]:
-    held = grant.lease
-    verdicts = exchanges.post(
-        engine,
-        reports,
-        lease_id=held.id,
-        fence=held.fence,
-        worker=held.worker,
-        now=now,
-        ttl=TTL,
-    )
-    return [verdict.verdict for verdict in verdicts]
+    return exchanges.hand_in(engine, grant.lease, reports, now=now)
 
 
 def reports(grant: Grant, report: Reporting, **changes: Any) -> list[Report]:

@@ -42,16 +42,8 @@ def standing(engine: Engine, grant: Grant) -> dict[Place, tuple[str, str | None]
 def post(
     engine: Engine, grant: Grant, report: Callable[..., Report], *places: Place, **changes: str
 ) -> None:
-    verdicts = exchanges.post(
-        engine,
-        [report(instance_id(grant.study.id, *place), **changes) for place in places],
-        lease_id=grant.lease.id,
-        fence=grant.lease.fence,
-        worker=grant.lease.worker,
-        now=1.0,
-        ttl=60.0,
-    )
-    assert {verdict.verdict for verdict in verdicts} == {"accepted"}
+    reports = [report(instance_id(grant.study.id, *place), **changes) for place in places]
+    assert set(exchanges.hand_in(engine, grant.lease, reports, now=1.0)) == {"accepted"}
 
 
 @pytest.mark.parametrize(

@@ -106,15 +106,7 @@ def lease(engine: Engine, host: str, n: int = 1) -> Grant:
 
 def post(engine: Engine, grant: Grant, report: Callable[..., Report], **said: Any) -> None:
     reports = [report(instance_id(grant.study.id, *p), **said) for p in grant.lease.instances]
-    exchanges.post(
-        engine,
-        reports,
-        lease_id=grant.lease.id,
-        fence=grant.lease.fence,
-        worker=grant.lease.worker,
-        now=0.0,
-        ttl=TTL,
-    )
+    exchanges.hand_in(engine, grant.lease, reports)
 
 
 def test_what_crashes_goes_from_host_to_host_and_the_others_go_on(

@@ -10,38 +10,26 @@ from server.errors import NotFoundError
 from server.logic.plans import instance_id
 from server.logic.verdicts import Report
 from server.operations import studies
+from server.operations.leasing import Grant
 from server.operations.result_log import StoreResultLog
 from server.records import Plan, Study
 from tests.testbed import exchanges
 
 
 @pytest.fixture
-def study(engine: Engine, plan: Callable[..., Plan], report: Callable[..., Report]) -> Study:
+def study(
+    engine: Engine,
+    plan: Callable[..., Plan],
+    report: Callable[..., Report],
+    lease: Callable[..., Grant],
+) -> Study:
     """A study of two rows, of which five instances have results: 0, 1, 2, a failure, and 4."""
     study, _ = studies.create(engine, plan(seed=3), key=None, digest="", now=0.0)
-    grant = exchanges.grant(
-        engine,
-        worker="w",
-        host="h",
-        versions={},
-        models=["ishigami"],
-        max_instances=5,
-        now=0.0,
-        ttl=60.0,
-    )
-    assert grant is not None
-    names = [instance_id(study.id, *place) for place in grant.lease.instances]
+    held = lease("w", 5).lease
+    names = [instance_id(study.id, *place) for place in held.instances]
     reports = [report(name, outputs={"y": float(i)}) for i, name in enumerate(names)]
     reports[3] = report(names[3], outcome="diverged", outputs={})
-    exchanges.post(
-        engine,
-        reports,
-        lease_id=grant.lease.id,
-        fence=grant.lease.fence,
-        worker="w",
-        now=1.0,
-        ttl=60.0,
-    )
+    exchanges.hand_in(engine, held, reports, now=1.0)
     return study
 
 

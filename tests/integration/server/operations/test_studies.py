@@ -49,17 +49,7 @@ def work_off(engine: Engine, *, now: float = 0.0, fail: Any = (), **who: Any) ->
             )
             for row, position in grant.lease.instances
         ]
-        held = grant.lease
-        verdicts = exchanges.post(
-            engine,
-            reports,
-            lease_id=held.id,
-            fence=held.fence,
-            worker=held.worker,
-            now=now,
-            ttl=TTL,
-        )
-        assert {verdict.verdict for verdict in verdicts} == {"accepted"}
+        assert set(exchanges.hand_in(engine, grant.lease, reports, now=now)) == {"accepted"}
         done += len(reports)
     return done
 

@@ -20,16 +20,7 @@ ROWS, WIDTH = 200, 4
 def finish(engine: Engine, grant: Grant, report: Callable[..., Report]) -> None:
     """Post a result for all that a lease holds."""
     reports = [report(instance_id(grant.study.id, *place)) for place in grant.lease.instances]
-    verdicts = exchanges.post(
-        engine,
-        reports,
-        lease_id=grant.lease.id,
-        fence=grant.lease.fence,
-        worker="w",
-        now=0.0,
-        ttl=60.0,
-    )
-    assert {verdict.verdict for verdict in verdicts} == {"accepted"}
+    assert set(exchanges.hand_in(engine, grant.lease, reports)) == {"accepted"}
 
 
 def effort(engine: Engine, monkeypatch: pytest.MonkeyPatch, do: Callable[[], object]) -> int:
