@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from sim.parameters.conditions import CONDITIONS, CONTACT_ONLY
-from sim.parameters.effects import EFFECT_FACTORS
+from sim.parameters.effects import effect_factors
 from sim.parameters.factors import Factor
 from sim.parameters.fidelity import FIDELITIES
 from sim.parameters.target import ELBOW_TARGET, TARGETS
@@ -24,9 +24,17 @@ class Model:
 
     name: str
     description: str
-    factors: tuple[Factor, ...]
+    #: Without those of effects.
+    own_factors: tuple[Factor, ...]
     #: Every output a successful evaluation reports, in the order tables show them, and its unit.
     units: Mapping[str, str]
+    #: Whether the parameters of effects that the nominal model lacks are factors, too.
+    carries_effects: bool = False
+
+    @property
+    def factors(self) -> tuple[Factor, ...]:
+        """All its factors, in the order tables show them."""
+        return self.own_factors + (effect_factors() if self.carries_effects else ())
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -80,8 +88,9 @@ def _setup(
     model = Model(
         name=name,
         description=f"Stiffness assessment in the exoskeleton: {words}",
-        factors=TABLE_1 + conditions + (EFFECT_FACTORS if effects else ()),
+        own_factors=TABLE_1 + conditions,
         units=_ASSESSMENT_UNITS,
+        carries_effects=effects,
     )
     return Setup(model, target, fidelity, device)
 
@@ -121,9 +130,7 @@ ASSESSMENTS: Mapping[str, Setup] = MappingProxyType(
 )
 ELBOW = ASSESSMENTS["elbow"].model
 #: Models whose factors include the parameters of undeclared effects.
-WITH_EFFECTS = tuple(
-    name for name, setup in ASSESSMENTS.items() if set(EFFECT_FACTORS) <= set(setup.model.factors)
-)
+WITH_EFFECTS = tuple(name for name, setup in ASSESSMENTS.items() if setup.model.carries_effects)
 
 
 def _arguments(count: int, of: str, low: float, high: float, nominal: float) -> tuple[Factor, ...]:
@@ -144,13 +151,13 @@ def _arguments(count: int, of: str, low: float, high: float, nominal: float) -> 
 ISHIGAMI = Model(
     name="ishigami",
     description="Ishigami and Homma 1990: sin x1 + 7 sin^2 x2 + 0.1 x3^4 sin x1",
-    factors=_arguments(3, "the Ishigami function", -pi, pi, 0.0),
+    own_factors=_arguments(3, "the Ishigami function", -pi, pi, 0.0),
     units=MappingProxyType({"y": "1"}),
 )
 SOBOL_G = Model(
     name="sobol_g",
     description="Sobol's g-function with a = (0, 1, 4.5, 9, 99, 99): two factors do nothing",
-    factors=_arguments(6, "Sobol's g-function", 0.0, 1.0, 0.5),
+    own_factors=_arguments(6, "Sobol's g-function", 0.0, 1.0, 0.5),
     units=MappingProxyType({"y": "1"}),
 )
 

@@ -115,10 +115,10 @@ def _parameters(
 ) -> tuple[dict[str, float], dict[str, str]]:
     """Return every factor's value; and target, fidelity and device of what is repeated."""
     from sim.models import ELBOW
-    from sim.parameters.effects import EFFECT_FACTORS
+    from sim.parameters.effects import effect_factors
 
     values = {factor.name: factor.nominal for factor in ELBOW.factors}
-    effects = {factor.name for factor in EFFECT_FACTORS}
+    effects = {factor.name for factor in effect_factors()}
     setting: dict[str, str] = {}
     if replay is not None:
         parameters, setting = _replayed(replay)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from sim.parameters.effects import EFFECT_FACTORS, PREFIX, effects_of
+from sim.parameters.effects import PREFIX, effect_factors, effects_of
 from sim.parameters.factors import Factor, check_bounds, factor, factors_of
 from sim.parameters.wearer import NOMINAL, NOMINAL_LENGTHS, Wearer, wearer_of
 
@@ -132,7 +132,7 @@ def split(values: Mapping[str, float]) -> tuple[Wearer, Conditions]:
     """
     of_wearer = {name: value for name, value in values.items() if name in NOMINAL}
     others = {name: value for name, value in values.items() if name not in NOMINAL}
-    known = {factor.name for factor in (*CONDITIONS, *EFFECT_FACTORS)}
+    known = {factor.name for factor in (*CONDITIONS, *effect_factors())}
     for name in others:
         if name not in known:
             raise ValueError(

@@ -1,37 +1,45 @@
 """Effects that the simulated arm or robot has and the nominal model lacks, as factors of a study.
 
 What closing the loop finds in measured trials goes back into the simulated assessment under its
-name: the parameter PARAM of the effect NAME is the factor `effect.NAME.PARAM`. Nothing here imports
-MuJoCo.
+name: the parameter PARAM of the effect NAME is the factor `effect.NAME.PARAM`. The effects' laws
+need numpy, so they are imported where factors are asked for: a worker's parent process never asks.
 """
 
 from collections.abc import Mapping
+from functools import cache
 from math import isfinite
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-from sim.effects.catalogue import ASSESSED
-from sim.effects.parameter import Values
 from sim.parameters.factors import Factor
+
+if TYPE_CHECKING:
+    from sim.effects.parameter import Values
 
 PREFIX = "effect."
 
-#: Every parameter of every effect; off unless a study asks for it.
-EFFECT_FACTORS = tuple(
-    Factor(
-        name=f"{PREFIX}{effect.name}.{name}",
-        unit=parameter.unit,
-        low=parameter.low,
-        high=parameter.high,
-        nominal=parameter.neutral,
-        description=f"{effect.name}: {parameter.description}",
-        optional=True,
+
+@cache
+def effect_factors() -> tuple[Factor, ...]:
+    """Return every parameter of every effect as a factor; off unless a study asks for it."""
+    from sim.effects.catalogue import ASSESSED
+
+    return tuple(
+        Factor(
+            name=f"{PREFIX}{effect.name}.{name}",
+            unit=parameter.unit,
+            low=parameter.low,
+            high=parameter.high,
+            nominal=parameter.neutral,
+            description=f"{effect.name}: {parameter.description}",
+            optional=True,
+        )
+        for effect in ASSESSED.values()
+        for name, parameter in effect.parameters.items()
     )
-    for effect in ASSESSED.values()
-    for name, parameter in effect.parameters.items()
-)
 
 
-def effects_of(values: Values) -> Mapping[str, Values]:
+def effects_of(values: "Values") -> Mapping[str, "Values"]:
     """Return the effects that are on, each with all its parameters.
 
     Args:
@@ -40,7 +48,9 @@ def effects_of(values: Values) -> Mapping[str, Values]:
     Raises:
         ValueError: a name is unknown, or a value means nothing.
     """
-    known = {factor.name for factor in EFFECT_FACTORS}
+    from sim.effects.catalogue import ASSESSED
+
+    known = {factor.name for factor in effect_factors()}
     for name in values:
         if name not in known:
             raise ValueError(

@@ -5,12 +5,12 @@ import pytest
 from sim.effects.limb import NO_ANGLE
 from sim.models import ELBOW, MODELS, WITH_EFFECTS
 from sim.parameters.conditions import DEFAULT_CONDITIONS, conditions_of, split
-from sim.parameters.effects import EFFECT_FACTORS, effects_of
+from sim.parameters.effects import effect_factors, effects_of
 
 
 def test_no_effect_is_on_unless_it_is_asked_for() -> None:
     assert not DEFAULT_CONDITIONS.effects
-    neutral = {factor.name: factor.nominal for factor in EFFECT_FACTORS}
+    neutral = {factor.name: factor.nominal for factor in effect_factors()}
     assert not effects_of(neutral)
 
 
@@ -49,7 +49,7 @@ def test_conditions_take_effects_beside_their_own_factors() -> None:
 
 
 def test_only_the_models_with_effects_offer_them_and_sample_none_by_default() -> None:
-    names = {factor.name for factor in EFFECT_FACTORS}
+    names = {factor.name for factor in effect_factors()}
     for model in MODELS.values():
         own = {factor.name for factor in model.factors}
         assert names <= own if model.name in WITH_EFFECTS else not names & own
