@@ -12,6 +12,7 @@ from rehyb.cli import (
     close_loop,
     database,
     files,
+    inspect,
     precision,
     reports,
     services,
@@ -48,6 +49,7 @@ app.command()(files.reproduce)
 app.command()(simulation.assess)
 app.command()(simulation.validate)
 app.command()(close_loop.close_loop)
+app.command()(inspect.inspect)
 
 
 def main() -> None:

@@ -1,0 +1,226 @@
+"""A first session from a log: the contract's columns in SI units, and a `session.json`."""
+
+import csv
+import json
+import re
+import shutil
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.logs.inspection import Belief
+from analysis.closeloop.logs.log import Numbers
+
+SIGNALS = ("position", "velocity", "acceleration", "effort")
+#: What a line that assigns a channel looks like: "column 14=elbow.effort*11.976", "u_V=-".
+ASSIGNMENT = re.compile(
+    r"(?P<channel>.+)=(?:(?P<joint>[^=*]+)\.(?P<quantity>\w+)|(?P<time>time)|-)(?:\*(?P<scale>.+))?"
+)
+
+
+def assigned(
+    beliefs: Sequence[Belief], lines: Sequence[str]
+) -> tuple[list[Belief], dict[int, str]]:
+    """Return beliefs after what the user knows better, and the joints' names that came up.
+
+    Args:
+        beliefs: of every channel of a log.
+        lines: CHANNEL=JOINT.QUANTITY[*SCALE], CHANNEL=time[*SCALE] or CHANNEL=-, which leaves the
+            channel out.
+
+    Raises:
+        ValueError: a line is wrong.
+    """
+    chosen = list(beliefs)
+    names: dict[int, str] = {}
+    for line in lines:
+        match = ASSIGNMENT.fullmatch(line)
+        at = {b.channel.name: i for i, b in enumerate(chosen)}.get(
+            match["channel"] if match else ""
+        )
+        if match is None or at is None:
+            raise ValueError(
+                f"{line!r} is no assignment of a channel: write NAME=JOINT.QUANTITY*SCALE, with a "
+                f"channel's name and one of {', '.join(SIGNALS)}"
+            )
+        if match["quantity"] and match["quantity"] not in SIGNALS:
+            raise ValueError(f"{line!r}: take {', '.join(SIGNALS)}, not {match['quantity']!r}")
+        try:
+            scale = float(match["scale"] or 1.0)
+        except ValueError:
+            raise ValueError(f"{line!r}: {match['scale']!r} is no number") from None
+        joint = None
+        if match["joint"]:
+            known = {name: number for number, name in names.items()}
+            joint = known.get(match["joint"], _joint_of(chosen, at, match["joint"]))
+            names[joint] = match["joint"]
+        chosen[at] = replace(
+            chosen[at],
+            quantity=match["quantity"] or match["time"] or "unknown",
+            unit="SI",
+            scale=scale,
+            joint=joint,
+            wanted=False,
+            why="as you said",
+        )
+        if match["time"]:
+            _set_clock(chosen, at)
+    return chosen, names
+
+
+def _set_clock(beliefs: list[Belief], at: int) -> None:
+    """Give every channel as long as the clock number `at` its time."""
+    clock = beliefs[at]
+    time = clock.scale * clock.channel.values
+    for number, belief in enumerate(beliefs):
+        if len(belief.channel.values) == len(time):
+            beliefs[number] = replace(belief, channel=replace(belief.channel, time=time))
+
+
+def _joint_of(beliefs: Sequence[Belief], at: int, name: str) -> int:
+    """Return the number of the joint of a channel, by its place or by its name."""
+    for belief in beliefs:
+        if belief.joint is not None and joint_name(belief) == name:
+            return belief.joint
+    own = beliefs[at].joint
+    if own is not None:
+        return own
+    return 1 + max((b.joint for b in beliefs if b.joint is not None), default=-1)
+
+
+def joint_name(belief: Belief) -> str | None:
+    """Return the joint's name where the channel's is JOINT.QUANTITY, as of ROS's joint states."""
+    joint, dot, quantity = belief.channel.name.rpartition(".")
+    return joint if dot and quantity == belief.quantity and joint else None
+
+
+def joint_names(beliefs: Sequence[Belief], known: Sequence[str] = ()) -> list[str]:
+    """Return the names of the log's joints in order: the log's own, else `known`, else numbers."""
+    count = 1 + max((b.joint for b in beliefs if b.joint is not None), default=-1)
+    own = {b.joint: name for b in beliefs if b.joint is not None and (name := joint_name(b))}
+    spare = list(known) if len(known) == count else [f"joint_{n + 1}" for n in range(count)]
+    return [own.get(number, spare[number]) for number in range(count)]
+
+
+def joints_in(model: Path) -> list[str]:
+    """Return the names of the hinges and slides of an MJCF or URDF file, in the file's order.
+
+    Raises:
+        SessionError: the file is no XML.
+    """
+    try:
+        root = ElementTree.parse(model).getroot()
+    except (ElementTree.ParseError, UnicodeDecodeError) as error:
+        raise SessionError(f"is no XML: {error}", file=model.name) from None
+    return [
+        joint.get("name", "")
+        for joint in root.iter("joint")
+        if joint.get("name") and joint.get("type", "hinge") not in ("fixed", "free", "ball")
+    ]
+
+
+def write_session(
+    folder: Path,
+    stem: str,
+    beliefs: Sequence[Belief],
+    joints: Sequence[str],
+    model: Path | None = None,
+) -> list[str]:
+    """Write `session.json` and one CSV file in the contract's columns to a new or empty folder.
+
+    Samples that miss a number or repeat a stamp are left out.
+
+    Args:
+        folder: made if it is not there.
+        stem: of the CSV file.
+        beliefs: of the log's channels, after corrections.
+        joints: names by the beliefs' joint numbers.
+        model: the robot's MJCF or URDF, copied; None writes the name `robot.xml` for one to come.
+
+    Returns:
+        What is left to settle, in sentences.
+
+    Raises:
+        SessionError: the log has no clock, position or effort, or the folder holds files.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise SessionError("is not an empty folder", file=str(folder))
+    taken: dict[str, Belief] = {}
+    for belief in beliefs:
+        quantity = "effort" if belief.quantity == "current" else belief.quantity
+        if quantity in SIGNALS and not belief.wanted and belief.joint is not None:
+            taken.setdefault(f"{joints[belief.joint]}.{quantity}", belief)
+    for quantity in ("position", "effort"):
+        if not any(name.endswith(f".{quantity}") for name in taken):
+            raise SessionError(
+                f"no {quantity} is known: name its channel, as in 'column 14=elbow.{quantity}*1.0'",
+                file=stem,
+            )
+    time = next(b.channel.time for name, b in taken.items() if name.endswith(".position"))
+    if time is None:
+        raise SessionError(
+            "no clock is known: name its channel, as in 'column 1=time*0.001'", file=stem
+        )
+    remarks = []
+    for name, belief in list(taken.items()):
+        own = belief.channel.time
+        if own is None or len(own) != len(time) or not np.array_equal(own, time):
+            del taken[name]
+            remarks.append(f"{belief.channel.name} has another clock and was left out")
+        elif belief.unit == "?":
+            remarks.append(
+                f"{belief.channel.name} is taken for {name} in SI units; if it is a current, say "
+                f"'{belief.channel.name}={name}*Nm_PER_A'"
+            )
+    table = np.column_stack([time, *(b.scale * b.channel.values for b in taken.values())])
+    whole = np.isfinite(table).all(axis=1)
+    if not whole.all():
+        remarks.append(f"{np.sum(~whole)} samples without a number were left out")
+    parts, repeated = _parts(table[whole])
+    if repeated:
+        remarks.append(f"{repeated} samples that repeat a stamp were left out")
+    if len(parts) > 1:
+        remarks.append(
+            f"the clock begins anew {len(parts) - 1} times: each part is a trial, and begins 1 s "
+            "after the one before"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [f"{stem}.csv" if len(parts) == 1 else f"{stem}_{n + 1}.csv" for n in range(len(parts))]
+    for name, part in zip(files, parts, strict=True):
+        with (folder / name).open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(["time", *taken])
+            writer.writerows([[f"{x:.9g}" for x in row] for row in part])
+    name = model.name if model else "robot.xml"
+    if model is not None:
+        shutil.copyfile(model, folder / name)
+    else:
+        remarks.append(f"put the robot's MJCF or URDF into the folder as {name}")
+    session = {"schema": 1, "model": name, "trials": [{"file": file} for file in files]}
+    (folder / "session.json").write_text(json.dumps(session, indent=2) + "\n")
+    return remarks
+
+
+def _parts(table: Numbers) -> tuple[list[Numbers], int]:
+    """Return the parts of a table between restarts of its clock, and how many stamps repeat.
+
+    A step back by more than ten median steps is a restart; a smaller one, or none, is a stamp that
+    repeats. Later parts are shifted, so that the clock of the session goes on.
+    """
+    steps = np.diff(table[:, 0])
+    step = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 1.0
+    parts, repeated, end = [], 0, -np.inf
+    for part in np.split(table, np.flatnonzero(steps < -10 * step) + 1):
+        highest = np.maximum.accumulate(part[:, 0])
+        later = np.concatenate([[True], part[1:, 0] > highest[:-1]])
+        repeated += int(np.sum(~later))
+        part = part[later]
+        if part[0, 0] <= end:
+            part[:, 0] += end + 1.0 - part[0, 0]
+        end = part[-1, 0]
+        parts.append(part)
+    return parts, repeated

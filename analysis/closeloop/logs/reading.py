@@ -1,0 +1,45 @@
+"""Read a log of any kind."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.logs import hdf5, matlab, ros, text
+from analysis.closeloop.logs.log import Log
+
+#: What reads a file, by its ending.
+READERS: Mapping[str, Callable[[Path], Log]] = {
+    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".log"), text.read),
+    ".mat": matlab.read,
+    **dict.fromkeys((".h5", ".hdf5"), hdf5.read),
+    **dict.fromkeys((".bag", ".mcap"), ros.read),
+}
+
+
+def read_log(path: Path) -> Log:
+    """Read a log; its ending, or a `metadata.yaml` in a folder, says how.
+
+    Raises:
+        SessionError: the file is not there, is of no known kind, or is damaged.
+        ModuleNotFoundError: the kind needs a package of the extra `logs`.
+    """
+    if not path.exists():
+        raise SessionError("does not exist", file=str(path))
+    if path.is_dir():
+        if not (path / "metadata.yaml").is_file():
+            raise SessionError(
+                "is a folder without the metadata.yaml of a ROS 2 bag", file=path.name
+            )
+        return ros.read(path)
+    if path.suffix == ".db3":
+        raise SessionError("is part of a ROS 2 bag: give the folder that it is in", file=path.name)
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise SessionError(f"ends in none of {', '.join(READERS)}", file=path.name)
+    try:
+        log = reader(path)
+    except OSError as error:
+        raise SessionError(f"cannot be read: {error.strerror or error}", file=path.name) from None
+    if not log.channels:
+        raise SessionError("holds no signal: no column of two or more numbers", file=path.name)
+    return log

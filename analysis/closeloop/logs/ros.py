@@ -1,0 +1,95 @@
+"""ROS bags (1, 2 and MCAP) by `rosbags`: joint states by name, other messages by their numbers."""
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.logs.log import Channel, Log
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+#: Quantities of a joint state with their units (REP 103), those of a hinge; a slide's are m and N.
+QUANTITIES = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
+#: Numbers of one message of another kind that become channels: more is a picture or a map.
+MAX_NUMBERS = 40
+
+
+def read(path: Path) -> Log:
+    """Read a bag: a folder with `metadata.yaml`, a `.bag`, or an `.mcap` or `.db3` of its own.
+
+    The clock of a message is its header's stamp, or where it has none the time of recording.
+
+    Raises:
+        SessionError: the bag is damaged, or holds no message with numbers.
+        ModuleNotFoundError: rosbags is missing.
+    """
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.rosbag1 import ReaderError as Error1
+    from rosbags.rosbag2 import ReaderError as Error2
+    from rosbags.typesys import Stores, get_typestore
+
+    found: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    failed: dict[str, str] = {}
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            for connection, recorded, raw in reader.messages():
+                if connection.topic in failed:
+                    continue
+                try:
+                    message = reader.deserialize(raw, connection.msgtype)
+                except Exception as error:  # a foreign type may fail in any way
+                    failed[connection.topic] = f"{connection.msgtype}: {error}"
+                    continue
+                time = _stamp(message) or 1e-9 * recorded
+                for name, value in _numbers(message, connection.msgtype, connection.topic):
+                    found[name].append((time, value))
+    except (AnyReaderError, Error1, Error2) as error:
+        raise SessionError(f"is no ROS bag that can be read: {error}", file=path.name) from None
+    log = Log(kind="ROS bag")
+    for name, samples in found.items():
+        if len(samples) >= 2:
+            table = np.array(samples)
+            unit = QUANTITIES.get(name.rpartition(".")[2])
+            log.channels.append(Channel(name=name, time=table[:, 0], values=table[:, 1], unit=unit))
+    log.remarks += [f"{topic} could not be read ({why})" for topic, why in failed.items()]
+    return log
+
+
+def _stamp(message: Any) -> float | None:
+    """Return the header's time, s; None if there is none or it was never set."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is None:
+        return None
+    seconds = float(stamp.sec) + 1e-9 * float(getattr(stamp, "nanosec", 0))
+    return seconds if seconds > 0.0 else None
+
+
+def _numbers(message: Any, kind: str, topic: str) -> list[tuple[str, float]]:
+    """Return the numbers of one message with their channels' names."""
+    if kind == JOINT_STATE:
+        return [
+            (f"{joint}.{quantity}", float(values[at]))
+            for quantity in QUANTITIES
+            if len(values := getattr(message, quantity)) == len(message.name)
+            for at, joint in enumerate(message.name)
+        ]
+    found = _flat(message, topic.lstrip("/").replace("/", "."))
+    return found if len(found) <= MAX_NUMBERS else []
+
+
+def _flat(item: Any, name: str) -> list[tuple[str, float]]:
+    if isinstance(item, bool | int | float | np.number):
+        return [(name, float(item))]
+    if isinstance(item, np.ndarray) and item.dtype.kind in "fiub":
+        return [(f"{name}[{at}]", float(x)) for at, x in enumerate(item[: MAX_NUMBERS + 1].flat)]
+    fields = getattr(item, "__dataclass_fields__", None)
+    if fields is None:
+        return []
+    return [
+        pair
+        for key in fields
+        if key not in ("header", "stamp", "__msgtype__")
+        for pair in _flat(getattr(item, key), f"{name}.{key}")
+    ]

@@ -1,0 +1,117 @@
+"""The command that looks at a log before any session exists: `inspect`."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rehyb.cli.options import AsJson, print_json, print_rows
+from rehyb.errors import Invalid, RehybError
+
+if TYPE_CHECKING:
+    from analysis.closeloop.logs.inspection import Belief
+    from analysis.closeloop.logs.log import Log
+
+
+def inspect(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="CSV, .mat, HDF5, .bag, .mcap, or the folder of a ROS 2 bag."
+        ),
+    ],
+    known: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--as",
+            metavar="CHANNEL=JOINT.QUANTITY*SCALE",
+            help="What you know better, as 'column 14=elbow.effort*11.976'; repeat.",
+            show_default=False,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write a first session here.", show_default=False),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="The robot's MJCF or URDF, for the session.", show_default=False
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the channels of a robot's log with what they seem to be, and write a first session.
+
+    Exit status 2 if the log cannot be read; then nothing is written.
+    """
+    from analysis.closeloop.errors import SessionError
+    from analysis.closeloop.logs.draft import assigned, joint_names, joints_in, write_session
+    from analysis.closeloop.logs.inspection import believe
+    from analysis.closeloop.logs.reading import read_log
+
+    try:
+        log = read_log(file)
+        beliefs, named = assigned(believe(log), known or ())
+        joints = joint_names(beliefs, joints_in(model) if model else ())
+        joints = [named.get(number, name) for number, name in enumerate(joints)]
+        left = write_session(out, file.stem, beliefs, joints, model) if out else []
+    except SessionError as error:
+        raise Invalid(str(error)) from None
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
+    except ModuleNotFoundError as error:
+        raise RehybError(f"{file.name} needs {error.name}: pip install 'rehyb[logs]'") from None
+    rows = [_row(belief, joints) for belief in beliefs]
+    if as_json:
+        clocks = _clocks(beliefs)
+        print_json(
+            {"kind": log.kind, "clocks": clocks, "channels": rows, "remarks": [*log.remarks, *left]}
+        )
+    else:
+        _print(log, beliefs, rows, left)
+        if out is not None:
+            typer.echo(str(out / "session.json"))
+
+
+def _row(belief: "Belief", joints: list[str]) -> dict[str, Any]:
+    """Return one line of the table."""
+    import numpy as np
+
+    values = belief.channel.values[np.isfinite(belief.channel.values)]
+    return {
+        "channel": belief.channel.name,
+        "seems": f"{belief.quantity}{' (wanted)' if belief.wanted else ''}",
+        "joint": "" if belief.joint is None else joints[belief.joint],
+        "unit": belief.unit,
+        "least": float(f"{values.min():.4g}") if len(values) else None,
+        "most": float(f"{values.max():.4g}") if len(values) else None,
+        "missing": len(belief.channel.values) - len(values),
+        "why": belief.why,
+    }
+
+
+def _clocks(beliefs: "list[Belief]") -> list[dict[str, Any]]:
+    """Return each clock of the log once, with how many samples go by it."""
+    from analysis.closeloop.logs.inspection import clock_of
+
+    times = {
+        b.channel.time.tobytes(): b.channel.time for b in beliefs if b.channel.time is not None
+    }
+    return [{"samples": len(time), **asdict(clock_of(time))} for time in times.values()]
+
+
+def _print(
+    log: "Log", beliefs: "list[Belief]", rows: list[dict[str, Any]], left: list[str]
+) -> None:
+    typer.echo(f"{log.kind}, {len(rows)} channels")
+    for clock in _clocks(beliefs):
+        typer.echo(
+            f"clock: {clock['samples']} samples at {clock['rate']:.4g} Hz, steps spread by "
+            f"{clock['jitter']:.1%}, {clock['gaps']} gaps (longest step "
+            f"{clock['longest_gap']:.3g} s), {clock['repeated']} stamps that do not increase"
+        )
+    print_rows(("channel", "seems", "joint", "unit", "least", "most", "missing", "why"), rows)
+    for line in (*log.remarks, *left):
+        typer.echo(line)

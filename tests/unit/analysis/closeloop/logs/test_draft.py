@@ -1,0 +1,126 @@
+"""A first session that the reader of sessions takes, and what is left to settle."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.logs.draft import assigned, joint_names, write_session
+from analysis.closeloop.logs.inspection import Belief, believe
+from analysis.closeloop.logs.log import Channel, Log
+
+TIME = np.arange(0.0, 4.0, 0.01)
+
+
+def beliefs(**more: np.ndarray) -> list[Belief]:
+    arrays = {"t": TIME, "q": np.sin(TIME), "u": np.cos(TIME), **more}
+    return believe(Log(kind="CSV", channels=[Channel(name=n, values=v) for n, v in arrays.items()]))
+
+
+def table(path: Path) -> tuple[list[str], np.ndarray]:
+    header, *_ = path.read_text().splitlines()
+    return header.split(","), np.loadtxt(path, delimiter=",", skiprows=1)
+
+
+def test_a_current_becomes_a_torque_by_what_the_user_says(tmp_path: Path) -> None:
+    chosen, names = assigned(beliefs(), ["u=elbow.effort*2.5", "q=elbow.position"])
+    joints = [names.get(n, name) for n, name in enumerate(joint_names(chosen))]
+    assert write_session(tmp_path / "s", "log", chosen, joints) == [
+        "put the robot's MJCF or URDF into the folder as robot.xml"
+    ]
+    header, numbers = table(tmp_path / "s" / "log.csv")
+    assert header == ["time", "elbow.position", "elbow.effort"]
+    assert numbers[:, 2] == pytest.approx(2.5 * np.cos(TIME), abs=1e-8)
+    session = json.loads((tmp_path / "s" / "session.json").read_text())
+    assert session == {"schema": 1, "model": "robot.xml", "trials": [{"file": "log.csv"}]}
+
+
+def test_samples_without_a_number_and_repeated_stamps_are_left_out_and_counted(
+    tmp_path: Path,
+) -> None:
+    time, torque = TIME.copy(), np.cos(TIME)
+    time[100], torque[200] = time[99], np.nan
+    chosen = believe(
+        Log(
+            kind="CSV",
+            channels=[
+                Channel(name="t", values=time),
+                Channel(name="q", values=np.sin(TIME)),
+                Channel(name="torque_Nm", values=torque),
+            ],
+        )
+    )
+    remarks = write_session(tmp_path / "s", "log", chosen, joint_names(chosen))
+    assert any("1 samples without a number" in remark for remark in remarks)
+    assert any("1 samples that repeat a stamp" in remark for remark in remarks)
+    assert len(table(tmp_path / "s" / "log.csv")[1]) == len(TIME) - 2
+
+
+def test_a_clock_that_begins_anew_begins_a_trial(tmp_path: Path) -> None:
+    chosen = believe(
+        Log(
+            kind="CSV",
+            channels=[
+                Channel(name="t", values=np.concatenate([TIME, TIME])),
+                Channel(name="q", values=np.tile(np.sin(TIME), 2)),
+                Channel(name="torque_Nm", values=np.tile(np.cos(TIME), 2)),
+            ],
+        )
+    )
+    remarks = write_session(tmp_path / "s", "log", chosen, joint_names(chosen))
+    assert any("begins anew 1 times" in remark for remark in remarks)
+    first, second = (table(tmp_path / "s" / f"log_{n}.csv")[1][:, 0] for n in (1, 2))
+    assert len(first) == len(second) == len(TIME)
+    assert second[0] == pytest.approx(first[-1] + 1.0)
+
+
+def test_a_model_names_the_joints_of_a_log_without_names_and_is_copied(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text("<robot/>")
+    chosen, _ = assigned(beliefs(), ["u=joint_1.effort"])
+    joints = joint_names(chosen, ["shoulder"])
+    write_session(tmp_path / "s", "log", chosen, joints, tmp_path / "arm.urdf")
+    assert (tmp_path / "s" / "arm.urdf").read_text() == "<robot/>"
+    assert "shoulder.position" in table(tmp_path / "s" / "log.csv")[0]
+
+
+def test_a_clock_can_be_named(tmp_path: Path) -> None:
+    log = Log(
+        kind="CSV",
+        channels=[
+            Channel(name="a", values=1e4 * TIME),
+            Channel(name="angle", values=np.sin(TIME)),
+            Channel(name="torque_Nm", values=np.cos(TIME)),
+        ],
+    )
+    chosen, _ = assigned(believe(log), ["a=time*1e-4"])
+    write_session(tmp_path / "s", "log", chosen, joint_names(chosen))
+    assert table(tmp_path / "s" / "log.csv")[1][:, 0] == pytest.approx(TIME)
+
+
+@pytest.mark.parametrize(
+    ("line", "word"),
+    [
+        ("u", "no assignment"),
+        ("nobody=elbow.effort", "no assignment"),
+        ("u=elbow.voltage", "voltage"),
+        ("u=elbow.effort*much", "no number"),
+    ],
+)
+def test_a_wrong_assignment_is_one_sentence(line: str, word: str) -> None:
+    with pytest.raises(ValueError, match=word):
+        assigned(beliefs(), [line])
+
+
+def test_no_effort_and_a_folder_with_files_are_refused_and_nothing_is_written(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(SessionError, match="no effort is known"):
+        write_session(tmp_path / "s", "log", beliefs(), ["joint_1"])
+    assert not (tmp_path / "s").exists()
+    chosen, _ = assigned(beliefs(), ["u=joint_1.effort"])
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.doc").touch()
+    with pytest.raises(SessionError, match="not an empty folder"):
+        write_session(tmp_path / "full", "log", chosen, ["joint_1"])

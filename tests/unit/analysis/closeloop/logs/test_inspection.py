@@ -1,0 +1,120 @@
+"""What is believed of a log: its clock, its units, which channel is which signal of a joint."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.logs.inspection import Belief, believe, clock_of
+from analysis.closeloop.logs.log import Channel, Log
+from analysis.closeloop.logs.reading import read_log
+
+DEG = 180 / np.pi
+
+
+def motion(joints: int = 2, rate: float = 200.0, seconds: float = 8.0) -> dict[str, np.ndarray]:
+    """Return a time and the positions and velocities, (n, joints), of a smooth motion, SI units."""
+    time = np.arange(0.0, seconds, 1 / rate)
+    phase = np.outer(time, 1.0 + 0.7 * np.arange(joints)) + np.arange(joints)
+    position = np.sin(phase) + 0.3 * np.sin(2.3 * phase)
+    velocity = (1.0 + 0.7 * np.arange(joints)) * (np.cos(phase) + 0.69 * np.cos(2.3 * phase))
+    return {"time": time, "position": position, "velocity": velocity}
+
+
+def believed(**arrays: np.ndarray) -> dict[str, Belief]:
+    log = Log(kind="CSV", channels=[Channel(name=n, values=v) for n, v in arrays.items()])
+    return {belief.channel.name: belief for belief in believe(log)}
+
+
+def headerless(path: Path, *, scale: float = 1.0, moving: int = 2) -> Path:
+    """Write clock, positions, velocities and efforts of two joints, of which some move."""
+    m = motion()
+    rest = np.random.default_rng(0).normal(0.0, 1e-4, m["position"].shape)
+    position = np.where(np.arange(2) < moving, m["position"], rest)
+    velocity = np.where(np.arange(2) < moving, m["velocity"], rest[::-1])
+    table = np.column_stack([m["time"], scale * position, velocity, 2 * position + velocity])
+    np.savetxt(path, table, delimiter=",", fmt="%.6f")
+    return path
+
+
+def test_a_file_without_a_header_keeps_its_first_sample_and_shows_its_joints(
+    tmp_path: Path,
+) -> None:
+    log = read_log(headerless(tmp_path / "log.csv"))
+    assert len(log.channels[0].values) == len(motion()["time"])
+    assert "no header" in log.remarks[0]
+    found = [(b.quantity, b.joint, b.unit) for b in believe(log)]
+    assert found == [
+        ("time", None, "s"),
+        ("position", 0, "rad"),
+        ("position", 1, "rad"),
+        ("velocity", 0, "rad/s"),
+        ("velocity", 1, "rad/s"),
+        ("effort", 0, "?"),
+        ("effort", 1, "?"),
+    ]
+
+
+def test_joints_at_rest_are_read_off_the_layout(tmp_path: Path) -> None:
+    beliefs = believe(read_log(headerless(tmp_path / "log.csv", moving=1)))
+    assert [b.quantity for b in beliefs[1:]] == [
+        *("position", "position", "velocity", "velocity", "effort", "effort")
+    ]
+    assert "should" in beliefs[2].why
+
+
+def test_degrees_with_velocities_in_rad_are_told_by_the_factor(tmp_path: Path) -> None:
+    beliefs = believe(read_log(headerless(tmp_path / "log.csv", scale=DEG)))
+    assert beliefs[1].unit == "deg" and beliefs[1].scale == pytest.approx(1 / DEG)
+    assert beliefs[3].unit == "rad/s" and beliefs[3].scale == 1.0
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1.0, "s"), (1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_a_clock_in_any_unit_is_found(scale: float, unit: str) -> None:
+    m = motion(joints=1)
+    found = believed(stamp=scale * (m["time"] + 1e3), angle=m["position"][:, 0])
+    assert (found["stamp"].quantity, found["stamp"].unit) == ("time", unit)
+    time = found["angle"].channel.time
+    assert time is not None and clock_of(time).rate == pytest.approx(200.0)
+
+
+def test_what_was_wanted_is_not_what_was_measured() -> None:
+    m = motion(joints=1)
+    found = believed(t=m["time"], q_ref=m["position"][:, 0], q=m["position"][:, 0] + 0.01)
+    assert found["q_ref"].wanted and not found["q"].wanted
+    assert found["q"].joint == 0
+
+
+def test_units_in_names_are_taken_at_their_word() -> None:
+    m = motion(joints=1)
+    found = believed(
+        t_s=m["time"], angle_deg=DEG * m["position"][:, 0], torque_Nm=m["velocity"][:, 0]
+    )
+    assert found["angle_deg"].unit == "deg" and found["torque_Nm"].unit == "Nm"
+
+
+def test_large_angles_without_a_unit_are_degrees() -> None:
+    m = motion(joints=1)
+    found = believed(time=m["time"], angle=90.0 * m["position"][:, 0])
+    assert found["angle"].unit == "deg" and "degrees" in found["angle"].why
+
+
+def test_a_channel_that_never_changes_is_said_to_be_constant() -> None:
+    m = motion(joints=1)
+    found = believed(time=m["time"], angle=m["position"][:, 0], status=np.ones(len(m["time"])))
+    assert found["status"].quantity == "constant"
+
+
+def test_noise_is_nobodys_derivative() -> None:
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 5.0, 0.01)
+    found = believed(**{"time": time, **{f"x{n}": rng.normal(size=500) for n in range(12)}})
+    assert {b.quantity for name, b in found.items() if name != "time"} == {"unknown"}
+
+
+def test_gaps_jitter_and_repeated_stamps_are_counted() -> None:
+    time = np.arange(0.0, 2.0, 0.01)
+    time = np.concatenate([time[:50], time[80:], time[-1:]])
+    clock = clock_of(time)
+    assert (clock.gaps, clock.repeated) == (1, 1)
+    assert clock.longest_gap == pytest.approx(0.31) and clock.rate == pytest.approx(100.0)

@@ -1,0 +1,141 @@
+"""Logs of every kind are read into named channels; a damaged one is one sentence."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.logs.reading import read_log
+
+N = 120
+
+
+def names(path: Path) -> list[str]:
+    return [channel.name for channel in read_log(path).channels]
+
+
+@pytest.mark.parametrize(
+    ("separator", "decimal"), [(",", "."), (";", "."), (";", ","), ("\t", "."), (" ", ".")]
+)
+def test_text_with_any_separator(tmp_path: Path, separator: str, decimal: str) -> None:
+    rows = [f"0.{n:03}{separator}{n}.5".replace(".", decimal) for n in range(N)]
+    (tmp_path / "log.txt").write_text(f"t{separator}angle\n" + "\n".join(rows) + "\n")
+    time, angle = read_log(tmp_path / "log.txt").channels
+    assert (time.name, angle.name) == ("t", "angle")
+    assert time.values[-1] == pytest.approx(0.119) and angle.values[-1] == N - 0.5
+
+
+def test_a_file_cut_in_the_middle_of_a_line_loses_that_line_and_says_so(tmp_path: Path) -> None:
+    text = "t,q\n" + "".join(f"{n / 100},{n}\n" for n in range(N)) + "1.2"
+    (tmp_path / "log.csv").write_text(text)
+    log = read_log(tmp_path / "log.csv")
+    assert len(log.channels[0].values) == N
+    assert "1 of 122 lines" in log.remarks[0]
+
+
+def test_empty_cells_are_missing_samples_and_text_columns_are_named(tmp_path: Path) -> None:
+    text = "t,q,state\n" + "".join(f"{n},{'' if n == 7 else n},run\n" for n in range(N))
+    (tmp_path / "log.csv").write_text(text)
+    log = read_log(tmp_path / "log.csv")
+    assert np.isnan(log.channels[1].values[7])
+    assert log.remarks == ["state holds no numbers and was left out"]
+
+
+def test_a_matlab_file_with_structures(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    savemat(tmp_path / "log.mat", {"t": np.arange(N), "robot": {"q": np.ones((3, N)), "n": "x"}})
+    assert names(tmp_path / "log.mat") == ["t", "robot.q[0]", "robot.q[1]", "robot.q[2]"]
+
+
+def test_hdf5_and_matlab_7_3(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py", reason="needs the extra logs")
+    for name, block in (("log.h5", 0), ("log.mat", 512)):
+        with h5py.File(tmp_path / name, "w", userblock_size=block) as file:
+            file["robot/q"] = np.ones((N, 2))
+            file["note"] = "not a number"
+        if block:
+            with (tmp_path / name).open("r+b") as raw:
+                raw.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+        assert names(tmp_path / name) == ["robot.q[0]", "robot.q[1]"]
+
+
+def write_bag(path: Path, *, ros1: bool = False, mcap: bool = False) -> None:
+    """Write 100 joint states of two joints, every tenth second a temperature beside them."""
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
+    types: dict[str, Any] = store.types
+    state, number = "sensor_msgs/msg/JointState", "std_msgs/msg/Float64"
+    encode = store.serialize_ros1 if ros1 else store.serialize_cdr
+    plugin = StoragePlugin.MCAP if mcap else StoragePlugin.SQLITE3
+    writer: Any = Writer1(path) if ros1 else Writer2(path, version=9, storage_plugin=plugin)
+    with writer:
+        joints = writer.add_connection("/joint_states", state, typestore=store)
+        heat = writer.add_connection("/motor/heat", number, typestore=store)
+        for n in range(100):
+            time = types["builtin_interfaces/msg/Time"](sec=1000 + n // 50, nanosec=n % 50 * 10**7)
+            more = {"seq": n} if ros1 else {}
+            header = types["std_msgs/msg/Header"](stamp=time, frame_id="", **more)
+            q = np.array([0.01 * n, -0.01 * n])
+            message = types[state](
+                header=header, name=["elbow", "wrist"], position=q, velocity=q, effort=np.array([])
+            )
+            at = 1_000_000_000_000 + n * 20_000_000
+            writer.write(joints, at, encode(message, state))
+            if n % 10 == 0:
+                writer.write(heat, at, encode(types[number](data=20.0 + n), number))
+
+
+@pytest.mark.parametrize("kind", ["ros1", "ros2", "mcap folder", "mcap file"])
+def test_bags_of_ros_1_ros_2_and_mcap(tmp_path: Path, kind: str) -> None:
+    pytest.importorskip("rosbags", reason="needs the extra logs")
+    path = tmp_path / ("log.bag" if kind == "ros1" else "log")
+    write_bag(path, ros1=kind == "ros1", mcap=kind.startswith("mcap"))
+    log = read_log(path / "log.mcap" if kind == "mcap file" else path)
+    found = {channel.name: channel for channel in log.channels}
+    assert list(found) == [
+        *("elbow.position", "wrist.position", "elbow.velocity", "wrist.velocity"),
+        "motor.heat.data",
+    ]
+    elbow = found["elbow.position"]
+    assert elbow.time is not None and elbow.unit == "rad"
+    assert elbow.time[51] - elbow.time[50] == pytest.approx(0.01)  # the header's, not the bag's
+    assert len(found["motor.heat.data"].values) == 10
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "word"),
+    [
+        ("log.csv", b"", "fewer than two lines"),
+        ("log.csv", b"\xff\xfe\x00", "UTF-8"),
+        ("log.csv", b"hello\nworld\n", "holds no signal"),
+        ("log.mat", b"nothing of the kind" * 20, "MATLAB"),
+        ("log.h5", b"nothing", "HDF5"),
+        ("log.bag", b"nothing", "ROS bag"),
+        ("log.mcap", b"nothing", "ROS bag"),
+        ("log.db3", b"nothing", "folder"),
+        ("log.pdf", b"nothing", "ends in none of"),
+    ],
+)
+def test_a_damaged_file_is_one_sentence_with_its_name(
+    tmp_path: Path, name: str, content: bytes, word: str
+) -> None:
+    pytest.importorskip("rosbags", reason="needs the extra logs")
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(SessionError) as refused:
+        read_log(tmp_path / name)
+    assert word in str(refused.value) and name in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_file_that_is_not_there_and_a_folder_that_is_no_bag(tmp_path: Path) -> None:
+    with pytest.raises(SessionError, match="does not exist"):
+        read_log(tmp_path / "log.csv")
+    with pytest.raises(SessionError, match=r"metadata\.yaml"):
+        read_log(tmp_path)
