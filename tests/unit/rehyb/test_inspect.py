@@ -1,0 +1,69 @@
+"""`rehyb inspect`: what a log seems to hold, and a first session that closing the loop can read."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from typer.testing import CliRunner
+
+from analysis.closeloop.session.reading import read_session
+from rehyb.cli import app
+
+URDF = """<robot name="arm">
+  <link name="base"/>
+  <link name="forearm"/>
+  <joint name="elbow" type="continuous"><parent link="base"/><child link="forearm"/></joint>
+</robot>
+"""
+
+
+def log(folder: Path) -> Path:
+    """Write a headerless log of one joint: ms, degrees, and a current."""
+    time = np.arange(0.0, 4.0, 0.01)
+    angle, speed = 40.0 * np.sin(2 * time), 80.0 * np.cos(2 * time)
+    table = np.column_stack([1e3 * time, angle, speed, np.cos(time)])
+    np.savetxt(folder / "log.csv", table, delimiter=";", fmt="%.5f")
+    (folder / "arm.urdf").write_text(URDF)
+    return folder / "log.csv"
+
+
+def test_a_first_session_is_written_in_si_units(tmp_path: Path) -> None:
+    file = log(tmp_path)
+    ran = CliRunner().invoke(
+        app,
+        [
+            *("inspect", str(file), "--json", "--out", str(tmp_path / "session")),
+            *("--model", str(tmp_path / "arm.urdf"), "--as", "column 4=elbow.effort*0.5"),
+        ],
+    )
+    assert ran.exit_code == 0, ran.output
+    answer = json.loads(ran.stdout)
+    assert [c["seems"] for c in answer["channels"]] == ["time", "position", "velocity", "effort"]
+    assert [c["unit"] for c in answer["channels"]] == ["ms", "deg", "deg/s", "SI"]
+    (clock,) = answer["clocks"]
+    assert abs(clock["rate"] - 100.0) < 1e-6 and clock["gaps"] == 0
+    header, first, *_ = (tmp_path / "session" / "log.csv").read_text().splitlines()
+    assert header == "time,elbow.position,elbow.velocity,elbow.effort"
+    assert np.allclose([float(x) for x in first.split(",")], [0.0, 0.0, np.deg2rad(80), 0.5])
+    session = read_session(tmp_path / "session", frozenset())
+    assert [trial.file for trial in session.trials] == ["log.csv"]
+
+
+def test_the_table_names_every_channel_and_what_is_left_to_settle(tmp_path: Path) -> None:
+    file = log(tmp_path)
+    ran = CliRunner().invoke(app, ["inspect", str(file)], env={"COLUMNS": "160"})
+    assert ran.exit_code == 0
+    assert "4 channels" in ran.stdout and "400 samples at 100 Hz" in ran.stdout
+    assert "deg/s" in ran.stdout and "no header" in ran.stdout
+
+
+def test_bad_input_is_one_sentence_and_writes_nothing(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("hello\nworld\n")
+    out = tmp_path / "session"
+    ran = CliRunner().invoke(app, ["inspect", str(tmp_path / "log.csv"), "--out", str(out)])
+    assert ran.exit_code != 0 and "holds no signal" in str(ran.exception)
+    wrong = CliRunner().invoke(
+        app, ["inspect", str(log(tmp_path)), "--as", "nobody=x.effort", "--out", str(out)]
+    )
+    assert wrong.exit_code == 2 and "no assignment" in wrong.output
+    assert not out.exists()
