@@ -24,7 +24,7 @@ def load_session(folder: Path) -> Recording:
     trials = []
     for listed in session.trials:
         trial = read_trial(folder, listed, device.recorded_joints, declared)
-        check_trial(trial, device)
+        check_trial(trial, device, session.limb_joints)
         trials.append(trial)
     recording = record(replace(session, trials=tuple(trials)), device)
     check_signs(recording)

@@ -58,6 +58,8 @@ def close_loop(
         raise NotADirectoryError(ENOTDIR, "is a file, not a folder for the report", str(out))
     found = analyse(folder, progress)
     report = found.report
+    for trial in found.recording.session.trials:
+        report["warnings"] += [f"{trial.file}: {repair}" for repair in trial.repairs]
     if found.recording.session.unknown:
         report["warnings"].append(
             f"session.json: {', '.join(found.recording.session.unknown)} mean nothing and were "

@@ -132,21 +132,17 @@ BAD: dict[str, tuple[Spoil, str]] = {
     ),
     # the model
     "a model of bytes": (lambda p: (p / "device.xml").write_bytes(b"\xff\xfe<") and None, "UTF-8"),
-    "URDF": (lambda p: (p / "device.xml").write_text("<robot/>") and None, "must be an MJCF file"),
-    "a mesh from a file": (
-        model("<worldbody>", '<asset><mesh name="m" file="../m.stl"/></asset><worldbody>'),
-        "external file",
+    "a URDF file without a link": (
+        lambda p: (p / "device.xml").write_text("<robot/>") and None,
+        "must have joints",
     ),
-    "a height field from a file": (
-        model("<worldbody>", '<asset><hfield name="h" file="h.png"/></asset><worldbody>'),
-        "external file",
-    ),
-    "a texture of six files": (
+    "a body whose inertia only a mesh has": (
         model(
-            "<worldbody>",
-            '<asset><texture type="cube" fileright="r.png"/></asset><worldbody>',
+            '<body name="upper_arm">',
+            '<body name="upper_arm"><body name="hand"><joint name="wrist"/>'
+            '<geom type="mesh" mesh="m"/></body>',
         ),
-        "external file",
+        "'hand' takes its inertia from a mesh",
     ),
     "an attached model": (
         model("<worldbody>", '<asset><model name="m" file="m.xml"/></asset><worldbody>'),

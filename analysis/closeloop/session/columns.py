@@ -7,7 +7,7 @@ The map says in which lines or columns the signals stand and how their numbers b
 import csv
 import io
 from collections.abc import Iterator, Mapping
-from math import pi
+from math import isfinite, pi
 from pathlib import Path
 from typing import Any
 
@@ -115,13 +115,22 @@ def _source(fields: Fields, name: str, entry: Any, layout: str) -> Source:
     return Source(signal=signal, scale=float(scale), offset=float(offset))
 
 
-def translated(text: str, file: str, columns: ColumnMap) -> tuple[list[str], np.ndarray]:
-    """Return the contract's column names and their table, (n, columns), of a foreign log.
+def translated(
+    text: str, file: str, columns: ColumnMap
+) -> tuple[list[str], np.ndarray, int, list[str]]:
+    """Return the contract's column names, their table (n, columns), its first line, and repairs.
+
+    A first line of numbers alone is a sample, of a log without a header. A last line that was cut
+    off is left out.
 
     Raises:
         SessionError: a signal is missing or holds something that is not a number.
     """
     lines = _lines(text, file, columns.separator)
+    repairs = []
+    if columns.layout == "columns" and len(lines) > 2 and len(lines[-1]) < len(lines[-2]):
+        repairs.append(f"line {len(lines)} is cut off, and was left out")
+        del lines[-1]
     take = _row if columns.layout == "rows" else _column
     signals = {
         name: source.scale * np.array(take(lines, source, name, file), dtype=float) + source.offset
@@ -140,7 +149,15 @@ def translated(text: str, file: str, columns: ColumnMap) -> tuple[list[str], np.
     if columns.rate_hz is not None:
         count = next(iter(lengths.values()))
         signals = {"time": np.arange(count) / columns.rate_hz, **signals}
-    return list(signals), np.column_stack(list(signals.values()))
+    first = 1 if columns.layout == "columns" and _all_numbers(lines[:1]) else 2
+    return list(signals), np.column_stack(list(signals.values())), first, repairs
+
+
+def _all_numbers(lines: list[list[str]]) -> bool:
+    try:
+        return bool(lines) and all(isfinite(float(cell)) for line in lines for cell in line)
+    except ValueError:
+        return False
 
 
 def _lines(text: str, file: str, separator: str) -> list[list[str]]:
@@ -184,6 +201,7 @@ def _row(lines: list[list[str]], source: Source, name: str, file: str) -> list[f
 
 def _column(lines: list[list[str]], source: Source, name: str, file: str) -> list[float]:
     header = [cell.strip() for cell in lines[0]] if lines else []
+    first = 1 if _all_numbers(lines[:1]) else 2
     if isinstance(source.signal, int):
         at = source.signal - 1
         known = at < len(header)
@@ -199,7 +217,7 @@ def _column(lines: list[list[str]], source: Source, name: str, file: str) -> lis
             line=1,
         )
     numbers = []
-    for number, cells in enumerate(lines[1:], start=2):
+    for number, cells in enumerate(lines[first - 1 :], start=first):
         check_width(cells, header, file, number)
         numbers.append(_parsed(cells[at], name, file, number))
     return numbers

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -79,6 +80,10 @@ class Trial:
     effort_filter_hz: float | None = None
     #: How to read a file that does not have the contract's own columns.
     source: ColumnMap | None = None
+    #: The part of the file that is the trial, s on its clock; both ends belong to it.
+    span: tuple[float, float] = (-inf, inf)
+    #: What was left out when the file was read, in sentences.
+    repairs: tuple[str, ...] = ()
     time: np.ndarray = field(default_factory=lambda: np.empty(0))
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)
 
@@ -93,6 +98,8 @@ class Session:
     mass_kg: float = 70.0
     declared: tuple[DeclaredEffect, ...] = ()
     ignored_joints: tuple[str, ...] = ()
+    #: Joints at which a human limb acts.
+    limb_joints: tuple[str, ...] = ()
     trials: tuple[Trial, ...] = ()
     #: Keys of `session.json` that mean nothing here.
     unknown: tuple[str, ...] = ()

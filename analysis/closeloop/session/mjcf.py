@@ -1,4 +1,7 @@
-"""Load the model of a session: an open chain in MJCF; anything that reaches further is refused."""
+"""Load the model of a session: an open chain in MJCF or URDF; what reaches further is refused.
+
+Geometry is left out: inverse dynamics needs inertias only, and a session's folder has no meshes.
+"""
 
 import re
 from pathlib import Path
@@ -30,6 +33,9 @@ REFUSED_ELEMENTS = {
     "flex": "a deformable body",
 }
 
+#: Assets that only draw, or come from a file.
+DRAWN = ("mesh", "hfield", "texture", "material", "skin")
+
 
 def load_device(session: Session) -> Device:
     """Load the session's model and check every name in `session.json` against it.
@@ -40,7 +46,7 @@ def load_device(session: Session) -> Device:
     if session.model == NOMINAL:
         spec = nominal_spec(height_m=session.height_m, mass_kg=session.mass_kg)
     else:
-        spec = _read_mjcf(inside(session.folder, session.model, field_name="model"), session.model)
+        spec = _read_model(inside(session.folder, session.model, field_name="model"), session.model)
     device = Device(spec=spec, ignored_joints=session.ignored_joints)
     try:
         joint_types = device.model.jnt_type
@@ -53,6 +59,8 @@ def load_device(session: Session) -> Device:
         raise SessionError("must have joints, each with a name", file=session.model)
     for name in session.ignored_joints:
         _known(name, device.joints, "ignored_joints")
+    for name in session.limb_joints:
+        _known(name, device.joints, "limb_joints")
     for number, declared in enumerate(session.declared):
         _known(declared.joint, device.recorded_joints, f"declared_effects[{number}].joint")
     for number, trial in enumerate(session.trials):
@@ -71,7 +79,7 @@ def _known(name: str, names: tuple[str, ...], where: str) -> None:
         )
 
 
-def _read_mjcf(path: Path, name: str) -> mujoco.MjSpec:
+def _read_model(path: Path, name: str) -> mujoco.MjSpec:
     text = read_text(path, name, MAX_MODEL_BYTES)
     # Entities could unfold without end, and only a document type can define them.
     if re.search(r"<!(DOCTYPE|ENTITY)", text, re.IGNORECASE):
@@ -80,9 +88,15 @@ def _read_mjcf(path: Path, name: str) -> mujoco.MjSpec:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise SessionError(f"is not XML: {error}", file=name, line=error.position[0]) from None
-    if root.tag != "mujoco":
-        raise SessionError(f"must be an MJCF file (<mujoco>), not <{root.tag}>", file=name)
+    if root.tag not in ("mujoco", "robot"):
+        raise SessionError(
+            f"must be an MJCF (<mujoco>) or URDF (<robot>) file, not <{root.tag}>", file=name
+        )
     _check_size(root, name)
+    if root.tag == "robot":
+        _prepare_urdf(root)
+    else:
+        _leave_out_drawing(root, name)
     for element in root.iter():
         if element.tag in REFUSED_ELEMENTS:
             raise SessionError(
@@ -95,9 +109,55 @@ def _read_mjcf(path: Path, name: str) -> mujoco.MjSpec:
                 f"<{element.tag}> needs an external file; draw with primitive geoms", file=name
             )
     try:
-        return mujoco.MjSpec.from_string(text)
+        return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     except ValueError as error:
         raise _refused(error, name) from None
+
+
+def _leave_out_drawing(root: ElementTree.Element, name: str) -> None:
+    """Remove what draws an MJCF model from files; refuse a moving body without another inertia.
+
+    Raises:
+        SessionError: MuJoCo would have taken the body's inertia from a mesh.
+    """
+    for parent in [*root.iter()]:
+        parent.attrib.pop("material", None)
+        for child in [*parent]:
+            if child.tag in DRAWN or (child.tag == "geom" and _is_mesh(child)):
+                parent.remove(child)
+                if child.tag == "geom" and parent.tag == "body" and not _has_inertia(parent):
+                    raise SessionError(
+                        f"body {parent.get('name')!r} takes its inertia from a mesh, which is not "
+                        "read; give it an <inertial>",
+                        file=name,
+                    )
+
+
+def _is_mesh(geom: ElementTree.Element) -> bool:
+    return geom.get("type") in ("mesh", "hfield", "sdf") or geom.get("mesh") is not None
+
+
+def _has_inertia(body: ElementTree.Element) -> bool:
+    """Whether a body states its inertia, or hangs on nothing that moves and needs none."""
+    return body.find("inertial") is not None or body.find("joint") is None
+
+
+def _prepare_urdf(root: ElementTree.Element) -> None:
+    """Leave the links and joints of a URDF file, without geometry.
+
+    Every link stays a body, so that a load can hang on it by its name. What else the file holds is
+    for simulators and drivers (`gazebo`, `transmission`, `ros2_control`).
+    """
+    for part in [*root]:
+        if part.tag not in ("link", "joint"):
+            root.remove(part)
+        for drawn in [*part.findall("visual"), *part.findall("collision")]:
+            part.remove(drawn)
+    ElementTree.SubElement(
+        ElementTree.SubElement(root, "mujoco"),
+        "compiler",
+        {"fusestatic": "false"},
+    )
 
 
 def _refused(error: ValueError, name: str) -> SessionError:

@@ -1,5 +1,7 @@
 """Signals that cannot be what their column says: degrees, flipped signs, saturation, constants."""
 
+from collections.abc import Collection
+
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
@@ -8,16 +10,26 @@ from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.recording import Recording
 
-#: A hinge of a limb or its robot that goes further than this is recorded in degrees.
+#: A hinge of a limb, or one with a declared range, that goes further is recorded in degrees.
 MAX_HINGE = 2 * np.pi
+#: A hinge that may turn for ever is recorded in degrees if it turns faster than that, rad/s: no
+#: robot's joint does 600 turns a minute.
+MAX_SPEED = 60.0
+#: Least share of samples that do.
+MAX_SPEED_SHARE = 0.01
 DEGREES = 180.0 / np.pi
 #: Share of samples at a plateau, and its shortest run, that make a saturated effort.
 SATURATED_SHARE = 0.01
 SATURATED_RUN = 10
 
 
-def check_trial(trial: Trial, device: Device) -> None:
+def check_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> None:
     """Refuse a trial whose signals cannot be what their columns say.
+
+    Args:
+        trial: with its signals.
+        device: whose joints moved.
+        limb_joints: joints at which a limb acts, which never turn round.
 
     Raises:
         SessionError: names file, column and line.
@@ -26,7 +38,7 @@ def check_trial(trial: Trial, device: Device) -> None:
     for joint in device.recorded_joints:
         position = trial.columns[f"{joint}.position"]
         if device.is_hinge(joint):
-            _check_degrees(trial, device, joint, position)
+            _check_degrees(trial, device, joint, position, joint in limb_joints)
         velocity = trial.columns.get(f"{joint}.velocity")
         if velocity is not None:
             _check_velocity(trial, joint, position, velocity)
@@ -62,16 +74,27 @@ def check_trial(trial: Trial, device: Device) -> None:
             )
 
 
-def _check_degrees(trial: Trial, device: Device, joint: str, position: np.ndarray) -> None:
+def _check_degrees(
+    trial: Trial, device: Device, joint: str, position: np.ndarray, limb: bool
+) -> None:
     low, high = device.range(joint)
-    # A device may rightly turn further than a limb does, if its declared range says so.
-    limit = max(MAX_HINGE, 1.5 * max(abs(low), abs(high)) if high > low else 0.0)
-    beyond = np.abs(position) > limit
+    if limb or high > low:
+        # A device may rightly turn further than a limb does, if its declared range says so.
+        beyond = np.abs(position) > max(MAX_HINGE, 1.5 * max(abs(low), abs(high)))
+        what = "no limb does" if limb else f"is far beyond its range, {low:g} to {high:g}"
+        unit = "rad"
+        values = position
+    else:
+        values = np.gradient(position, trial.time)
+        beyond = np.abs(values) > MAX_SPEED
+        what, unit = "no robot's joint does", "rad/s"
+        # One wrong sample is no unit.
+        beyond &= np.mean(beyond) > MAX_SPEED_SHARE
     if not beyond.any():
         return
     row = int(np.argmax(beyond))
     raise SessionError(
-        f"reaches {position[row]:g} rad, which no limb does; "
+        f"reaches {values[row]:g} {unit}, which {what}; "
         "positions are in radians, and these look like degrees",
         file=trial.file,
         column=f"{joint}.position",

@@ -1,6 +1,7 @@
 """A session's `session.json`: what each field may hold."""
 
 from collections.abc import Collection
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from analysis.closeloop.session.contents import (
     Trial,
 )
 from analysis.closeloop.session.files import SESSION_FILE, Fields, inside, read_json
+from sim.effects.catalogue import VISCOELASTIC
 
 MAX_TRIALS = 200
 MAX_JSON_BYTES = 1_000_000
@@ -26,11 +28,22 @@ KEYS = (
     "subject",
     "declared_effects",
     "ignored_joints",
+    "limb_joints",
     "effort_filter_hz",
     "columns",
     "trials",
 )
-TRIAL_KEYS = ("file", "label", "group", "role", "added_mass", "effort_filter_hz", "columns")
+TRIAL_KEYS = (
+    "file",
+    "label",
+    "group",
+    "role",
+    "added_mass",
+    "effort_filter_hz",
+    "columns",
+    "from",
+    "to",
+)
 
 
 def read_session(folder: Path, known_effects: Collection[str]) -> Session:
@@ -61,13 +74,18 @@ def read_session(folder: Path, known_effects: Collection[str]) -> Session:
     wanted = 'such as {"height_m": 1.75, "mass_kg": 70}'
     subject = fields.part("subject", fields.get("subject", {}), wanted)
     filter_hz = _filter_hz(fields)
+    declared = _declared(fields, known_effects)
+    limbs = _joint_names(fields, "limb_joints")
+    if fields.get("limb_joints") is None:
+        limbs = tuple(entry.joint for entry in declared if entry.effect == VISCOELASTIC.name)
     return Session(
         folder=folder,
         model=model,
         height_m=subject.number("height_m", 1.75, low=0.5, high=2.5),
         mass_kg=subject.number("mass_kg", 70.0, low=10.0, high=300.0),
-        declared=_declared(fields, known_effects),
+        declared=declared,
         ignored_joints=_joint_names(fields, "ignored_joints"),
+        limb_joints=limbs,
         trials=_trials(fields, folder, filter_hz),
         unknown=_unknown(fields),
     )
@@ -117,15 +135,21 @@ def _trials(fields: Fields, folder: Path, filter_hz: float | None) -> tuple[Tria
             "trials", f"lists {len(entries)} trials; at most {MAX_TRIALS} are analysed"
         )
     trials: list[Trial] = []
-    paths: set[Path] = set()
+    parts: dict[Path, list[tuple[float, float]]] = {}
     for number, entry in enumerate(entries):
         own = fields.part(f"trials[{number}]", entry, 'with "file"')
         file = own.text("file")
         path = inside(folder, file, field_name=own.path("file")).resolve()
-        if path in paths:
-            raise own.wrong("file", f"{file!r} is listed twice; list each trial once")
-        paths.add(path)
-        trials.append(_trial(own, file, folder, session_map, filter_hz))
+        span = _span(own)
+        others = parts.setdefault(path, [])
+        if any(span[0] < other[1] and other[0] < span[1] for other in others):
+            raise own.wrong(
+                "file",
+                f"{file!r} is listed twice; list each trial once, or give each part of a file its "
+                "own from and to",
+            )
+        others.append(span)
+        trials.append(_trial(own, file, span, folder, session_map, filter_hz))
     if all(trial.role == "holdout" for trial in trials):
         raise fields.wrong(
             "trials", "every trial is a holdout; at least one must be there to be fitted"
@@ -133,14 +157,31 @@ def _trials(fields: Fields, folder: Path, filter_hz: float | None) -> tuple[Tria
     return tuple(trials)
 
 
+def _span(trial: Fields) -> tuple[float, float]:
+    """Return from when to when a trial lasts, s on the session's clock."""
+    low, high = (
+        end if trial.get(name) is None else trial.number(name, low=-inf)
+        for name, end in (("from", -inf), ("to", inf))
+    )
+    if low >= high:
+        raise trial.wrong("from", f"must be before to, and {low:g} is not before {high:g}")
+    return low, high
+
+
 def _trial(
-    own: Fields, file: str, folder: Path, session_map: ColumnMap | None, filter_hz: float | None
+    own: Fields,
+    file: str,
+    span: tuple[float, float],
+    folder: Path,
+    session_map: ColumnMap | None,
+    filter_hz: float | None,
 ) -> Trial:
     """Return one entry of the trials; map and filter are the session's own, its defaults."""
     role = own.get("role", "fit")
     if role not in ("fit", "holdout"):
         raise own.wrong("role", f"must be 'fit' or 'holdout', not {role!r}")
-    label, group = own.get("label", file), own.get("group", file)
+    name = file if span == (-inf, inf) else f"{file} {span[0]:g} to {span[1]:g} s"
+    label, group = own.get("label", name), own.get("group", name)
     if not (_is_text(label) and _is_text(group)):
         raise own.wrong("", "label and group must be text")
     own_map = read_map(own, "columns", folder)
@@ -153,6 +194,7 @@ def _trial(
         added_mass=_added_mass(own),
         effort_filter_hz=filter_hz if own_filter_hz is None else own_filter_hz,
         source=own_map or session_map,
+        span=span,
     )
 
 

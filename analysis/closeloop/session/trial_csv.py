@@ -16,6 +16,8 @@ TIME = "time"
 MAX_BYTES = 400_000_000
 MAX_COLUMNS = 500
 MIN_SAMPLES = 50
+#: Share of a file's samples that may be left out for a missing cell or as copies.
+MOST_LEFT_OUT = 0.01
 #: Larger than seconds since 1970 and any torque or force.
 MAX_VALUE = 1e12
 
@@ -39,27 +41,39 @@ def read_trial(
         line = text[: text.index("\0")].count("\n") + 1
         raise SessionError("holds a zero byte; is it a CSV file?", file=trial.file, line=line)
     if trial.source is not None:
-        names, table = translated(text, trial.file, trial.source)
+        names, table, first, repairs = translated(text, trial.file, trial.source)
         _check_header(names, trial.file, joints, declared)
+        lines = np.arange(first, first + len(table))
     else:
-        names, table = _own_table(text, trial.file, joints, declared)
+        names, table, lines, repairs = _own_table(text, trial.file, joints, declared)
+    _check_values(table, names, lines, trial.file)
+    once = _first_of_each(table, lines, trial.file, repairs)
+    table, lines = table[once], lines[once]
+    _check_time(table[:, names.index(TIME)], lines, trial.file)
+    within = (trial.span[0] <= table[:, names.index(TIME)]) & (
+        table[:, names.index(TIME)] <= trial.span[1]
+    )
+    table = table[within]
     if len(table) < MIN_SAMPLES:
         raise SessionError(
-            f"has {len(table)} samples; at least {MIN_SAMPLES} are needed",
+            f"has {len(table)} samples{_between(trial)}; at least {MIN_SAMPLES} are needed",
             file=trial.file,
-            line=len(table) + 1,
+            line=len(table) + 1 if within.all() else None,
         )
-    _check_values(table, names, trial.file)
-    time = table[:, names.index(TIME)]
-    _check_time(time, trial.file)
     columns = {name: table[:, i] for i, name in enumerate(names) if name != TIME}
-    return replace(trial, time=time, columns=columns)
+    return replace(trial, time=table[:, names.index(TIME)], columns=columns, repairs=tuple(repairs))
+
+
+def _between(trial: Trial) -> str:
+    """Return what part of its file a trial is, for an error."""
+    low, high = trial.span
+    return "" if (low, high) == (-np.inf, np.inf) else f" from {low:g} to {high:g} s"
 
 
 def _own_table(
     text: str, file: str, joints: tuple[str, ...], declared: tuple[str, ...]
-) -> tuple[list[str], np.ndarray]:
-    """Read a file with the contract's header."""
+) -> tuple[list[str], np.ndarray, np.ndarray, list[str]]:
+    """Read a file with the contract's header; return names, table, its lines and repairs."""
     header, _, body = text.partition("\n")
     try:
         names = [name.strip() for name in next(csv.reader([header]), [])]
@@ -68,7 +82,7 @@ def _own_table(
     if len(names) == 1 and (";" in header or "\t" in header):
         raise SessionError("separate columns by commas and decimals by points", file=file, line=1)
     _check_header(names, file, joints, declared)
-    return names, _numbers(body, names, file)
+    return names, *_numbers(body, names, file)
 
 
 def _check_header(
@@ -100,35 +114,85 @@ def _check_header(
             raise SessionError(f"is missing; {why}", file=file, column=name, line=1)
 
 
-def _numbers(body: str, names: list[str], file: str) -> np.ndarray:
-    """Parse the lines below the header fast; only a file with a fault is read line by line."""
+def _numbers(body: str, names: list[str], file: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Parse the lines below the header fast; only a file with a fault is read line by line.
+
+    Returns:
+        Numbers of shape (n, columns); the line of each row, (n,); what was left out. A line with an
+        empty cell is a sample that the logger missed; a last line without its end was cut off.
+    """
     if not body.strip():
-        return np.empty((0, len(names)))
+        return np.empty((0, len(names))), np.empty(0, dtype=int), []
     try:
         table = np.loadtxt(io.StringIO(body), delimiter=",", ndmin=2, comments=None)
         # loadtxt skips blank lines, which would shift every line number after them.
         if table.shape[1] == len(names) and len(table) == body.rstrip("\r\n").count("\n") + 1:
-            return table
+            return table, np.arange(2, len(table) + 2), []
     except (ValueError, UserWarning):
         pass
     rows: list[list[float]] = []
+    lines: list[int] = []
+    empty: list[tuple[int, str]] = []
+    last = body.count("\n") + 2
+    repairs = []
     for number, cells in enumerate(csv_lines(body, file), start=2):
         if not cells and not body.splitlines()[number - 1 :]:
             break
+        if number == last and len(cells) < len(names):
+            repairs.append(f"line {number} is cut off, and was left out")
+            continue
         check_width(cells, names, file, number)
+        missing = next((n for n, cell in zip(names, cells, strict=True) if not cell.strip()), None)
+        if missing is not None:
+            empty.append((number, missing))
+            continue
         for name, cell in zip(names, cells, strict=True):
             try:
                 float(cell)
             except ValueError:
-                what = "is empty" if not cell.strip() else f"holds {cell.strip()[:40]!r}"
                 raise SessionError(
-                    f"{what}, not a number in SI units", file=file, column=name, line=number
+                    f"holds {cell.strip()[:40]!r}, not a number in SI units",
+                    file=file,
+                    column=name,
+                    line=number,
                 ) from None
         rows.append([float(cell) for cell in cells])
-    return np.array(rows, dtype=float).reshape(len(rows), len(names))
+        lines.append(number)
+    if empty:
+        line, name = empty[0]
+        _require_few(len(empty), len(rows) + len(empty), "is empty", file, name, line)
+        repairs.append(f"{len(empty)} samples with an empty cell were left out")
+    return np.array(rows, dtype=float).reshape(len(rows), len(names)), np.array(lines), repairs
 
 
-def _check_values(table: np.ndarray, names: list[str], file: str) -> None:
+def _require_few(count: int, among: int, what: str, file: str, column: str, line: int) -> None:
+    """Refuse a file of whose samples too many would have to be left out."""
+    if count > MOST_LEFT_OUT * among:
+        raise SessionError(
+            f"{what}, as in {count} of {among} samples; at most {MOST_LEFT_OUT:.0%} may be "
+            "left out",
+            file=file,
+            column=column,
+            line=line,
+        )
+
+
+def _first_of_each(
+    table: np.ndarray, lines: np.ndarray, file: str, repairs: list[str]
+) -> np.ndarray:
+    """Return which samples are no copy of the one before, stamp and all; note how many are."""
+    once = np.ones(len(table), dtype=bool)
+    once[1:] = (np.diff(table, axis=0) != 0.0).any(axis=1)
+    if not once.all():
+        copies = int(np.sum(~once))
+        _require_few(
+            copies, len(table), "repeats a sample", file, TIME, int(lines[np.argmin(once)])
+        )
+        repairs.append(f"{copies} samples that repeat the one before were left out")
+    return once
+
+
+def _check_values(table: np.ndarray, names: list[str], lines: np.ndarray, file: str) -> None:
     for wrong, why in (
         (~np.isfinite(table), "not a finite number; remove the row (a gap is allowed)"),
         (np.abs(table) > MAX_VALUE, "which nothing in SI units is at a joint"),
@@ -139,17 +203,22 @@ def _check_values(table: np.ndarray, names: list[str], file: str) -> None:
                 f"holds {table[row, column]:g}, {why}",
                 file=file,
                 column=names[column],
-                line=int(row) + 2,
+                line=int(lines[row]),
             )
 
 
-def _check_time(time: np.ndarray, file: str) -> None:
+def _check_time(time: np.ndarray, lines: np.ndarray, file: str) -> None:
+    if len(time) < 2:
+        return
     steps = np.diff(time)
     step = float(np.median(steps))
     line, detail = 3, ""
     if np.any(steps <= 0.0):
         row = int(np.argmax(steps <= 0.0)) + 1
-        line, detail = row + 2, f"must increase, but {time[row]:g} follows {time[row - 1]:g}"
+        line, detail = (
+            int(lines[row]),
+            f"must increase, but {time[row]:g} follows {time[row - 1]:g}",
+        )
     elif step > 0.2:
         detail = f"steps by {step:g}; time is in seconds and needs at least 5 samples a second"
         detail += " (are these milliseconds?)" if step >= 0.5 else ""
