@@ -46,6 +46,12 @@ class Term:
     candidate: Candidate | None = None
 
     @property
+    def at(self) -> Candidate:
+        """The effect and its joint; only of a term that has an effect."""
+        assert self.effect is not None
+        return Candidate(effect=self.effect, joint=self.joint)
+
+    @property
     def rubs(self) -> bool:
         """Whether the motion does not determine its torque at rest."""
         return self.effect is not None and self.effect.rubs
@@ -57,6 +63,11 @@ class Channel:
 
     candidate: Candidate
     theta: Theta
+
+    @property
+    def at(self) -> Candidate:
+        """The effect and its joint."""
+        return self.candidate
 
 
 @dataclass(frozen=True)

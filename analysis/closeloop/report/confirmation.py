@@ -140,7 +140,16 @@ def _as_declared(report: Mapping[str, Any]) -> dict[str, Any]:
         joint: {key: {"after": entry["before"]} for key, entry in entries.items()}
         for joint, entries in report["impedance"].items()
     }
-    return {"impedance": impedance, "effects": [], "verdict": Verdict.ADEQUATE}
+    declared = [
+        entry | {"parameters": {n: {"value": p["before"]} for n, p in entry["parameters"].items()}}
+        for entry in report["declared"]
+    ]
+    return {
+        "impedance": impedance,
+        "declared": declared,
+        "effects": [],
+        "verdict": Verdict.ADEQUATE,
+    }
 
 
 def _pieces(recording: Recording) -> list[slice]:

@@ -10,7 +10,7 @@ from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.identification.outcome import Errors, Outcome
 from analysis.closeloop.report.diagnostics import diagnose
 from analysis.closeloop.report.impedance import impedance_entries, undecided
-from analysis.closeloop.report.named import effect_entries
+from analysis.closeloop.report.named import declared_entries, effect_entries, without_value
 from analysis.closeloop.report.unexplained import smooth_part, unexplained
 from analysis.closeloop.session.recording import Recording
 
@@ -22,6 +22,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
     found, verdict = outcome.trace, outcome.verdict
     recording = found.rows.recording
     effects, impedance = effect_entries(found), impedance_entries(found)
+    declared = declared_entries(found)
     warnings = list(found.notes)
     if outcome.left_out:
         warnings.append(
@@ -38,10 +39,11 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             "fit": _errors(found, outcome.fit, relative=False),
         },
         "impedance": impedance,
+        "declared": declared,
         "unexplained": unexplained(found, outcome.recorded.after, outcome.oscillations, verdict),
         "diagnostics": _diagnostics(found),
         "advice": _advice(found, verdict),
-        "warnings": [*warnings, *undecided(impedance)],
+        "warnings": [*warnings, *undecided(impedance), *without_value(declared)],
         "session": _session(recording),
         "ladder": _options(found),
     }

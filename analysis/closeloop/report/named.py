@@ -1,5 +1,6 @@
-"""The effects that were named: parameters, intervals and evidence, in the words of the contract."""
+"""Effects that were named or declared: parameters, intervals, evidence, in the contract's words."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,9 @@ import numpy as np
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.identification.model import Candidate, Channel, Model, Term, gain, unfitted
+from analysis.closeloop.identification.regression import Rows
 from analysis.closeloop.identification.uncertainty import Fits, leave_out
+from sim.effects.catalogue import BY_NAME, VISCOELASTIC
 from sim.effects.effect import Theta
 from sim.effects.motion import RecordedJoint
 from sim.effects.parameter import unit_at
@@ -31,7 +34,7 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
             {
                 "name": effect.name,
                 "joint": recording.name(joint),
-                "parameters": _parameters(model, coefficients, fits, candidate),
+                "parameters": _parameters(model, coefficients, fits, _part(model, candidate)),
                 "indistinguishable_from": others,
                 "separating_trial": effect.separating_trial if others or not named else None,
                 "evidence": {
@@ -45,19 +48,78 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
     return entries
 
 
-def _parameters(
-    model: Model, coefficients: np.ndarray, fits: Fits, candidate: Candidate
-) -> dict[str, Any]:
-    """Return the physical parameters with their intervals."""
-    effect, joint = candidate.effect, unfitted(model.recording, candidate.joint)
+def declared_entries(found: Trace) -> list[dict[str, Any]]:
+    """Return the fitted values of every declared effect but the impedance, before and after.
+
+    `value` and `ci90` are those of the repaired model. A coefficient that other declared effects
+    explain whole has no value.
+    """
+    recording = found.rows.recording
+    wanted = [d for d in recording.session.declared if d.effect != VISCOELASTIC.name]
+    if not wanted:
+        return []
+    before, after = (_declared_values(*fit, found.rows) for fit in found.fits)
+    entries = []
+    for declared in wanted:
+        key = declared.effect, declared.joint
+        values = {
+            name: {
+                **entry,
+                "before": before[key][name]["value"],
+                "ci90_before": before[key][name]["ci90"],
+            }
+            for name, entry in after.get(key, {}).items()
+        }
+        entries.append({"effect": declared.effect, "joint": declared.joint, "parameters": values})
+    return entries
+
+
+def _declared_values(
+    model: Model, coefficients: np.ndarray, rows: Rows
+) -> dict[tuple[str, str], dict[str, Any]]:
+    """Return the parameters of a fitted model's declared effects, by effect and joint."""
+    fits = leave_out(model, rows, coefficients)
+    return {
+        (term.effect.name, model.recording.name(term.joint)): _parameters(
+            model, coefficients, fits, term
+        )
+        for term in model.terms
+        if term.candidate is None and term.effect not in (None, VISCOELASTIC)
+    }
+
+
+def without_value(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a warning for every declared effect that the fit gives no value."""
+    lines = []
+    for entry in entries:
+        if not entry["parameters"]:
+            why = (
+                "it acts on the whole effort channel, and only an undeclared one is looked for"
+                if BY_NAME[entry["effect"]].channel
+                else "other declared effects explain it whole, or its joint does not move"
+            )
+            lines.append(f"declared {entry['effect']} of {entry['joint']} has no value: {why}")
+    return lines
+
+
+def _part(model: Model, candidate: Candidate) -> Term | Channel:
+    """Return the part of a model that a found effect is."""
     parts: list[Term | Channel] = [*model.terms, *model.channels]
-    theta = next(part.theta for part in parts if part.candidate == candidate)
+    return next(part for part in parts if part.candidate == candidate)
+
+
+def _parameters(
+    model: Model, coefficients: np.ndarray, fits: Fits, part: Term | Channel
+) -> dict[str, Any]:
+    """Return the physical parameters of a part of the model with their intervals."""
+    candidate, theta = part.at, part.theta
+    effect, joint = candidate.effect, unfitted(model.recording, candidate.joint)
     own: dict[int, float] = {}
     refitted: dict[int, np.ndarray] = {}
     for (term, found), (_, spread) in zip(
         model.split(coefficients), model.split(fits.coefficients), strict=True
     ):
-        if term.candidate == candidate:
+        if term is part:
             own = dict(zip(term.kept, found.tolist(), strict=True))
             refitted = dict(zip(term.kept, spread.T, strict=True))
     scale = gain(model, coefficients, candidate.joint)

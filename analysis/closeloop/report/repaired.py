@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+import mujoco
+
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.session.device import Device
 from sim.effects.catalogue import BY_NAME, VISCOELASTIC
@@ -13,10 +15,14 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
 
     Args:
         device: the declared model.
-        report: impedances and effects.
+        report: impedances, declared values and effects.
     """
     spec = device.spec.copy()
     warnings: list[str] = []
+    for declared in report["declared"]:
+        if values := {name: entry["value"] for name, entry in declared["parameters"].items()}:
+            spec, _, lacking = _with_effect(spec, declared["effect"], declared["joint"], values)
+            warnings += lacking
     for name, impedance in report["impedance"].items():
         values = {key: entry["after"] or 0.0 for key, entry in impedance.items()}
         VISCOELASTIC.add(spec, name, values)
@@ -25,21 +31,28 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
     elements = []
     for effect in report["effects"] if report["verdict"] == Verdict.EFFECT_FOUND else []:
         values = {name: entry["value"] for name, entry in effect["parameters"].items()}
-        trial = spec.copy()
-        try:
-            element = BY_NAME[effect["name"]].add(trial, effect["joint"], values)
-            trial.compile()
-        except ValueError as error:
-            element = None
-            warnings.append(f"model_after.xml lacks {effect['name']}: {error}")
-        if element is None:
-            elements.append("none: described in the report only")
-            warnings.append(
-                f"model_after.xml lacks {effect['name']} of {effect['joint']}: "
-                "MuJoCo has no element for it"
-            )
-            continue
-        spec = trial
-        elements.append(element)
+        spec, element, lacking = _with_effect(spec, effect["name"], effect["joint"], values)
+        elements.append(element or "none: described in the report only")
+        warnings += lacking
     spec.compile()
     return spec.to_xml(), elements, warnings
+
+
+def _with_effect(
+    spec: mujoco.MjSpec, name: str, joint: str, values: Mapping[str, float]
+) -> tuple[mujoco.MjSpec, str | None, list[str]]:
+    """Return `spec` with an effect, its element, and warnings; as it was if MuJoCo cannot have it.
+
+    A coefficient that a declared effect took over is nothing of this effect's own.
+    """
+    effect, trial, warnings = BY_NAME[name], spec.copy(), []
+    try:
+        element = effect.add(trial, joint, {**dict.fromkeys(effect.coefficients, 0.0), **values})
+        trial.compile()
+    except ValueError as error:
+        element = None
+        warnings.append(f"model_after.xml lacks {name}: {error}")
+    if element is not None:
+        return trial, element, []
+    warnings.append(f"model_after.xml lacks {name} of {joint}: MuJoCo has no element for it")
+    return spec, None, warnings
