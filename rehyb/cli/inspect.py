@@ -2,18 +2,19 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rehyb.cli.options import AsJson, print_json, print_rows
+from rehyb.cli.answers import Answer, answering, print_rows
+from rehyb.client import Json
 from rehyb.errors import Invalid, RehybError
 
 if TYPE_CHECKING:
     from analysis.closeloop.logs.inspection import Belief
-    from analysis.closeloop.logs.log import Log
 
 
+@answering
 def inspect(
     file: Annotated[
         Path,
@@ -40,8 +41,7 @@ def inspect(
             metavar="FILE", help="The robot's MJCF or URDF, for the session.", show_default=False
         ),
     ] = None,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """List the channels of a robot's log with what they seem to be, and write a first session.
 
     Exit status 2 if the log cannot be read; then nothing is written.
@@ -64,18 +64,15 @@ def inspect(
     except ModuleNotFoundError as error:
         raise RehybError(f"{file.name} needs {error.name}: pip install 'rehyb[logs]'") from None
     rows = [_row(belief, joints) for belief in beliefs]
-    if as_json:
-        clocks = _clocks(beliefs)
-        print_json(
-            {"kind": log.kind, "clocks": clocks, "channels": rows, "remarks": [*log.remarks, *left]}
-        )
-    else:
-        _print(log, beliefs, rows, left)
-        if out is not None:
-            typer.echo(str(out / "session.json"))
+    clocks = _clocks(beliefs)
+    remarks = [*log.remarks, *left]
+    return Answer(
+        {"kind": log.kind, "clocks": clocks, "channels": rows, "remarks": remarks},
+        lambda: _print(log.kind, clocks, rows, [*remarks, *([str(out)] if out else [])]),
+    )
 
 
-def _row(belief: "Belief", joints: list[str]) -> dict[str, Any]:
+def _row(belief: "Belief", joints: list[str]) -> Json:
     """Return one line of the table."""
     import numpy as np
 
@@ -92,7 +89,7 @@ def _row(belief: "Belief", joints: list[str]) -> dict[str, Any]:
     }
 
 
-def _clocks(beliefs: "list[Belief]") -> list[dict[str, Any]]:
+def _clocks(beliefs: "list[Belief]") -> list[Json]:
     """Return each clock of the log once, with how many samples go by it."""
     from analysis.closeloop.logs.inspection import clock_of
 
@@ -102,16 +99,14 @@ def _clocks(beliefs: "list[Belief]") -> list[dict[str, Any]]:
     return [{"samples": len(time), **asdict(clock_of(time))} for time in times.values()]
 
 
-def _print(
-    log: "Log", beliefs: "list[Belief]", rows: list[dict[str, Any]], left: list[str]
-) -> None:
-    typer.echo(f"{log.kind}, {len(rows)} channels")
-    for clock in _clocks(beliefs):
+def _print(kind: str, clocks: list[Json], rows: list[Json], lines: list[str]) -> None:
+    typer.echo(f"{kind}, {len(rows)} channels")
+    for clock in clocks:
         typer.echo(
             f"clock: {clock['samples']} samples at {clock['rate']:.4g} Hz, steps spread by "
             f"{clock['jitter']:.1%}, {clock['gaps']} gaps (longest step "
             f"{clock['longest_gap']:.3g} s), {clock['repeated']} stamps that do not increase"
         )
     print_rows(("channel", "seems", "joint", "unit", "least", "most", "missing", "why"), rows)
-    for line in (*log.remarks, *left):
+    for line in lines:
         typer.echo(line)
