@@ -44,7 +44,7 @@ def close_loop(
 
 
 def _close_here(session: Path, out: Path) -> Json:
-    if find_spec("matplotlib") is None:
+    if None in map(find_spec, ("matplotlib", "jinja2")):
         raise RehybError("the report needs pictures: pip install 'rehyb[figures]'")
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.loop import close_loop as close
