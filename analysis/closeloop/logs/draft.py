@@ -93,9 +93,11 @@ def _joint_of(beliefs: Sequence[Belief], at: int, name: str) -> int:
 
 
 def joint_name(belief: Belief) -> str | None:
-    """Return the joint's name where the channel's is JOINT.QUANTITY, as of ROS's joint states."""
+    """Return the joint's name as the channel's has it; None if that is a number or nothing."""
     joint, dot, quantity = belief.channel.name.rpartition(".")
-    return joint if dot and quantity == belief.quantity and joint else None
+    if dot and quantity == belief.quantity and joint:
+        return joint
+    return belief.stem if belief.stem and not belief.stem.isdigit() else None
 
 
 def joint_names(beliefs: Sequence[Belief], known: Sequence[str] = ()) -> list[str]:
@@ -171,10 +173,11 @@ def write_session(
         if own is None or len(own) != len(time) or not np.array_equal(own, time):
             del taken[name]
             remarks.append(f"{belief.channel.name} has another clock and was left out")
-        elif belief.unit == "?":
+        elif belief.unit.endswith("?"):
+            unit = belief.unit.rstrip("?") or "SI units"
             remarks.append(
-                f"{belief.channel.name} is taken for {name} in SI units; if it is a current, say "
-                f"'{belief.channel.name}={name}*Nm_PER_A'"
+                f"{belief.channel.name} is taken for {name} in {unit}; if it is not, say "
+                f"'{belief.channel.name}={name}*FACTOR_TO_SI'"
             )
     table = np.column_stack([time, *(b.scale * b.channel.values for b in taken.values())])
     whole = np.isfinite(table).all(axis=1)
@@ -194,7 +197,10 @@ def write_session(
         with (folder / name).open("w", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(["time", *taken])
-            writer.writerows([[f"{x:.9g}" for x in row] for row in part])
+            # A clock that counts from 1970 needs all its digits.
+            writer.writerows(
+                [[repr(float(row[0])), *(f"{x:.9g}" for x in row[1:])] for row in part]
+            )
     name = model.name if model else "robot.xml"
     if model is not None:
         shutil.copyfile(model, folder / name)

@@ -9,6 +9,9 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.arrays import channels
 from analysis.closeloop.logs.log import Log
 
+#: Of all signals together; a file of a few bytes can declare any number.
+MAX_NUMBERS = 50_000_000
+
 
 def read(path: Path, *, kind: str = "HDF5") -> Log:
     """Read an HDF5 file; links that lead out of it are not followed.
@@ -27,12 +30,17 @@ def read(path: Path, *, kind: str = "HDF5") -> Log:
         # MATLAB keeps what cells refer to below this name.
         if not isinstance(item, h5py.Dataset) or name.startswith("#"):
             return
-        if item.dtype.kind in "fiub" and item.ndim <= 3:
-            arrays.append((name.replace("/", "."), item[()]))
+        if item.dtype.kind not in "fiub" or item.shape is None or item.ndim > 3:
+            return
+        if (size := item.size + sum(array.size for _, array in arrays)) > MAX_NUMBERS:
+            raise SessionError(f"declares {size} numbers; at most {MAX_NUMBERS}", file=path.name)
+        arrays.append((name.replace("/", "."), item[()]))
 
     try:
         with h5py.File(path, "r") as file:
             file.visititems(take)
+    except SessionError:
+        raise
     except (OSError, RuntimeError, ValueError) as error:
         raise SessionError(f"is a damaged {kind} file: {error}", file=path.name) from None
     return Log(kind=kind, channels=channels(arrays))

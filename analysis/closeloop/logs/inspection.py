@@ -1,8 +1,8 @@
 """What a log most likely holds: clocks, rates, gaps, and which channel is which signal of a joint.
 
-A belief comes from the log's own words where it has some, and from physics otherwise: a channel
-that another one is the derivative of is a velocity, and the factor between them tells degrees from
-radians. A torque cannot be told from a current by its numbers, so nobody claims to.
+A belief comes from the log's own words where it has some, and from physics otherwise: the
+derivative of a position is a velocity, and the factor between them tells degrees from radians. What
+numbers cannot tell (a torque from a current, radians from degrees of a small motion) keeps a "?".
 """
 
 import re
@@ -18,15 +18,17 @@ from analysis.closeloop.logs.log import Channel, Log, Numbers
 #: What a clock's median step, s, may be for a recording of joints.
 STEPS = (1e-5, 0.2)
 CLOCKS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-#: Words that name a quantity, as they stand between other characters than letters.
+#: Words that name a quantity.
 WORDS: Mapping[str, tuple[str, ...]] = {
     "time": ("time", "timestamp", "stamp", "t", "sec", "secs", "clock"),
-    "position": ("position", "pos", "q", "angle", "theta", "theta1", "theta2", "qm"),
-    "velocity": ("velocity", "vel", "qd", "dq", "qdot", "speed", "omega"),
+    "position": ("position", "pos", "q", "angle", "theta"),
+    "velocity": ("velocity", "vel", "qd", "dq", "v", "qdot", "speed", "omega"),
     "acceleration": ("acceleration", "acc", "qdd", "ddq", "qddot"),
     "effort": ("effort", "eff", "torque", "tau", "force", "trq", "moment"),
     "current": ("current", "curr", "i", "amp", "amps"),
 }
+#: Words of a name that say nothing of the joint.
+UNITS = ("deg", "rad", "s", "mm", "m", "nm", "n", "ma", "a", "measured", "actual", "data")
 #: Words of a channel that was wanted and not measured.
 WANTED = ("ref", "reference", "des", "desired", "target", "cmd", "command", "setpoint", "goal")
 #: A least correlation of a channel with the derivative of another.
@@ -40,6 +42,10 @@ FACTORS: Sequence[tuple[float, str, str]] = (
     (pi / 180, "deg", "rad/s"),
 )
 SI: Mapping[str, float] = {"deg": pi / 180, "deg/s": pi / 180, "mm": 1e-3, "mA": 1e-3}
+#: Derivatives of a position, in order.
+CHAIN = ("position", "velocity", "acceleration")
+#: Least share of numbers among a channel's samples, to compare it with others.
+MOSTLY = 0.5
 #: More than that of an angle in rad is two turns either way; a joint seldom does it.
 TURNS = 4 * pi
 
@@ -51,12 +57,16 @@ class Belief:
     channel: Channel
     #: A key of `WORDS`, "constant" or "unknown".
     quantity: str
-    #: As recorded; "?" where numbers cannot tell.
+    #: As recorded; with a "?" where numbers cannot tell.
     unit: str = "?"
     #: Times this it is in SI units.
     scale: float = 1.0
-    #: Position of the joint among the log's joints, from 0; None if it belongs to none.
+    #: Number of the joint among the log's joints, from 0; None if it belongs to none.
     joint: int | None = None
+    #: What is left of the channel's name without quantity and unit; empty if nothing is.
+    stem: str = ""
+    #: Place, in the log, of the channel whose derivative it is.
+    source: int | None = None
     #: Wanted, not measured.
     wanted: bool = False
     why: str = ""
@@ -109,22 +119,36 @@ def believe(log: Log) -> list[Belief]:
     return beliefs
 
 
+def _tokens(name: str) -> list[str]:
+    return re.findall(r"[^\W\d_]+|\d+", name.lower())
+
+
 def _by_name(channel: Channel) -> Belief:
-    words = [word for word in re.split(r"[^A-Za-z]+", channel.name.lower()) if word]
+    words = _tokens(channel.name)
     finite = channel.values[np.isfinite(channel.values)]
-    if len(finite) == 0 or np.ptp(finite) == 0.0:
+    if len(finite) < 2:
+        return Belief(channel=channel, quantity="unknown", why="holds hardly a number")
+    if np.ptp(finite) == 0.0:
         return Belief(channel=channel, quantity="constant", why="never changes")
     wanted = any(word in WANTED for word in words)
     for quantity, names in WORDS.items():
         if any(word in names for word in words):
+            spare = {*names, *WANTED, *UNITS}
             return Belief(
                 channel=channel,
                 quantity=quantity,
                 unit=channel.unit or _unit_in(channel.name),
                 wanted=wanted,
+                stem="_".join(word for word in words if word not in spare),
                 why="by its name",
             )
     return Belief(channel=channel, quantity="unknown", wanted=wanted)
+
+
+def _is_nameless(channel: Channel) -> bool:
+    """Whether a name says nothing: `column 3`, `x1`, `signals[2]`."""
+    words = [word for word in _tokens(channel.name) if not word.isdigit()]
+    return all(len(word) <= 2 or word in ("column", "signal", "signals", "data") for word in words)
 
 
 def _unit_in(name: str) -> str:
@@ -147,6 +171,9 @@ def _find_clock(beliefs: list[Belief], group: list[int]) -> None:
         units = [u for u, scale in CLOCKS.items() if STEPS[0] <= median * scale <= STEPS[1]]
         if not regular or not units:
             continue
+        if belief.quantity == "unknown" and np.all(steps == 1.0):
+            beliefs[at] = replace(belief, why="counts the samples, or milliseconds: say which")
+            continue
         unit = units[0]
         beliefs[at] = replace(
             belief,
@@ -166,88 +193,142 @@ def _find_clock(beliefs: list[Belief], group: list[int]) -> None:
 
 
 def _find_derivatives(beliefs: list[Belief], group: list[int]) -> None:
-    """Pair positions and velocities: one is the derivative of the other."""
+    """Find positions, velocities and accelerations: each is the derivative of the one before."""
     moving = [
         at
         for at in group
-        if beliefs[at].quantity in ("unknown", "position", "velocity")
-        and beliefs[at].channel.time is not None
-        and np.isfinite(beliefs[at].channel.values).all()
+        if beliefs[at].quantity in CHAIN
+        or (beliefs[at].quantity == "unknown" and _is_nameless(beliefs[at].channel))
     ]
-    if len(moving) < 2 or len(beliefs[moving[0]].channel.values) < 50:
+    moving = [at for at in moving if np.mean(np.isfinite(beliefs[at].channel.values)) > MOSTLY]
+    time = beliefs[group[0]].channel.time
+    if time is None or len(moving) < 2 or len(time) < 50:
         return
-    time = beliefs[moving[0]].channel.time
-    assert time is not None
-    time, first_at = np.unique(time, return_index=True)
-    even = np.linspace(time[0], time[-1], len(time))
-    step = float(even[1] - even[0])
-    values = np.column_stack(
-        [np.interp(even, time, beliefs[at].channel.values[first_at]) for at in moving]
-    )
-    smooth = savgol_filter(values, 9, 2, axis=0)
-    slopes = savgol_filter(values, 9, 2, deriv=1, delta=step, axis=0)
-    smooth, slopes = smooth - smooth.mean(axis=0), slopes - slopes.mean(axis=0)
-    norms = np.linalg.norm(slopes, axis=0)[:, None] * np.linalg.norm(smooth, axis=0)[None, :]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        alike = np.nan_to_num((slopes.T @ smooth) / norms)
-        factor = (slopes.T @ smooth) / np.sum(slopes**2, axis=0)[:, None]
-    np.fill_diagonal(alike, 0.0)
-    free_position, free_velocity = set(range(len(moving))), set(range(len(moving)))
-    # A velocity that was wanted follows the derivative, too: what was measured does so closer.
-    for flat in np.argsort(-alike, axis=None):
+    alike, factor = _compared(time, [beliefs[at].channel.values for at in moving])
+    has_derivative: set[int] = set()
+    is_derivative: set[int] = set()
+    # What was measured is closer to the derivative than what was wanted; of equals, the first.
+    for flat in np.argsort(-np.round(alike, 3), axis=None, kind="stable"):
         i, j = divmod(int(flat), len(moving))
         if alike[i, j] < ALIKE:
             break
-        if i not in free_position or j not in free_velocity or i == j:
+        if i in has_derivative or j in is_derivative:
             continue
-        first, second = beliefs[moving[i]], beliefs[moving[j]]
-        if first.quantity == "velocity" or second.quantity == "position":
+        if not any(abs(factor[i, j] / u[0] - 1.0) <= FACTOR_TOLERANCE for u in FACTORS):
             continue
-        unit = next(
-            (u for u in FACTORS if abs(factor[i, j] / u[0] - 1.0) <= FACTOR_TOLERANCE), None
-        )
-        if unit is None:
+        first, second = beliefs[moving[i]].quantity, beliefs[moving[j]].quantity
+        if "unknown" not in (first, second) and CHAIN.index(second) != CHAIN.index(first) + 1:
+            name = beliefs[moving[i]].channel.name
+            why = f"by its name, but it is the derivative of {name}"
+            beliefs[moving[j]] = replace(beliefs[moving[j]], why=why)
             continue
-        own = unit[1] or first.unit
-        beliefs[moving[i]] = replace(
-            first,
-            quantity="position",
-            unit=own,
-            why=first.why or f"{second.channel.name} is its derivative",
-        )
+        has_derivative.add(i)
+        is_derivative.add(j)
         beliefs[moving[j]] = replace(
-            second,
-            quantity="velocity",
-            unit=unit[2] if unit[1] else f"{own}/s",
-            why=f"{factor[i, j]:.3g} times the derivative of {first.channel.name}",
+            beliefs[moving[j]],
+            source=moving[i],
+            why=f"{factor[i, j]:.3g} times the derivative of {beliefs[moving[i]].channel.name}",
         )
-        free_position -= {i, j}
-        free_velocity -= {i, j}
+    for i in has_derivative - is_derivative:
+        _name_chain(beliefs, moving[i])
+
+
+def _compared(time: Numbers, values: Sequence[Numbers]) -> tuple[Numbers, Numbers]:
+    """Return how alike the derivative of each signal and every other are, and their factor.
+
+    Args:
+        time: s, shape (n,).
+        values: signals, (n,) each; NaN where a sample is missing.
+
+    Returns:
+        Correlations and factors, shape (signals, signals): row i has the derivative of signal i.
+    """
+    even = np.linspace(np.nanmin(time), np.nanmax(time), len(time))
+    order = np.argsort(time, kind="stable")
+    columns = []
+    for signal in values:
+        known = order[np.isfinite(signal[order]) & np.isfinite(time[order])]
+        columns.append(np.interp(even, time[known], signal[known]))
+    table = np.column_stack(columns)
+    smooth = savgol_filter(table, 9, 2, axis=0)
+    slopes = savgol_filter(table, 9, 2, deriv=1, delta=float(even[1] - even[0]), axis=0)
+    smooth, slopes = smooth - smooth.mean(axis=0), slopes - slopes.mean(axis=0)
+    both = slopes.T @ smooth
+    norms = np.linalg.norm(slopes, axis=0)[:, None] * np.linalg.norm(smooth, axis=0)[None, :]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        alike = np.nan_to_num(both / norms, posinf=0.0, neginf=0.0)
+        factor = np.nan_to_num(both / np.sum(slopes**2, axis=0)[:, None])
+    np.fill_diagonal(alike, 0.0)
+    return alike, factor
+
+
+def _name_chain(beliefs: list[Belief], start: int) -> None:
+    """Name a signal, its derivative and the derivative of that, and settle their units."""
+    chain = [start]
+    while later := [at for at, b in enumerate(beliefs) if b.source == chain[-1]]:
+        chain.append(later[0])
+        if len(chain) == len(CHAIN):
+            break
+    known = next((k for k, at in enumerate(chain) if beliefs[at].quantity in CHAIN), None)
+    first = 0 if known is None else CHAIN.index(beliefs[chain[known]].quantity) - known
+    for number, at in enumerate(chain):
+        belief = beliefs[at]
+        if not 0 <= first + number < len(CHAIN):
+            continue
+        why = belief.why or f"{beliefs[chain[1]].channel.name} is its derivative"
+        beliefs[at] = replace(belief, quantity=CHAIN[first + number], why=why)
+    if first == 0:
+        _settle_units(beliefs, chain)
+
+
+def _settle_units(beliefs: list[Belief], chain: list[int]) -> None:
+    """Tell degrees from radians by the factor between a position and its velocity."""
+    position, velocity = beliefs[chain[0]], beliefs[chain[1]]
+    assert position.channel.time is not None
+    pair = [position.channel.values, velocity.channel.values]
+    factor = _compared(position.channel.time, pair)[1][0, 1]
+    unit = next(u for u in FACTORS if abs(factor / u[0] - 1.0) <= FACTOR_TOLERANCE)
+    if unit[1]:
+        beliefs[chain[0]] = replace(position, unit=unit[1])
+        beliefs[chain[1]] = replace(velocity, unit=unit[2])
+    elif position.unit != "?" and velocity.unit == "?":
+        beliefs[chain[1]] = replace(velocity, unit=f"{position.unit}/s")
+    elif velocity.unit.endswith("/s") and position.unit == "?":
+        beliefs[chain[0]] = replace(position, unit=velocity.unit.removesuffix("/s"))
 
 
 def _find_units(beliefs: list[Belief]) -> None:
-    """Settle angles of unknown unit by their size, and what each unit is in SI."""
-    angles = [b for b in beliefs if b.quantity == "position" and b.unit == "?"]
-    largest = max((float(np.nanmax(np.abs(b.channel.values))) for b in angles), default=0.0)
+    """Guess angles of unknown unit by their size, with a "?", and say what each unit is in SI."""
+    unsure = [b for b in beliefs if b.quantity == "position" and b.unit == "?"]
+    largest = max((float(np.nanmax(np.abs(b.channel.values))) for b in unsure), default=0.0)
     unit = "deg" if largest > TURNS else "rad"
+    guesses = {"position": f"{unit}?", "velocity": f"{unit}/s?"}
     for at, belief in enumerate(beliefs):
-        if belief.quantity not in ("position", "velocity"):
-            continue
-        own = belief.unit.replace("?", unit)
-        why = belief.why
-        if own != belief.unit and unit == "deg":
-            why += f", reaches {largest:.3g}: degrees"
-        beliefs[at] = replace(belief, unit=own, scale=SI.get(own, 1.0), why=why.lstrip(", "))
+        own = belief.unit
+        if own == "?" and (belief.quantity == "position" or belief.source is not None):
+            own = guesses.get(belief.quantity, own)
+        beliefs[at] = replace(belief, unit=own, scale=SI.get(own.rstrip("?"), 1.0))
 
 
 def _number_joints(beliefs: list[Belief]) -> None:
-    """Give measured positions their joints in order, and velocities those of their positions."""
+    """Give every signal its joint: by name, by whose derivative it is, else in the log's order."""
+    joints: dict[str, int] = {}
+    motion = ("position", "velocity", "acceleration", "effort", "current")
+    own = [at for at, b in enumerate(beliefs) if b.quantity in motion]
+    named = all(beliefs[at].stem for at in own)
     counts: dict[tuple[str, bool], int] = {}
-    for at, belief in enumerate(beliefs):
-        if belief.quantity in ("position", "velocity", "acceleration", "effort", "current"):
-            key = belief.quantity, belief.wanted
-            beliefs[at] = replace(belief, joint=counts.get(key, 0))
-            counts[key] = counts.get(key, 0) + 1
+    for at in sorted(own, key=lambda at: motion.index(beliefs[at].quantity)):
+        belief = beliefs[at]
+        key = belief.quantity, belief.wanted
+        source = beliefs[belief.source] if belief.source is not None else None
+        if named:
+            joint = joints.setdefault(belief.stem, len(joints))
+        elif source is not None and source.joint is not None:
+            joint = source.joint
+        else:
+            joint = counts.get(key, 0)
+        counts[key] = counts.get(key, 0) + 1
+        beliefs[at] = replace(belief, joint=joint)
 
 
 def _find_blocks(beliefs: list[Belief]) -> None:
@@ -260,8 +341,10 @@ def _find_blocks(beliefs: list[Belief]) -> None:
         return
     position = [at for at, b in enumerate(beliefs) if b.quantity == "position"]
     velocity = [at for at, b in enumerate(beliefs) if b.quantity == "velocity"]
-    distances = {v - p for p, v in zip(position, velocity, strict=False)}
+    distances = {at - (beliefs[at].source or 0) for at in velocity}
     if len(position) != len(velocity) or len(distances) != 1 or (joints := distances.pop()) < 1:
+        return
+    if any(b.quantity == "acceleration" for b in beliefs):
         return
     clocks = [at for at, b in enumerate(beliefs) if b.quantity == "time" and at < position[0]]
     start = clocks[-1] + 1 if clocks else 0

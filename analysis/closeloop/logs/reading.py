@@ -38,8 +38,13 @@ def read_log(path: Path) -> Log:
         raise SessionError(f"ends in none of {', '.join(READERS)}", file=path.name)
     try:
         log = reader(path)
+    except (SessionError, ModuleNotFoundError):
+        raise
     except OSError as error:
         raise SessionError(f"cannot be read: {error.strerror or error}", file=path.name) from None
+    except Exception as error:  # a damaged file may trip its reader anywhere
+        why = " ".join(f"{type(error).__name__} {error}".split())[:200]
+        raise SessionError(f"is damaged, or of a kind not known: {why}", file=path.name) from None
     if not log.channels:
         raise SessionError("holds no signal: no column of two or more numbers", file=path.name)
     return log

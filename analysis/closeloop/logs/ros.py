@@ -46,7 +46,8 @@ def read(path: Path) -> Log:
                 for name, value in _numbers(message, connection.msgtype, connection.topic):
                     found[name].append((time, value))
     except (AnyReaderError, Error1, Error2) as error:
-        raise SessionError(f"is no ROS bag that can be read: {error}", file=path.name) from None
+        why = " ".join(str(error).split())[:200]
+        raise SessionError(f"is no ROS bag that can be read: {why}", file=path.name) from None
     log = Log(kind="ROS bag")
     for name, samples in found.items():
         if len(samples) >= 2:

@@ -172,6 +172,6 @@ def _check_size(root: ElementTree.Element, name: str) -> None:
         if depth > MAX_DEPTH:
             raise SessionError(f"nests elements more than {MAX_DEPTH} deep", file=name)
         level = [child for element in level for child in element]
-    count = sum(1 for _ in root.iter("body"))
+    count = sum(1 for tag in ("body", "link") for _ in root.iter(tag))
     if count > MAX_BODIES:
         raise SessionError(f"has {count} bodies; at most {MAX_BODIES}", file=name)

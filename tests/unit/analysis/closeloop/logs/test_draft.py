@@ -124,3 +124,14 @@ def test_no_effort_and_a_folder_with_files_are_refused_and_nothing_is_written(
     (tmp_path / "full" / "thesis.doc").touch()
     with pytest.raises(SessionError, match="not an empty folder"):
         write_session(tmp_path / "full", "log", chosen, ["joint_1"])
+
+
+def test_stamps_since_1970_keep_their_digits(tmp_path: Path) -> None:
+    time = 1.6e9 + np.arange(400) * 0.002
+    channels = [
+        Channel(name="elbow.position", time=time, values=np.sin(TIME), unit="rad"),
+        Channel(name="elbow.effort", time=time, values=np.cos(TIME), unit="Nm"),
+    ]
+    chosen = believe(Log(kind="ROS bag", channels=channels))
+    assert write_session(tmp_path / "s", "log", chosen, joint_names(chosen), None)
+    assert np.array_equal(table(tmp_path / "s" / "log.csv")[1][:, 0], time)

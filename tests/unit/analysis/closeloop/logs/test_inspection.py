@@ -46,10 +46,10 @@ def test_a_file_without_a_header_keeps_its_first_sample_and_shows_its_joints(
     found = [(b.quantity, b.joint, b.unit) for b in believe(log)]
     assert found == [
         ("time", None, "s"),
-        ("position", 0, "rad"),
-        ("position", 1, "rad"),
-        ("velocity", 0, "rad/s"),
-        ("velocity", 1, "rad/s"),
+        ("position", 0, "rad?"),
+        ("position", 1, "rad?"),
+        ("velocity", 0, "rad/s?"),
+        ("velocity", 1, "rad/s?"),
         ("effort", 0, "?"),
         ("effort", 1, "?"),
     ]
@@ -96,7 +96,7 @@ def test_units_in_names_are_taken_at_their_word() -> None:
 def test_large_angles_without_a_unit_are_degrees() -> None:
     m = motion(joints=1)
     found = believed(time=m["time"], angle=90.0 * m["position"][:, 0])
-    assert found["angle"].unit == "deg" and "degrees" in found["angle"].why
+    assert found["angle"].unit == "deg?" and found["angle"].scale == pytest.approx(1 / DEG)
 
 
 def test_a_channel_that_never_changes_is_said_to_be_constant() -> None:
@@ -118,3 +118,68 @@ def test_gaps_jitter_and_repeated_stamps_are_counted() -> None:
     clock = clock_of(time)
     assert (clock.gaps, clock.repeated) == (1, 1)
     assert clock.longest_gap == pytest.approx(0.31) and clock.rate == pytest.approx(100.0)
+
+
+def test_a_velocity_belongs_to_the_position_that_it_is_the_derivative_of() -> None:
+    m = motion()
+    q, v = m["position"], m["velocity"]
+    found = believed(a=m["time"], b=q[:, 0], c=q[:, 1], d=v[:, 1], e=v[:, 0])
+    assert [found[name].joint for name in "bcde"] == [0, 1, 1, 0]
+
+
+def test_names_of_joints_go_before_the_order_of_columns() -> None:
+    m = motion()
+    found = believed(
+        time=m["time"],
+        wrist_pos=m["position"][:, 0],
+        elbow_pos=m["position"][:, 1],
+        elbow_torque=m["velocity"][:, 1],
+        wrist_torque=m["velocity"][:, 0],
+    )
+    assert [b.joint for b in found.values()] == [None, 0, 1, 1, 0]
+    assert found["wrist_torque"].stem == "wrist"
+
+
+@pytest.mark.parametrize("shape", ["rich", "one sine"])
+def test_an_acceleration_is_no_effort_and_no_velocity(shape: str) -> None:
+    t = np.arange(0.0, 8.0, 0.005)
+    w = np.array([1.0, 2.3]) if shape == "rich" else np.array([1.0])
+    q, v, a = (
+        sum(f(x * t) * x**k for x in w)
+        for k, f in enumerate((np.sin, np.cos, lambda x: -np.sin(x)))
+    )
+    found = believed(a=t, b=q, c=v, d=a, e=0.3 * q + np.sign(v))
+    assert [b.quantity for b in found.values()] == [
+        *("time", "position", "velocity", "acceleration", "unknown")
+    ]
+
+
+def test_a_counter_of_samples_is_no_clock() -> None:
+    m = motion(joints=1)
+    count = np.arange(len(m["time"]), dtype=float)
+    found = believed(a=count, b=m["time"], c=m["position"][:, 0])
+    assert found["a"].quantity == "unknown" and "counts" in found["a"].why
+    assert found["b"].quantity == "time" and found["b"].unit == "s"
+
+
+def test_missing_samples_do_not_hide_a_derivative() -> None:
+    m = motion(joints=1)
+    position = m["position"][:, 0].copy()
+    position[::9] = np.nan
+    found = believed(a=m["time"], b=position, c=m["velocity"][:, 0])
+    assert found["c"].quantity == "velocity" and found["c"].source == 1
+
+
+def test_a_name_that_the_numbers_contradict_is_said() -> None:
+    m = motion(joints=1)
+    found = believed(time=m["time"], elbow_vel=m["position"][:, 0], elbow_pos=m["velocity"][:, 0])
+    assert found["elbow_pos"].quantity == "position"
+    assert "but it is the derivative of elbow_vel" in found["elbow_pos"].why
+
+
+def test_what_has_another_name_is_no_joint() -> None:
+    m = motion(joints=1)
+    found = believed(
+        time=m["time"], temperature=20 + m["position"][:, 0], warming=m["velocity"][:, 0]
+    )
+    assert {found["temperature"].quantity, found["warming"].quantity} == {"unknown"}

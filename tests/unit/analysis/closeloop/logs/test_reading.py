@@ -17,7 +17,8 @@ def names(path: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("separator", "decimal"), [(",", "."), (";", "."), (";", ","), ("\t", "."), (" ", ".")]
+    ("separator", "decimal"),
+    [(",", "."), (";", "."), (";", ","), ("\t", "."), (" ", "."), ("|", ".")],
 )
 def test_text_with_any_separator(tmp_path: Path, separator: str, decimal: str) -> None:
     rows = [f"0.{n:03}{separator}{n}.5".replace(".", decimal) for n in range(N)]
@@ -113,12 +114,13 @@ def test_bags_of_ros_1_ros_2_and_mcap(tmp_path: Path, kind: str) -> None:
     ("name", "content", "word"),
     [
         ("log.csv", b"", "fewer than two lines"),
-        ("log.csv", b"\xff\xfe\x00", "UTF-8"),
+        ("log.csv", b"t,q\n\x00\x00\n", "zero bytes"),
         ("log.csv", b"hello\nworld\n", "holds no signal"),
         ("log.mat", b"nothing of the kind" * 20, "MATLAB"),
         ("log.h5", b"nothing", "HDF5"),
         ("log.bag", b"nothing", "ROS bag"),
         ("log.mcap", b"nothing", "ROS bag"),
+        ("log.mcap", b"\x89MCAP0\r\n", "damaged"),
         ("log.db3", b"nothing", "folder"),
         ("log.pdf", b"nothing", "ends in none of"),
     ],
@@ -139,3 +141,52 @@ def test_a_file_that_is_not_there_and_a_folder_that_is_no_bag(tmp_path: Path) ->
         read_log(tmp_path / "log.csv")
     with pytest.raises(SessionError, match=r"metadata\.yaml"):
         read_log(tmp_path)
+
+
+def test_decimal_commas_without_a_header(tmp_path: Path) -> None:
+    rows = [f"0,{n:03};{n},5" for n in range(N)]
+    (tmp_path / "log.csv").write_text("\n".join(rows))
+    time, angle = read_log(tmp_path / "log.csv").channels
+    assert len(time.values) == N and angle.values[-1] == N - 0.5
+
+
+def test_a_line_of_units_below_the_header_goes_to_the_names(tmp_path: Path) -> None:
+    rows = [f"{n / 100},{n},{n}" for n in range(N)]
+    (tmp_path / "log.csv").write_text("t,angle,torque\ns,deg,Nm\n" + "\n".join(rows))
+    log = read_log(tmp_path / "log.csv")
+    assert [channel.name for channel in log.channels] == ["t [s]", "angle [deg]", "torque [Nm]"]
+    assert len(log.channels[0].values) == N and "units" in log.remarks[0]
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16", "utf-8-sig"])
+def test_text_as_office_programs_write_it(tmp_path: Path, encoding: str) -> None:
+    rows = [f"{n / 100};{n}" for n in range(N)]
+    (tmp_path / "log.csv").write_bytes(("t;Winkel [°]\r\n" + "\r\n".join(rows)).encode(encoding))
+    assert names(tmp_path / "log.csv") == ["t", "Winkel [°]"]
+
+
+def test_comments_at_the_top_and_a_header_among_them(tmp_path: Path) -> None:
+    rows = [f"{n / 100},{n}" for n in range(N)]
+    (tmp_path / "log.csv").write_text("# robot 7\n# t,angle\n" + "\n".join(rows))
+    assert names(tmp_path / "log.csv") == ["t", "angle"]
+
+
+def test_a_small_file_that_declares_gigabytes_is_refused_at_once(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py", reason="needs the extra logs")
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file.create_dataset("q", shape=(10**9,), dtype="f8", chunks=True)
+        file["nothing"] = h5py.Empty("f8")
+    with pytest.raises(SessionError, match="at most 50000000"):
+        read_log(tmp_path / "log.h5")
+
+
+def test_a_damaged_matlab_file_is_one_sentence(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    rng = np.random.default_rng(0)
+    savemat(tmp_path / "log.mat", {"q": rng.normal(size=5000)}, do_compression=True)
+    raw = bytearray((tmp_path / "log.mat").read_bytes())
+    raw[1000:1050] = bytes(50)
+    (tmp_path / "log.mat").write_bytes(raw)
+    with pytest.raises(SessionError, match=r"log\.mat"):
+        read_log(tmp_path / "log.mat")
