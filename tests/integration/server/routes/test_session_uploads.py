@@ -33,7 +33,7 @@ SAMPLE = (
     "no session.json",
     "brackets without end",
     "a model of half a letter",
-    "a mesh from a file",
+    "a body whose inertia only a mesh has",
     "bodies nested to death",
     "time that stands still",
 )
