@@ -72,6 +72,8 @@ def read_json(source: str) -> Any:
         raise typer.BadParameter(f"{source} cannot be read: {error.strerror}") from None
     except ValueError as error:
         raise typer.BadParameter(f"{source} is not JSON: {error}") from None
+    except RecursionError:
+        raise typer.BadParameter(f"{source} is nested too deeply") from None
 
 
 @contextmanager

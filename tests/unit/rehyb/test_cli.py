@@ -7,6 +7,9 @@ from typing import Any
 
 import httpx2
 import pytest
+import typer
+
+from rehyb.cli.options import read_json
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -185,3 +188,9 @@ def test_every_command_explains_itself_and_has_a_json_form(run: Run) -> None:
         status, out, _ = run(*command.split(), "--help")
         assert status == 0, command
         assert "--json" in out, command
+
+
+def test_json_nested_without_end_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "deep.json").write_text("[" * 100_000)
+    with pytest.raises(typer.BadParameter, match=r"deep\.json is nested too deeply"):
+        read_json(str(tmp_path / "deep.json"))
