@@ -245,6 +245,9 @@ class PositionDependent(Friction):
         x = (joint.position - middle) / half
         return {joint.number: np.column_stack([sign, sign * x, sign * x**2])}
 
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        return {"middle": joint.travel[0]}
+
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
         middle, half = joint.travel
         return {

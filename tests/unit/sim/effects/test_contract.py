@@ -87,6 +87,8 @@ def test_columns_are_finite_and_the_same_again_and_parameters_name_them(
         readings = effect.readings(joint, theta)
         assert set(readings) <= set(effect.parameters)
         assert all(effect.unit(name, theta) for name in readings)
+        values = effect.fixed(joint, theta)
+        assert set(values) == {name for name, r in readings.items() if r.column is None}
         used = set().union(*(reading.columns for reading in readings.values()))
         columns = effect.columns(joint, theta)
         again = effect.columns(joint, theta)
