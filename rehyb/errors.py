@@ -76,9 +76,7 @@ def refusal(status: int, problem: object, url: str) -> RehybError:
     """Return the error that a caller can tell apart, worded by the coordinator.
 
     Args:
-        status: of the answer (HTTP).
         problem: its body, a problem document (RFC 9457) if it came from a coordinator.
-        url: what was asked.
     """
     document: Mapping[str, Any] = problem if isinstance(problem, dict) else {}
     message = str(document.get("detail") or document.get("title") or HTTPStatus(status).phrase)

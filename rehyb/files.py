@@ -26,8 +26,6 @@ def export(client: Client, study_id: str, out: Path | None, format: str) -> Path
     """Write a study's results so far as one file, and return its path.
 
     Args:
-        client: the coordinator that has the study.
-        study_id: which study.
         out: the file; default: named after the study, in the current folder.
         format: one of FORMATS.
 

@@ -21,7 +21,6 @@ def report_studies(
     """Write one page about the studies, and return the files written.
 
     Args:
-        client: the coordinator that has the studies.
         ids: of the studies, in the order of their chapters.
         out: the page.
         output: shown in the figures; default: the first that the first study has.

@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from time import monotonic
 
@@ -14,7 +14,7 @@ from server import problems
 from server.compression import Gunzip
 from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
-from server.metrics import Clock, Metrics
+from server.metrics import Metrics
 from server.operations import close_loops as close_loop_operations
 from server.operations import comparisons, reruns, tokens
 from server.operations import leases as lease_operations
@@ -56,11 +56,7 @@ def create_app(settings: Settings) -> FastAPI:
         lease_operations.extend_open_leases(engine, now=now, ttl=ttl)
         reaper = asyncio.create_task(
             _reap_for_ever(
-                engine,
-                app.state.metrics,
-                app.state.clock,
-                ttl=settings.lease_seconds,
-                patience=settings.stranded_seconds,
+                engine, app.state.metrics, app.state.clock, ttl, settings.stranded_seconds
             )
         )
         try:
@@ -122,7 +118,7 @@ def create_app(settings: Settings) -> FastAPI:
 
 
 async def _reap_for_ever(
-    engine: Engine, measures: Metrics, clock: Clock, *, ttl: float, patience: float
+    engine: Engine, measures: Metrics, clock: Callable[[], float], ttl: float, patience: float
 ) -> None:
     """Take back expired leases, and rows that wait for machines that are gone, unasked."""
     started = monotonic()

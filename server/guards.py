@@ -98,9 +98,7 @@ class BearerToken:
 class BodyLimit:
     """Turn away requests with more than `MAX_BODY_BYTES`, announced or not.
 
-    Args:
-        app: what is guarded.
-        large: bytes that a request may have which brings a session, or what was found in one.
+    `large`: bytes that a request may have which brings a session, or what was found in one.
     """
 
     def __init__(self, app: ASGIApp, large: int) -> None:

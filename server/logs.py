@@ -7,11 +7,7 @@ import structlog
 
 
 def configure(level: str) -> None:
-    """Send everything that is logged in this process, by whatever library, out as JSON lines.
-
-    Args:
-        level: the least of what is written: "debug", "info", "warning" or "error".
-    """
+    """Send everything that is logged in this process, by whatever library, out as JSON lines."""
     shared: list[structlog.typing.Processor] = [
         structlog.contextvars.merge_contextvars,
         structlog.stdlib.add_log_level,

@@ -1,7 +1,6 @@
 """What a Prometheus server may scrape: gauges read from the database, counters of this process."""
 
-from collections.abc import Iterable
-from typing import Protocol
+from collections.abc import Callable, Iterable
 
 from prometheus_client import CollectorRegistry, Counter, Histogram
 from prometheus_client.core import GaugeMetricFamily, Metric
@@ -18,20 +17,13 @@ RUN_BUCKETS = (0.001, 0.01, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 15.0, 60.0, 300.0)
 LEASE_BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 5.0)
 
 
-class Clock(Protocol):
-    """Tells seconds, UTC epoch."""
-
-    def __call__(self) -> float:
-        """Return the time."""
-
-
 class Metrics:
     """The metrics of one coordinator.
 
     Labels take few values only: states, verdicts and outcomes, never a study or a worker.
     """
 
-    def __init__(self, engine: Engine, clock: Clock) -> None:
+    def __init__(self, engine: Engine, clock: Callable[[], float]) -> None:
         self.registry = CollectorRegistry()
         self.registry.register(_Stored(engine, clock))
         self.leases = Counter("rehyb_leases_granted", "Leases granted", registry=self.registry)
@@ -64,7 +56,7 @@ class Metrics:
 class _Stored:
     """Gauges that are counted when somebody looks."""
 
-    def __init__(self, engine: Engine, clock: Clock) -> None:
+    def __init__(self, engine: Engine, clock: Callable[[], float]) -> None:
         self._engine = engine
         self._clock = clock
 

@@ -37,11 +37,7 @@ def problem(
 ) -> JSONResponse:
     """Return a problem response.
 
-    Args:
-        status: HTTP status; it also says the problem's title.
-        detail: one sentence for the reader of this occurrence.
-        headers: further response headers.
-        members: further members of the body, such as `pointer`.
+    `members` are further ones of the body, such as `pointer`.
     """
     body = body_of(status, detail, members or {})
     return JSONResponse(
@@ -71,7 +67,10 @@ def install(app: FastAPI) -> None:
             members = {"pointer": error.pointer}
         elif isinstance(error, BadSessionError):
             members = error.to_json()
-        return problem(_status(error), str(error), members=members)
+        # What is none of these is the coordinator's failure.
+        kinds = (status for kind, status in _STATUS.items() if isinstance(error, kind))
+        status = next(kinds, HTTPStatus.INTERNAL_SERVER_ERROR)
+        return problem(status, str(error), members=members)
 
     @app.exception_handler(RequestValidationError)
     def invalid(_request: Request, error: RequestValidationError) -> JSONResponse:
@@ -92,14 +91,6 @@ def install(app: FastAPI) -> None:
             HTTPStatus.INTERNAL_SERVER_ERROR,
             "the coordinator failed to answer; its log says why",
         )
-
-
-def _status(error: CoordinatorError) -> HTTPStatus:
-    """Return the status of an error's kind; what is none of them is the coordinator's failure."""
-    for kind, status in _STATUS.items():
-        if isinstance(error, kind):
-            return status
-    return HTTPStatus.INTERNAL_SERVER_ERROR
 
 
 def _fault(item: Mapping[str, Any]) -> dict[str, str]:

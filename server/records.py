@@ -205,6 +205,16 @@ class Worker:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Introduction:
+    """What a worker that asks for work says of itself: see `Worker`."""
+
+    id: str
+    host: str
+    versions: Mapping[str, str]
+    tags: Sequence[str] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class PrecisionGoal(Goal):
     """How precise a study shall become, what that may cost, and what was done for it."""
 

@@ -25,10 +25,7 @@ async def check(
 ) -> dict[str, Any]:
     """Return what is understood of the zipped session `file`: see `analysis.closeloop.check`.
 
-    Args:
-        file: its name is what sentences call the session.
-        seconds: it may take.
-        memory_mb: megabytes it may take.
+    The file's name is what sentences call the session.
 
     Raises:
         BadSessionError: it cannot be analysed, or not be looked at within the limits.

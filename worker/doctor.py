@@ -43,12 +43,7 @@ class Finding:
 
 
 def examine(*, spool: Path, connect: Callable[[], Client]) -> Iterator[Finding]:
-    """Yield findings, one per check, as they are made.
-
-    Args:
-        spool: where results would wait.
-        connect: returns a client of the coordinator; may raise RehybError.
-    """
+    """Yield findings, one per check, as they are made."""
     yield Finding("processor", *_processor())
     yield Finding("simulation", *_simulation())
     yield Finding("spool", *_disk(spool))

@@ -171,10 +171,7 @@ class Leases:
 def lease_size(seconds_each: float | None, processes: int, batch: int) -> int:
     """Return how many instances to ask for at once.
 
-    Args:
-        seconds_each: how long one instance takes; None before the first is done.
-        processes: how many run at the same time.
-        batch: the most to ask for.
+    `seconds_each`: how long one instance takes; None before the first is done.
     """
     if seconds_each is None:
         return min(processes, batch)

@@ -45,7 +45,6 @@ class Posting:
         """Post a batch, and lease what `request` asks for.
 
         Args:
-            batch: from the spool, which is told what becomes of it.
             request: None: ask for no work.
             hopeless: the coordinator has failed too often at what the batch is part of.
 

@@ -30,10 +30,7 @@ def write_netcdf(
     computed a result, and how long it took, is in the CSV and Parquet files only.
 
     Args:
-        path: of the file.
         study: as `GET /v1/studies/{id}` describes it; goes into the attribute `study` as JSON.
-        table: its results.
-        units: of factors and outputs by name.
     """
     plan = table.plan
     shape = (plan.rows, row_width(plan.method, len(plan.factors)))

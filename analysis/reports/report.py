@@ -88,8 +88,6 @@ def write_report(
         chapters: the studies, in the order they are told.
         output: the output shown in the figures; tables show all.
         units: for axes and tables.
-        title: of the page.
-        findings: sentences for its top.
         folders: by format, "png" or "pdf"; made if missing.
         surrogates: also fit functions to each study's runs, which takes some seconds.
 

@@ -74,8 +74,6 @@ def per_unit(
     """Return mu, mu* and sigma of an output in the other of their two scalings.
 
     Args:
-        snapshot: of a screening.
-        output, unit: the output and its unit.
         factors: units of the factors, in the order of the lines.
     """
     columns, rows = _COLUMNS["morris"], []
@@ -105,10 +103,7 @@ def compared(
 ) -> list[Grid | str]:
     """Return S and ST by Martinez 2011 and without centring (Saltelli et al. 2008).
 
-    Args:
-        snapshot: of a variance-based study.
-        output: one of its outputs.
-        uncentred: both by factor (`analysis.sensitivity.estimators.uncentred`).
+    `uncentred`: both by factor (`analysis.sensitivity.estimators.uncentred`).
     """
     factors, columns = snapshot["outputs"][output]["factors"], _COLUMNS["saltelli"]
     found = {

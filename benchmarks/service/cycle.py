@@ -25,6 +25,7 @@ from server.logic.plans import draw_up, parameters
 from server.logic.verdicts import Report
 from server.operations import leasing, results, studies
 from server.operations.leasing import LeaseRequest
+from server.records import Introduction
 from server.settings import Settings
 from server.store import upgrade
 from server.store.database.engine import ImmediateWriter
@@ -73,9 +74,8 @@ def application(url: str) -> FastAPI:
 async def transactions(app: FastAPI) -> float:
     """Return what the transaction of a cycle takes, ms: statements, and what is decided."""
     begin = ImmediateWriter(app.state.engine)
-    request = LeaseRequest(
-        worker="w", host="here", versions={}, models=["ishigami"], max_instances=BATCH
-    )
+    worker = Introduction(id="w", host="here", versions={})
+    request = LeaseRequest(worker=worker, models=["ishigami"], max_instances=BATCH)
     with begin() as connection:
         held: Any = leasing.grant(connection, request, now=time.time(), ttl=60.0)
 

@@ -43,7 +43,6 @@ def check(
     """Yield what is found, one finding per check, until nothing more can be checked.
 
     Args:
-        bundle: read by `read_bundle`.
         sample: how many runs to compute again.
         seed: which ones.
         tolerance: how far outputs of those may differ, in standard deviations of the output.

@@ -54,7 +54,6 @@ def write_report(
 
     Args:
         directory: the campaign's, which has the phases' tables.
-        plan: what was computed.
         decision: from `decided`.
         phases: {"study", "progress", "indices"} of each.
         seconds: returns the wall time that the campaign has run.

@@ -79,10 +79,7 @@ class CloseLoops(Connection):
         """Say why a leased job has no report.
 
         Args:
-            job: as it was leased.
-            worker: who speaks.
             outcome: "bad_session", "crashed" or "timed_out".
-            reason: a sentence.
             where: {"file", "column", "line"} of what is wrong with the session.
         """
         proof = {"lease": job["lease"], "fence": job["fence"], "worker": worker}
@@ -117,11 +114,9 @@ def close_loop_by_worker(
     The same session again finds the report that is there already.
 
     Args:
-        client: the coordinator.
         session: a folder with session.json, or its zip file.
         out: a folder; nothing is there unless the report is.
         progress: called with a line about each new stage.
-        sleep: waits for so many seconds.
 
     Returns:
         The content of report.json.

@@ -143,9 +143,7 @@ class Connection:
     def _post(self, path: str, **content: Any) -> Json:
         """Post files, which may take UPLOAD_SECONDS to be dealt with.
 
-        Args:
-            path: where to.
-            content: `content`, `files`, `params` and `headers` as httpx2 takes them.
+        `content`: content, files, params and headers as httpx2 takes them.
         """
         try:
             response = self._http.post(path, timeout=UPLOAD_SECONDS, **content)

@@ -27,7 +27,6 @@ class Leases(Connection):
 
         Args:
             worker: {"id", "host", "versions", "tags"}.
-            models: the models this worker can evaluate.
 
         Raises:
             Conflict: there is work, but none that this worker fits; the message says why.
@@ -66,10 +65,6 @@ class Leases(Connection):
         """Post results and lease the next instances in one request.
 
         Args:
-            lease: the lease that the results belong to.
-            fence: the lease's.
-            worker: who computed them.
-            results: as for `post_results`.
             request: {"worker", "models", "max_instances"}, as for `lease`.
 
         Returns:

@@ -75,7 +75,6 @@ class Studies(Connection):
         study's "precision" lists what was decided.
 
         Args:
-            study_id: which study.
             up_to: rows that it may have in all.
             target: half width of every interval; None: 0.02 of S and ST, a tenth of the
                 largest mu*.
@@ -102,7 +101,6 @@ class Studies(Connection):
         """Run results again and return the study with "taken_back", how many these are.
 
         Args:
-            study_id: which study.
             which: "failed", or "all": from the start, with whatever version workers have now.
             outcomes: only failures of these names.
         """
@@ -125,9 +123,7 @@ class Studies(Connection):
         """Return a page {"instances", "next"} of the instances in rows begun so far.
 
         Args:
-            study_id: which study.
             state: "pending", "leased", "done", "ok", "failed" or "quarantined".
-            outcome: only those with this outcome.
             after: `next` of the page before.
             limit: how many, 1000 at most.
         """
@@ -205,10 +201,8 @@ class Studies(Connection):
         It only looks: interrupted, the study goes on, and the same call can follow it again.
 
         Args:
-            study_id: which study.
             on_progress: called about once a second.
             on_step: called with the sentence of every decision, those of before included.
-            sleep: waits for so many seconds.
 
         Returns:
             The study's "precision" as it is at the end, with "rows".

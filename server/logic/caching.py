@@ -7,9 +7,7 @@ import json
 def tag(*parts: object, weak: bool = False) -> str:
     """Return an entity tag that is equal exactly when all `parts` are.
 
-    Args:
-        parts: JSON values that decide what the reader would be sent.
-        weak: answers under one tag may differ in what does not matter.
+    `parts` are JSON values; `weak`: answers under one tag may differ in what does not matter.
     """
     digest = hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:20]
     return f'W/"{digest}"' if weak else f'"{digest}"'

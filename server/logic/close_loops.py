@@ -16,7 +16,7 @@ from server.logic.hosts import GONE_SECONDS
 from server.logic.instances import BUDGETS
 from server.logic.json_values import flaw_in
 from server.logic.leases import expiry
-from server.records import Attempt, CloseLoopJob, Lease
+from server.records import Attempt, CloseLoopJob, Introduction, Lease
 from server.states import CloseLoopState, LeaseState
 
 #: A report is tens of kilobytes.
@@ -40,11 +40,11 @@ def answers(job: CloseLoopJob, code: str) -> bool:
 
 
 def handed_out(
-    job: CloseLoopJob, *, lease: str, worker: str, host: str, now: float, ttl: float
+    job: CloseLoopJob, *, lease: str, worker: Introduction, now: float, ttl: float
 ) -> CloseLoopJob:
     """Return a waiting job as it is under a new lease."""
     fence = job.grants + 1
-    attempt = Attempt(lease=lease, fence=fence, worker=worker, host=host, granted_at=now)
+    attempt = Attempt(lease=lease, fence=fence, worker=worker.id, host=worker.host, granted_at=now)
     return replace(
         job,
         state=CloseLoopState.RUNNING,

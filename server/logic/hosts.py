@@ -7,10 +7,10 @@ one class of machines.
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import lru_cache
 
-from server.records import Study
+from server.records import Introduction, Study
 
 #: What must be equal on all machines of a study: another of these is another model.
 IDENTITY = ("code", "mujoco")
@@ -36,13 +36,11 @@ def _class_of(known: tuple[tuple[str, str], ...]) -> str:
     return hashlib.sha256(json.dumps(dict(known), sort_keys=True).encode()).hexdigest()[:16]
 
 
-def objection_to_worker(
-    study: Study, *, versions: Mapping[str, str], tags: Sequence[str]
-) -> str | None:
+def objection_to_worker(study: Study, worker: Introduction) -> str | None:
     """Say in a sentence why a worker may not have instances of a study; None if it may."""
-    if missing := [tag for tag in study.tags if tag not in tags]:
+    if missing := [tag for tag in study.tags if tag not in worker.tags]:
         return f"study {study.id} is for workers tagged {', '.join(missing)}"
-    theirs = identity(versions)
+    theirs = identity(worker.versions)
     if study.identity is None or study.identity == theirs:
         return None
     return (

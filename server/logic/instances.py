@@ -103,9 +103,6 @@ def after_attempt(
     """Count one attempt that ended for `cause`, a key of BUDGETS, on `host`.
 
     Args:
-        instance: as it was.
-        cause: why it came back.
-        reason: the same in words.
         host: where it was; None if nobody knows.
         at_work: the hosts of its class that work on its study now.
         state: what the worker says of the simulation.

@@ -6,12 +6,7 @@ from typing import Any, Literal
 
 
 def flaw_in(value: Any, most_levels: int) -> Literal["nested", "infinite"] | None:
-    """Say why a parsed value cannot be stored as JSON and read by anybody; None if it can.
-
-    Args:
-        value: as a parser returned it.
-        most_levels: how deep it may be nested.
-    """
+    """Say why a parsed value cannot be stored as JSON and read by anybody; None if it can."""
     left = [(value, 0)]
     while left:
         value, depth = left.pop()

@@ -26,9 +26,7 @@ def precision_goal(
     """Check a goal and complete it.
 
     Args:
-        plan: of the study.
         output: whose indices; default: the first output.
-        target: half width of every interval.
         up_to: rows that the study may have in all.
         pointer: where in the request the goal is.
 
@@ -60,10 +58,7 @@ def next_extension(
     The rule is `analysis.sensitivity.stopping.next_step` (Sarrazin et al. 2016), which looks at a
     complete study only: a few rows early would be judged by others than those that were asked for.
 
-    Args:
-        study: as it is.
-        goal: the study's.
-        snapshot: of all its results.
+    `snapshot` is of all the study's results.
     """
     if study.state != StudyState.COMPLETE or is_settled(study, goal):
         return None

@@ -51,7 +51,6 @@ def pace(
     """Return how fast results come.
 
     Args:
-        study: with its counters.
         window_opened_at: when result number `window_start(study.result_count)` arrived, or when
             the study was created if that is 0.
         now: seconds, UTC epoch. While the study runs, silence therefore lowers the rate.

@@ -26,7 +26,6 @@ def handed_out(study: Study, *, begun: int, leased: int, identity: Mapping[str, 
     """Return a study after a lease.
 
     Args:
-        study: as it was.
         begun: instances in rows that the lease begins.
         leased: instances that it holds.
         identity: the code that begins the study, if none has before.
@@ -50,11 +49,8 @@ def with_changes(
     """Return a study of which instances changed; complete if this was the last of it.
 
     Args:
-        study: as it was.
         before: all instances of the rows concerned as they were.
         after: those that changed, as they are now: pending or done.
-        filed: the new final results.
-        now: seconds, UTC epoch.
     """
     done = study.result_count + len(filed)
     failed = [result.outcome for result in filed if result.outcome != _OK]
@@ -81,7 +77,6 @@ def recounted(
     """Return a study some of whose results were taken back; it runs again if work is left.
 
     Args:
-        study: as it was.
         outcomes: how many final results it has, by outcome.
         rows_complete: rows in which every position has one.
         leased: instances that workers hold.

@@ -22,9 +22,7 @@ def header(plan: Plan) -> list[str]:
 def lines(plan: Plan, results: Iterable[tuple[Result, str]]) -> Iterator[Sequence[object]]:
     """Yield a line per result, in the order of `header`; what there is not is None.
 
-    Args:
-        plan: the study's.
-        results: results and their workers, those of one row next to each other.
+    Results of one row stand next to each other, each with its worker.
     """
     row, points = -1, list[dict[str, float]]()
     for result, worker in results:

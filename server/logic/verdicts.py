@@ -7,7 +7,7 @@ from typing import Any
 
 from server.logic.instances import BUDGETS, RESERVED, RETRIED, after_attempt, settled
 from server.logic.json_values import cut, flaw_in
-from server.records import Instance, Place, Result, record
+from server.records import Instance, Lease, Place, Result, record
 from server.states import InstanceState, Outcome, Verdict
 
 #: Characters kept of a reason: a sentence or a traceback, not a log.
@@ -56,35 +56,21 @@ def judge_all(
     places: Mapping[str, Place],
     instances: Mapping[Place, Instance],
     stored: Mapping[Place, Result],
-    lease: str,
-    outputs: Sequence[str],
-    host: str | None,
-    host_class: str | None,
-    at_work: Callable[[], Collection[str]],
+    **known: Any,
 ) -> list[Judgement]:
     """Judge reports one after the other, each in the light of those before it.
 
     Args:
-        reports: what the worker says.
         places: of the instances that the lease was given.
         instances: those that are named, as they stand.
         stored: the final results of those that are done.
-        lease: as in `judge`, and so are all others.
+        known: lease, outputs and at_work as in `judge`.
     """
     instances, stored = dict(instances), dict(stored)
     judgements = []
     for report in reports:
         place = places.get(report.instance, (-1, -1))
-        judgement = judge(
-            report,
-            instance=instances.get(place),
-            stored=stored.get(place),
-            lease=lease,
-            outputs=outputs,
-            host=host,
-            host_class=host_class,
-            at_work=at_work,
-        )
+        judgement = judge(report, instance=instances.get(place), stored=stored.get(place), **known)
         if judgement.instance is not None:
             instances[place] = judgement.instance
         if judgement.result is not None:
@@ -98,23 +84,17 @@ def judge(
     *,
     instance: Instance | None,
     stored: Result | None,
-    lease: str,
+    lease: Lease,
     outputs: Sequence[str],
-    host: str | None = None,
-    host_class: str | None = None,
     at_work: Callable[[], Collection[str]] = tuple,
 ) -> Judgement:
     """Judge one report on an instance.
 
     Args:
-        report: what the worker says.
         instance: where the instance stands; None if the lease never held it.
         stored: its final result; None unless it is done.
-        lease: the lease the report came under.
         outputs: the outputs an "ok" result must carry.
-        host: the machine the report comes from.
-        host_class: the class it belonged to when it took the lease.
-        at_work: returns the hosts of that class that work on the study now.
+        at_work: returns the hosts of the lease's class that work on the study now.
     """
 
     def say(verdict: Verdict, detail: str = "", **changes: Any) -> Judgement:
@@ -122,14 +102,14 @@ def judge(
 
     if instance is None:
         return say(Verdict.UNKNOWN, "the lease never held this instance")
-    held = instance.state == _LEASED and instance.lease == lease
+    held = instance.state == _LEASED and instance.lease == lease.id
     fault = fault_in(report, outputs)
     if fault is not None:
         if not held:
             return say(Verdict.INVALID, fault)
         # Otherwise a worker that only talks nonsense could lease and return an instance for ever.
         counted, final = after_attempt(
-            instance, cause=Outcome.INVALID, reason=fault, host=host, at_work=at_work()
+            instance, cause=Outcome.INVALID, reason=fault, host=lease.host, at_work=at_work()
         )
         return say(Verdict.INVALID, fault, instance=counted, result=final)
     result = as_result(report, instance.row, instance.position, outputs)
@@ -140,7 +120,7 @@ def judge(
             return say(Verdict.DUPLICATE)
         detail = f"the instance already has another result, {stored.outcome}"
         return say(Verdict.CONFLICT, detail, conflict=result)
-    if not held and instance.host_class != host_class:
+    if not held and instance.host_class != lease.host_class:
         # Its bits may not be mixed with those that the rest of the row will have.
         detail = "the row was given to another kind of machine meanwhile"
         return say(Verdict.CONFLICT, detail, conflict=result)
@@ -153,7 +133,7 @@ def judge(
         instance,
         cause=result.outcome,
         reason=result.reason,
-        host=host,
+        host=lease.host,
         at_work=at_work(),
         state=result.state,
         wall_seconds=result.wall_seconds,

@@ -1,6 +1,6 @@
 """Close-loop jobs: asked for and followed, leased to workers, and what these hand in."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import BinaryIO
@@ -26,7 +26,7 @@ from server.logic.leases import (
     objection_to_renewal,
     objection_to_results,
 )
-from server.records import CloseLoopJob, Session
+from server.records import CloseLoopJob, Introduction, Session
 from server.states import CloseLoopState, LeaseState, Outcome
 from server.store import close_loops, sessions, workers
 from server.store.database.engine import alone_reading, reading, writing
@@ -46,11 +46,7 @@ class Proof:
 def create(engine: Engine, session_id: str, *, code: str, now: float) -> tuple[CloseLoopJob, bool]:
     """Ask for the loop to be closed on a session.
 
-    Args:
-        engine: where.
-        session_id: on which.
-        code: digest of the code that is asked to; what it has found before is not computed again.
-        now: seconds, UTC epoch.
+    What `code`, a digest, has found before is not computed again.
 
     Returns:
         The job, and whether it is new.
@@ -99,14 +95,7 @@ def read_file(engine: Engine, job: CloseLoopJob, file: str, size: int) -> Iterat
 
 
 def grant(
-    engine: Engine,
-    *,
-    worker: str,
-    host: str,
-    versions: Mapping[str, str],
-    tags: Sequence[str],
-    now: float,
-    ttl: float,
+    engine: Engine, worker: Introduction, *, now: float, ttl: float
 ) -> tuple[CloseLoopJob, Session] | None:
     """Lease the oldest waiting job to a worker; None if there is none for it.
 
@@ -114,28 +103,18 @@ def grant(
     """
     with reading(engine) as connection:
         waiting = close_loops.waiting(connection)
-        noted = is_noted(workers.close_loops_noted(connection, worker), now)
+        noted = is_noted(workers.close_loops_noted(connection, worker.id), now)
     if noted and not waiting:
         return None
     with writing(engine) as connection:
-        workers.introduce(
-            connection,
-            worker,
-            host=host,
-            versions=versions,
-            host_class=host_class(versions),
-            tags=tags,
-            now=now,
-        )
-        workers.note_close_loops(connection, worker, now=now)
+        workers.introduce(connection, worker, host_class=host_class(worker.versions), now=now)
+        workers.note_close_loops(connection, worker.id, now=now)
         heard_after = now - GONE_SECONDS
-        others = workers.closing_loops(connection, heard_after=heard_after, but_on=host)
+        others = workers.closing_loops(connection, heard_after=heard_after, but_on=worker.host)
         for candidate in close_loops.waiting(connection, lock=True):
-            if candidate.avoid == host and others:
+            if candidate.avoid == worker.host and others:
                 continue
-            job = handed_out(
-                candidate, lease=uuid4().hex, worker=worker, host=host, now=now, ttl=ttl
-            )
+            job = handed_out(candidate, lease=uuid4().hex, worker=worker, now=now, ttl=ttl)
             close_loops.save(connection, job)
             return job, sessions.find(connection, job.session_id)
     return None
@@ -230,13 +209,8 @@ def fail(
     """Count an attempt that failed; False if it no longer counts; raises as `hand_in` does.
 
     Args:
-        engine: where.
-        job_id: which job.
-        proof: under which lease it was attempted.
         outcome: "bad_session", which is final, or a key of BUDGETS.
-        reason: a sentence.
         where: file, column and line of what is wrong with the session.
-        now: seconds, UTC epoch.
     """
     with _held(engine, job_id, proof) as (connection, job):
         workers.heard_from(connection, proof.worker, now=now)

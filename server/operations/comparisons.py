@@ -55,13 +55,7 @@ def judge(
 ) -> tuple[list[Judgement], bool]:
     """Compare reports with the results that they were asked to be second opinions on.
 
-    Args:
-        connection: a transaction that has locked the study.
-        study: which study.
-        reports: what the worker says.
-        lease: what it was given.
-        tolerance: largest relative difference of an output at which both agree.
-        now: seconds, UTC epoch.
+    `tolerance`: largest relative difference of an output at which both agree.
 
     Returns:
         A judgement of each report, in order, and whether the lease still holds anything.

@@ -27,13 +27,10 @@ def settle(
     """Write what changed in leased or returned instances.
 
     Args:
-        connection: a transaction that has locked the study.
-        study: as it was.
         before: all instances of the rows concerned as they were.
         after: those that changed, as they are now: pending or done.
         filed: the final results, in the order in which they are numbered.
         worker: who is named for them.
-        now: seconds, UTC epoch.
 
     Returns:
         The study as it is now.
@@ -61,12 +58,9 @@ def page(
     """Return up to `limit` instances of begun rows beyond `after`, by row and position.
 
     Args:
-        engine: where.
-        study_id: which study.
         state: an `InstanceState`, "ok", "failed" or "quarantined"; None: all.
         outcome: only those that ended so.
         after: (row, position) of the last one seen.
-        limit: how many.
 
     Raises:
         NotFoundError: there is no study of that id.

@@ -1,6 +1,6 @@
 """Leasing: a worker that asks is given instances of one study."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 from functools import cached_property, partial
@@ -12,7 +12,7 @@ from server.logic.hosts import host_class, identity, objection_to_worker
 from server.logic.instances import may_try
 from server.logic.leases import expiry
 from server.logic.studies import handed_out, new_rows
-from server.records import Instance, Lease, Place, Study, record
+from server.records import Instance, Introduction, Lease, Place, Study, record
 from server.states import InstanceState, LeaseState, StudyState
 from server.store import comparisons, instances, leases, studies, workers
 
@@ -21,17 +21,14 @@ from server.store import comparisons, instances, leases, studies, workers
 class LeaseRequest:
     """Who asks for instances, and for which."""
 
-    worker: str
-    host: str
-    versions: Mapping[str, str]
+    worker: Introduction
     models: Sequence[str]
     max_instances: int
-    tags: Sequence[str] = ()
 
     @cached_property
     def host_class(self) -> str:
         """The kind of machine that asks."""
-        return host_class(self.versions)
+        return host_class(self.worker.versions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,10 +71,6 @@ def grant(
     finished before new ones are begun.
 
     Args:
-        connection: a transaction.
-        request: who asks, and for what.
-        now: seconds, UTC epoch.
-        ttl: seconds until the lease expires.
         locked: the study that the transaction has locked, as it is now; None if there is none.
         done: final results that the worker has brought in the transaction.
 
@@ -93,7 +86,7 @@ def grant(
     # If another worker is faster with a second opinion, this one asks again.
     candidates = waiting or studies.with_work(connection, request.models, known=locked)
     for candidate in candidates:
-        unfit = objection_to_worker(candidate, versions=request.versions, tags=request.tags)
+        unfit = objection_to_worker(candidate, request.worker)
         if unfit is not None:
             objection = objection or unfit
             continue
@@ -108,16 +101,7 @@ def grant(
         granted = lease_instances(connection, study, request, now, ttl)
         if granted is not None:
             break
-    workers.introduce(
-        connection,
-        request.worker,
-        host=request.host,
-        versions=request.versions,
-        host_class=request.host_class,
-        tags=request.tags,
-        done=done,
-        now=now,
-    )
+    workers.introduce(connection, request.worker, host_class=request.host_class, done=done, now=now)
     if deferred:
         return DEFERRED
     if granted is not None:
@@ -130,12 +114,12 @@ def _comparing(connection: Connection, request: LeaseRequest) -> list[Study]:
 
     First the few that are waiting are looked for, so that it costs nothing while there are none.
     """
-    for study_id in comparisons.studies_waiting(connection, host=request.host):
+    for study_id in comparisons.studies_waiting(connection, host=request.worker.host):
         study = studies.find(connection, study_id)
         if (
             (study.state.is_served or study.state == StudyState.COMPLETE)
             and study.plan.model in request.models
-            and objection_to_worker(study, versions=request.versions, tags=request.tags) is None
+            and objection_to_worker(study, request.worker) is None
         ):
             return [study]
     return []
@@ -147,7 +131,7 @@ def _lease_instances(
     """Hand out instances of a locked study; None if it has none for this kind of machine."""
     if not study.state.is_served:
         return None
-    if objection_to_worker(study, versions=request.versions, tags=study.tags) is not None:
+    if objection_to_worker(study, request.worker) is not None:
         return None
     lease_id = _new_id(now)
     mine = request.host_class
@@ -168,7 +152,7 @@ def _lease_instances(
         study,
         begun=len(begun),
         leased=len(again) + fresh,
-        identity=identity(request.versions),
+        identity=identity(request.worker.versions),
     )
     studies.save(connection, updated, counted=study.identity is not None)
     places = [*((one.row, one.position) for one in again), *begun[:fresh]]
@@ -179,7 +163,7 @@ def _returned(
     connection: Connection, study: Study, request: LeaseRequest, now: float
 ) -> list[Instance]:
     """Return instances of begun rows that wait for a machine and may go to this one."""
-    mine, host, most = request.host_class, request.host, request.max_instances
+    mine, host, most = request.host_class, request.worker.host, request.max_instances
     at_work = workers.hosts_at_work(connection, study.id, host_class=mine, now=now)
     pending = partial(instances.pending, connection, study.id, host_class=mine, host=host)
     if not at_work - {host}:
@@ -197,7 +181,7 @@ def _lease_comparisons(
     """Hand out a locked study's results to be computed again; None if somebody was faster."""
     lease_id = _new_id(now)
     places = comparisons.hand_out(
-        connection, study.id, host=request.host, lease=lease_id, limit=request.max_instances
+        connection, study.id, host=request.worker.host, lease=lease_id, limit=request.max_instances
     )
     if not places:
         return None
@@ -225,13 +209,13 @@ def _granted(
     lease = Lease(
         id=lease_id,
         fence=0,
-        worker=request.worker,
+        worker=request.worker.id,
         study=study.id,
         state=LeaseState.OPEN,
         expires_at=until,
         instances=tuple(places),
         host_class=request.host_class,
-        host=request.host,
+        host=request.worker.host,
         compares=compares,
     )
     return Grant(lease=lease, study=study)

@@ -25,12 +25,9 @@ def rerun(
     """Run final results again; returns the study and how many results were taken back.
 
     Args:
-        engine: where.
-        study_id: which study.
         which: "failed": in their rows and on the same kind of machine; "all": every row, on any
             machine and with any version, as if the study had just been submitted.
         outcomes: only failures of these names; None: all of them.
-        now: seconds, UTC epoch.
 
     Raises:
         NotFoundError: there is no study of that id.

@@ -15,7 +15,7 @@ from server.store.database.engine import reading, writing
 
 
 class StoreResultLog:
-    """The coordinator's database as an `analysis.sensitivity.service.ResultLog`."""
+    """The coordinator's database as a `ResultLog` (`analysis.sensitivity.service` says of what)."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
@@ -24,12 +24,10 @@ class StoreResultLog:
         self._editions: dict[str, int] = {}
 
     def studies_with_news(self) -> list[str]:
-        """Return the studies that have results beyond the analysis's cursor, oldest first."""
         with reading(self._engine) as connection:
             return snapshots.studies_with_news(connection)
 
     def plan(self, study_id: str) -> StudyPlan:
-        """Return what a study set out to do; NoStudyError if there is none of that id."""
         try:
             with reading(self._engine) as connection:
                 study = studies.find(connection, study_id)
@@ -39,15 +37,10 @@ class StoreResultLog:
         return for_analysis(study)
 
     def load(self, study_id: str) -> tuple[int, bytes | None]:
-        """Return the cursor and the state last committed; (0, None) before the first commit."""
         with reading(self._engine) as connection:
             return snapshots.state(connection, study_id)
 
     def results_after(self, study_id: str, cursor: int, limit: int) -> list[LoggedResult]:
-        """Return up to `limit` results with seq > `cursor`, in order of seq.
-
-        Empty if the study has changed since `plan` was asked for.
-        """
         with suppress(NotFoundError), reading(self._engine) as connection:
             if self._is_unchanged(studies.find(connection, study_id)):
                 return [
@@ -74,10 +67,6 @@ class StoreResultLog:
         state: bytes,
         snapshot: dict[str, Any],
     ) -> bool:
-        """Replace cursor, state and snapshot at once.
-
-        False if another process was first, or the study has changed since `plan` was asked for.
-        """
         with suppress(NotFoundError), writing(self._engine) as connection:
             # Locked, so that no re-run comes between.
             if self._is_unchanged(studies.find(connection, study_id, lock=True)) and (
@@ -90,7 +79,6 @@ class StoreResultLog:
         return False
 
     def act_on_precision_goals(self) -> None:
-        """Extend the complete studies that are less precise than they shall become."""
         for study_id in precision_goals.due(self._engine):
             # One that was deleted since it was listed needs nothing.
             with suppress(NotFoundError):

@@ -1,6 +1,7 @@
 """Results: taking them in, and reading them out in order."""
 
 from collections.abc import Iterator, Sequence
+from functools import cache
 
 from sqlalchemy.engine import Connection, Engine
 
@@ -12,7 +13,7 @@ from server.logic.verdicts import Judgement, Report, judge_all
 from server.operations import comparisons, leasing
 from server.operations.instances import settle
 from server.operations.leasing import Deferred, Grant, Ineligible, LeaseRequest
-from server.records import Instance, Lease, Result, Study, record
+from server.records import Lease, Result, Study, record
 from server.states import InstanceState, LeaseState, Verdict
 from server.store import instances, leases, results, studies, workers
 from server.store.database.engine import reading
@@ -39,11 +40,7 @@ class Post:
 def take(connection: Connection, posted: Post, *, now: float, ttl: float) -> list[Judgement]:
     """Judge and file reports, the good ones whatever is said of the others.
 
-    Args:
-        connection: a transaction that has locked no study.
-        posted: what the worker says.
-        now: seconds, UTC epoch.
-        ttl: seconds the lease lasts from now on, if it still holds anything.
+    The transaction has locked no study.
 
     Returns:
         A judgement of each report, in order.
@@ -59,7 +56,7 @@ def exchange(
 ) -> tuple[list[Judgement], Grant | Ineligible | Deferred | None]:
     """Take in results and lease the next instances: `take` and `leasing.grant` at once."""
     taken = _take(connection, posted, now, ttl)
-    same = request.worker == posted.worker
+    same = request.worker.id == posted.worker
     if taken.study is not None and not same:
         workers.heard_from(connection, posted.worker, done=taken.done, now=now)
     done = taken.done if same else 0
@@ -108,26 +105,22 @@ def _file(
     places = {instance_id(study.id, *place): place for place in lease.instances}
     named = [places[report.instance] for report in posted.reports if report.instance in places]
     before = instances.in_rows(connection, study.id, named)
-    hosts: set[str] | None = None
 
+    @cache
     def at_work() -> set[str]:
         """Return the hosts of the lease's class that work on the study, asked for once."""
-        nonlocal hosts
-        if hosts is None:
-            of_class = lease.host_class
-            hosts = workers.hosts_at_work(connection, study.id, host_class=of_class, now=now)
-        return hosts
+        return workers.hosts_at_work(connection, study.id, host_class=lease.host_class, now=now)
 
-    done = {place for place in named if _is_done(before.get(place))}
+    done = {
+        place for place in named if place in before and before[place].state == InstanceState.DONE
+    }
     judgements = judge_all(
         posted.reports,
         places=places,
         instances=before,
         stored=results.at(connection, study.id, done),
-        lease=lease.id,
+        lease=lease,
         outputs=study.plan.outputs,
-        host=lease.host,
-        host_class=lease.host_class,
         at_work=at_work,
     )
     final = [j.result for j in judgements if j.result is not None]
@@ -181,7 +174,3 @@ def _to_all(reports: Sequence[Report], verdict: Verdict, detail: str) -> _Taken:
     return _Taken(
         judgements=[Judgement(about=r.instance, verdict=verdict, detail=detail) for r in reports]
     )
-
-
-def _is_done(instance: Instance | None) -> bool:
-    return instance is not None and instance.state == InstanceState.DONE

@@ -28,14 +28,7 @@ def create(
 ) -> tuple[Session, bool]:
     """Store a session that passed the check.
 
-    Args:
-        engine: where.
-        file: the zip file, from its beginning.
-        name: what people call it.
-        sha256: digest of the file; a session with the same one is the same.
-        size: bytes of the file.
-        content: what was understood of it.
-        now: seconds, UTC epoch.
+    `content`: what was understood of it. A session whose zip file has the same digest is the same.
 
     Returns:
         The session, and whether it is new.

@@ -46,14 +46,8 @@ def create(
     """Store a new study, whatever its size, in constant time.
 
     Args:
-        engine: where.
-        plan: what the study evaluates.
         key: idempotency key of the request; a key that was used before makes no second study.
         digest: digest of the request, to tell a repeated request from another under the same key.
-        now: seconds, UTC epoch.
-        priority: of two studies with work, the higher one is served.
-        tags: what a worker must call itself to be given any of it.
-        goal: how precise it shall become.
 
     Returns:
         The study, and whether it is new.
@@ -124,10 +118,7 @@ def prioritise(engine: Engine, study_id: str, priority: int) -> Study:
 def extend(engine: Engine, study_id: str, rows: int) -> Study:
     """Give a study more rows; what there is stays, and a complete study runs again.
 
-    Args:
-        engine: where.
-        study_id: which study.
-        rows: how many it has then in all, so that asking twice changes nothing.
+    `rows`: how many it has then in all, so that asking twice changes nothing.
 
     Raises:
         NotFoundError: there is no study of that id.

@@ -32,8 +32,6 @@ async def stream(
 
     Args:
         look: reads how far it is, in a thread; NotFoundError if it is not there.
-        stopping: set when the process is asked to stop.
-        seconds: between two looks.
 
     Raises:
         NotFoundError: it is not there to begin with: a problem, and not an empty stream.

@@ -16,6 +16,7 @@ from server.logic.plans import instance_id, parameters
 from server.metrics import Metrics
 from server.operations import leases, leasing
 from server.operations.leasing import Grant, Ineligible, LeaseRequest
+from server.records import Introduction
 from server.routes.common import (
     MAX_INTEGER,
     Body,
@@ -108,14 +109,8 @@ router.add_api_route(
 
 def requested(body: LeaseBody) -> LeaseRequest:
     """Return what a worker asks for as operations know it."""
-    return LeaseRequest(
-        worker=body.worker.id,
-        host=body.worker.host,
-        versions=body.worker.versions,
-        models=body.models,
-        max_instances=body.max_instances,
-        tags=body.worker.tags,
-    )
+    worker = Introduction(**dict(body.worker))
+    return LeaseRequest(worker=worker, models=body.models, max_instances=body.max_instances)
 
 
 def granted(grant: Grant, ttl: float, measures: Metrics) -> dict[str, Any]:

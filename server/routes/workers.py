@@ -6,8 +6,10 @@ from typing import Any
 from fastapi import APIRouter
 
 from server.logic.comparisons import Reputation
-from server.operations import comparisons, workers
+from server.operations import comparisons
 from server.routes.common import Store
+from server.store import workers
+from server.store.database.engine import reading
 
 router = APIRouter(prefix="/v1/workers", tags=["workers"])
 
@@ -20,13 +22,9 @@ def every(store: Store) -> dict[str, Any]:
     another one has computed again, and those of others that it has.
     """
     reputations = comparisons.reputations(store)
-    return {
-        "workers": [
-            {**asdict(worker), **_shown(reputations.get(worker.host, Reputation()))}
-            for worker in workers.every(store)
-        ]
-    }
-
-
-def _shown(reputation: Reputation) -> dict[str, Any]:
-    return {**asdict(reputation), "trust": reputation.trust}
+    answer = []
+    with reading(store) as connection:
+        for worker in workers.every(connection):
+            found = reputations.get(worker.host, Reputation())
+            answer.append({**asdict(worker), **asdict(found), "trust": found.trust})
+    return {"workers": answer}

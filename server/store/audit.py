@@ -8,7 +8,14 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
 
 from server.states import ComparisonState, InstanceState, LeaseState, Outcome
-from server.store.database.schema import comparisons, instances, leases, results, studies
+from server.store.database.schema import (
+    OF_INSTANCE,
+    comparisons,
+    instances,
+    leases,
+    results,
+    studies,
+)
 
 
 def studies_by_age(connection: Connection) -> list[str]:
@@ -34,14 +41,9 @@ def count(connection: Connection, study_id: str) -> dict[str, int]:
             sa.func.max(results.c.seq),
         ).where(results.c.study_id == study_id)
     ).one()
-    same_place = sa.and_(
-        results.c.study_id == instances.c.study_id,
-        results.c.row == instances.c.row,
-        results.c.position == instances.c.position,
-    )
     matched = (
         sa.select(sa.func.count())
-        .select_from(instances.join(results, same_place))
+        .select_from(instances.join(results, OF_INSTANCE))
         .where(of_study, instances.c.state == InstanceState.DONE)
     )
     mixed = sa.select(instances.c.row).where(of_study).group_by(instances.c.row)

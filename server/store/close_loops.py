@@ -101,13 +101,12 @@ def _select(
 ) -> list[CloseLoopJob]:
     query = sa.select(close_loops).where(where)
     query = query.order_by(close_loops.c.created_at, close_loops.c.id)
-    return [_job(row) for row in connection.execute(query.with_for_update() if lock else query)]
-
-
-def _job(row: Any) -> CloseLoopJob:
-    attempts = tuple(Attempt(**entry) for entry in row.attempts)
-    state = CloseLoopState(row.state)
-    return CloseLoopJob(**{**row._mapping, "attempts": attempts, "state": state})
+    jobs = []
+    for row in connection.execute(query.with_for_update() if lock else query):
+        attempts = tuple(Attempt(**entry) for entry in row.attempts)
+        state = CloseLoopState(row.state)
+        jobs.append(CloseLoopJob(**{**row._mapping, "attempts": attempts, "state": state}))
+    return jobs
 
 
 def _row(job: CloseLoopJob) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from sqlalchemy.engine import Connection, Row
 from server.records import Place
 from server.states import InstanceState, Outcome
 from server.store.database.schema import (
+    OF_INSTANCE,
     comparisons,
     conflicts,
     instances,
@@ -29,16 +30,7 @@ _LISTED = sa.select(
     results.c.wall_seconds,
     results.c.worker_id,
     results.c.received_at,
-).select_from(
-    instances.outerjoin(
-        results,
-        sa.and_(
-            results.c.study_id == instances.c.study_id,
-            results.c.row == instances.c.row,
-            results.c.position == instances.c.position,
-        ),
-    )
-)
+).select_from(instances.outerjoin(results, OF_INSTANCE))
 #: What a reader is shown of a comparison.
 _OPINION = ("state", "first_host", "second_host", "outcome", "outputs", "difference", "decided_at")
 #: What a reader of a result knows already.
@@ -58,13 +50,10 @@ def page(
     """Return up to `limit` instances of begun rows beyond `after`, by row and position.
 
     Args:
-        connection: a transaction.
-        study_id: which study.
         state: only those in this state.
         outcomes: only those that ended in one of these.
         failed: only those that ended, but not in "ok".
         after: (row, position) of the last one seen.
-        limit: how many.
     """
     query = (
         _LISTED.where(

@@ -42,10 +42,7 @@ class Gauges:
 def read(connection: Connection, *, now: float, heard_after: float) -> Gauges:
     """Count; as cheap as there are few studies.
 
-    Args:
-        connection: a transaction that sees one consistent state.
-        now: seconds, UTC epoch.
-        heard_after: workers silent since then are gone.
+    Workers silent since `heard_after` are gone.
     """
     found = connection.execute(
         sa.select(

@@ -157,12 +157,9 @@ def pending(
     """Return up to `limit` instances of begun rows that wait for a machine, first rows first.
 
     Args:
-        connection: a transaction that has locked the study.
-        study_id: which study.
         host_class: a kind of machine; rows of another kind are left out.
         host: a machine of that kind.
         tried: only those that have gone wrong on `host`, or only those that have not; None: both.
-        limit: how many.
     """
     values = (study_id, host_class, limit, host, JSON.encode(host))
     rows = [row for query in _PENDING[tried] for row in query.execute(connection, *values)]
@@ -208,8 +205,6 @@ def write_changes(
     """Write the instances that changed, with as little as their changes need.
 
     Args:
-        connection: a transaction that has locked the study.
-        study_id: which study.
         before: all instances of the rows concerned as they were.
         after: those that changed, as they are now.
     """

@@ -7,15 +7,16 @@ from sqlalchemy.engine import Connection
 
 from server.records import Instance, Place, Study
 from server.states import InstanceState, Outcome, StudyState
-from server.store.database.schema import instances, results, studies, superseded, workers
+from server.store.database.schema import (
+    OF_INSTANCE,
+    instances,
+    results,
+    studies,
+    superseded,
+    workers,
+)
 from server.store.instances import EVERY, chunks, from_row
 
-#: That a result is that of an instance.
-_OF_INSTANCE = sa.and_(
-    results.c.study_id == instances.c.study_id,
-    results.c.row == instances.c.row,
-    results.c.position == instances.c.position,
-)
 #: What is kept of a result that is taken back.
 _KEPT = ("study_id", "row", "position", "outcome", "outputs", "reason", "worker_id", "received_at")
 
@@ -30,7 +31,7 @@ def failed(connection: Connection, study_id: str, outcomes: Sequence[str] | None
     wanted = results.c.outcome != Outcome.OK
     if outcomes is not None:
         wanted = sa.and_(wanted, results.c.outcome.in_(outcomes))
-    is_failed = sa.exists().where(_OF_INSTANCE, wanted)
+    is_failed = sa.exists().where(OF_INSTANCE, wanted)
     return _found(connection, sa.and_(instances.c.study_id == study_id, is_failed))
 
 
@@ -75,7 +76,7 @@ def take_back(
     for chunk in chunks(rows):
         query = (
             sa.select(results)
-            .join(instances, _OF_INSTANCE)
+            .join(instances, OF_INSTANCE)
             .where(
                 results.c.study_id == study_id,
                 results.c.row.in_(chunk),

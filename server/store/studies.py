@@ -88,10 +88,7 @@ def every(connection: Connection) -> list[Study]:
 def find(connection: Connection, study_id: str, *, lock: bool = False) -> Study:
     """Return a study; NotFoundError if there is none of that id.
 
-    Args:
-        connection: a transaction.
-        study_id: which study.
-        lock: make every other transaction that locks this study wait until this one ends.
+    `lock`: every other transaction that locks this study waits until this one ends.
     """
     query = _FIND_LOCKED if lock else _FIND
     row = query.execute(connection, study_id).fetchone()
@@ -113,10 +110,7 @@ def with_work(
 ) -> Iterator[Study]:
     """Yield the studies of `models` with something to hand out, first to serve first.
 
-    Args:
-        connection: a transaction.
-        models: the models that may be asked for.
-        known: a study as it is now, if the transaction knows one.
+    `known`: a study as it is now, if the transaction knows one.
     """
     for study_id, model in _WITH_WORK.execute(connection).fetchall():
         if model not in models:

@@ -1,12 +1,10 @@
 """Who works for this coordinator, and who of them can close loops."""
 
-from collections.abc import Mapping, Sequence
-
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection
 
-from server.records import Worker
+from server.records import Introduction, Worker
 from server.store.database.engine import insert
 from server.store.database.prepared import Prepared, as_text
 from server.store.database.schema import leases, loop_workers, workers
@@ -68,24 +66,21 @@ def every(connection: Connection) -> list[Worker]:
 
 def introduce(
     connection: Connection,
-    worker: str,
+    worker: Introduction,
     *,
-    host: str,
-    versions: Mapping[str, str],
     host_class: str,
-    tags: Sequence[str],
     done: int = 0,
     now: float,
 ) -> None:
     """Remember a worker, or what it now says of itself, and how many final results it brought."""
     _INTRODUCE[connection.dialect.name].execute(
         connection,
-        worker,
+        worker.id,
         done,
-        host,
-        as_text(dict(versions)),
+        worker.host,
+        as_text(dict(worker.versions)),
         host_class,
-        as_text(list(tags)),
+        as_text(list(worker.tags)),
         now,
     )
 

@@ -8,7 +8,7 @@ from server.errors import ConflictError
 from server.logic.verdicts import Judgement, Report
 from server.operations import leasing, results
 from server.operations.leasing import DEFERRED, Grant, Ineligible, LeaseRequest
-from server.records import Lease
+from server.records import Introduction, Lease
 from server.store.database.engine import writing
 
 
@@ -30,12 +30,9 @@ def grant(
         ConflictError: there is work, but none for this worker; the message says why.
     """
     request = LeaseRequest(
-        worker=worker,
-        host=host,
-        versions=versions,
+        worker=Introduction(id=worker, host=host, versions=versions, tags=tags),
         models=models,
         max_instances=max_instances,
-        tags=tags,
     )
     with writing(engine) as connection:
         found = leasing.grant(connection, request, now=now, ttl=ttl)

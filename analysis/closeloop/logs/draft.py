@@ -28,7 +28,6 @@ def assigned(
     """Return beliefs after what the user knows better, and the joints' names that came up.
 
     Args:
-        beliefs: of every channel of a log.
         lines: CHANNEL=JOINT.QUANTITY[*SCALE], CHANNEL=time[*SCALE] or CHANNEL=-, which leaves the
             channel out.
 
@@ -138,8 +137,6 @@ def write_session(
 
     Args:
         folder: made if it is not there.
-        stem: of the CSV file.
-        beliefs: of the log's channels, after corrections.
         joints: names by the beliefs' joint numbers.
         model: the robot's MJCF or URDF, copied; None writes the name `robot.xml` for one to come.
 

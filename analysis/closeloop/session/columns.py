@@ -50,9 +50,7 @@ def read_map(owner: Fields, name: str, folder: Path) -> ColumnMap | None:
     """Return the map that a session or trial names, or None if it names none.
 
     Args:
-        owner: the session's or the trial's fields.
         name: the field: null, a preset, a JSON file of the folder, or the map itself.
-        folder: the session's folder.
 
     Raises:
         SessionError: the map cannot be used.

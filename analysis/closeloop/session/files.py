@@ -77,8 +77,6 @@ def read_json(
     """Return the content of a JSON file that errors call `name`.
 
     Args:
-        path: where it is.
-        name: what to call it.
         most_bytes: that it may have.
         make_object: makes an object of its pairs of names and values, or raises SessionError.
 

@@ -26,10 +26,7 @@ SATURATED_RUN = 10
 def check_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> None:
     """Refuse a trial whose signals cannot be what their columns say.
 
-    Args:
-        trial: with its signals.
-        device: whose joints moved.
-        limb_joints: joints at which a limb acts, which never turn round.
+    A limb acts at `limb_joints`, which never turn round.
 
     Raises:
         SessionError: names file, column and line.

@@ -49,9 +49,7 @@ TRIAL_KEYS = (
 def read_session(folder: Path, known_effects: Collection[str]) -> Session:
     """Read `session.json`; the trials' files are found but not yet read.
 
-    Args:
-        folder: the session's folder.
-        known_effects: names that `declared_effects` may hold.
+    `known_effects`: names that `declared_effects` may hold.
 
     Raises:
         SessionError: the folder or the file cannot be used.

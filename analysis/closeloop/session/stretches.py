@@ -88,10 +88,7 @@ def stretches(
 ) -> tuple[list[Stretch], float]:
     """Bring every trial to the session's one even clock and split it at gaps.
 
-    Args:
-        trials: with their signals.
-        device: whose joints moved.
-        extra: names of the columns that are no joint's own.
+    `extra`: names of the columns that are no joint's own.
 
     Returns:
         The stretches in order, and their common rate in Hz.

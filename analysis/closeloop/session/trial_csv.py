@@ -28,8 +28,6 @@ def read_trial(
     """Return `trial` with its signals.
 
     Args:
-        folder: the session's folder.
-        trial: as listed in `session.json`.
         joints: joints of the model of which a position must be recorded.
         declared: joints with a declared effect, which need an effort to fit it to.
 

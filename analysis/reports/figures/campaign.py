@@ -29,10 +29,7 @@ _PHASES = ("#8C8C8C", "#D55E00")
 def campaign_figure(phase1: Snapshot, phase2: Snapshot, output: str, unit: str = "") -> Figure:
     """Draw a campaign: its screening, its variance shares, and its failures by cause.
 
-    Args:
-        phase1: snapshot of method morris.
-        phase2: snapshot of method saltelli.
-        output, unit: as in `screening_figure`.
+    The snapshots are of methods morris and saltelli.
 
     Raises:
         ValueError: a snapshot is of another method, or has no such output.

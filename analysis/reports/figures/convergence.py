@@ -36,8 +36,6 @@ def convergence_figure(
     """Draw the indices of the first 8, 16, ... rows and of all rows, with their intervals.
 
     Args:
-        snapshot: of a study of either method.
-        output: which of its outputs.
         unit: of the output, for the axes of elementary effects.
         palette: factors in the order of their colours; default: the study's.
 
@@ -97,7 +95,6 @@ def draw_curves(
     """Draw indices of growing parts of the sample as lines within bands.
 
     Args:
-        axes: where.
         parts: rows of every part.
         curves: by label, an index of every part and of all rows.
         complete: how many rows are complete.

@@ -23,8 +23,6 @@ def distribution_figure(values: NDArray[np.float64], output: str, unit: str = ""
 
     Args:
         values: finite, shape (n,).
-        output: what they are of.
-        unit: theirs.
     """
     figure = new_figure(7.0, 4.2)
     axes = figure.subplots()

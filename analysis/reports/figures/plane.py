@@ -38,8 +38,6 @@ def screening_figure(
     """Draw the mu*-sigma plane of a screening with its confidence intervals.
 
     Args:
-        snapshot: of a study of method morris.
-        output: which of its outputs.
         unit: of the output, for the axes.
         clouds: mu* and sigma of every bootstrap replicate, shape (2, replicates, factors); drawn
             beside the intervals, as on the right of the paper's figure 8.

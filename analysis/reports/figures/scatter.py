@@ -34,8 +34,6 @@ def scatter_figure(
     Args:
         points: factor values, shape (n, factors).
         values: of the output, shape (n,).
-        names: of the factors.
-        output, unit: the output's name and unit.
         units: of the factors; none if empty.
     """
     across = min(3, len(names))

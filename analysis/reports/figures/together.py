@@ -33,11 +33,7 @@ def largest_pairs(snapshot: Snapshot, output: str) -> list[Mapping[str, Any]]:
 
 
 def together_figure(snapshot: Snapshot, output: str) -> Figure:
-    """Draw the second-order indices of an output with their intervals, and their convergence.
-
-    Args:
-        snapshot: of a study of method saltelli_second_order.
-        output: which of its outputs.
+    """Draw the indices of pairs (`saltelli_second_order`) with intervals, and their convergence.
 
     Raises:
         ValueError: the snapshot is of another family of methods, or has no such output.

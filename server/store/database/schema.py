@@ -129,6 +129,13 @@ results = sa.Table(
     sa.Index("results_by_instance", "study_id", "row", "position", unique=True),
 )
 
+#: That a result is that of an instance.
+OF_INSTANCE = sa.and_(
+    results.c.study_id == instances.c.study_id,
+    results.c.row == instances.c.row,
+    results.c.position == instances.c.position,
+)
+
 #: Results that contradict a stored one: evidence about a host, never used in an estimate.
 conflicts = sa.Table(
     "conflicts",

@@ -14,9 +14,10 @@ from sqlalchemy.engine import Engine
 from server.errors import ConflictError, NotFoundError
 from server.logic.plans import instance_id
 from server.logic.verdicts import Report, Verdict
-from server.operations import leases, results, studies, workers
+from server.operations import leases, results, studies
 from server.operations.leasing import Grant
 from server.records import Plan, Study
+from server.store import workers
 from server.store.database.engine import reading
 from server.store.database.schema import instances as instances_table
 from server.store.database.schema import results as results_table
@@ -259,7 +260,8 @@ def test_workers_are_remembered_with_what_they_did(
     grant = leased(engine, now=5.0, worker="a", versions={"mujoco": "4.0.1"})
     post(engine, grant, [report(i) for i in ids(grant)[:2]], now=9.0)
     assert lease(engine, models=["none"], now=7.0, worker="b") is None
-    first, second = workers.every(engine)
+    with reading(engine) as connection:
+        first, second = workers.every(connection)
     assert (first.id, first.last_seen, first.instances_done) == ("a", 9.0, 2)
     assert first.versions == {"mujoco": "4.0.1"}
     assert (second.id, second.last_seen, second.instances_done) == ("b", 7.0, 0)

@@ -26,6 +26,7 @@ from server.logic.plans import draw_up, instance_id
 from server.logic.verdicts import Report
 from server.operations import check, comparisons, leases, reruns, results, studies
 from server.operations.leasing import Grant, LeaseRequest
+from server.records import Introduction
 from server.states import StudyState
 from server.store import create_engine, upgrade
 from server.store.database.engine import writing
@@ -138,9 +139,7 @@ class Queue(RuleBasedStateMachine):
     def post_and_lease(self, number: int, words: str, host: str, n: int) -> None:
         said = self._said(self.grants[-1 - number % len(self.grants)], words)
         request = LeaseRequest(
-            worker=f"of-{host}",
-            host=host,
-            versions=HOSTS[host],
+            worker=Introduction(id=f"of-{host}", host=host, versions=HOSTS[host]),
             models=["ishigami"],
             max_instances=n,
         )

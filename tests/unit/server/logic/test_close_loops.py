@@ -20,13 +20,14 @@ from server.logic.close_loops import (
 from server.logic.instances import BUDGETS
 from server.logic.json_values import cut
 from server.logic.leases import objection_to_renewal, objection_to_results
-from server.records import CloseLoopJob
+from server.records import CloseLoopJob, Introduction
 
 WAITING = CloseLoopJob(id="j", session_id="s", state="waiting", created_at=1.0)
 
 
 def running(job: CloseLoopJob = WAITING, lease: str = "l", host: str = "pc") -> CloseLoopJob:
-    return handed_out(job, lease=lease, worker=f"w of {lease}", host=host, now=10.0, ttl=60.0)
+    worker = Introduction(id=f"w of {lease}", host=host, versions={})
+    return handed_out(job, lease=lease, worker=worker, now=10.0, ttl=60.0)
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,14 @@ from typing import Any
 import pytest
 
 from server.logic.verdicts import REASON_LENGTH, Judgement, Report, judge
-from server.records import Instance, Result
+from server.records import Instance, Lease, Result
 from server.states import REFUSALS
 
 Reporting = Callable[..., Report]
 
+MINE = Lease(
+    id="mine", fence=1, worker="w", study="s", state="open", expires_at=9.0, instances=((0, 2),)
+)
 HELD = Instance(row=0, position=2, state="leased", lease="mine", attempts={})
 ELSEWHERE = Instance(row=0, position=2, state="leased", lease="other", attempts={})
 RETURNED = Instance(row=0, position=2, state="pending", lease=None, attempts={"lost": 1})
@@ -30,7 +33,7 @@ STORED = Result(
 def judged(
     report: Report, instance: Instance | None = HELD, stored: Result | None = None
 ) -> Judgement:
-    return judge(report, instance=instance, stored=stored, lease="mine", outputs=["y"])
+    return judge(report, instance=instance, stored=stored, lease=MINE, outputs=["y"])
 
 
 @pytest.mark.parametrize("instance", [HELD, ELSEWHERE, RETURNED])
