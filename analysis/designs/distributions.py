@@ -12,8 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtri
-from scipy.stats import truncnorm
+from scipy.special import log1p, log_ndtr, logsumexp, ndtr, ndtri, ndtri_exp
 
 #: Probability left out at either end of what gives a distribution its scale.
 _TAIL = 0.05
@@ -167,8 +166,13 @@ class TruncatedNormal(Distribution):
 
     def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         a, b = (self.low - self.mean) / self.sd, (self.high - self.mean) / self.sd
-        x = truncnorm.ppf(u, a, b, loc=self.mean, scale=self.sd)
-        return _clipped(np.asarray(x, dtype=np.float64), self.low, self.high)
+        # In logarithms, and below the mean: far out in a tail nothing else is left of a quantile.
+        # They are those of `scipy.stats.truncnorm`, which takes a second to import.
+        if a < 0.0:
+            x = ndtri_exp(_log_sum(log_ndtr(a), np.log(u) + _log_mass(a, b)))
+        else:
+            x = -ndtri_exp(_log_sum(log_ndtr(-b), np.log1p(-u) + _log_mass(a, b)))
+        return _clipped(x * self.sd + self.mean, self.low, self.high)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,6 +260,20 @@ class Discrete(Distribution):
 def scales(distributions: Mapping[str, Distribution]) -> dict[str, Scale]:
     """Return `Distribution.scale` of every factor: what the step of the paper's equation 22 is."""
     return {name: distribution.scale for name, distribution in distributions.items()}
+
+
+def _log_mass(a: float, b: float) -> np.float64:
+    """Return the logarithm of what the standard normal distribution holds from `a` to `b`."""
+    if a <= 0.0 < b:
+        return np.float64(log1p(-ndtr(a) - ndtr(-b)))
+    if a > 0.0:
+        a, b = -b, -a
+    return np.float64(logsumexp([log_ndtr(b), log_ndtr(a) + np.pi * 1j]).real)
+
+
+def _log_sum(p: float, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the logarithm of the sum of what `p` and `q` are the logarithms of."""
+    return np.asarray(logsumexp([np.full_like(q, p), q], axis=0), dtype=np.float64)
 
 
 def _clipped(x: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:

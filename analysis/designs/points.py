@@ -7,7 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from analysis.designs.blocks import BLOCKS
 from analysis.designs.streams import Purpose, bits
@@ -84,6 +83,9 @@ def _sobol_points(
     seed: int, key: tuple[int, ...], start: int, size: int, dimensions: int
 ) -> NDArray[np.float64]:
     """Return points `start * size` to `(start + 1) * size - 1` of the sequence of (seed, key)."""
+    # It takes a second to import, which neither Latin hypercubes nor a start need.
+    from scipy.stats import qmc
+
     # SciPy spawns the generator it is given, which only one with a seed sequence can do.
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
     engine = qmc.Sobol(dimensions, scramble=True, bits=_SOBOL_BITS, rng=rng)

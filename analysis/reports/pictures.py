@@ -182,6 +182,8 @@ def pictures(subject: Subject) -> list[Picture]:
             figure = kind.draw(subject)
             # Places of panels are settled when a figure is drawn, and not before.
             figure.draw_without_rendering()
+            # To settle them again for each file that is written takes longer than to draw it.
+            figure.set_layout_engine(None)
             drawn.append(
                 Picture(
                     name=kind.name,

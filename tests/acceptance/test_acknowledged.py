@@ -47,7 +47,7 @@ class Coordinator:
         self._arguments = (database, port, log)
         # Its imports take longer than anything else in this test: they are made once.
         self._context = get_context("forkserver")
-        self._context.set_forkserver_preload(["server.run"])
+        self._context.set_forkserver_preload(["server.run", "scipy.stats"])
         self._process = self.start()
 
     def start(self) -> ForkServerProcess:
