@@ -17,6 +17,19 @@ SYMBOLS: Mapping[str, str] = {
 RANKED_BY = ("mu_star", "total_order")
 
 
+def plain_table(*columns: str, title: str | None = None, caption: str | None = None) -> Table:
+    """Return an empty table as all of them look."""
+    return Table(
+        *columns,
+        title=title,
+        title_justify="left",
+        caption=caption,
+        caption_justify="left",
+        box=SIMPLE_HEAD,
+        pad_edge=False,
+    )
+
+
 def duration(seconds: float | None) -> str:
     """Return seconds as h:mm:ss or m:ss; a question mark if unknown."""
     if seconds is None:
@@ -70,14 +83,8 @@ def indices_table(snapshot: Mapping[str, Any], output: str, title: str = "") -> 
         snapshot["outputs"].get(output, {}).get("factors", {})
     )
     names = [name for name in SYMBOLS if any(name in entry for entry in factors.values())]
-    table = Table(
-        title=title or None,
-        title_justify="left",
-        caption="μ*, σ: per whole range" if "mu_star" in names else None,
-        caption_justify="left",
-        box=SIMPLE_HEAD,
-        pad_edge=False,
-    )
+    caption = "μ*, σ: per whole range" if "mu_star" in names else None
+    table = plain_table(title=title or None, caption=caption)
     table.add_column("factor", no_wrap=True)
     for name in names:
         table.add_column(SYMBOLS[name], justify="right", no_wrap=True)
@@ -91,8 +98,7 @@ def indices_table(snapshot: Mapping[str, Any], output: str, title: str = "") -> 
 
 def pairs_table(pairs: Sequence[Mapping[str, Any]]) -> Table:
     """Return the second-order indices of an output as its snapshot has them, largest first."""
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("pair")
+    table = plain_table("pair")
     table.add_column("S of the pair", justify="right", no_wrap=True)
     table.add_column("n", justify="right")
     for pair in sorted(pairs, key=lambda pair: -(pair["value"] or 0.0)):

@@ -59,7 +59,7 @@ class Distribution(ABC):
 
     def _read(self, name: str, value: Any) -> Any:
         """Return a parameter as it is kept; ValueError if it is not a finite number."""
-        if not _is_finite(value):
+        if not is_finite_number(value):
             raise ValueError(f"{name} of a {self.kind} distribution must be a finite number")
         return float(value)
 
@@ -227,7 +227,11 @@ class Discrete(Distribution):
     probabilities: tuple[float, ...]
 
     def _read(self, name: str, value: Any) -> Any:
-        if not isinstance(value, list | tuple) or not value or not all(map(_is_finite, value)):
+        if (
+            not isinstance(value, list | tuple)
+            or not value
+            or not all(map(is_finite_number, value))
+        ):
             raise ValueError(f"{name} of a discrete distribution must be finite numbers")
         return tuple(map(float, value))
 
@@ -281,5 +285,11 @@ def _clipped(x: NDArray[np.float64], low: float, high: float) -> NDArray[np.floa
     return np.minimum(np.maximum(x, low), high)
 
 
-def _is_finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+def is_finite_number(value: object) -> bool:
+    """Say whether a JSON value is a number that a float can hold."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return isfinite(value)
+    except OverflowError:
+        return False

@@ -11,16 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from rehyb.campaign.decisions import (
-    Phase,
-    Proposed,
-    decided,
-    next_step,
-    propose,
-    screening_phase,
-    standing,
-    variance_phase,
-)
+from rehyb.campaign import decisions
+from rehyb.campaign.decisions import Phase, Proposed
 from rehyb.campaign.files import MANIFEST, Report, load_manifest, write_report
 from rehyb.campaign.plans import Plan
 from rehyb.client import Client, Json
@@ -92,9 +84,9 @@ class Campaign:
             RehybError: the coordinator refuses a study.
         """
         try:
-            phase1 = self._run_phase(screening_phase(self._plan))
+            phase1 = self._run_phase(decisions.screening_phase(self._plan))
             decision = self._decide(phase1["indices"])
-            phase2 = self._run_phase(variance_phase(self._plan, decision["fixed"]))
+            phase2 = self._run_phase(decisions.variance_phase(self._plan, decision["fixed"]))
             report = write_report(
                 self._directory,
                 self._plan,
@@ -122,8 +114,10 @@ class Campaign:
         while not done:
             progress = self._ask(partial(self._client.progress, study_id))
             snapshot = self._ask(partial(self._client.indices, study_id))
-            done, waiting = standing(progress, snapshot)
-            step = next_step(self._plan, phase, snapshot, progress["rows"]) if done else None
+            done, waiting = decisions.standing(progress, snapshot)
+            step = (
+                decisions.next_step(self._plan, phase, snapshot, progress["rows"]) if done else None
+            )
             if step is not None:
                 self._manifest["precision"] = step.sentence
                 if step.rows is not None:
@@ -161,7 +155,7 @@ class Campaign:
     def _decide(self, snapshot: Json) -> Json:
         """Choose the factor to fix, once; a resumed campaign keeps its choice."""
         if not self._manifest["decision"]:
-            proposed = propose(self._plan, snapshot)
+            proposed = decisions.propose(self._plan, snapshot)
             if proposed is None:
                 raise CampaignError(
                     f"phase 1 ranks nothing: too few instances gave {self._plan.output}; see "
@@ -173,7 +167,7 @@ class Campaign:
                     f"nothing was fixed, and phase 2 waits; phase 1 is in {self._directory}. Run "
                     "the same command again to decide otherwise"
                 )
-            self._manifest["decision"] = decided(proposed, agreed)
+            self._manifest["decision"] = decisions.decided(proposed, agreed)
             self._save()
         return dict(self._manifest["decision"])
 

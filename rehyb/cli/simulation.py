@@ -199,11 +199,11 @@ def _lines(assessment: "Assessment") -> Iterator[str]:
 
 
 def _print_validation(report: Any) -> None:
-    from rich.box import SIMPLE_HEAD
     from rich.console import Console
-    from rich.table import Table
 
-    table = Table("quantity", "measured", "expected", "unit", "", box=SIMPLE_HEAD, pad_edge=False)
+    from rehyb.display import plain_table
+
+    table = plain_table("quantity", "measured", "expected", "unit", "")
     for row in report.rows:
         table.add_row(
             row.quantity,

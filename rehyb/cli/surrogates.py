@@ -34,18 +34,16 @@ def surrogate(client: Client, study: StudyId, output: Output = None) -> Answer:
 
 
 def _print(found: Any, snapshot: Json) -> None:
-    from rich.box import SIMPLE_HEAD
     from rich.console import Console
-    from rich.table import Table
 
     from analysis.designs import family
-    from rehyb.display import statistic
+    from rehyb.display import plain_table, statistic
 
     fits = {f"{name}: S, ST": fit for name, fit in found.fits().items()}
     sampled = snapshot["outputs"][found.output]["factors"]
     names = {"first_order": "S sampled", "total_order": "ST sampled"}
     shown = names if family(snapshot["method"]) == "saltelli" else {}
-    table = Table("factor", *fits, *shown.values(), box=SIMPLE_HEAD, pad_edge=False)
+    table = plain_table("factor", *fits, *shown.values())
     total = found.fit.total_order
     for factor in sorted(total, key=lambda name: -total[name]):
         table.add_row(

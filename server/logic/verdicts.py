@@ -2,9 +2,9 @@
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from math import isfinite
 from typing import Any
 
+from analysis.designs.distributions import is_finite_number
 from server.logic.instances import BUDGETS, RESERVED, RETRIED, after_attempt, settled
 from server.logic.json_values import cut, flaw_in
 from server.records import Instance, Lease, Place, Result, record
@@ -154,7 +154,7 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
         return "the outcome must be 'ok' or a failure in 1 to 40 lower-case letters and underscores"
     if report.outcome in RESERVED:
         return f"only the coordinator concludes {report.outcome!r}"
-    if report.wall_seconds is not None and not _is_finite(report.wall_seconds):
+    if report.wall_seconds is not None and not is_finite_number(report.wall_seconds):
         return "wall_seconds must be a finite number or null"
     if report.state is not None and (flaw := flaw_in(report.state, STATE_DEPTH)) is not None:
         return _FLAWS[flaw]
@@ -163,7 +163,7 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
     for name in outputs:
         if name not in report.outputs:
             return f"output {name} is missing"
-        if not _is_finite(report.outputs[name]):
+        if not is_finite_number(report.outputs[name]):
             return f"output {name} must be a finite number"
     return None
 
@@ -187,13 +187,3 @@ _FLAWS = {
     "nested": f"the state is nested more than {STATE_DEPTH} deep",
     "infinite": "the state holds a number that is not finite: send null instead",
 }
-
-
-def _is_finite(value: Any) -> bool:
-    """Say whether a JSON value is a number that a float can hold."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    try:
-        return isfinite(value)
-    except OverflowError:
-        return False

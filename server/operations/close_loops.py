@@ -9,16 +9,7 @@ from uuid import uuid4
 from sqlalchemy.engine import Connection, Engine
 
 from server.errors import ConflictError, NotFoundError
-from server.logic.close_loops import (
-    after_attempt,
-    answers,
-    failed,
-    finished,
-    handed_out,
-    is_noted,
-    lease_of,
-    released,
-)
+from server.logic import close_loops as life
 from server.logic.hosts import GONE_SECONDS, host_class
 from server.logic.leases import (
     expiry,
@@ -57,7 +48,7 @@ def create(engine: Engine, session_id: str, *, code: str, now: float) -> tuple[C
     with writing(engine) as connection:
         sessions.find(connection, session_id, lock=True)
         for known in close_loops.of_session(connection, session_id):
-            if answers(known, code):
+            if life.answers(known, code):
                 return known, False
         job = CloseLoopJob(
             id=uuid4().hex[:12],
@@ -103,7 +94,7 @@ def grant(
     """
     with reading(engine) as connection:
         waiting = close_loops.waiting(connection)
-        noted = is_noted(workers.close_loops_noted(connection, worker.id), now)
+        noted = life.is_noted(workers.close_loops_noted(connection, worker.id), now)
     if noted and not waiting:
         return None
     with writing(engine) as connection:
@@ -114,7 +105,7 @@ def grant(
         for candidate in close_loops.waiting(connection, lock=True):
             if candidate.avoid == worker.host and others:
                 continue
-            job = handed_out(candidate, lease=uuid4().hex, worker=worker, now=now, ttl=ttl)
+            job = life.handed_out(candidate, lease=uuid4().hex, worker=worker, now=now, ttl=ttl)
             close_loops.save(connection, job)
             return job, sessions.find(connection, job.session_id)
     return None
@@ -139,7 +130,7 @@ def renew(
     until = expiry(now, ttl)
     with writing(engine) as connection:
         job = close_loops.find(connection, job_id, lock=True)
-        held = lease_of(job, lease)
+        held = life.lease_of(job, lease)
         objection = objection_to_renewal(held, fence=fence, now=now)
         if held is None or objection is not None:
             raise ConflictError(f"lease {lease!r} cannot be renewed: {objection}")
@@ -153,12 +144,12 @@ def release(engine: Engine, job_id: str, *, lease: str, fence: int) -> None:
     """Take a job back unharmed; does nothing if its lease has ended; raises as `renew` does."""
     with writing(engine) as connection:
         job = close_loops.find(connection, job_id, lock=True)
-        held = lease_of(job, lease)
+        held = life.lease_of(job, lease)
         objection = objection_to_release(held, fence=fence)
         if held is None or objection is not None:
             raise ConflictError(f"lease {lease!r} cannot be released: {objection}")
         if held.state == LeaseState.OPEN:
-            close_loops.save(connection, released(job))
+            close_loops.save(connection, life.released(job))
 
 
 def require_holder(engine: Engine, job_id: str, proof: Proof) -> None:
@@ -190,7 +181,7 @@ def hand_in(
             return False
         close_loops.add_files(connection, job_id, files)
         close_loops.save(
-            connection, finished(job, proof.lease, code=code, verdict=verdict, now=now)
+            connection, life.finished(job, proof.lease, code=code, verdict=verdict, now=now)
         )
         _heard_from(connection, proof.worker, now)
     return True
@@ -217,9 +208,9 @@ def fail(
         if job.current is None or job.current.lease != proof.lease:
             return False
         if outcome == Outcome.BAD_SESSION:
-            after = failed(job, outcome=outcome, detail=reason, where=where, now=now)
+            after = life.failed(job, outcome=outcome, detail=reason, where=where, now=now)
         else:
-            after = after_attempt(job, cause=outcome, reason=reason, now=now)
+            after = life.after_attempt(job, cause=outcome, reason=reason, now=now)
         close_loops.save(connection, after)
     return True
 
@@ -233,7 +224,7 @@ def reap(engine: Engine, *, now: float) -> int:
         lost = close_loops.expired(connection, now=now, lock=True)
         for job in lost:
             reason = f"worker {job.attempts[-1].worker} fell silent"
-            after = after_attempt(job, cause=Outcome.LOST, reason=reason, now=now)
+            after = life.after_attempt(job, cause=Outcome.LOST, reason=reason, now=now)
             close_loops.save(connection, after)
     return len(lost)
 
@@ -248,7 +239,7 @@ def _held(engine: Engine, job_id: str, proof: Proof) -> Iterator[tuple[Connectio
 
 
 def _require_holder(job: CloseLoopJob, proof: Proof) -> None:
-    held = lease_of(job, proof.lease)
+    held = life.lease_of(job, proof.lease)
     if held is None:
         raise ConflictError(f"close-loop {job.id} was never leased as {proof.lease!r}")
     objection = objection_to_results(held, fence=proof.fence, worker=proof.worker)

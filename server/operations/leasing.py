@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum, auto
 from functools import cached_property, partial
 from secrets import token_hex
 
@@ -38,13 +37,8 @@ class Ineligible:
     why: str
 
 
-class Deferred(Enum):
+class Deferred:
     """The request must be answered in a transaction of its own."""
-
-    DEFERRED = auto()
-
-
-DEFERRED = Deferred.DEFERRED
 
 
 @record
@@ -76,7 +70,7 @@ def grant(
 
     Returns:
         The lease of 1 to `max_instances` instances; None if there is nothing to do; Ineligible if
-        there is work but none for this worker; DEFERRED if another transaction must look, since
+        there is work but none for this worker; Deferred if another transaction must look, since
         whoever locked two studies out of their order could wait for somebody who waits for it.
     """
     objection: str | None = None
@@ -103,7 +97,7 @@ def grant(
             break
     workers.introduce(connection, request.worker, host_class=request.host_class, done=done, now=now)
     if deferred:
-        return DEFERRED
+        return Deferred()
     if granted is not None:
         return replace(granted, lease=leases.add(connection, granted.lease, now))
     return None if objection is None else Ineligible(why=objection)

@@ -20,7 +20,7 @@ from server.logic.table import header, lines
 from server.logic.verdicts import Judgement, Report
 from server.metrics import Metrics
 from server.operations import leasing, results, studies
-from server.operations.leasing import DEFERRED, Grant, Ineligible
+from server.operations.leasing import Deferred, Grant, Ineligible
 from server.operations.results import Post
 from server.routes.common import Body, Direct, Id, Name, Store, as_json, example
 from server.routes.leases import RETRY_AFTER_SECONDS, Fence, LeaseBody, granted, requested
@@ -101,7 +101,7 @@ async def post(body: ResultsBody, request: Request) -> Response:
         measures.lost.inc(await state.sweep(state.engine, now=now))
         with measures.lease_seconds.time():
             judgements, found = await state.write(partial(results.exchange, posted=posted, **asked))
-            if found is DEFERRED:
+            if isinstance(found, Deferred):
                 found = await state.write(partial(leasing.grant, **asked))
         misfit = found.why if isinstance(found, Ineligible) else None
         measures.misfits.inc(misfit is not None)

@@ -7,7 +7,7 @@ from sqlalchemy.engine import Engine
 from server.errors import ConflictError
 from server.logic.verdicts import Judgement, Report
 from server.operations import leasing, results
-from server.operations.leasing import DEFERRED, Grant, Ineligible, LeaseRequest
+from server.operations.leasing import Deferred, Grant, Ineligible, LeaseRequest
 from server.records import Introduction, Lease
 from server.store.database.engine import writing
 
@@ -38,7 +38,7 @@ def grant(
         found = leasing.grant(connection, request, now=now, ttl=ttl)
     if isinstance(found, Ineligible):
         raise ConflictError(found.why)
-    assert found is not DEFERRED
+    assert not isinstance(found, Deferred)
     return found
 
 

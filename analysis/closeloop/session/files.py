@@ -6,11 +6,12 @@ Whatever is wrong is a `SessionError` that names the file, and the field where t
 import json
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 from analysis.closeloop.errors import SessionError
+from analysis.designs.distributions import is_finite_number
 
 SESSION_FILE = "session.json"
 
@@ -157,13 +158,3 @@ class Fields:
         if not isinstance(value, dict):
             raise self.wrong(name, f"must be an object {wanted}")
         return Fields(value, self.file, self.path(name))
-
-
-def is_finite_number(value: Any) -> bool:
-    """Whether a JSON value is a number that a float can hold."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    try:
-        return isfinite(value)
-    except OverflowError:
-        return False

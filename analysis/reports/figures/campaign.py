@@ -7,16 +7,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from analysis.reports.figures import style
 from analysis.reports.figures.plane import draw_plane
 from analysis.reports.figures.shares import draw_shares
-from analysis.reports.figures.style import (
-    Snapshot,
-    caption,
-    factors_of,
-    new_figure,
-    open_axes,
-    spread_in_words,
-)
 from analysis.reports.wording import words
 
 if TYPE_CHECKING:
@@ -26,7 +19,9 @@ if TYPE_CHECKING:
 _PHASES = ("#8C8C8C", "#D55E00")
 
 
-def campaign_figure(phase1: Snapshot, phase2: Snapshot, output: str, unit: str = "") -> Figure:
+def campaign_figure(
+    phase1: style.Snapshot, phase2: style.Snapshot, output: str, unit: str = ""
+) -> Figure:
     """Draw a campaign: its screening, its variance shares, and its failures by cause.
 
     The snapshots are of methods morris and saltelli.
@@ -34,11 +29,11 @@ def campaign_figure(phase1: Snapshot, phase2: Snapshot, output: str, unit: str =
     Raises:
         ValueError: a snapshot is of another method, or has no such output.
     """
-    screened = factors_of(phase1, output, "morris")
-    ranked = factors_of(phase2, output, "saltelli")
+    screened = style.factors_of(phase1, output, "morris")
+    ranked = style.factors_of(phase2, output, "saltelli")
     runs = sum(sum(phase["evaluations"].values()) for phase in (phase1, phase2))
     failed = runs - sum(phase["evaluations"].get("ok", 0) for phase in (phase1, phase2))
-    figure = new_figure(15.0 if failed else 11.0, 4.9)
+    figure = style.new_figure(15.0 if failed else 11.0, 4.9)
     plane, shares, *failures = figure.subplots(
         1, 3 if failed else 2, width_ratios=(1.15, 1.1, 0.8)[: 3 if failed else 2]
     )
@@ -48,14 +43,14 @@ def campaign_figure(phase1: Snapshot, phase2: Snapshot, output: str, unit: str =
     shares.set_title("Phase 2: shares of the variance", fontsize=11)
     for axes in failures:
         _draw_failures(axes, phase1, phase2)
-    spread = spread_in_words(phase2["outputs"][output], unit)
+    spread = style.spread_in_words(phase2["outputs"][output], unit)
     figure.suptitle(f"Sensitivity of {words(output)} (phase 2: {spread})", fontsize=13)
     none = "" if failed else f"; none of {runs:,} evaluations failed"
-    caption(figure, phase1, phase2, after=none)
+    style.caption(figure, phase1, phase2, after=none)
     return figure
 
 
-def _draw_failures(axes: Axes, phase1: Snapshot, phase2: Snapshot) -> None:
+def _draw_failures(axes: Axes, phase1: style.Snapshot, phase2: style.Snapshot) -> None:
     axes.set_title("Evaluations that failed", fontsize=11)
     counts = [
         {cause: n for cause, n in phase["evaluations"].items() if cause != "ok"}
@@ -81,5 +76,5 @@ def _draw_failures(axes: Axes, phase1: Snapshot, phase2: Snapshot) -> None:
     axes.set_ylim(-0.8, max(len(causes), 3) - 0.2)
     axes.set_xlim(0, 1.18 * max(left))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    open_axes(axes, "evaluations")
+    style.open_axes(axes, "evaluations")
     axes.legend(frameon=False, fontsize=9, loc="lower right")

@@ -8,17 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analysis.designs import family
-from analysis.reports.figures.style import (
-    INDICES,
-    INK,
-    Snapshot,
-    caption,
-    factors_of,
-    looks,
-    new_figure,
-    open_axes,
-    say,
-)
+from analysis.reports.figures import style
 from analysis.reports.wording import with_unit, words
 
 if TYPE_CHECKING:
@@ -31,7 +21,7 @@ _SHARE = 1.25
 
 
 def convergence_figure(
-    snapshot: Snapshot, output: str, unit: str = "", palette: Sequence[str] = ()
+    snapshot: style.Snapshot, output: str, unit: str = "", palette: Sequence[str] = ()
 ) -> Figure:
     """Draw the indices of the first 8, 16, ... rows and of all rows, with their intervals.
 
@@ -42,12 +32,12 @@ def convergence_figure(
     Raises:
         ValueError: the snapshot has no such output.
     """
-    factors = factors_of(snapshot, output, family(snapshot["method"]))
+    factors = style.factors_of(snapshot, output, family(snapshot["method"]))
     series = snapshot["outputs"][output]["convergence"]
-    figure = new_figure(11.0, 4.2)
-    panels = INDICES[family(snapshot["method"])]
+    figure = style.new_figure(11.0, 4.2)
+    panels = style.INDICES[family(snapshot["method"])]
     shares = family(snapshot["method"]) == "saltelli"
-    own = looks(factors, palette)
+    own = style.looks(factors, palette)
     drawn = figure.subplots(1, len(panels), sharey=shares)
     for axes, (index, label) in zip(drawn, panels.items(), strict=True):
         curves = {
@@ -63,7 +53,7 @@ def convergence_figure(
     if handles:
         figure.legend(handles, labels, loc="outside right upper", frameon=False, fontsize=9)
     figure.suptitle(f"Convergence of the indices of {words(output)}", fontsize=11)
-    caption(figure, snapshot, what="bands span")
+    style.caption(figure, snapshot, what="bands span")
     return figure
 
 
@@ -102,7 +92,9 @@ def draw_curves(
     """
     rows = list(parts)
     last = [complete] if complete and complete not in rows else []
-    for look, (label, (series, now)) in zip(own or looks(curves), curves.items(), strict=True):
+    for look, (label, (series, now)) in zip(
+        own or style.looks(curves), curves.items(), strict=True
+    ):
         curve = {
             end: [*series[end], *([now[end]] if last else [])] for end in ("value", "low", "high")
         }
@@ -116,9 +108,9 @@ def draw_curves(
         axes.fill_between(x, low, high, color=look["color"], alpha=0.13, linewidth=0)
         axes.plot(x, value, **look, markersize=4, lw=1.4, label=label)
     if not rows:
-        say(axes, "fewer than 8 rows yet")
+        style.say(axes, "fewer than 8 rows yet")
         return
-    axes.axhline(0.0, color=INK, lw=0.8)
+    axes.axhline(0.0, color=style.INK, lw=0.8)
     axes.set_xscale("log", base=2)
     crowded = len(rows) > 7
     axes.set_xticks(
@@ -128,4 +120,4 @@ def draw_curves(
         fontsize=8 if crowded else 9,
     )
     axes.minorticks_off()
-    open_axes(axes, "rows of the design")
+    style.open_axes(axes, "rows of the design")

@@ -8,19 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reports.figures.style import (
-    FAINT,
-    INDICES,
-    Snapshot,
-    caption,
-    factors_of,
-    looks,
-    new_figure,
-    open_axes,
-    reach,
-    say,
-    top_of,
-)
+from analysis.reports.figures import style
 from analysis.reports.wording import words
 
 if TYPE_CHECKING:
@@ -29,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def screening_figure(
-    snapshot: Snapshot,
+    snapshot: style.Snapshot,
     output: str,
     unit: str = "",
     clouds: NDArray[np.float64] | None = None,
@@ -46,8 +34,8 @@ def screening_figure(
     Raises:
         ValueError: the snapshot is of another method, or has no such output.
     """
-    factors = factors_of(snapshot, output, "morris")
-    figure = new_figure(6.4 if clouds is None else 11.0, 4.6)
+    factors = style.factors_of(snapshot, output, "morris")
+    figure = style.new_figure(6.4 if clouds is None else 11.0, 4.6)
     left, *right = figure.subplots(1, 1 if clouds is None else 2, squeeze=False)[0]
     draw_plane(left, factors, unit, palette)
     draw_threshold(left, snapshot["outputs"][output])
@@ -56,14 +44,14 @@ def screening_figure(
         _draw_clouds(axes, list(factors), clouds, unit, palette)
         _join_limits(left, axes)
     figure.suptitle(f"Elementary effects on {words(output)}", fontsize=11)
-    caption(figure, snapshot)
+    style.caption(figure, snapshot)
     return figure
 
 
 def draw_threshold(axes: Axes, output: Mapping[str, Any]) -> None:
     """Draw what the index of a factor must exceed to matter (`screening`), if known."""
     if threshold := output.get("screening", {}).get("threshold"):
-        axes.axvline(threshold, color=FAINT, lw=1, ls="--", zorder=1)
+        axes.axvline(threshold, color=style.FAINT, lw=1, ls="--", zorder=1)
 
 
 def _join_limits(left: Axes, right: Axes) -> None:
@@ -78,7 +66,7 @@ def _draw_clouds(
     axes: Axes, names: list[str], clouds: NDArray[np.float64], unit: str, palette: Sequence[str]
 ) -> None:
     mu_star, sigma = clouds
-    own = looks(names, palette)
+    own = style.looks(names, palette)
     for f in np.argsort(-np.nanmean(np.nan_to_num(mu_star), axis=0)):
         cloud: dict[str, Any] = {"s": 8, "alpha": 0.6, "linewidths": 0, "rasterized": True}
         axes.scatter(mu_star[:, f], sigma[:, f], label=words(names[f]), **own[f], **cloud)
@@ -88,7 +76,7 @@ def _draw_clouds(
 
 def _label(axes: Axes, unit: str) -> None:
     suffix = f" ({unit} per whole range)" if unit else " (per whole range)"
-    open_axes(axes, *(label + suffix for label in INDICES["morris"].values()))
+    style.open_axes(axes, *(label + suffix for label in style.INDICES["morris"].values()))
 
 
 def draw_plane(
@@ -97,7 +85,9 @@ def draw_plane(
     """Draw mu* and sigma of every factor with their intervals."""
     known = {
         name: (look, indices["mu_star"], indices["sigma"])
-        for look, (name, indices) in zip(looks(factors, palette), factors.items(), strict=True)
+        for look, (name, indices) in zip(
+            style.looks(factors, palette), factors.items(), strict=True
+        )
         if indices["mu_star"]["value"] is not None and indices["sigma"]["value"] is not None
     }
     marks = {}
@@ -107,8 +97,8 @@ def draw_plane(
         marks[words(name)] = axes.errorbar(
             mu_star["value"],
             sigma["value"],
-            xerr=reach(mu_star),
-            yerr=reach(sigma),
+            xerr=style.reach(mu_star),
+            yerr=style.reach(sigma),
             ls="",
             **look,
             markersize=6.5,
@@ -117,15 +107,15 @@ def draw_plane(
             capsize=2.5,
             elinewidth=1.2,
         )[0]
-    right = 1.06 * max((top_of(mu_star) for _, mu_star, _ in known.values()), default=0.0)
-    top = 1.1 * max((top_of(sigma) for _, _, sigma in known.values()), default=0.0)
+    right = 1.06 * max((style.top_of(mu_star) for _, mu_star, _ in known.values()), default=0.0)
+    top = 1.1 * max((style.top_of(sigma) for _, _, sigma in known.values()), default=0.0)
     if known and right > 0.0:
         # A monotonic effect without interactions lies well below this line.
-        marks["σ = μ*"] = axes.plot([0.0, right], [0.0, right], color=FAINT, lw=1, ls=":")[0]
+        marks["σ = μ*"] = axes.plot([0.0, right], [0.0, right], color=style.FAINT, lw=1, ls=":")[0]
         axes.set_xlim(-0.03 * right, right)
         top = max(top, 0.1 * right)
         axes.set_ylim(-0.03 * top, top)
         axes.legend(marks.values(), marks.keys(), frameon=False, fontsize=9, loc="best")
     else:
-        say(axes, "no elementary effects yet")
+        style.say(axes, "no elementary effects yet")
     _label(axes, unit)

@@ -5,19 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from analysis.reports.figures import style
 from analysis.reports.figures.plane import draw_threshold
-from analysis.reports.figures.style import (
-    INDICES,
-    INK,
-    Snapshot,
-    caption,
-    draw_bars,
-    factors_of,
-    new_figure,
-    open_axes,
-    say,
-    spread_in_words,
-)
 from analysis.reports.wording import words
 
 if TYPE_CHECKING:
@@ -28,20 +17,20 @@ if TYPE_CHECKING:
 BARS = {"first_order": ("#0072B2", 0.2), "total_order": ("#9CC9E8", -0.2)}
 
 
-def variance_figure(snapshot: Snapshot, output: str, unit: str = "") -> Figure:
+def variance_figure(snapshot: style.Snapshot, output: str, unit: str = "") -> Figure:
     """Draw first- and total-order indices of a variance-based study with their intervals.
 
     Arguments and errors as `screening_figure`, for a study of method saltelli; the unit is that of
     the output's mean and standard deviation in the title.
     """
-    factors = factors_of(snapshot, output, "saltelli")
-    figure = new_figure(6.4, 1.6 + 0.55 * len(factors))
+    factors = style.factors_of(snapshot, output, "saltelli")
+    figure = style.new_figure(6.4, 1.6 + 0.55 * len(factors))
     axes = figure.subplots()
     draw_shares(axes, factors)
     draw_threshold(axes, snapshot["outputs"][output])
-    spread = spread_in_words(snapshot["outputs"][output], unit)
+    spread = style.spread_in_words(snapshot["outputs"][output], unit)
     axes.set_title(f"Shares of the variance of {words(output)}\n{spread}", fontsize=11)
-    caption(figure, snapshot)
+    style.caption(figure, snapshot)
     return figure
 
 
@@ -51,13 +40,13 @@ def draw_shares(axes: Axes, factors: Mapping[str, Any]) -> None:
     drawn = False
     for index, (colour, offset) in BARS.items():
         bars = [(place + offset, factors[name][index]) for place, name in enumerate(order)]
-        label = INDICES["saltelli"][index]
-        drawn |= draw_bars(axes, bars, height=0.36, color=colour, label=label)
-    axes.axvline(0.0, color=INK, lw=0.8, zorder=3)
+        label = style.INDICES["saltelli"][index]
+        drawn |= style.draw_bars(axes, bars, height=0.36, color=colour, label=label)
+    axes.axvline(0.0, color=style.INK, lw=0.8, zorder=3)
     axes.set_yticks(range(len(order)), [words(name) for name in order])
-    open_axes(axes, "share of the variance")
+    style.open_axes(axes, "share of the variance")
     if drawn:
         axes.set_xlim(min(axes.get_xlim()[0], 0.0), max(axes.get_xlim()[1], 1.0))
         axes.legend(frameon=False, fontsize=9, loc="lower right")
     else:
-        say(axes, "no variance yet")
+        style.say(axes, "no variance yet")

@@ -5,18 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from analysis.reports.figures import style
 from analysis.reports.figures.convergence import draw_curves
-from analysis.reports.figures.style import (
-    COLOURS,
-    INK,
-    Snapshot,
-    caption,
-    draw_bars,
-    factors_of,
-    new_figure,
-    open_axes,
-    say,
-)
 from analysis.reports.wording import words
 
 if TYPE_CHECKING:
@@ -26,28 +16,28 @@ if TYPE_CHECKING:
 BARS, CURVES = 15, 6
 
 
-def largest_pairs(snapshot: Snapshot, output: str) -> list[Mapping[str, Any]]:
+def largest_pairs(snapshot: style.Snapshot, output: str) -> list[Mapping[str, Any]]:
     """Return the pairs that have a bar, the largest share first; pairs without one come last."""
     pairs: Sequence[Mapping[str, Any]] = snapshot["outputs"][output]["second_order"]
     return sorted(pairs, key=lambda pair: -_size(pair))[:BARS]
 
 
-def together_figure(snapshot: Snapshot, output: str) -> Figure:
+def together_figure(snapshot: style.Snapshot, output: str) -> Figure:
     """Draw the indices of pairs (`saltelli_second_order`) with intervals, and their convergence.
 
     Raises:
         ValueError: the snapshot is of another family of methods, or has no such output.
     """
-    factors_of(snapshot, output, "saltelli")
+    style.factors_of(snapshot, output, "saltelli")
     pairs = largest_pairs(snapshot, output)
-    figure = new_figure(11.0, max(4.2, 1.6 + 0.3 * len(pairs)))
+    figure = style.new_figure(11.0, max(4.2, 1.6 + 0.3 * len(pairs)))
     left, right = figure.subplots(1, 2)
-    known = draw_bars(left, enumerate(pairs[::-1]), height=0.6, color=COLOURS[0])
-    left.axvline(0.0, color=INK, lw=0.8, zorder=3)
+    known = style.draw_bars(left, enumerate(pairs[::-1]), height=0.6, color=style.COLOURS[0])
+    left.axvline(0.0, color=style.INK, lw=0.8, zorder=3)
     left.set_yticks(range(len(pairs)), [_name(pair) for pair in pairs[::-1]], fontsize=8)
-    open_axes(left, "share of the variance, beyond what each has alone")
+    style.open_axes(left, "share of the variance, beyond what each has alone")
     if not known:
-        say(left, "no variance yet")
+        style.say(left, "no variance yet")
     series = snapshot["outputs"][output]["convergence"]
     curves = {frozenset(curve["factors"]): curve for curve in series["second_order"]}
     chosen = {
@@ -61,7 +51,7 @@ def together_figure(snapshot: Snapshot, output: str) -> Figure:
     if handles:
         right.legend(handles, labels, frameon=False, fontsize=8, loc="best")
     figure.suptitle(f"What pairs of factors have together of {words(output)}", fontsize=11)
-    caption(figure, snapshot, what="error bars and bands span")
+    style.caption(figure, snapshot, what="error bars and bands span")
     return figure
 
 
