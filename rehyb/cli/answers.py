@@ -10,17 +10,13 @@ from typing import Annotated, Any
 
 import typer
 
+from rehyb.cli.options import optional
 from rehyb.client import Client, Json
 
 Url = Annotated[
-    str | None,
-    typer.Option(
-        help="The coordinator. Default: REHYB_URL, else this machine.", show_default=False
-    ),
+    str | None, optional(help="The coordinator. Default: REHYB_URL, else this machine.")
 ]
-Token = Annotated[
-    str | None, typer.Option(help="Its token. Default: REHYB_TOKEN.", show_default=False)
-]
+Token = Annotated[str | None, optional(help="Its token. Default: REHYB_TOKEN.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 
 

@@ -14,7 +14,7 @@ from rehyb.campaign.files import Report
 from rehyb.campaign.plans import PRESETS, Plan
 from rehyb.campaign.run import Campaign
 from rehyb.cli.answers import Answer, Token, Url, answering
-from rehyb.cli.options import check_target, check_up_to, interruptible
+from rehyb.cli.options import check_target, check_up_to, interruptible, optional
 from rehyb.client import Client
 
 if TYPE_CHECKING:
@@ -38,20 +38,18 @@ def run(
     ] = "demo",
     local_workers: Annotated[
         int | None,
-        typer.Option(
+        optional(
             min=1,
             help="Start a coordinator, an analysis and this many workers for as long as it takes. "
             "Default: use the coordinator at --url.",
-            show_default=False,
         ),
     ] = None,
     model: Annotated[str, typer.Option(help="elbow, ishigami or sobol_g.")] = "elbow",
     output: Annotated[
         str | None,
-        typer.Option(
+        optional(
             help="The output to rank factors by. Default: the model's first, "
-            "stiffness_error for the elbow.",
-            show_default=False,
+            "stiffness_error for the elbow."
         ),
     ] = None,
     screening_rows: Annotated[
@@ -69,18 +67,14 @@ def run(
     seed: Annotated[int, typer.Option(min=0, help="Seed of both designs.")] = 1,
     up_to: Annotated[
         int | None,
-        typer.Option(
+        optional(
             min=2,
             help="Extend phase 2 up to this many rows until it is as precise as --target says.",
-            show_default=False,
         ),
     ] = None,
     target: Annotated[
         float | None,
-        typer.Option(
-            help="Half width wanted of every interval of S and ST. Default: 0.02.",
-            show_default=False,
-        ),
+        optional(help="Half width wanted of every interval of S and ST. Default: 0.02."),
     ] = None,
     confirm: Annotated[
         bool, typer.Option("--confirm", help="Ask before a factor is fixed. Default: fix it.")

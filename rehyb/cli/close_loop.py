@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from rehyb.cli.answers import Answer, Token, Url, answering, study_submitted
+from rehyb.cli.options import optional
 from rehyb.client import Client, Json
 from rehyb.client.close_loops import close_loop_by_worker
 from rehyb.errors import Invalid, RehybError
@@ -80,10 +81,7 @@ def with_effect(
         ),
     ] = False,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.json", help="Write the study instead of submitting.", show_default=False
-        ),
+        Path | None, optional(metavar="FILE.json", help="Write the study instead of submitting.")
     ] = None,
     url: Url = None,
     token: Token = None,

@@ -9,7 +9,7 @@ import typer
 
 from rehyb.bundle.archive import Bundle, digest_of, read_bundle, write_bundle
 from rehyb.cli.answers import Answer, Token, Url, answering, file_written, study_submitted
-from rehyb.cli.options import StudyId
+from rehyb.cli.options import StudyId, optional
 from rehyb.client import Client
 from rehyb.files import FORMATS
 from rehyb.files import export as write
@@ -24,8 +24,7 @@ def export(
     study: StudyId,
     format: Annotated[str, typer.Option(help=f"{', '.join(FORMATS)}.")] = "csv",
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Default: named after the study.", show_default=False),
+        Path | None, optional(metavar="FILE", help="Default: named after the study.")
     ] = None,
 ) -> Answer:
     """Write a study's results so far as one file: CSV, Parquet or NetCDF."""

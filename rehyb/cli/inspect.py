@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rehyb.cli.answers import Answer, answering, print_rows
+from rehyb.cli.options import optional
 from rehyb.client import Json
 from rehyb.errors import Invalid, RehybError
 
@@ -24,22 +25,15 @@ def inspect(
     ],
     known: Annotated[
         list[str] | None,
-        typer.Option(
+        optional(
             "--as",
             metavar="CHANNEL=JOINT.QUANTITY*SCALE",
             help="What you know better, as 'column 14=elbow.effort*11.976'; repeat.",
-            show_default=False,
         ),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Write a first session here.", show_default=False),
-    ] = None,
+    out: Annotated[Path | None, optional(metavar="DIR", help="Write a first session here.")] = None,
     model: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="The robot's MJCF or URDF, for the session.", show_default=False
-        ),
+        Path | None, optional(metavar="FILE", help="The robot's MJCF or URDF, for the session.")
     ] = None,
 ) -> Answer:
     """List the channels of a robot's log with what they seem to be, and write a first session.

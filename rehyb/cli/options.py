@@ -5,6 +5,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from math import inf
 from pathlib import Path
 from types import FrameType
@@ -12,14 +13,15 @@ from typing import Annotated, Any
 
 import typer
 
+#: An option that may be left out; its help says what holds then.
+optional = partial(typer.Option, show_default=False)
 StudyId = Annotated[str, typer.Argument(help="The study's id.", metavar="STUDY")]
-Output = Annotated[str | None, typer.Option(help="Default: the study's first.", show_default=False)]
+Output = Annotated[str | None, optional(help="Default: the study's first.")]
 Target = Annotated[
     float | None,
-    typer.Option(
+    optional(
         help="Half width wanted of every interval. Default: 0.02 of S and ST, a tenth of the "
-        "largest μ*.",
-        show_default=False,
+        "largest μ*."
     ),
 ]
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rehyb.cli.answers import Answer, Token, Url, answering
-from rehyb.cli.options import Output, StudyId, Target
+from rehyb.cli.options import Output, StudyId, Target, optional
 from rehyb.client import Client, Json
 
 
@@ -15,12 +15,7 @@ def watch(
     as_json: bool,
     study: StudyId,
     up_to: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Rows it may have in all. Default: the goal that it has.",
-            show_default=False,
-        ),
+        int | None, optional(min=1, help="Rows it may have in all. Default: the goal that it has.")
     ] = None,
     target: Target = None,
     output: Output = None,

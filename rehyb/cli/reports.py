@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from rehyb.cli.answers import Answer, answering
+from rehyb.cli.options import optional
 from rehyb.client import Client
 
 
@@ -15,16 +16,13 @@ def report(
     study: Annotated[list[str], typer.Argument(help="Ids of studies.", metavar="STUDY...")],
     out: Annotated[Path, typer.Option(metavar="FILE.html", help="The page to write.")],
     output: Annotated[
-        str | None,
-        typer.Option(help="The output of the figures. Default: the first.", show_default=False),
+        str | None, optional(help="The output of the figures. Default: the first.")
     ] = None,
     png: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Also every figure as PNG.", show_default=False),
+        Path | None, optional(metavar="FOLDER", help="Also every figure as PNG.")
     ] = None,
     pdf: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Also every figure as PDF.", show_default=False),
+        Path | None, optional(metavar="FOLDER", help="Also every figure as PDF.")
     ] = None,
     surrogate: Annotated[
         bool,

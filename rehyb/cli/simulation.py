@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rehyb.cli.answers import Answer, answering
-from rehyb.cli.options import assignment, number, read_json
+from rehyb.cli.options import assignment, number, optional, read_json
 from rehyb.errors import RehybError
 
 if TYPE_CHECKING:
@@ -23,33 +23,24 @@ if TYPE_CHECKING:
 def assess(
     settings: Annotated[
         list[str] | None,
-        typer.Option(
+        optional(
             "--set",
             metavar="FACTOR=VALUE",
             help="A factor that is not nominal, in SI units; repeat.",
-            show_default=False,
         ),
     ] = None,
     record: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.npz", help="Save the recorded motion.", show_default=False),
+        Path | None, optional(metavar="FILE.npz", help="Save the recorded motion.")
     ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.png", help="Draw the assessment.", show_default=False),
-    ] = None,
+    plot: Annotated[Path | None, optional(metavar="FILE.png", help="Draw the assessment.")] = None,
     video: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.mp4", help="Film the assessment (.mp4 or .gif).", show_default=False
-        ),
+        Path | None, optional(metavar="FILE.mp4", help="Film the assessment (.mp4 or .gif).")
     ] = None,
     replay: Annotated[
         str | None,
-        typer.Option(
+        optional(
             metavar="FILE.json",
             help="Repeat an instance of a study, from `rehyb study instance`; - reads stdin.",
-            show_default=False,
         ),
     ] = None,
     controller: Annotated[

@@ -24,6 +24,7 @@ from rehyb.cli.options import (
     check_target,
     check_up_to,
     number,
+    optional,
     read_json,
 )
 from rehyb.cli.precision import wait_for_precision
@@ -65,9 +66,7 @@ def submit(
             "Default: sobol_blocks."
         ),
     ] = None,
-    priority: Annotated[
-        int | None, typer.Option(help="Higher is sooner. Default: 0.", show_default=False)
-    ] = None,
+    priority: Annotated[int | None, optional(help="Higher is sooner. Default: 0.")] = None,
     tag: Annotated[
         list[str] | None, typer.Option(help="Only for workers that have this tag; repeat.")
     ] = None,
@@ -76,11 +75,10 @@ def submit(
     ] = None,
     up_to: Annotated[
         int | None,
-        typer.Option(
+        optional(
             min=1,
             help="Have the study extended until it is as precise as --target says or has this many "
             "rows, and wait for it as `study watch` does.",
-            show_default=False,
         ),
     ] = None,
     target: Annotated[
@@ -168,9 +166,7 @@ def progress(
 @answering
 def indices(
     study: StudyId,
-    plot: Annotated[
-        Path | None, typer.Option(help="Also draw them.", metavar="FILE.png", show_default=False)
-    ] = None,
+    plot: Annotated[Path | None, optional(help="Also draw them.", metavar="FILE.png")] = None,
     target: Target = None,
     url: Url = None,
     token: Token = None,
@@ -203,9 +199,7 @@ def cancel(client: Client, study: StudyId) -> Answer:
 def results(
     client: Client,
     study: StudyId,
-    out: Annotated[
-        Path | None, typer.Option(help="Default: STUDY.csv.", show_default=False)
-    ] = None,
+    out: Annotated[Path | None, optional(help="Default: STUDY.csv.")] = None,
 ) -> Answer:
     """Download a study's results as CSV, one line per instance."""
     path = out or Path(f"{study}.csv")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from rehyb.cli.answers import Answer, answering, json_text, print_rows
-from rehyb.cli.options import StudyId
+from rehyb.cli.options import StudyId, optional
 from rehyb.cli.studies import app
 from rehyb.client import Client, Json
 
@@ -120,9 +120,7 @@ def instance(
     study: StudyId,
     row: Annotated[int, typer.Argument(min=0)],
     position: Annotated[int, typer.Argument(min=0)],
-    out: Annotated[
-        Path | None, typer.Option(help="A file for `rehyb assess --replay`.", show_default=False)
-    ] = None,
+    out: Annotated[Path | None, optional(help="A file for `rehyb assess --replay`.")] = None,
 ) -> Answer:
     """Show one instance with all that it takes to replay it, as JSON."""
     bundle = client.instance(study, row, position)

@@ -23,7 +23,7 @@ _OF_OTHERS = sa.or_(
 _WAITING = comparisons.c.state == ComparisonState.WAITING
 #: Built once: every worker that asks for work asks this.
 _STUDIES_WAITING = Prepared(
-    sa.select(comparisons.c.study_id).where(_WAITING, _OF_OTHERS).distinct(), "host"
+    sa.select(comparisons.c.study_id).where(_WAITING, _OF_OTHERS).distinct()
 )
 _ADD = Rows(
     comparisons,

@@ -75,14 +75,7 @@ _UPDATE = sa.update(instances).where(
 )
 _BEGIN = Rows(instances, same=_SHARED, each=("row", "position"))
 #: Most of what workers post changes no more than this.
-_MOVE = Prepared(
-    _UPDATE.values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")),
-    "of_study",
-    "at_row",
-    "at_position",
-    "to_state",
-    "to_lease",
-)
+_MOVE = Prepared(_UPDATE.values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")))
 #: The same for all that a lease holds in rows without a gap: for ten in a quarter of the time.
 _EMPTY = Prepared(
     sa.update(instances)
@@ -91,13 +84,7 @@ _EMPTY = Prepared(
         instances.c.row.between(sa.bindparam("first"), sa.bindparam("last")),
         instances.c.lease_id == sa.bindparam("of_lease"),
     )
-    .values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")),
-    "of_study",
-    "first",
-    "last",
-    "of_lease",
-    "to_state",
-    "to_lease",
+    .values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease"))
 )
 _REWRITE = Prepared(
     _UPDATE.values({name: sa.bindparam(f"to_{name}") for name in _COLUMNS[3:]}),
@@ -187,7 +174,7 @@ def bind(connection: Connection, study_id: str, rows: Collection[int], host_clas
 
 def move(connection: Connection, study_id: str, moved: Iterable[Instance]) -> None:
     """Write states and leases of instances in which nothing else has changed."""
-    rows = [(study_id, one.row, one.position, one.state, one.lease) for one in moved]
+    rows = [(one.state, one.lease, study_id, one.row, one.position) for one in moved]
     _MOVE.execute_many(connection, rows)
 
 
@@ -218,7 +205,7 @@ def write_changes(
     else:
         rows = [row for row, _ in before]
         to_state, to_lease = moved[0].state, moved[0].lease
-        _EMPTY.execute(connection, study_id, min(rows), max(rows), lease, to_state, to_lease)
+        _EMPTY.execute(connection, to_state, to_lease, study_id, min(rows), max(rows), lease)
     update(connection, study_id, other)
 
 

@@ -26,25 +26,20 @@ _EVERY = sa.select(
     leases.c.compares,
 ).join(workers, workers.c.id == leases.c.worker_id)
 _ONE = _EVERY.where(leases.c.id == sa.bindparam("of_lease"))
-_FIND = Prepared(_ONE, "of_lease")
-_FIND_LOCKED = Prepared(_ONE.with_for_update(of=leases), "of_lease")
+_FIND = Prepared(_ONE)
+_FIND_LOCKED = Prepared(_ONE.with_for_update(of=leases))
 _IS_OPEN = leases.c.state == LeaseState.OPEN
 _EXTEND = Prepared(
     sa.update(leases)
     .where(
         leases.c.id == sa.bindparam("of_lease"), _IS_OPEN, leases.c.expires_at > sa.bindparam("now")
     )
-    .values(expires_at=sa.bindparam("until")),
-    "of_lease",
-    "now",
-    "until",
+    .values(expires_at=sa.bindparam("until"))
 )
 _END = Prepared(
     sa.update(leases)
     .where(leases.c.id == sa.bindparam("of_lease"), _IS_OPEN)
-    .values(state=sa.bindparam("to_state")),
-    "of_lease",
-    "to_state",
+    .values(state=sa.bindparam("to_state"))
 )
 _WITH_EXPIRED = (
     sa.select(leases.c.study_id)
@@ -79,7 +74,7 @@ def find(connection: Connection, lease_id: str, *, lock: bool = False) -> Lease 
 
 def extend(connection: Connection, lease: Lease, *, now: float, until: float) -> None:
     """Let a lease last until a moment, unless it has ended by `now`."""
-    _EXTEND.execute(connection, lease.id, now, until)
+    _EXTEND.execute(connection, until, lease.id, now)
 
 
 def extend_open(connection: Connection, *, until: float) -> None:
@@ -89,7 +84,7 @@ def extend_open(connection: Connection, *, until: float) -> None:
 
 def end(connection: Connection, lease: Lease, state: LeaseState) -> bool:
     """Close a lease; False if it was closed before."""
-    closed = _END.execute(connection, lease.id, state)
+    closed = _END.execute(connection, state, lease.id)
     return int(closed.rowcount) == 1
 
 

@@ -37,7 +37,7 @@ _EVERY = sa.select(
     )
 )
 _ONE = _EVERY.where(studies.c.id == sa.bindparam("of_study"))
-_FIND, _FIND_LOCKED = Prepared(_ONE, "of_study"), Prepared(_ONE.with_for_update(), "of_study")
+_FIND, _FIND_LOCKED = Prepared(_ONE), Prepared(_ONE.with_for_update())
 _TAKEN = studies.c.result_count + studies.c.leased
 _WITH_WORK = Prepared(
     sa.select(studies.c.id, studies.c.model)

@@ -20,10 +20,7 @@ _HOSTS_AT_WORK = Prepared(
         leases.c.expires_at > sa.bindparam("now"),
         workers.c.host_class == sa.bindparam("of_class"),
     )
-    .distinct(),
-    "of_study",
-    "now",
-    "of_class",
+    .distinct()
 )
 #: What a worker tells each time.
 _TOLD = ("host", "versions", "host_class", "tags", "last_seen")
@@ -51,10 +48,7 @@ _HEARD_FROM = Prepared(
     .values(
         last_seen=sa.bindparam("now"),
         instances_done=workers.c.instances_done + sa.bindparam("done"),
-    ),
-    "of_worker",
-    "now",
-    "done",
+    )
 )
 
 
@@ -95,7 +89,7 @@ def hosts_at_work(
 
 def heard_from(connection: Connection, worker: str, *, done: int = 0, now: float) -> None:
     """Note that a worker was in touch and how many final results it brought."""
-    _HEARD_FROM.execute(connection, worker, now, done)
+    _HEARD_FROM.execute(connection, now, done, worker)
 
 
 def note_close_loops(connection: Connection, worker: str, *, now: float) -> None:

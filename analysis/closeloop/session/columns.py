@@ -139,11 +139,9 @@ def translated(
     if len(set(lengths.values())) > 1:
         shortest = min(lengths, key=lambda name: lengths[name])
         signal = columns.sources[shortest].signal
+        why = f"holds {lengths[shortest]} numbers; other lines have {max(lengths.values())}"
         raise SessionError(
-            f"holds {lengths[shortest]} numbers; other lines have {max(lengths.values())}",
-            file=file,
-            column=shortest,
-            line=signal if isinstance(signal, int) else None,
+            why, file=file, column=shortest, line=signal if isinstance(signal, int) else None
         )
     if columns.rate_hz is not None:
         count = next(iter(lengths.values()))
@@ -189,11 +187,8 @@ def check_width(cells: list[str], header: list[str], file: str, line: int) -> No
 def _row(lines: list[list[str]], source: Source, name: str, file: str) -> list[float]:
     assert isinstance(source.signal, int)
     if source.signal > len(lines):
-        raise SessionError(
-            f"is missing: the map takes it from line {source.signal}, and there are {len(lines)}",
-            file=file,
-            column=name,
-        )
+        why = f"is missing: the map takes it from line {source.signal}, and there are {len(lines)}"
+        raise SessionError(why, file=file, column=name)
     cells = [cell for cell in lines[source.signal - 1] if cell.strip()]
     return [_parsed(cell, name, file, source.signal) for cell in cells]
 
@@ -208,13 +203,11 @@ def _column(lines: list[list[str]], source: Source, name: str, file: str) -> lis
         known = source.signal in header
         at = header.index(source.signal) if known else 0
     if not known:
-        raise SessionError(
+        why = (
             f"is missing: the map takes it from {source.signal!r}, and the header has "
-            f"{', '.join(header[:20])[:200] or 'nothing'}",
-            file=file,
-            column=name,
-            line=1,
+            f"{', '.join(header[:20])[:200] or 'nothing'}"
         )
+        raise SessionError(why, file=file, column=name, line=1)
     numbers = []
     for number, cells in enumerate(lines[first - 1 :], start=first):
         check_width(cells, header, file, number)

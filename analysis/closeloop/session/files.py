@@ -43,11 +43,10 @@ def inside(folder: Path, name: str, *, field_name: str) -> Path:
     if not within:
         raise wrong(f"{name!r} leaves the session's folder; keep every file inside it")
     if not there:
-        raise SessionError(
-            f"there is no such file in {folder.name or folder}"
-            + ("" if name == SESSION_FILE else f", but {SESSION_FILE} names it as {field_name}"),
-            file=name,
+        why = f"there is no such file in {folder.name or folder}" + (
+            "" if name == SESSION_FILE else f", but {SESSION_FILE} names it as {field_name}"
         )
+        raise SessionError(why, file=name)
     return path
 
 

@@ -99,11 +99,11 @@ def _read_model(path: Path, name: str) -> mujoco.MjSpec:
         _leave_out_drawing(root, name)
     for element in root.iter():
         if element.tag in REFUSED_ELEMENTS:
-            raise SessionError(
+            why = (
                 f"<{element.tag}> is {REFUSED_ELEMENTS[element.tag]}; "
-                "a session's model is one open chain in one file",
-                file=name,
+                "a session's model is one open chain in one file"
             )
+            raise SessionError(why, file=name)
         if any(key.startswith("file") for key in element.attrib):
             raise SessionError(
                 f"<{element.tag}> needs an external file; draw with primitive geoms", file=name
@@ -126,11 +126,11 @@ def _leave_out_drawing(root: ElementTree.Element, name: str) -> None:
             if child.tag in DRAWN or (child.tag == "geom" and _is_mesh(child)):
                 parent.remove(child)
                 if child.tag == "geom" and parent.tag == "body" and not _has_inertia(parent):
-                    raise SessionError(
+                    why = (
                         f"body {parent.get('name')!r} takes its inertia from a mesh, which is not "
-                        "read; give it an <inertial>",
-                        file=name,
+                        "read; give it an <inertial>"
                     )
+                    raise SessionError(why, file=name)
 
 
 def _is_mesh(geom: ElementTree.Element) -> bool:

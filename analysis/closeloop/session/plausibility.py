@@ -42,11 +42,9 @@ def check_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> N
         if np.ptp(position) > 1e-9 * (1.0 + np.abs(position).max()):
             moving.append(joint)
     if not moving:
+        why = "is constant, as is every other position; a trial needs at least one moving joint"
         raise SessionError(
-            "is constant, as is every other position; a trial needs at least one moving joint",
-            file=trial.file,
-            column=f"{device.recorded_joints[0]}.position",
-            line=2,
+            why, file=trial.file, column=f"{device.recorded_joints[0]}.position", line=2
         )
     for joint in moving:
         effort = trial.columns.get(f"{joint}.effort")
@@ -54,21 +52,15 @@ def check_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> N
             continue
         column = f"{joint}.effort"
         if np.ptp(effort) <= 1e-12 * (1.0 + np.abs(effort).max()):
-            raise SessionError(
-                f"is constant at {effort[0]:g} while {joint} moves; record the motor's torque",
-                file=trial.file,
-                column=column,
-                line=2,
-            )
+            why = f"is constant at {effort[0]:g} while {joint} moves; record the motor's torque"
+            raise SessionError(why, file=trial.file, column=column, line=2)
         line = saturated_line(effort)
         if line is not None:
-            raise SessionError(
+            why = (
                 f"is saturated: it stays at {effort[line - 2]:g} while {joint} moves; "
-                "repeat the trial below the motor's limit",
-                file=trial.file,
-                column=column,
-                line=line,
+                "repeat the trial below the motor's limit"
             )
+            raise SessionError(why, file=trial.file, column=column, line=line)
 
 
 def _check_degrees(
@@ -90,13 +82,11 @@ def _check_degrees(
     if not beyond.any():
         return
     row = int(np.argmax(beyond))
-    raise SessionError(
+    why = (
         f"reaches {values[row]:g} {unit}, which {what}; "
-        "positions are in radians, and these look like degrees",
-        file=trial.file,
-        column=f"{joint}.position",
-        line=row + 2,
+        "positions are in radians, and these look like degrees"
     )
+    raise SessionError(why, file=trial.file, column=f"{joint}.position", line=row + 2)
 
 
 def _check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np.ndarray) -> None:
@@ -115,20 +105,16 @@ def _check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np
     column = f"{joint}.velocity"
     row = int(np.argmax(np.abs(slope)))
     if gain < -0.2:
-        raise SessionError(
-            f"has the opposite sign of the slope of {joint}.position; flip one of them",
-            file=trial.file,
-            column=column,
-            line=row + 2,
-        )
+        why = f"has the opposite sign of the slope of {joint}.position; flip one of them"
+        raise SessionError(why, file=trial.file, column=column, line=row + 2)
     if gain > DEGREES / 3 or gain < 3 / DEGREES:
         unit = "the velocity" if gain > 1 else "the position"
-        raise SessionError(
+        why = (
             f"is {gain:.3g} times the slope of {joint}.position: {unit} looks like degrees; "
-            "both are in radians",
-            file=trial.file,
-            column=column if gain > 1 else f"{joint}.position",
-            line=row + 2,
+            "both are in radians"
+        )
+        raise SessionError(
+            why, file=trial.file, column=column if gain > 1 else f"{joint}.position", line=row + 2
         )
 
 
@@ -192,13 +178,11 @@ def check_signs(recording: Recording) -> None:
         name = recording.name(joint)
         first = recording.session.trials[recording.fit_trials[0]].file
         if turned or found[2] < 0:
-            raise SessionError(
+            why = (
                 f"has the opposite sign of what {name} needs: as recorded, the joint drives the "
-                "motor; effort is positive along the joint's axis, as position is",
-                file=first,
-                column=f"{name}.effort",
-                line=2,
+                "motor; effort is positive along the joint's axis, as position is"
             )
+            raise SessionError(why, file=first, column=f"{name}.effort", line=2)
 
 
 def _independent(known: np.ndarray, unknown: np.ndarray, effort: np.ndarray) -> bool:

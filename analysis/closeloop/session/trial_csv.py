@@ -53,11 +53,8 @@ def read_trial(
     )
     table = table[within]
     if len(table) < MIN_SAMPLES:
-        raise SessionError(
-            f"has {len(table)} samples{_between(trial)}; at least {MIN_SAMPLES} are needed",
-            file=trial.file,
-            line=len(table) + 1 if within.all() else None,
-        )
+        why = f"has {len(table)} samples{_between(trial)}; at least {MIN_SAMPLES} are needed"
+        raise SessionError(why, file=trial.file, line=len(table) + 1 if within.all() else None)
     columns = {name: table[:, i] for i, name in enumerate(names) if name != TIME}
     return replace(trial, time=table[:, names.index(TIME)], columns=columns, repairs=tuple(repairs))
 
@@ -148,12 +145,8 @@ def _numbers(body: str, names: list[str], file: str) -> tuple[np.ndarray, np.nda
             try:
                 float(cell)
             except ValueError:
-                raise SessionError(
-                    f"holds {cell.strip()[:40]!r}, not a number in SI units",
-                    file=file,
-                    column=name,
-                    line=number,
-                ) from None
+                why = f"holds {cell.strip()[:40]!r}, not a number in SI units"
+                raise SessionError(why, file=file, column=name, line=number) from None
         rows.append([float(cell) for cell in cells])
         lines.append(number)
     if empty:
@@ -166,13 +159,10 @@ def _numbers(body: str, names: list[str], file: str) -> tuple[np.ndarray, np.nda
 def _require_few(count: int, among: int, what: str, file: str, column: str, line: int) -> None:
     """Refuse a file of whose samples too many would have to be left out."""
     if count > MOST_LEFT_OUT * among:
-        raise SessionError(
-            f"{what}, as in {count} of {among} samples; at most {MOST_LEFT_OUT:.0%} may be "
-            "left out",
-            file=file,
-            column=column,
-            line=line,
+        why = (
+            f"{what}, as in {count} of {among} samples; at most {MOST_LEFT_OUT:.0%} may be left out"
         )
+        raise SessionError(why, file=file, column=column, line=line)
 
 
 def _first_of_each(
@@ -197,12 +187,8 @@ def _check_values(table: np.ndarray, names: list[str], lines: np.ndarray, file: 
     ):
         if wrong.any():
             row, column = np.argwhere(wrong)[0]
-            raise SessionError(
-                f"holds {table[row, column]:g}, {why}",
-                file=file,
-                column=names[column],
-                line=int(lines[row]),
-            )
+            found = f"holds {table[row, column]:g}, {why}"
+            raise SessionError(found, file=file, column=names[column], line=int(lines[row]))
 
 
 def _check_time(time: np.ndarray, lines: np.ndarray, file: str) -> None:

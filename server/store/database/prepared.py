@@ -44,7 +44,8 @@ class Prepared:
 
     Args:
         statement: what to do; of a column of JSON it selects the `text`.
-        names: of its parameters, in the order in which values are given.
+        names: of its parameters, in the order in which values are given. Default: those that it
+            binds, as they stand in the SQL: first those of SET, in the table's order.
         index: by which SQLite is to find what is selected from the one table. It keeps no
             statistics by itself, and may choose one that finds far too much.
     """
@@ -94,13 +95,14 @@ class Prepared:
         kind: type[DefaultDialect] = type(dialect)  # type: ignore[assignment]
         writes = not isinstance(self._statement, sa.Select)
         found = self._statement.compile(
-            dialect=kind(paramstyle=by_place), column_keys=self._names if writes else None
+            dialect=kind(paramstyle=by_place), column_keys=self._names or None if writes else None
         )
         assert isinstance(found, SQLCompiler)
         places = found.positiontup or ()
         # The values of those that are always the same follow those that are given.
-        constants = {name: found.params[name] for name in places if name not in self._names}
-        every = (*self._names, *constants)
+        given = self._names or dict.fromkeys(n for n in places if found.binds[n].required)
+        constants = {name: found.params[name] for name in places if name not in given}
+        every = (*given, *constants)
         words = found.string
         if dialect.name == "sqlite":
             # Python takes `:1` for a name.
@@ -110,7 +112,7 @@ class Prepared:
         compiled = self._compiled[dialect.name] = _Compiled(
             text=words,
             arrange=_arranging(
-                [every.index(name) for name in places], [*constants.values()], len(self._names)
+                [every.index(name) for name in places], [*constants.values()], len(given)
             ),
         )
         return compiled
