@@ -6,7 +6,7 @@ READY := .venv/.ready
 PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test unit lint check goldens soak bench bench-sim bench-analysis bench-closeloop curves picture \
+.PHONY: help demo test unit lint check goldens soak bench bench-sim bench-analysis bench-closeloop bench-closeloop-unkind curves picture \
 	measurement measurements-age clean
 
 help:  ## Say what each target does
@@ -53,6 +53,9 @@ bench-analysis: $(READY)  ## Errors, coverage and speed of the indices beside SA
 
 bench-closeloop: $(READY)  ## Print how often closing the loop names the right effect
 	$(BIN)/python -m benchmarks.closeloop.synthetic $(ARGS)
+
+bench-closeloop-unkind: $(READY)  ## The same on robots under control with unkind sensors (ARGS="--jobs 2 --arms 20")
+	$(BIN)/python -m benchmarks.closeloop.unkind $(ARGS)
 
 picture: $(READY)  ## Draw the arm in the exoskeleton (docs/understand/system.png)
 	$(BIN)/python -m sim.pictures.rendering docs/understand/system.png
