@@ -63,6 +63,7 @@ def rich_recording() -> Recording:
         velocity=v,
         acceleration=a,
         effort=np.zeros_like(q),
+        measured=np.ones(len(t)),
         extra=np.empty((len(t), 0)),
         extra_names=(),
         joints=(0, 1),

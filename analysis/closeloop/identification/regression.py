@@ -111,6 +111,7 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
             if number not in trials or np.isnan(recording.effort[piece, joint]).any():
                 continue
             inside = np.arange(piece.start + edge, piece.stop - edge, step)
+            inside = inside[recording.usable[inside]]
             moving = ~resting(recording, joint, piece)[inside - piece.start]
             if moving.sum() * step / recording.rate < 0.2:
                 continue

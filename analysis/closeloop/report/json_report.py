@@ -62,6 +62,7 @@ def _session(recording: Recording) -> dict[str, Any]:
         ],
         "rate_hz": sampling.recorded,
         "kinematic_cutoff_hz": sampling.cutoff,
+        "kinematic_cutoff_from": sampling.cutoff_from,
         "fit_cutoff_hz": sampling.fit_cutoff,
     }
 

@@ -100,6 +100,8 @@ class Session:
     ignored_joints: tuple[str, ...] = ()
     #: Joints at which a human limb acts.
     limb_joints: tuple[str, ...] = ()
+    #: Cutoff of the positions' low-pass, Hz; None leaves it to the data.
+    kinematic_cutoff_hz: float | None = None
     trials: tuple[Trial, ...] = ()
     #: Keys of `session.json` that mean nothing here.
     unknown: tuple[str, ...] = ()

@@ -30,6 +30,7 @@ KEYS = (
     "ignored_joints",
     "limb_joints",
     "effort_filter_hz",
+    "kinematic_cutoff_hz",
     "columns",
     "trials",
 )
@@ -84,6 +85,7 @@ def read_session(folder: Path, known_effects: Collection[str]) -> Session:
         declared=declared,
         ignored_joints=_joint_names(fields, "ignored_joints"),
         limb_joints=limbs,
+        kinematic_cutoff_hz=_cutoff_hz(fields),
         trials=_trials(fields, folder, filter_hz),
         unknown=_unknown(fields),
     )
@@ -212,6 +214,12 @@ def _added_mass(trial: Fields) -> AddedMass | None:
 
 def _filter_hz(fields: Fields) -> float | None:
     return None if fields.get("effort_filter_hz") is None else fields.number("effort_filter_hz")
+
+
+def _cutoff_hz(fields: Fields) -> float | None:
+    if fields.get("kinematic_cutoff_hz") is None:
+        return None
+    return fields.number("kinematic_cutoff_hz", low=0.1, high=1000.0)
 
 
 def _joint_names(fields: Fields, name: str) -> tuple[str, ...]:

@@ -9,7 +9,15 @@ from scipy.interpolate import CubicSpline
 
 from analysis.closeloop.session.contents import AddedMass, Session
 from analysis.closeloop.session.device import Device
-from analysis.closeloop.session.signals import REST_SHARE, Sampling, lagged, lowpass, shifted
+from analysis.closeloop.session.signals import (
+    LEAST_MEASURED,
+    REST_SHARE,
+    Sampling,
+    lagged,
+    lowpass,
+    lowpass_measured,
+    shifted,
+)
 
 #: What depends on position alone changes slowly: it is computed at every so many samples.
 REST_STEP = 4
@@ -33,6 +41,8 @@ class Recording:
     acceleration: np.ndarray
     #: Low-passed for the fit; NaN where a joint has none.
     effort: np.ndarray
+    #: Share of the samples around that were recorded, 0 to 1, (n,): others enter no regression.
+    measured: np.ndarray
     #: (n, extra columns), NaN where a trial lacks it.
     extra: np.ndarray
     extra_names: tuple[str, ...]
@@ -126,9 +136,21 @@ class Recording:
         return np.asarray(REST_SHARE * self.top_speed)
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
-        """Pass columns (n, ...) through the fit's low-pass, piece by piece."""
-        cutoff = self.sampling.fit_cutoff
-        return self._by_piece(columns, lambda piece: lowpass(piece, cutoff, self.rate))
+        """Pass columns (n, ...) through the fit's low-pass, piece by piece, as the effort."""
+        cutoff, out = self.sampling.fit_cutoff, np.empty_like(columns)
+        for piece in self.slices:
+            own = self.measured[piece]
+            out[piece] = lowpass_measured(columns[piece], own, cutoff, self.rate)
+        return out
+
+    @cached_property
+    def usable(self) -> np.ndarray:
+        """Where the fit's low-pass sees enough recorded samples, (n,)."""
+        cutoff, out = self.sampling.fit_cutoff, np.empty(len(self.time), dtype=bool)
+        for piece in self.slices:
+            own = self.measured[piece]
+            out[piece] = lowpass(own[:, None], cutoff, self.rate)[:, 0] >= LEAST_MEASURED
+        return out
 
     def smoothed(self, columns: np.ndarray) -> np.ndarray:
         """Pass columns (n, ...) through the low-pass of the positions, piece by piece."""

@@ -6,19 +6,18 @@ never smoothed where errors are reported; for fitting, effort and every regresso
 low-pass, so that what the filter takes away it takes from both sides.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.signal import butter, lfilter, lfilter_zi, welch
+from scipy.signal import butter, lfilter, lfilter_zi
 
-#: Bounds of the kinematic cutoff, Hz.
-CUTOFFS = (8.0, 60.0)
 #: Rate at which regressors are computed, over the cutoff; at least this many Hz if recorded so.
 OVERSAMPLING, MIN_RATE = 8.0, 200.0
 #: The fit's low-pass over the kinematic cutoff: below it, smoothing has hardly touched the motion.
 FIT_SHARE = 0.5
+#: Rows of which the filter sees a smaller share of measured samples are left out.
+LEAST_MEASURED = 0.5
 #: A joint counts as at rest below this share of its fastest motion.
 REST_SHARE = 0.01
 
@@ -29,7 +28,10 @@ class Sampling:
 
     recorded: float
     working: float
+    #: Of the positions' low-pass.
     cutoff: float
+    #: What chose it: "torque", "encoder" or "session.json".
+    cutoff_from: str = "session.json"
 
     @property
     def decimation(self) -> int:
@@ -40,35 +42,37 @@ class Sampling:
         return FIT_SHARE * self.cutoff
 
 
-def choose_sampling(positions: Sequence[np.ndarray], rate: float, moving: np.ndarray) -> Sampling:
-    """Choose the kinematic cutoff where motion sinks into the encoder's noise.
-
-    Args:
-        positions: of every stretch, (n, joints) each.
-        rate: at which they were recorded, Hz.
-        moving: which joints move, shape (joints,).
-    """
-    highest = CUTOFFS[0]
-    for position in positions:
-        for joint in np.flatnonzero(moving):
-            signal = position[:, joint]
-            if np.ptp(signal) < 1e-6 or len(signal) < 64:
-                continue
-            window = min(len(signal), max(64, int(4.0 * rate)))
-            frequency, power = welch(signal, rate, nperseg=window, detrend="linear")
-            floor = float(np.median(power[frequency > 0.25 * rate]))
-            clear = power > 20.0 * floor
-            # The first frequency from which on motion no longer stands out.
-            end = int(np.argmin(clear[1:])) + 1 if not clear[1:].all() else len(clear) - 1
-            highest = max(highest, 1.5 * float(frequency[end]))
-    cutoff = min(highest, CUTOFFS[1], rate / 5.0)
+def sampling_at(cutoff: float, rate: float, cutoff_from: str) -> Sampling:
+    """Return the rates for a kinematic cutoff, Hz, and a recorded rate, Hz."""
     working = rate / max(1, int(rate / max(MIN_RATE, OVERSAMPLING * cutoff)))
-    return Sampling(recorded=rate, working=working, cutoff=cutoff)
+    return Sampling(recorded=rate, working=working, cutoff=cutoff, cutoff_from=cutoff_from)
 
 
 def rms(signal: np.ndarray) -> float:
     """Return the root mean square of a signal."""
     return float(np.sqrt(np.mean(signal**2)))
+
+
+def lowpass_measured(
+    signal: np.ndarray, measured: np.ndarray, cutoff: float, rate: float
+) -> np.ndarray:
+    """Return `signal`, (n, ...), without what lies above `cutoff`, missing samples left out.
+
+    Every sample counts by its share of measured ones, and the filter's output is divided by what it
+    gives for those shares (normalised convolution, Knutsson and Westin 1993). The operation is
+    linear, so what is missing is missing on both sides of a regression alike.
+
+    Args:
+        signal: what stands at a missing sample has no effect.
+        measured: share of measured samples at each, 0 to 1, (n,).
+        cutoff: Hz.
+        rate: Hz.
+    """
+    if measured.all() and np.ptp(measured) == 0.0:
+        return lowpass(signal, cutoff, rate)
+    weight = measured.reshape(-1, *([1] * (signal.ndim - 1)))
+    share = lowpass(weight, cutoff, rate)
+    return np.asarray(lowpass(signal * weight, cutoff, rate) / np.maximum(share, LEAST_MEASURED))
 
 
 def lowpass(signal: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.ndarray:

@@ -2,36 +2,33 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import Session, Trial
+from analysis.closeloop.session.cutoff import Stretch, choose_sampling
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.files import SESSION_FILE
+from analysis.closeloop.session.missing import near_a_sample, with_missing_counted, without_stale
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.signals import choose_sampling, derivatives, lowpass
+from analysis.closeloop.session.signals import (
+    Sampling,
+    derivatives,
+    lowpass,
+    lowpass_measured,
+)
 
-#: Steps longer than this many medians are gaps; nothing is interpolated across one.
-GAP_STEPS = 5.0
+#: Steps longer than this many medians are gaps, which end a stretch.
+GAP_STEPS = 5.5
+#: Cutoff before samples are thinned to the working rate, over that.
+ALIASES = 0.4
 #: Shortest stretch between gaps that is analysed: s, and samples.
 MIN_STRETCH, MIN_SAMPLES = 0.5, 20
 #: Least travel of a moving joint, rad or m: above what an encoder's last digits do.
 MOVING = 5e-3
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stretch:
-    """An evenly sampled piece of a trial at the recorded rate; arrays have shape (n, joints)."""
-
-    trial: int
-    time: np.ndarray
-    position: np.ndarray
-    #: NaN where a joint has no effort.
-    effort: np.ndarray
-    #: (n, extra columns), NaN where the trial lacks one.
-    extra: np.ndarray
 
 
 def record(session: Session, device: Device) -> Recording:
@@ -40,6 +37,8 @@ def record(session: Session, device: Device) -> Recording:
     Raises:
         SessionError: no joint both moves and has an effort in the trials that may be fitted.
     """
+    trials = [with_missing_counted(without_stale(trial)) for trial in session.trials]
+    session = replace(session, trials=tuple(trials))
     names = extra_columns(session.trials, device)
     pieces, rate = stretches(session.trials, device, names)
     fit_trials = tuple(i for i, trial in enumerate(session.trials) if trial.role == "fit")
@@ -58,11 +57,13 @@ def record(session: Session, device: Device) -> Recording:
         raise SessionError(
             "no joint with a recorded effort moves; excite at least one joint", file=SESSION_FILE
         )
-    sampling = choose_sampling([piece.position for piece in pieces], rate, moving)
+    fitted = [piece for piece in pieces if piece.trial in fit_trials]
+    sampling = choose_sampling(fitted, rate, session, device, joints)
     parts = [derivatives(piece.position, sampling) for piece in pieces]
     lengths = [len(part[0]) for part in parts]
     starts = np.concatenate([[0], np.cumsum(lengths)])
     every = slice(None, None, sampling.decimation)
+    efforts = [effort_for_fit(piece, sampling) for piece in pieces]
     return Recording(
         device=device,
         session=session,
@@ -73,14 +74,29 @@ def record(session: Session, device: Device) -> Recording:
         position=np.concatenate([part[0] for part in parts]),
         velocity=np.concatenate([part[1] for part in parts]),
         acceleration=np.concatenate([part[2] for part in parts]),
-        effort=np.concatenate(
-            [lowpass(piece.effort, sampling.fit_cutoff, rate)[every] for piece in pieces]
-        ),
+        effort=np.concatenate([effort for effort, _ in efforts]),
+        measured=np.concatenate([measured for _, measured in efforts]),
         extra=np.concatenate([piece.extra[every] for piece in pieces]),
         extra_names=names,
         joints=joints,
         fit_trials=fit_trials,
     )
+
+
+def effort_for_fit(piece: Stretch, sampling: Sampling) -> tuple[np.ndarray, np.ndarray]:
+    """Return the effort for the fit at the working rate, (m, joints), and what is measured, (m,).
+
+    Regressors pass the same low-pass with the same missing samples (`Recording.filtered`).
+    """
+    measured, effort, rate = piece.measured.astype(float), piece.effort, sampling.recorded
+    if sampling.decimation > 1:
+        narrow = ALIASES * sampling.working
+        effort = lowpass_measured(effort, measured, narrow, rate)
+        if not piece.measured.all():
+            measured = np.clip(lowpass(measured, narrow, rate), 0.0, 1.0)
+        every = slice(None, None, sampling.decimation)
+        effort, measured = effort[every], measured[every]
+    return lowpass_measured(effort, measured, sampling.fit_cutoff, sampling.working), measured
 
 
 def stretches(
@@ -123,20 +139,28 @@ def _step(trial: Trial) -> float:
 def _stretch(
     number: int, trial: Trial, device: Device, extra: Sequence[str], step: float, rows: slice
 ) -> Stretch:
-    """Interpolate the samples `rows` of a trial on an even clock of `step` seconds."""
+    """Bring the samples `rows` of a trial to an even clock of `step` seconds.
+
+    Where a sample is missing its place holds an interpolated position, for the filter needs one,
+    and is marked: no regression sees it.
+    """
     raw = trial.time[rows]
     time = raw[0] + step * np.arange(int((raw[-1] - raw[0]) / step + 1e-6) + 1)
 
-    def signal(name: str, absent: float = np.nan) -> np.ndarray:
+    def signal(name: str) -> np.ndarray:
         if name not in trial.columns:
-            return np.full(len(time), absent)
+            return np.full(len(time), np.nan)
         return np.asarray(np.interp(time, raw, trial.columns[name][rows]))
 
     def position(joint: str) -> np.ndarray:
-        still = float(device.reference[device.dof(joint)])
-        if joint in device.ignored_joints:
-            return np.full(len(time), still)
-        return signal(f"{joint}.position", still)
+        values = trial.columns.get(f"{joint}.position")
+        if joint in device.ignored_joints or values is None:
+            return np.full(len(time), float(device.reference[device.dof(joint)]))
+        if not np.ptp(values[rows]):
+            return np.full(len(time), values[rows.start])
+        # Straight lines between samples would put corners into the velocity.
+        slope = np.gradient(values[rows], raw)
+        return np.asarray(CubicHermiteSpline(raw, values[rows], slope)(time))
 
     return Stretch(
         trial=number,
@@ -144,4 +168,5 @@ def _stretch(
         position=np.column_stack([position(joint) for joint in device.joints]),
         effort=np.column_stack([signal(f"{joint}.effort") for joint in device.joints]),
         extra=np.column_stack([np.empty((len(time), 0)), *(signal(name) for name in extra)]),
+        measured=near_a_sample(time, raw, step),
     )

@@ -51,6 +51,7 @@ def trials_recording(recording: Recording, count: int) -> Recording:
         velocity=motion[1],
         acceleration=motion[2],
         effort=np.zeros_like(motion[0]),
+        measured=np.ones(count * size),
         extra=np.empty((count * size, 0)),
         extra_names=(),
         joints=(ELBOW,),

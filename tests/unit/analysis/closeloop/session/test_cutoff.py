@@ -1,0 +1,77 @@
+"""The cutoff of the positions: the torque says how much of the encoder's noise it can bear."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.session.contents import Session, Trial
+from analysis.closeloop.session.device import Device
+from analysis.closeloop.session.files import Fields
+from analysis.closeloop.session.reading import _cutoff_hz
+from analysis.closeloop.session.signals import Sampling
+from analysis.closeloop.session.stretches import record
+
+RATE = 250.0
+PENDULUM = """<mujoco><worldbody><body name="bar"><joint name="pivot" axis="0 -1 0"/>
+<inertial pos="0 0 -.3" mass="0.6" diaginertia="0.004 0.004 0.001"/></body></worldbody></mujoco>"""
+
+
+def chosen(*, encoder: float, late: float = 0.0, own: float | None = None) -> Sampling:
+    """Return the rates for a pendulum that swings at up to 2 Hz.
+
+    Args:
+        encoder: noise of the position, rad.
+        late: how far the torque is behind the effort, s.
+        own: the session's own cutoff.
+    """
+    rng = np.random.default_rng(7)
+    t = np.arange(0.0, 8.0, 1.0 / RATE)
+    parts = [(0.6, 0.5), (0.3, 1.1), (0.12, 2.0)]
+    phase = rng.uniform(0.0, 6.0, 3)
+
+    def motion(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        w = [2 * np.pi * f for _, f in parts]
+        q = sum(a * np.sin(k * at + p) for (a, _), k, p in zip(parts, w, phase, strict=True))
+        acceleration = sum(
+            -a * k * k * np.sin(k * at + p) for (a, _), k, p in zip(parts, w, phase, strict=True)
+        )
+        return np.asarray(q), np.asarray(acceleration)
+
+    q, _ = motion(t)
+    at, acceleration = motion(t + late)
+    effort = 0.058 * acceleration + 0.6 * 9.81 * 0.3 * np.sin(at)
+    effort += 0.02 * rng.standard_normal(len(t))
+    columns = {
+        "pivot.position": q + encoder * rng.standard_normal(len(t)),
+        "pivot.effort": effort,
+    }
+    trial = Trial(file="a.csv", label="a", group="a", role="fit", time=t, columns=columns)
+    session = Session(folder=Path(), model="device.xml", trials=(trial,), kinematic_cutoff_hz=own)
+    return record(session, Device(mujoco.MjSpec.from_string(PENDULUM), ())).sampling
+
+
+def test_a_noisy_encoder_is_smoothed_more_where_the_torque_feels_it() -> None:
+    fine, coarse = chosen(encoder=1e-6), chosen(encoder=1e-3)
+    assert fine.cutoff > 1.5 * coarse.cutoff
+    assert 2.5 <= coarse.cutoff <= 8.0 and coarse.cutoff_from == "torque"
+
+
+def test_a_late_torque_is_no_reason_to_smooth_the_motion_away() -> None:
+    assert chosen(encoder=1e-6, late=0.04).cutoff >= 0.8 * chosen(encoder=1e-6).cutoff
+
+
+def test_a_session_may_say_its_own_cutoff() -> None:
+    sampling = chosen(encoder=1e-3, own=7.5)
+    assert (sampling.cutoff, sampling.cutoff_from) == (7.5, "session.json")
+    assert chosen(encoder=1e-3, own=900.0).cutoff == pytest.approx(0.4 * RATE)
+
+
+def test_a_cutoff_is_a_positive_number() -> None:
+    fields = Fields({"kinematic_cutoff_hz": 0}, "session.json")
+    with pytest.raises(SessionError, match=r"must be more than 0\.1"):
+        _cutoff_hz(fields)
+    assert replace(chosen(encoder=1e-6, own=6.0), cutoff=3.0).fit_cutoff == 1.5

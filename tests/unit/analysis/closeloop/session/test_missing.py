@@ -1,0 +1,142 @@
+"""Samples that are missing: none of them reaches a regression."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from analysis.closeloop.session.contents import Session, Trial
+from analysis.closeloop.session.device import Device
+from analysis.closeloop.session.missing import (
+    missing_share,
+    near_a_sample,
+    with_missing_counted,
+    without_stale,
+)
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import lowpass_measured
+from analysis.closeloop.session.stretches import record
+from tests.testbed.effects import Arm
+from tests.testbed.sessions import mjcf
+
+RATE = 200.0
+
+
+def trial(rate: float = RATE, seconds: float = 6.0) -> Trial:
+    """A noisy effort of an elbow that moves."""
+    rng = np.random.default_rng(5)
+    t = np.arange(round(rate * seconds)) / rate
+    q = 1.0 + 0.6 * np.sin(4.0 * t)
+    effort = 2.0 * np.cos(q) + rng.standard_normal(len(t))
+    columns = {"shoulder.position": np.zeros(len(t)), "elbow.position": q, "elbow.effort": effort}
+    return Trial(file="a.csv", label="a", group="a", role="fit", time=t, columns=columns)
+
+
+def at(whole: Trial, rows: np.ndarray) -> Trial:
+    columns = {name: column[rows] for name, column in whole.columns.items()}
+    return Trial(
+        file="a.csv", label="a", group="a", role="fit", time=whole.time[rows], columns=columns
+    )
+
+
+def recorded(*trials: Trial, cutoff: float | None = 12.0) -> Recording:
+    device = Device(mujoco.MjSpec.from_string(mjcf(Arm())), ())
+    session = Session(folder=Path(), model="device.xml", trials=trials, kinematic_cutoff_hz=cutoff)
+    return record(session, device)
+
+
+def some_missing(count: int) -> np.ndarray:
+    """Return which samples of a trial arrived: one in seven did not, nor did a burst of three."""
+    kept = np.ones(count, dtype=bool)
+    kept[5::7] = False
+    kept[400:403] = False
+    return kept
+
+
+def test_what_stands_at_a_missing_sample_does_not_matter() -> None:
+    rng = np.random.default_rng(1)
+    signal, kept = rng.standard_normal((600, 2)), some_missing(600)
+    nonsense = np.where(kept[:, None], signal, 1e6)
+    measured = kept.astype(float)
+    first, second = (lowpass_measured(s, measured, 8.0, RATE) for s in (signal, nonsense))
+    assert first == pytest.approx(second, abs=1e-9)
+    assert lowpass_measured(np.full(600, 3.0), measured, 8.0, RATE) == pytest.approx(3.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("rate", [RATE, 1000.0])
+def test_effort_and_regressors_lose_the_same_samples_to_the_same_filter(rate: float) -> None:
+    """A column that is the recorded effort itself leaves nothing, whatever is missing."""
+    whole = trial(rate)
+    kept = some_missing(len(whole.time))
+    recording = recorded(at(whole, kept))
+    elbow = 1
+    every = recording.sampling.decimation
+    step = np.arange(len(recording.time)) * every
+    column = whole.columns["elbow.effort"].copy()
+    if every > 1:
+        column = lowpass_measured(column, kept.astype(float), 0.4 * recording.rate, rate)
+    column = column[step][:, None]
+    left = recording.filtered(column)[:, 0] - recording.effort[:, elbow]
+    assert np.abs(left[recording.usable]).max() < 1e-6
+
+
+def test_rows_inside_a_gap_are_left_out_and_the_rest_is_used() -> None:
+    whole = trial()
+    kept = np.ones(len(whole.time), dtype=bool)
+    kept[300:304] = False
+    recording = recorded(at(whole, kept))
+    assert len(recording.slices) == 1
+    assert not recording.measured[300:304].any() and recording.measured[299] == 1.0
+    assert recording.usable.mean() > 0.98
+    plenty = recorded(at(whole, np.random.default_rng(0).random(len(whole.time)) > 0.2))
+    assert plenty.usable.mean() > 0.98
+
+
+def test_an_unbroken_trial_is_filtered_as_ever_and_nothing_is_said() -> None:
+    recording = recorded(trial())
+    assert recording.measured.all() and recording.usable.all()
+    assert recording.session.trials[0].repairs == ()
+
+
+def test_positions_between_samples_have_no_corners() -> None:
+    whole = trial()
+    kept = some_missing(len(whole.time))
+    recording = recorded(at(whole, kept))
+    inside = slice(100, -100)
+    truth = -0.6 * 16.0 * np.sin(4.0 * whole.time)[: len(recording.time)]
+    wrong = np.abs(recording.acceleration[inside, 1] - truth[inside])
+    assert wrong.max() < 0.02 * np.abs(truth).max()
+
+
+def test_a_stale_sample_under_a_fresh_stamp_counts_as_missing() -> None:
+    whole = trial()
+    columns = {name: column.copy() for name, column in whole.columns.items()}
+    for name in columns:
+        columns[name][250] = columns[name][249]
+        columns[name][700:703] = columns[name][699]
+    stale = Trial(file="a.csv", label="a", group="a", role="fit", time=whole.time, columns=columns)
+    fresh = without_stale(stale)
+    assert len(whole.time) - len(fresh.time) == 4
+    assert fresh.repairs[0].startswith("4 samples repeat the one before")
+    said = recorded(stale).session.trials[0].repairs
+    assert any("% of its samples are missing" in line for line in said)
+
+
+def test_a_joint_at_rest_may_repeat_itself() -> None:
+    whole = trial()
+    columns = {name: column.copy() for name, column in whole.columns.items()}
+    columns["elbow.position"] = np.round(np.minimum(columns["elbow.position"], 1.3) / 1e-3) * 1e-3
+    columns["elbow.effort"] = np.round(columns["elbow.position"], 2)
+    resting = Trial(file="a.csv", label="", group="", role="fit", time=whole.time, columns=columns)
+    assert without_stale(resting) is resting
+
+
+def test_missing_samples_are_counted_and_a_jittering_clock_misses_none() -> None:
+    whole = trial()
+    kept = some_missing(len(whole.time))
+    assert missing_share(whole.time[kept]) == pytest.approx(1.0 - kept.mean(), abs=0.002)
+    jitter = np.random.default_rng(2).uniform(-0.2, 0.2, len(whole.time)) / RATE
+    assert missing_share(whole.time + jitter) == 0.0
+    assert near_a_sample(whole.time, whole.time + jitter, 1.0 / RATE).all()
+    assert with_missing_counted(whole) is whole
