@@ -56,14 +56,12 @@ def write(
     surrogates: bool = False,
 ) -> list[Path]:
     """Write the page of studies whose descriptions and tables of results are at hand."""
-    from analysis.reports.report import Units, chapter, write_report
+    from analysis.reports.report import chapter, write_report
     from sim.models import MODELS
 
     model = MODELS[studies[0][0]["model"]]
-    units = Units(
-        factors={f.name: f.unit for f in model.factors if f.unit != "1"},
-        outputs={name: unit for name, unit in model.units.items() if unit != "1"},
-    )
+    units = {factor.name: factor.unit for factor in model.factors} | dict(model.units)
+    units = {name: unit for name, unit in units.items() if unit != "1"}
     chapters = [chapter(study, table) for study, table in studies]
     with needs_extra("a surrogate", "surrogate"):
         return write_report(

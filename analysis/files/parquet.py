@@ -6,11 +6,14 @@ pyarrow is imported when a file is written, so that a coordinator without it can
 from __future__ import annotations
 
 import csv
+import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from analysis.files.results_csv import columns
 
 if TYPE_CHECKING:
     import pyarrow
@@ -74,14 +77,12 @@ def write_parquet(
             file.write(piece)
 
 
-def columns(study: Mapping[str, Any]) -> list[str]:
-    """Return the names of the columns of a study's table."""
-    factors = [factor["name"] for factor in study["factors"]]
-    return ["row", "position", *factors, "outcome", *study["outputs"], "wall_seconds", "worker"]
+def _columns(study: Mapping[str, Any]) -> list[str]:
+    return columns((factor["name"] for factor in study["factors"]), study["outputs"])
 
 
 def _lines(study: Mapping[str, Any], results: Path) -> Iterator[Line]:
-    wanted = columns(study)
+    wanted = _columns(study)
     texts, whole = {"outcome", "worker"}, {"row", "position"}
     read = [str if name in texts else int if name in whole else _number for name in wanted]
     with results.open(newline="") as file:
@@ -110,19 +111,20 @@ def _schema(study: Mapping[str, Any], units: Mapping[str, str]) -> pyarrow.Schem
             kinds.get(name, pa.float64()),
             metadata={"unit": units[name]} if name in units else None,
         )
-        for name in columns(study)
+        for name in _columns(study)
     ]
     return pa.schema(fields, metadata={STUDY_KEY: json.dumps(study, sort_keys=True).encode()})
 
 
-class _Pieces:
-    """A file that is written to, and taken from the front at any time."""
-
-    closed = False
+class _Pieces(io.RawIOBase):
+    """A file that is written to, and taken from the front at any time, also when it is closed."""
 
     def __init__(self) -> None:
         self._waiting: list[bytes] = []
         self._written = 0
+
+    def writable(self) -> bool:
+        return True
 
     def write(self, data: Any) -> int:
         """Keep `data` until it is taken."""
@@ -134,12 +136,6 @@ class _Pieces:
     def tell(self) -> int:
         """Return how many bytes were ever written."""
         return self._written
-
-    def flush(self) -> None:
-        """Do nothing: whoever takes decides when."""
-
-    def close(self) -> None:
-        """Do nothing: what is left can still be taken."""
 
     def take(self) -> bytes:
         """Return what was written since the last time."""

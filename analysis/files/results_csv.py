@@ -1,6 +1,7 @@
 """A study's results as the CSV file that the coordinator writes."""
 
 import csv
+from collections.abc import Iterable
 from math import nan
 from pathlib import Path
 
@@ -8,6 +9,11 @@ import numpy as np
 
 from analysis.sensitivity.records import StudyPlan
 from analysis.sensitivity.table import Table
+
+
+def columns(factors: Iterable[str], outputs: Iterable[str]) -> list[str]:
+    """Return the names of the columns of a study's table."""
+    return ["row", "position", *factors, "outcome", *outputs, "wall_seconds", "worker"]
 
 
 def read_table(plan: StudyPlan, path: Path) -> Table:

@@ -45,14 +45,6 @@ class Chapter:
     estimator: Estimator
 
 
-@dataclass(frozen=True, kw_only=True)
-class Units:
-    """Units by name, for axes; a name without a unit is left out."""
-
-    factors: Mapping[str, str]
-    outputs: Mapping[str, str]
-
-
 def chapter(study: Mapping[str, Any], results: Path) -> Chapter:
     """Return the chapter of a study.
 
@@ -74,7 +66,7 @@ def write_report(
     path: Path,
     chapters: Sequence[Chapter],
     output: str,
-    units: Units,
+    units: Mapping[str, str],
     *,
     title: str,
     findings: Sequence[str] = (),
@@ -87,7 +79,7 @@ def write_report(
         path: of the page, one HTML file without references to anything outside.
         chapters: the studies, in the order they are told.
         output: the output shown in the figures; tables show all.
-        units: for axes and tables.
+        units: of factors and outputs by name; a name without a unit is left out.
         folders: by format, "png" or "pdf"; made if missing.
         surrogates: also fit functions to each study's runs, which takes some seconds.
 
@@ -107,8 +99,8 @@ def write_report(
             snapshot=one.snapshot,
             estimator=one.estimator,
             output=output,
-            unit=units.outputs.get(output, ""),
-            factor_units=[units.factors.get(name, "") for name in one.table.plan.factors],
+            unit=units.get(output, ""),
+            factor_units=[units.get(name, "") for name in one.table.plan.factors],
             palette=palette,
         )
         drawn = pictures(subject)
@@ -136,12 +128,17 @@ def write_report(
 
 
 def _section(
-    chapter: Chapter, output: str, units: Units, drawn: list[Picture], *, surrogates: bool
+    chapter: Chapter,
+    output: str,
+    units: Mapping[str, str],
+    drawn: list[Picture],
+    *,
+    surrogates: bool,
 ) -> dict[str, Any]:
     """Return what `templates/study.html` says of one study, in its order."""
-    snapshot, unit = chapter.snapshot, units.outputs.get(output, "")
+    snapshot, unit = chapter.snapshot, units.get(output, "")
     names = [factor["name"] for factor in chapter.study["factors"]]
-    own = {name: units.factors.get(name, "") for name in names}
+    own = {name: units.get(name, "") for name in names}
     alarm = warning(snapshot)
     beside: dict[str, list[Grid | str]] = {}
     if snapshot["method"] == "morris":
@@ -150,7 +147,7 @@ def _section(
         beside["Pairs of factors"] = [tables.pairs(snapshot, output)]
     behind: dict[str, list[Grid | str]] = {
         "Every other output": [
-            tables.indices(snapshot, name, units.outputs.get(name, ""))
+            tables.indices(snapshot, name, units.get(name, ""))
             for name in snapshot["outputs"]
             if name != output
         ],

@@ -8,6 +8,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from analysis.designs import family
+from analysis.reports.figures.style import spread_in_words
 from analysis.reports.wording import words
 from analysis.sensitivity.estimators import SYMBOLS
 from analysis.sensitivity.ranking import RANKED_BY
@@ -46,8 +47,7 @@ def indices(snapshot: Mapping[str, Any], output: str, unit: str) -> Grid:
     entry = snapshot["outputs"][output]
     title, note = words(output), _level(snapshot)
     if entry["mean"] is not None and entry["sd"] is not None:
-        suffix = f" {unit}" if unit else ""
-        title += f": mean {entry['mean']:.3g}{suffix}, standard deviation {entry['sd']:.3g}{suffix}"
+        title += f": {spread_in_words(entry, unit)}"
     if snapshot["method"] == "morris":
         note += f"; {unit or 'effects'} per whole range of the factor"
     return _indices(snapshot, entry, title, note)

@@ -96,9 +96,8 @@ def plan_of(study: Json) -> "Plan":
 
 def request_of(study: Json) -> Json:
     """Return the request that submits the same study again."""
-    asked = ("name", "model", "method", "sampling", "rows", "seed", "factors", "outputs")
-    request = {name: study[name] for name in asked}
-    return request | {"fixed": study["fixed"]}
+    asked = ("name", "model", "method", "sampling", "rows", "seed", "factors", "outputs", "fixed")
+    return {name: study[name] for name in asked}
 
 
 def _hashes(bundle: Bundle) -> Judgement:

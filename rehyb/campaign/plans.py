@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,18 +24,10 @@ class Plan:
     target: float | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Preset:
-    """Sizes of a campaign."""
-
-    screening_rows: int
-    variance_rows: int
-    sampling: str
-
-
-PRESETS: Mapping[str, Preset] = {
+#: Sizes of a campaign: fields of a plan.
+PRESETS: Mapping[str, Mapping[str, Any]] = {
     # Minutes on a laptop. At this size scrambled Sobol points are several times more precise.
-    "demo": Preset(screening_rows=16, variance_rows=64, sampling="sobol_blocks"),
+    "demo": {"screening_rows": 16, "variance_rows": 64, "sampling": "sobol_blocks"},
     # Sections 3.1 and 3.2.
-    "paper": Preset(screening_rows=150, variance_rows=3000, sampling="latin_hypercube"),
+    "paper": {"screening_rows": 150, "variance_rows": 3000, "sampling": "latin_hypercube"},
 }

@@ -2,7 +2,6 @@
 
 import sys
 from contextlib import ExitStack
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -137,10 +136,8 @@ def _plan(preset: str, model: str, output: str | None, **given: Any) -> Plan:
         raise typer.BadParameter(f"{model} has no output {output!r}: it has {', '.join(outputs)}")
     check_up_to(given["target"], given["most_rows"])
     check_target(given["target"])
-    chosen = asdict(PRESETS[preset]) | {
-        name: value for name, value in given.items() if value is not None
-    }
-    return Plan(model=model, output=output or outputs[0], **chosen)
+    chosen = {name: value for name, value in given.items() if value is not None}
+    return Plan(model=model, output=output or outputs[0], **{**PRESETS[preset], **chosen})
 
 
 def _display(stack: ExitStack, *, live: bool) -> "LiveDisplay | LineDisplay":

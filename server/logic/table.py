@@ -6,21 +6,8 @@ from server.logic.plans import parameters
 from server.records import Plan, Result
 
 
-def header(plan: Plan) -> list[str]:
-    """Return the names of the columns."""
-    return [
-        "row",
-        "position",
-        *plan.distributions,
-        "outcome",
-        *plan.outputs,
-        "wall_seconds",
-        "worker",
-    ]
-
-
 def lines(plan: Plan, results: Iterable[tuple[Result, str]]) -> Iterator[Sequence[object]]:
-    """Yield a line per result, in the order of `header`; what there is not is None.
+    """Yield a line per result, in the order of `results_csv.columns`; what there is not is None.
 
     Results of one row stand next to each other, each with its worker.
     """

@@ -27,8 +27,8 @@ class Report:
 
     instance: str
     outcome: str
-    outputs: Mapping[str, Any]
-    reason: str
+    outputs: Mapping[str, Any] | None
+    reason: str | None
     state: Mapping[str, Any] | None
     wall_seconds: Any
 
@@ -160,10 +160,11 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
         return _FLAWS[flaw]
     if not ok:
         return None
+    given = report.outputs or {}
     for name in outputs:
-        if name not in report.outputs:
+        if name not in given:
             return f"output {name} is missing"
-        if not is_finite_number(report.outputs[name]):
+        if not is_finite_number(given[name]):
             return f"output {name} must be a finite number"
     return None
 
@@ -171,13 +172,13 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
 def as_result(report: Report, row: int, position: int, outputs: Sequence[str]) -> Result:
     """Return a faultless report as a result of the instance at `row` and `position`."""
     ok = report.outcome == _OK
-    wall = report.wall_seconds
+    wall, given = report.wall_seconds, report.outputs or {}
     return Result(
         row=row,
         position=position,
         outcome=report.outcome,
-        outputs={name: float(report.outputs[name]) for name in outputs} if ok else None,
-        reason=cut(report.reason, REASON_LENGTH),
+        outputs={name: float(given[name]) for name in outputs} if ok else None,
+        reason=cut(report.reason or "", REASON_LENGTH),
         state=report.state,
         wall_seconds=None if wall is None else float(wall),
     )

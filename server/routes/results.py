@@ -16,7 +16,8 @@ from fastapi.responses import StreamingResponse
 from pydantic import Field, StringConstraints
 
 from analysis.files.parquet import parquet
-from server.logic.table import header, lines
+from analysis.files.results_csv import columns
+from server.logic.table import lines
 from server.logic.verdicts import Judgement, Report
 from server.metrics import Metrics
 from server.operations import leasing, results, studies
@@ -130,17 +131,7 @@ router.add_api_route(
 
 def _posted(body: ResultsBody, settings: Settings) -> Post:
     return Post(
-        reports=[
-            Report(
-                instance=result.instance,
-                outcome=result.outcome,
-                outputs=result.outputs or {},
-                reason=result.reason or "",
-                state=result.state,
-                wall_seconds=result.wall_seconds,
-            )
-            for result in body.results
-        ],
+        reports=[Report(**vars(result)) for result in body.results],
         lease=body.lease,
         fence=body.fence,
         worker=body.worker,
@@ -177,7 +168,7 @@ def table(study_id: Id, store: Store) -> StreamingResponse:
     study = studies.get(store, study_id)
     rows = lines(study.plan, results.in_order(store, study))
     return StreamingResponse(
-        _csv(chain([header(study.plan)], rows)),
+        _csv(chain([columns(study.plan.distributions, study.plan.outputs)], rows)),
         media_type="text/csv; charset=utf-8",
         headers={"Content-Disposition": f'attachment; filename="{study.id}.csv"'},
     )

@@ -9,7 +9,7 @@ import pytest
 
 from analysis.designs import instance_parameters
 from analysis.designs.distributions import Uniform
-from analysis.reports.report import Units, chapter, write_report
+from analysis.reports.report import chapter, write_report
 from sim.evaluation import evaluate
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
@@ -46,7 +46,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "outputs": ["y"],
         }
         chapters.append(chapter(study, table))
-    units = Units(factors={}, outputs={})
+    units = {}
     write_report(folder / "report.html", chapters, "y", units, title="Two phases")
     return folder / "report.html"
 

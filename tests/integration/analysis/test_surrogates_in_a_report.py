@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from analysis.reports.report import Units, chapter, write_report
+from analysis.reports.report import chapter, write_report
 from tests.testbed.studies import described, results_of, study_plan, write_table
 
-UNITS = Units(factors={"a": "m"}, outputs={"y": "Nm/rad"})
+UNITS = {"a": "m", "y": "Nm/rad"}
 
 
 def test_surrogates_stand_in_a_report_where_asked_or_say_why_not(tmp_path: Path) -> None:

@@ -152,8 +152,8 @@ def test_a_resumed_campaign_submits_what_it_began_even_if_it_would_word_it_diffe
 
 def test_the_papers_campaign_is_a_preset() -> None:
     paper = PRESETS["paper"]
-    assert (paper.screening_rows, paper.variance_rows) == (150, 3000)
-    assert paper.sampling == "latin_hypercube"
+    assert (paper["screening_rows"], paper["variance_rows"]) == (150, 3000)
+    assert paper["sampling"] == "latin_hypercube"
 
 
 def test_another_plan_in_the_same_directory_is_refused(tmp_path: Path) -> None:

@@ -6,8 +6,9 @@ import pytest
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
+from analysis.files.results_csv import columns
 from server.logic.plans import instance_id, parameters
-from server.logic.table import header, lines
+from server.logic.table import lines
 from server.logic.verdicts import Report, Verdict
 from server.operations import leases, results, studies
 from server.operations.leasing import Grant
@@ -173,8 +174,8 @@ def test_the_table_joins_parameters_and_results(
     a, b, *_ = _names(grant)
     _post(engine, grant, report(b, outcome="diverged"), report(a))
     plan = grant.study.plan
-    columns = ",".join(header(plan))
-    assert columns == "row,position,x1,x2,x3,outcome,y,wall_seconds,worker"
+    names = ",".join(columns(plan.distributions, plan.outputs))
+    assert names == "row,position,x1,x2,x3,outcome,y,wall_seconds,worker"
     table = list(lines(plan, results.in_order(engine, grant.study)))
     points = [list(point.values()) for point in parameters(plan, 0)]
     assert table == [

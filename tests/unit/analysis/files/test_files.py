@@ -13,8 +13,8 @@ import pytest
 
 from analysis.designs import METHODS, instance_parameters, row_width
 from analysis.files.netcdf import write_netcdf
-from analysis.files.parquet import GROUP, STUDY_KEY, columns, parquet, write_parquet
-from analysis.files.results_csv import read_table
+from analysis.files.parquet import GROUP, STUDY_KEY, parquet, write_parquet
+from analysis.files.results_csv import columns, read_table
 from analysis.sensitivity.records import StudyPlan
 from tests.testbed.studies import FACTORS, results_of, study_plan
 
@@ -50,7 +50,7 @@ def lines_of(plan: StudyPlan) -> list[list[Any]]:
 
 
 def write_csv(path: Path, plan: StudyPlan) -> Path:
-    text = [columns(described(plan))] + [
+    text = [columns(plan.factors, plan.outputs)] + [
         ["" if cell is None else repr(cell) if isinstance(cell, float) else cell for cell in line]
         for line in lines_of(plan)
     ]
@@ -64,7 +64,7 @@ def test_parquet_holds_every_line_with_units_and_the_study(method: str, tmp_path
     study = described(plan)
     write_parquet(tmp_path / "r.parquet", study, write_csv(tmp_path / "r.csv", plan), UNITS)
     table = pa.parquet.read_table(tmp_path / "r.parquet")
-    names = columns(study)
+    names = columns(FACTORS, study["outputs"])
     assert table.column_names == names
     assert [list(row.values()) for row in table.to_pylist()] == lines_of(plan)
     assert json.loads(table.schema.metadata[STUDY_KEY]) == study
@@ -121,7 +121,7 @@ def test_netcdf_holds_rows_and_positions_for_an_independent_reader(
         outcome = file["outcome"][:]
         assert outcome.mask[4].all() and not outcome.mask[:4].any()
         for line in lines_of(plan):
-            named = dict(zip(columns(study), line, strict=True))
+            named = dict(zip(columns(FACTORS, study["outputs"]), line, strict=True))
             at = (named["row"], named["position"])
             assert meanings[outcome[at]] == named["outcome"]
             for name in (*FACTORS, *plan.outputs):

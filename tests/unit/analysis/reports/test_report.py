@@ -11,14 +11,14 @@ import pytest
 
 from analysis.designs import METHODS
 from analysis.files.results_csv import read_table
-from analysis.reports.report import Chapter, Units, chapter, write_report
+from analysis.reports.report import Chapter, chapter, write_report
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse
 from tests.testbed.studies import described, results_of, study_plan, write_table
 
 pytestmark = pytest.mark.usefixtures("without_layout")
 
-UNITS = Units(factors={"a": "m"}, outputs={"y": "Nm/rad"})
+UNITS = {"a": "m", "y": "Nm/rad"}
 FAILED = [(0, 1), (4, 0), (7, 3)]
 
 
