@@ -33,6 +33,7 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
     """
     found = [str(snapshot.get("failure", {}).get("sentence", ""))]
     found.append(_ranking(snapshot["outputs"].get(output, {}).get("ranking", {}), output))
+    found.append(str(snapshot["outputs"].get(output, {}).get("trust", {}).get("sentence", "")))
     found.append(_screened(snapshot["outputs"].get(output, {}).get("screening"), output))
     found.append(_few_rows(snapshot, output))
     found.append(_one_sequence(snapshot))

@@ -14,6 +14,7 @@ from typing import Any
 from analysis.designs import family
 from analysis.sensitivity.ranking import RANKED_BY
 from analysis.sensitivity.records import output_of
+from analysis.sensitivity.trust import FEWEST_ROWS, FEWEST_STILL_ROWS
 
 #: Of the largest mu*, and of the variance: a factor that surely does less is not influential.
 SHARE_OF_LARGEST = 0.1
@@ -39,11 +40,15 @@ class Influence:
     undecided: tuple[str, ...]
 
 
-def influence(factors: Mapping[str, Any], method: str) -> Influence:
+def influence(factors: Mapping[str, Any], method: str, *, trusted: bool) -> Influence:
     """Sort factors by whether they matter (Sarrazin et al. 2016, section 2.2).
+
+    None is called non-influential where the sample was not enough to tell, nor one that moved
+    nothing at all in fewer than `FEWEST_STILL_ROWS` rows: a rare event looks like that.
 
     Args:
         factors: of an output of a snapshot.
+        trusted: whether its intervals can be (`analysis.sensitivity.trust`).
         method: of the study. The threshold is `SHARE_OF_LARGEST` of the largest mu* or
             `SHARE_OF_VARIANCE` of ST.
     """
@@ -56,7 +61,13 @@ def influence(factors: Mapping[str, Any], method: str) -> Influence:
         threshold = share if family(method) == "morris" else SHARE_OF_VARIANCE
     limit = inf if threshold is None else threshold
     # Where no factor does anything, all of them are below what matters.
-    below = [name for name, i in known.items() if i["high"] < limit or i["high"] == DUMMY]
+    below = [
+        name
+        for name, i in known.items()
+        if trusted
+        and (i["high"] < limit or i["high"] == DUMMY)
+        and (i["high"] > DUMMY or factors[name]["n"] >= FEWEST_STILL_ROWS)
+    ]
     above = [name for name, i in known.items() if i["low"] >= limit and name not in below]
     return Influence(
         by=by,
@@ -103,14 +114,18 @@ def propose_fixing(
     least = table[0]
     largest = max(table, key=lambda entry: float(entry["mu_star"]))
     limit = share * largest["mu_star"]
-    negligible = least["mu_star_high"] < limit
+    below = least["mu_star_high"] < limit
+    enough = least["n"] >= (FEWEST_ROWS if least["mu_star_high"] > DUMMY else FEWEST_STILL_ROWS)
+    negligible = enough and below
     evidence = (
         f"Over {least['n']} elementary effects, {least['factor']} has the least influence on "
         f"{output}: mu* {least['mu_star']:.3g} ({100 * snapshot['level']:.0f} % interval "
         f"{least['mu_star_low']:.3g} to {least['mu_star_high']:.3g}), sigma {least['sigma']:.3g}. "
-        f"The upper limit is {'below' if negligible else 'not below'} {limit:.3g}, "
+        f"The upper limit is {'below' if below else 'not below'} {limit:.3g}, "
         f"{100 * share:g} % of the largest mu* ({largest['factor']}, {largest['mu_star']:.3g})."
     )
+    if not enough:
+        evidence += f" {least['n']} rows are too few to call a factor non-influential."
     return Proposal(factor=least["factor"] if negligible else None, evidence=evidence, table=table)
 
 

@@ -14,6 +14,7 @@
                                                "scale": {"width", "by"}}}},
              sum: {"value", "low", "high"}, ...,
              "second_order": [{"factors": [factor, factor], "value", "low", "high", "n"}],
+             "trust": {"runs", "effective_runs", "unseen", "trusted", "sentence"},
              "ranking": {"by", "order": [factor], "same_order", "same_first"},
              "screening": {"by", "threshold", "dummy", "influential": [factor],
                            "non_influential": [factor], "undecided": [factor]},
@@ -31,6 +32,7 @@ sums "sum_first_order" and "sum_total_order" and the measure of chance "dummy_fi
 intervals (`analysis.sensitivity.estimators.martinez`). "second_order", of method
 saltelli_second_order only, is what a pair does beyond what each of the two does alone. "failure" is
 the indicator that is 1 where a run failed and 0 elsewhere (`analysis.sensitivity.failures`),
+"trust" says whether the sample was enough for its intervals (`analysis.sensitivity.trust`),
 "ranking" says how many bootstrap replicates rank the factors alike
 (`analysis.sensitivity.ranking`), "screening" which factors surely do less or more than a threshold
 (`analysis.sensitivity.screening`; "dummy" is what a factor of no influence has), "convergence" what
@@ -57,6 +59,7 @@ from analysis.sensitivity.failures import judge
 from analysis.sensitivity.ranking import RANKED_BY, Ranking, rank
 from analysis.sensitivity.records import StudyPlan
 from analysis.sensitivity.screening import influence
+from analysis.sensitivity.trust import judge as judge_trust
 
 #: Of the confidence intervals (paper, figure 10).
 LEVEL = 0.9
@@ -128,6 +131,7 @@ class _Findings:
 
     def __init__(self, plan: StudyPlan, estimator: Estimator, series: Sequence[Point]) -> None:
         self.statistics = estimator.statistics()
+        self._estimator = estimator
         self._plan, self._series = plan, series
         self._indices = {name: found.estimate(LEVEL) for name, found in self.statistics.items()}
         self._compared = estimator.compared(LEVEL)
@@ -146,6 +150,8 @@ class _Findings:
         by = RANKED_BY[family(plan.method)]
         ranking = rank(self.statistics[by].weighted[:, o], plan.factors)
         unknown = dict.fromkeys(field.name for field in fields(Ranking))
+        name = plan.outputs[o] if o < len(plan.outputs) else "failure"
+        trust = judge_trust(self._estimator, self.statistics, o, name)
         return {
             "mean": _number(self._moments.mean[o]),
             "sd": _number(self._moments.sd[o]),
@@ -163,8 +169,9 @@ class _Findings:
                 ]
                 for name in self._of_pairs
             },
+            "trust": _plain(trust),
             "ranking": {"by": by, **(unknown if ranking is None else _plain(ranking))},
-            "screening": _plain(influence(factors, plan.method)),
+            "screening": _plain(influence(factors, plan.method, trusted=trust.trusted is True)),
             "convergence": {
                 "rows": [point.rows for point in self._series],
                 "factors": {

@@ -14,6 +14,7 @@ from analysis.designs import family, row_width
 from analysis.designs.points import LATIN_HYPERCUBE_ROWS
 from analysis.sensitivity.estimators import SYMBOLS
 from analysis.sensitivity.records import output_of
+from analysis.sensitivity.trust import FEWEST_ROWS
 
 #: Half width wanted of variance shares, and of mu* as a share of the largest mu*.
 SHARE_TARGET = 0.02
@@ -112,7 +113,7 @@ class Step:
 
     #: How many rows it will have in all; None if it is extended no more.
     rows: int | None
-    #: Whether every interval is as narrow as wanted.
+    #: Whether every interval is as narrow as wanted, and to be trusted.
     reached: bool
     sentence: str
 
@@ -120,9 +121,10 @@ class Step:
 def next_step(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step | None:
     """Decide whether a study is extended, and to how many rows.
 
-    By the widths of its intervals, as Sarrazin et al. 2016 judge convergence. It never more than
-    doubles, since a forecast from few rows is a rough one. Sobol sequences grow to powers of two,
-    and Latin hypercubes by whole hypercubes, where they are balanced.
+    By the widths of its intervals, as Sarrazin et al. 2016 judge convergence, and only where they
+    can be trusted (`analysis.sensitivity.trust`). It never more than doubles, since a forecast from
+    few rows is a rough one. Sobol sequences grow to powers of two, and Latin hypercubes by whole
+    hypercubes, where they are balanced.
 
     Args:
         snapshot: of the study.
@@ -141,12 +143,17 @@ def next_step(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step | None
     if advice is None:
         why = f"After {rows:,} rows {goal.output} has no intervals: see why its runs failed."
         return Step(rows=None, reached=False, sentence=why)
-    if advice.more_rows == 0:
-        return Step(rows=None, reached=True, sentence=advice.sentence)
+    trust = snapshot["outputs"][goal.output].get("trust", {})
+    doubt = _doubt(trust, rows)
+    if advice.more_rows == 0 and not doubt:
+        seen = trust.get("unseen")
+        unseen = f" What fewer than {seen:.2g} of the runs show may be unseen." if seen else ""
+        return Step(rows=None, reached=True, sentence=advice.sentence + unseen)
+    said = advice.sentence + (f" {doubt}" if doubt else "")
     if rows >= goal.up_to:
         why = f"It has its {rows:,} rows, and {goal.up_to:,} at most were allowed. "
-        return Step(rows=None, reached=False, sentence=why + advice.sentence)
-    wanted = min(rows + advice.more_rows, 2 * rows)
+        return Step(rows=None, reached=False, sentence=why + said)
+    wanted = min(rows + advice.more_rows, 2 * rows) if advice.more_rows else 2 * rows
     if snapshot["sampling"] == "latin_hypercube":
         wanted = -(-wanted // LATIN_HYPERCUBE_ROWS) * LATIN_HYPERCUBE_ROWS
     else:
@@ -155,8 +162,15 @@ def next_step(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step | None
     return Step(
         rows=wanted,
         reached=False,
-        sentence=f"It is extended to {wanted:,} rows. {advice.sentence}",
+        sentence=f"It is extended to {wanted:,} rows. {said}",
     )
+
+
+def _doubt(trust: Mapping[str, Any], rows: int) -> str:
+    """Return why narrow intervals are not enough to stop at; empty if they are."""
+    if rows < FEWEST_ROWS:
+        return f"No study of fewer than {FEWEST_ROWS} rows has reached its target."
+    return "" if trust.get("trusted", True) else str(trust["sentence"])
 
 
 def _half(entry: Mapping[str, float]) -> float:

@@ -19,7 +19,7 @@ from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.snapshot import new_growing_estimator, take_snapshot
 
 #: Changes whenever the meaning of the bytes does.
-FORMAT = 4
+FORMAT = 5
 
 #: Bounds the memory that the weights of a batch take.
 _ROWS_AT_ONCE = 1000

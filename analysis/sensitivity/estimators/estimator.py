@@ -115,8 +115,10 @@ class Estimator(ABC):
     factor_sums: ClassVar[tuple[str, ...]]
     pair_sums: ClassVar[tuple[str, ...]] = ()
     output_sums: ClassVar[tuple[str, ...]] = ("value", "value" + SQUARED)
-    #: Sums kept per output and factor of the sample itself only, in no other weighting.
+    #: Sums kept of the sample itself only, in no other weighting: per output and factor, and per
+    #: output.
     sample_sums: ClassVar[tuple[str, ...]] = ()
+    sample_output_sums: ClassVar[tuple[str, ...]] = ()
 
     def __init__(
         self, *, sampling: str, seed: int, factors: int, outputs: int, indicators: int = 0
@@ -136,7 +138,11 @@ class Estimator(ABC):
         }
         #: In every weighting of the rows, and in the sample itself.
         self._whole = NamedSums(WEIGHTINGS, shapes)
-        self._sample = NamedSums(1, dict.fromkeys(self.sample_sums, (outputs, factors)))
+        of_sample: dict[str, tuple[int, ...]] = {
+            **dict.fromkeys(self.sample_sums, (outputs, factors)),
+            **dict.fromkeys(self.sample_output_sums, (outputs,)),
+        }
+        self._sample = NamedSums(1, of_sample)
 
     def add_rows(self, rows: Sequence[int], values: NDArray[np.float64]) -> None:
         """Take in complete rows.
@@ -206,6 +212,15 @@ class Estimator(ABC):
         with np.errstate(invalid="ignore"):
             sd = np.sqrt(sample.variance("value", ddof=1)[0])
         return Moments(mean=sample.mean("value")[0], sd=sd, n=sample.count("value")[0])
+
+    def independent_runs(self) -> NDArray[np.int64]:
+        """Return how many runs are independent draws of the factors, shape (outputs,)."""
+        most: NDArray[np.int64] = self.effects.max(axis=-1, initial=0)
+        return most
+
+    def kurtosis(self) -> NDArray[np.float64]:
+        """Return the kurtosis of each output, 1 or more; nan where it is unknown."""
+        return np.full(self.outputs, np.nan)
 
     def weighted_mean(self, output: int) -> NDArray[np.float64]:
         """Return an output's mean in the sample and its replicates, shape (1 + replicates,)."""

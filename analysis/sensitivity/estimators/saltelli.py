@@ -32,6 +32,23 @@ class SaltelliEstimator(Estimator):
     factor_sums = ("product", "difference", "difference_squared")
     output_sums = ("value", "value_squared", "between_squared")
     sample_sums = ("difference_root", "difference_size", "difference_fourth", *martinez.SUMS)
+    sample_output_sums = ("between_fourth",)
+
+    def independent_runs(self) -> NDArray[np.int64]:
+        """Return how many A and B of each output succeeded, shape (outputs,)."""
+        runs: NDArray[np.int64] = self._weighted(1).count("value")[0]
+        return runs
+
+    def kurtosis(self) -> NDArray[np.float64]:
+        """Return the kurtosis of each output from the differences of A and B, shape (outputs,).
+
+        E (a - b)^4 = 2 m4 + 6 m2^2 for independent a and b of central moments m2 and m4 (Kendall
+        and Stuart 1977, The advanced theory of statistics 1, chapter 3): no large mean to cancel.
+        """
+        second = self._weighted(1).mean("between_squared")[0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = self._weighted_sample().mean("between_fourth")[0] / second**2
+        return np.where(second > 0.0, np.maximum(2.0 * ratio - 3.0, 1.0), np.nan)
 
     def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
         """Return {"martinez": S and ST by Martinez 2011} (`martinez`)."""
@@ -83,15 +100,18 @@ class SaltelliEstimator(Estimator):
         difference = mixed - a
         product = b * difference
         points = np.moveaxis(values[:, :2], 1, 0)
-        size = np.abs(difference)
+        between = values[:, 0] - values[:, 1]
+        size, apart = (np.abs(one) for one in (difference, between))
         size = np.where(size <= _LARGEST_FOURTH, size, np.nan)
+        apart = np.where(apart <= _LARGEST_FOURTH, apart, np.nan)
         return {
             "product": product[None],
             "difference": np.where(np.isnan(product), np.nan, difference)[None],
             "difference_squared": difference[None],
             "value": points,
             "value_squared": points,
-            "between_squared": (values[:, 0] - values[:, 1])[None],
+            "between_squared": between[None],
+            "between_fourth": ((apart * apart) * (apart * apart))[None],
             "difference_root": np.sqrt(size)[None],
             "difference_size": size[None],
             "difference_fourth": ((size * size) * (size * size))[None],

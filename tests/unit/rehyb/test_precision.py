@@ -128,15 +128,15 @@ def test_the_command_says_what_it_decides_and_by_its_status_whether_it_got_there
 
     status, out, _ = study("watch s1 --up-to 64 --target 0.001")
     assert status == 1 and "It has its 64 rows" in out
-    status, out, _ = study("watch s1 --up-to 64 --target 9 --json")
+    status, out, _ = study("watch s1 --up-to 128 --target 9 --json")
     answer = json.loads(out)
     assert status == 0
-    assert (answer["study"], answer["rows"], answer["reached"]) == ("s1", 64, True)
+    assert (answer["study"], answer["rows"], answer["reached"]) == ("s1", 128, True)
     assert study("watch s1")[0] == 0
     status, _, err = study("watch s1 --target 9")
     assert status == 2 and "--target and --output need --up-to" in err
     submit = "submit --model ishigami --method saltelli --rows 4"
-    status, out, _ = study(f"{submit} --target 9 --up-to 64")
+    status, out, _ = study(f"{submit} --target 9 --up-to 128")
     assert status == 0 and "Every index of y is within ±9" in out
     status, _, err = study(f"{submit} --target 9")
     assert status == 2 and "--target needs --up-to" in err

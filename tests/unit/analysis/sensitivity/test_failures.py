@@ -87,7 +87,7 @@ def test_the_mean_inverse_step_is_that_of_the_design() -> None:
 def test_a_factor_of_no_influence_has_indices_of_exactly_zero_and_a_dummy_shows_chance() -> None:
     """Effects, S and ST are made of differences within a row, where an idle factor does nothing."""
     for method in METHODS:
-        plan = study_plan(method, rows=64)
+        plan = study_plan(method, rows=256)
         idle = analyse(plan, results_of(plan, lambda x: two_outputs(x) | {"z": x["a"]}))
         for factor in ("b", "c"):
             entry = idle["outputs"]["z"]["factors"][factor]
@@ -98,7 +98,7 @@ def test_a_factor_of_no_influence_has_indices_of_exactly_zero_and_a_dummy_shows_
             assert factor in idle["outputs"]["z"]["screening"]["non_influential"]
     dummy = idle["outputs"]["z"]["dummy_first_order"]
     unit = qmc.scale(
-        np.stack([unit_row("saltelli", "sobol", 7, r, 3)[:2, 0] for r in range(64)]), -1, 1
+        np.stack([unit_row("saltelli", "sobol", 7, r, 3)[:2, 0] for r in range(256)]), -1, 1
     )
     assert dummy["value"] == pytest.approx(np.corrcoef(unit.T)[0, 1], abs=0.03)
     assert dummy["low"] < 0.0 < dummy["high"]

@@ -49,7 +49,7 @@ def test_an_index_that_few_rows_make_up_is_named() -> None:
 
 
 def test_a_screening_says_what_does_too_little_and_what_is_open() -> None:
-    plan = study_plan("morris", rows=40)
+    plan = study_plan("morris", rows=256)
     idle = results_of(plan, lambda x: {"y": x["a"] + 0.01 * x["b"], "z": x["b"]})
     said = " ".join(remarks(analyse(plan, idle), "y"))
     expected = (

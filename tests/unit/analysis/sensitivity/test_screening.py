@@ -73,7 +73,7 @@ def test_nothing_is_fixed_when_nothing_matters() -> None:
 
 
 def test_a_factor_without_influence_is_found_in_a_real_study() -> None:
-    plan = study_plan("morris", rows=20)
+    plan = study_plan("morris", rows=256)
     snapshot = analyse(plan, results_of(plan))
     assert propose_fixing(snapshot, "z").factor in ("a", "c")
     assert propose_fixing(snapshot, "y").factor is None
@@ -90,7 +90,7 @@ def test_screening_needs_a_screening_and_a_known_output() -> None:
 def shares(**factors: tuple[float | None, float | None, float | None]) -> dict[str, Any]:
     """Return factors given as (low, ST, high)."""
     return {
-        name: {"total_order": {"low": low, "value": value, "high": high}}
+        name: {"total_order": {"low": low, "value": value, "high": high}, "n": 256}
         for name, (low, value, high) in factors.items()
     }
 
@@ -110,7 +110,7 @@ def shares(**factors: tuple[float | None, float | None, float | None]) -> dict[s
 def test_a_factor_matters_if_its_whole_interval_is_above_the_threshold(
     factor: tuple[float | None, float | None, float | None], kind: str
 ) -> None:
-    found = influence(shares(a=factor, other=(0.5, 0.6, 0.7)), "saltelli")
+    found = influence(shares(a=factor, other=(0.5, 0.6, 0.7)), "saltelli", trusted=True)
     assert found.threshold == 0.05 and found.by == "total_order"
     assert "a" in getattr(found, kind)
     everywhere = (*found.influential, *found.non_influential, *found.undecided)
@@ -118,8 +118,34 @@ def test_a_factor_matters_if_its_whole_interval_is_above_the_threshold(
 
 
 def test_before_any_estimate_there_is_no_threshold_and_where_nothing_acts_nothing_matters() -> None:
-    nothing = influence(shares(a=(None, None, None)), "saltelli")
+    nothing = influence(shares(a=(None, None, None)), "saltelli", trusted=True)
     assert (nothing.threshold, nothing.undecided) == (None, ("a",))
-    idle = {"mu_star": {"low": 0.0, "value": 0.0, "high": 0.0}}
-    still = influence({"a": idle, "b": idle}, "morris")
+    idle = {"mu_star": {"low": 0.0, "value": 0.0, "high": 0.0}, "n": 256}
+    still = influence({"a": idle, "b": idle}, "morris", trusted=True)
     assert (still.threshold, still.non_influential) == (0.0, ("a", "b"))
+
+
+@pytest.mark.parametrize(("high", "n", "enough"), [(0.04, 128, True), (0.0, 128, False)])
+def test_what_moved_nothing_at_all_takes_more_rows_to_be_called_non_influential(
+    high: float, n: int, enough: bool
+) -> None:
+    """An event in 0.015 of the cube is missed by 128 rows in 2 of 100 studies."""
+    factor = {"total_order": {"low": 0.0, "value": 0.0, "high": high}, "n": n}
+    found = influence({"a": factor}, "saltelli", trusted=True)
+    assert found.non_influential == (("a",) if enough else ())
+
+
+def test_a_sample_that_cannot_be_trusted_calls_no_factor_non_influential() -> None:
+    few = influence(shares(a=(0.0, 0.01, 0.02)), "saltelli", trusted=False)
+    assert (few.non_influential, few.undecided) == ((), ("a",))
+
+
+@pytest.mark.parametrize(("n", "fixed"), [(127, None), (128, "mass")])
+def test_nothing_is_fixed_on_fewer_than_128_rows(n: int, fixed: str | None) -> None:
+    snapshot = snapshot_of(length=(7.0, 7.5, 4.6), mass=(0.1, 0.11, 0.1))
+    for factor in snapshot["outputs"]["error"]["factors"].values():
+        factor["n"] = n
+    found = propose_fixing(snapshot, "error")
+    assert found.factor == fixed
+    said = "127 rows are too few to call a factor non-influential." in found.evidence
+    assert said == (fixed is None)

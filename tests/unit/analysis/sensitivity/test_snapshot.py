@@ -26,7 +26,7 @@ SUMS = {
     "saltelli": SUMS_OF_SHARES,
     "saltelli_second_order": SUMS_OF_SHARES | {"second_order"},
 }
-OUTPUT = {"mean", "sd", "n", "factors", "ranking", "screening", "convergence"}
+OUTPUT = {"mean", "sd", "n", "factors", "ranking", "trust", "screening", "convergence"}
 
 
 @pytest.mark.parametrize("method", METHODS)

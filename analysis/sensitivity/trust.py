@@ -1,0 +1,99 @@
+"""Whether a sample was enough to be believed: what it rests on, and what it cannot have seen.
+
+A variance is a mean of squares. If the output has a heavy tail, few runs make that mean up, and
+with it every share of it; a sample that lacks them looks precise. The kurtosis k of the output
+tells: n runs determine its variance as well as 2 n / k runs of equal squares would (Kish 1965,
+Survey sampling, section 11.7). What no run shows at all nothing can tell: an event that strikes
+less often than once in n / 3 runs is missed by n runs once in twenty times or more (the rule of
+three: Hanley and Lippman-Hand 1983, If nothing goes wrong, is everything all right?).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.sensitivity.estimators import Estimator, Statistic
+
+#: With fewer rows nothing is "reached" or "not influential".
+FEWEST_ROWS = 128
+
+#: A factor that moved nothing at all is "not influential" from here on: an event in 0.015 of the
+#: cube is missed by 128 rows in 2 of 100 studies, by 256 rows in none of 400.
+FEWEST_STILL_ROWS = 256
+
+#: A light-tailed output needs no more than that. The kurtosis of a normal one is 3, of a uniform
+#: one 1.8, of an exponential one 9.
+HEAVY_KURTOSIS = 7.0
+
+#: From so many effective runs on a heavy tail is seen well enough.
+ENOUGH_RUNS = 200.0
+
+#: Of the interval of the sum of total-order indices, which is never below 1: a linear function, of
+#: which it is 1, is then taken to task in 1 study of 200.
+_SUM_LEVEL = 0.99
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trust:
+    """How far the intervals of one output's indices can be trusted."""
+
+    #: Runs that stand for the factors' distributions independently of each other.
+    runs: int
+    #: How many runs of equal squares would determine the variance as well; None if unknown.
+    effective_runs: float | None
+    #: What happens in less than this share of the runs may be unseen.
+    unseen: float | None
+    #: None with fewer than `FEWEST_ROWS` rows.
+    trusted: bool | None
+    #: Why they are not; empty if they are.
+    sentence: str
+
+
+def judge(
+    estimator: Estimator, statistics: Mapping[str, Statistic], output: int, name: str
+) -> Trust:
+    """Say how far an output's indices can be trusted (Kish 1965; Hanley and Lippman-Hand 1983).
+
+    Args:
+        estimator: of the study.
+        statistics: of the estimator.
+        output: which of its outputs.
+        name: of the output, for the sentence.
+    """
+    rows = int(estimator.effects[output].max(initial=0))
+    runs = int(estimator.independent_runs()[output])
+    kurtosis = float(estimator.kurtosis()[output])
+    effective = runs / kurtosis
+    reasons = []
+    if rows >= FEWEST_ROWS:
+        if kurtosis > HEAVY_KURTOSIS and effective < ENOUGH_RUNS:
+            reasons.append(
+                f"the variance of {name} rests on few runs (as many as {effective:.0f} of equal "
+                f"size would, of {runs:,}), so shares of it may be far off, those of light factors "
+                "too large"
+            )
+        short = _short_of_one(statistics, output)
+        if short is not None:
+            reasons.append(
+                f"the total-order indices of {name} sum to at most {short:.2f}, and truly never to "
+                "less than 1, so something that matters was seen too rarely"
+            )
+    return Trust(
+        runs=runs,
+        effective_runs=effective if isfinite(effective) else None,
+        unseen=3.0 / runs if runs >= 3 else None,
+        trusted=None if rows < FEWEST_ROWS else not reasons,
+        sentence=f"Do not trust these intervals: {'; '.join(reasons)}." if reasons else "",
+    )
+
+
+def _short_of_one(statistics: Mapping[str, Statistic], output: int) -> float | None:
+    """Return the upper end of the sum of ST if it is below 1; None if it is not, or unknown."""
+    found = statistics.get("sum_total_order")
+    if found is None:
+        return None
+    high: NDArray[np.float64] = found.estimate(_SUM_LEVEL).high
+    return float(high[output]) if high[output] < 1.0 else None
