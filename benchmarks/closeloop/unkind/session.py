@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.closeloop.unkind.cases import Case, Controller, to_json
 from benchmarks.closeloop.unkind.chain import (
@@ -26,6 +27,8 @@ Signal = NDArray[np.float64]
 
 #: A channel without noise of its own is held for this good, of its RMS.
 LEAST_NOISE = 0.005
+#: Commands above it are the controller's answer to its encoder's noise.
+CHATTER_HZ = 20.0
 #: A fault is at least this strong beside the noise, or its session does not count.
 LEAST_RATIO = 3.0
 #: Frictions whose form must show beside the noise, too: what Coulomb and viscous friction leave.
@@ -85,7 +88,7 @@ def _record(case: Case) -> Recorded:
     # What the effort is without faults says how much noise its sensor has.
     plain = [bare.run(case.plans[n], starts[n], {}) for n in range(0, len(starts), 2)]
     rms = np.sqrt(np.mean(np.concatenate([t.effort for t in plain]) ** 2, axis=0))
-    noise = _noise(case.chain, rms)
+    noise = _noise(case.chain, rms, chatter := _chatter(plain))
     sized, ratios = [], []
     for fault in case.faults:
         one, ratio = _sized(case, fault, starts, noise, rms)
@@ -98,7 +101,7 @@ def _record(case: Case) -> Recorded:
             case.chain, noise=better * case.chain.noise, least_count=better * case.chain.least_count
         )
         case = replace(case, chain=chain)
-        old, noise = noise, _noise(chain, rms)
+        old, noise = noise, _noise(chain, rms, chatter)
         ratios = [ratio * float(np.min(old / noise)) for ratio in ratios]
     case = replace(case, faults=tuple(sized))
     pushes = {
@@ -120,9 +123,18 @@ def _record(case: Case) -> Recorded:
     )
 
 
-def _noise(chain: Chain, rms: Signal) -> Signal:
+def _noise(chain: Chain, rms: Signal, chatter: Signal) -> Signal:
     share = np.hypot(chain.noise, chain.least_count / np.sqrt(12))
-    return np.asarray(max(share, LEAST_NOISE) * np.maximum(rms, 0.05 * np.max(rms)))
+    sensor = max(share, LEAST_NOISE) * np.maximum(rms, 0.05 * np.max(rms))
+    return np.asarray(np.hypot(sensor, chatter))
+
+
+def _chatter(trials: list[Trial]) -> Signal:
+    """Return the RMS of commands above `CHATTER_HZ`: no log at these rates can tell its motion."""
+    step = float(trials[0].time[1])
+    section = butter(4, CHATTER_HZ, "highpass", fs=1 / step, output="sos")
+    fast = np.concatenate([sosfiltfilt(section, t.effort, axis=0)[50:-50] for t in trials])
+    return np.asarray(np.sqrt(np.mean(fast**2, axis=0)))
 
 
 def _sized(
@@ -131,6 +143,8 @@ def _sized(
     """Return a fault at the size that its ratio asks for, and the ratio that it reaches."""
     joint = case.robot.index(fault.joint)
     low, high = RANGES.get(fault.name, (0.0, np.inf))
+    if case.robot.limb is not None and fault.name == "nonlinear_stiffness":
+        high = 5.0 * case.robot.limb.stiffness
     at_torque = fault.ratio * float(noise[joint])
     first = {
         "payload": 0.3,
@@ -138,7 +152,7 @@ def _sized(
         "load_dependent_friction": at_torque / float(rms[joint]),
         "nonlinear_stiffness": 4 * at_torque,
         "stretch_reflex": 2 * at_torque,
-    }.get(fault.name, at_torque if high == np.inf else float(np.sqrt(low * high)))
+    }.get(fault.name, float(np.sqrt(low * high)) if low else at_torque)
     if fault.name == "load_dependent_friction":
         load = {**fault.values, "base": fault.values["base"] * float(rms[joint]) * 0.3}
         fault = replace(fault, values=load)

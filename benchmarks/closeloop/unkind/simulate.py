@@ -144,15 +144,18 @@ class Bench:
         speed = np.zeros(count)
         error_sum = np.zeros(count)
         command = forward[0].copy()
-        least, smooth = case.chain.encoder, 1 - np.exp(-2 * np.pi * 40.0 * 2 * STEP)
+        least = case.chain.encoder
+        # A coarse encoder's speed has to be smoothed more, or the motor chatters.
+        smooth = 1 - np.exp(-2 * np.pi * (40.0 if least < 1e-3 else 15.0) * 2 * STEP)
         every = round(2 * STEP / dt)
         hits = [
             (robot.index(push.joint), push.start, push.seconds, pushes.get(n, 0.0))
             for n, push in enumerate(case.pushes)
             if push.trial == plan.number
         ]
+        angles, speeds, pulls, applied = data.qpos, data.qvel, data.qacc, data.qfrc_applied
         for k in range(len(time)):
-            q_real, v = data.qpos[dofs], data.qvel[dofs]
+            q_real, v = angles[dofs], speeds[dofs]
             q = q_real + self.offset
             if k % every == 0:
                 now = np.round(q / least) * least
@@ -166,12 +169,12 @@ class Bench:
             known = forces.add(k, q_real, v, data, total, q)
             for joint, begin, length, peak in hits:
                 total[joint] += peak * bump((time[k] - begin) / length)
-            data.qfrc_applied[:] = 0
-            data.qfrc_applied[dofs] = total
+            applied[:] = 0
+            applied[dofs] = total
             forces.far_side(data)
             q_out[k], v_out[k], e_out[k] = q, v, command
             mujoco.mj_step(real, data)
-            a_out[k] = data.qacc[dofs]
+            a_out[k] = pulls[dofs]
             k_out[k] = known + forces.solver_friction(data)
         if not np.all(np.isfinite(q_out)) or np.max(np.abs(q_out - q_want)) > 1.2:
             raise FlightError(f"{case.name}, trial {plan.number}")
@@ -324,9 +327,10 @@ def inverse(model: mujoco.MjModel, q: Signal, v: Signal, a: Signal) -> Signal:
     torque = np.empty_like(q)
     with_limits = model.opt.disableflags
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
+    angles, speeds, pulls, need = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
     for k in range(len(q)):
-        data.qpos, data.qvel, data.qacc = q[k], v[k], a[k]
+        angles[:], speeds[:], pulls[:] = q[k], v[k], a[k]
         mujoco.mj_inverse(model, data)
-        torque[k] = data.qfrc_inverse
+        torque[k] = need
     model.opt.disableflags = with_limits
     return torque
