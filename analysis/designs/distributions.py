@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import log1p, log_ndtr, logsumexp, ndtr, ndtri, ndtri_exp
 
+from analysis.json_values import is_finite_number
+
 #: Probability left out at either end of what gives a distribution its scale.
 _TAIL = 0.05
 
@@ -283,13 +285,3 @@ def _log_sum(p: float, q: NDArray[np.float64]) -> NDArray[np.float64]:
 def _clipped(x: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
     """Return `x` within [low, high]; `np.clip` takes several times as long for a row's few."""
     return np.minimum(np.maximum(x, low), high)
-
-
-def is_finite_number(value: object) -> bool:
-    """Say whether a JSON value is a number that a float can hold."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    try:
-        return isfinite(value)
-    except OverflowError:
-        return False

@@ -9,7 +9,7 @@ import hashlib
 from dataclasses import dataclass, replace
 
 from server.logic.instances import BUDGETS
-from server.records import Comparison, Result
+from server.records import Comparison, Lease, Result
 from server.states import ComparisonState
 
 #: How often a second opinion may fail to come before nobody is asked any more.
@@ -72,23 +72,16 @@ def put_back(asked: Comparison, *, counted: bool = True) -> Comparison:
 
 
 def concluded(
-    asked: Comparison,
-    first: Result,
-    second: Result,
-    *,
-    host: str,
-    worker: str,
-    tolerance: float,
-    now: float,
+    asked: Comparison, first: Result, second: Result, lease: Lease, *, tolerance: float, now: float
 ) -> Comparison:
-    """Return a second opinion that has come from `worker` on `host`; see `agree`."""
+    """Return a second opinion that has come under `lease`; see `agree`."""
     agreed = agree(first, second, tolerance)
     return replace(
         asked,
         state=ComparisonState.AGREED if agreed else ComparisonState.DISAGREED,
         decided_at=now,
-        second_host=host,
-        second_worker_id=worker,
+        second_host=lease.host,
+        second_worker_id=lease.worker,
         outcome=second.outcome,
         outputs=second.outputs,
         difference=difference(first, second),

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
-from analysis.designs.distributions import is_finite_number
+from analysis.json_values import is_finite_number
 from server.logic.instances import BUDGETS, RESERVED, RETRIED, after_attempt, settled
 from server.logic.json_values import cut, flaw_in
 from server.records import Instance, Lease, Place, Result, record

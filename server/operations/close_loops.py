@@ -41,9 +41,6 @@ def create(engine: Engine, session_id: str, *, code: str, now: float) -> tuple[C
 
     Returns:
         The job, and whether it is new.
-
-    Raises:
-        NotFoundError: there is no session of that id.
     """
     with writing(engine) as connection:
         sessions.find(connection, session_id, lock=True)
@@ -173,7 +170,6 @@ def hand_in(
     A lease that has expired is no objection while there is no report.
 
     Raises:
-        NotFoundError: there is no such job.
         ConflictError: the lease never was the bearer's.
     """
     with _held(engine, job_id, proof) as (connection, job):

@@ -8,13 +8,7 @@ from collections.abc import Iterable, Sequence
 
 from sqlalchemy.engine import Connection, Engine
 
-from server.logic.comparisons import (
-    Reputation,
-    concluded,
-    is_chosen,
-    is_comparable,
-    put_back,
-)
+from server.logic.comparisons import Reputation, concluded, is_chosen, is_comparable, put_back
 from server.logic.plans import instance_id
 from server.logic.verdicts import Judgement, Report, as_result, fault_in
 from server.records import Lease, Result, Study
@@ -29,19 +23,18 @@ def ask(
     connection: Connection,
     study: Study,
     found: Iterable[Result],
+    lease: Lease,
     *,
     share: float,
-    host: str,
-    worker: str,
     now: float,
 ) -> None:
-    """Ask for second opinions on those of a host's new final results that are chosen for it."""
+    """Ask for second opinions on those new final results of a lease that are chosen for it."""
     chosen = [
         (result.row, result.position)
         for result in found
         if is_comparable(result) and is_chosen(study.plan.seed, result.row, result.position, share)
     ]
-    comparisons.add(connection, study.id, chosen, host=host, worker=worker, now=now)
+    comparisons.add(connection, study.id, chosen, host=lease.host, worker=lease.worker, now=now)
 
 
 def judge(
@@ -84,27 +77,12 @@ def judge(
             if first is None or not is_comparable(second):
                 after = put_back(one)
             else:
-                after = concluded(
-                    one,
-                    first,
-                    second,
-                    host=lease.host,
-                    worker=lease.worker,
-                    tolerance=tolerance,
-                    now=now,
-                )
+                after = concluded(one, first, second, lease, tolerance=tolerance, now=now)
             comparisons.save(connection, after)
             if after.state == ComparisonState.DISAGREED:
-                log.warning(
-                    "hosts %s and %s disagree on an instance",
-                    one.first_host,
-                    lease.host,
-                    extra={
-                        "study": study.id,
-                        "instance": report.instance,
-                        "worker": lease.worker,
-                    },
-                )
+                about = {"study": study.id, "instance": report.instance, "worker": lease.worker}
+                hosts = one.first_host, lease.host
+                log.warning("hosts %s and %s disagree on an instance", *hosts, extra=about)
         open_ones.discard(report.instance)
         judgements.append(Judgement(about=report.instance, verdict=verdict, detail=detail))
     return judgements, bool(open_ones)

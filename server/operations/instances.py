@@ -61,9 +61,6 @@ def page(
         state: an `InstanceState`, "ok", "failed" or "quarantined"; None: all.
         outcome: only those that ended so.
         after: (row, position) of the last one seen.
-
-    Raises:
-        NotFoundError: there is no study of that id.
     """
     ended: set[str] | None = None
     if state in ("ok", "quarantined"):

@@ -18,7 +18,6 @@ def put(engine: Engine, study_id: str, goal: PrecisionGoal) -> None:
     """Give a study a goal in place of any it had.
 
     Raises:
-        NotFoundError: there is no study of that id.
         ConflictError: it is cancelled.
     """
     with writing(engine) as connection:
@@ -41,9 +40,6 @@ def act_on(engine: Engine, study_id: str) -> bool:
 
     Returns:
         Whether there was anything to do.
-
-    Raises:
-        NotFoundError: there is no study of that id.
     """
     with writing(engine) as connection:
         study = studies.find(connection, study_id, lock=True)

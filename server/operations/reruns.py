@@ -30,7 +30,6 @@ def rerun(
         outcomes: only failures of these names; None: all of them.
 
     Raises:
-        NotFoundError: there is no study of that id.
         ConflictError: it is cancelled; or all of it shall run again while workers hold some.
     """
     with writing(engine) as connection:

@@ -131,15 +131,7 @@ def _file(
     )
     conflicts = [j.conflict for j in judgements if j.conflict is not None]
     results.add_conflicts(connection, study.id, conflicts, worker=posted.worker, now=now)
-    comparisons.ask(
-        connection,
-        study,
-        final,
-        share=posted.share,
-        host=lease.host,
-        worker=posted.worker,
-        now=now,
-    )
+    comparisons.ask(connection, study, final, lease, share=posted.share, now=now)
     known = {**before, **after}
     others = [place for place in lease.instances if place not in known]
     holds = bool(held(known, lease=lease.id)) or instances.are_held(

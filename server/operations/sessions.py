@@ -46,11 +46,7 @@ def create(
 
 
 def delete(engine: Engine, session_id: str) -> None:
-    """Remove a session and all that was found in it; whoever works on it is not heard any more.
-
-    Raises:
-        NotFoundError: there is no session of that id.
-    """
+    """Remove a session and all that was found in it; whoever works on it is not heard any more."""
     with writing(engine) as connection:
         sessions.find(connection, session_id, lock=True)
         close_loops.delete_of_session(connection, session_id)

@@ -75,7 +75,7 @@ def create(
 
 
 def standing(engine: Engine, study_id: str, *, now: float) -> Standing:
-    """Return a study and how it has been going; NotFoundError if there is none of that id."""
+    """Return a study and how it has been going."""
     with reading(engine) as connection:
         study = studies.find(connection, study_id)
         opening, ends = window_start(study.result_count), block_ends(study.result_count)
@@ -94,7 +94,6 @@ def cancel(engine: Engine, study_id: str, *, now: float) -> Study:
     """Stop handing out a study's instances; results of those already out are still taken.
 
     Raises:
-        NotFoundError: there is no study of that id.
         ConflictError: the study is already complete.
     """
     return _change(engine, study_id, lambda study: life.cancelled(study, now))
@@ -104,14 +103,13 @@ def switch(engine: Engine, study_id: str, state: StudyState) -> Study:
     """Pause, drain or resume a study; results under way are taken.
 
     Raises:
-        NotFoundError: there is no study of that id.
         ConflictError: the study is complete or cancelled.
     """
     return _change(engine, study_id, lambda study: life.switched(study, state))
 
 
 def prioritise(engine: Engine, study_id: str, priority: int) -> Study:
-    """Serve a study before all of lower priority; NotFoundError if there is none of that id."""
+    """Serve a study before all of lower priority."""
     return _change(engine, study_id, lambda study: replace(study, priority=priority))
 
 
@@ -121,7 +119,6 @@ def extend(engine: Engine, study_id: str, rows: int) -> Study:
     `rows`: how many it has then in all, so that asking twice changes nothing.
 
     Raises:
-        NotFoundError: there is no study of that id.
         ConflictError: it is cancelled, or cannot have that many.
     """
     return _change(engine, study_id, lambda study: life.extended(study, rows))
@@ -131,7 +128,6 @@ def delete(engine: Engine, study_id: str) -> None:
     """Remove a study and everything that belongs to it.
 
     Raises:
-        NotFoundError: there is no study of that id.
         ConflictError: it still runs.
     """
     with writing(engine) as connection:

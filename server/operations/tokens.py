@@ -38,7 +38,7 @@ def create(engine: Engine, *, name: str, scopes: Sequence[str], now: float) -> t
 
 
 def revoke(engine: Engine, token_id: str, *, now: float) -> Token:
-    """Make a token worthless, for good; NotFoundError if there is none of that id."""
+    """Make a token worthless, for good."""
     with writing(engine) as connection:
         return tokens.revoke(connection, token_id, now=now)
 

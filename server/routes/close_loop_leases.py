@@ -97,10 +97,8 @@ def lease(body: LoopLeaseBody, store: Store, settings: Configured, now: Now) -> 
         return Response(status_code=204, headers={"Retry-After": str(again)})
     job, session = granted
     attempt = job.attempts[-1]
-    log.info(
-        "close-loop leased",
-        extra={"close_loop": job.id, "session": session.id, "worker": attempt.worker},
-    )
+    about = {"close_loop": job.id, "session": session.id, "worker": attempt.worker}
+    log.info("close-loop leased", extra=about)
     answer = {
         "id": job.id,
         "lease": attempt.lease,

@@ -116,19 +116,13 @@ def requested(body: LeaseBody) -> LeaseRequest:
 def granted(grant: Grant, ttl: float, measures: Metrics) -> dict[str, Any]:
     """Return a new lease as its worker is told of it."""
     measures.leases.inc()
-    log.info(
-        "lease granted",
-        extra={
-            "study": grant.study.id,
-            "lease": grant.lease.id,
-            "worker": grant.lease.worker,
-            "instances": len(grant.lease.instances),
-        },
-    )
+    lease, count = grant.lease, len(grant.lease.instances)
+    about = {"study": lease.study, "lease": lease.id, "worker": lease.worker, "instances": count}
+    log.info("lease granted", extra=about)
     return {
-        "id": grant.lease.id,
-        "fence": grant.lease.fence,
-        "expires_at": grant.lease.expires_at,
+        "id": lease.id,
+        "fence": lease.fence,
+        "expires_at": lease.expires_at,
         "ttl_seconds": ttl,
         "instances": _instances(grant),
     }

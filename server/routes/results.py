@@ -150,16 +150,9 @@ def _note(body: ResultsBody, judgements: Sequence[Judgement], measures: Metrics)
             if result.wall_seconds is not None:
                 measures.run_seconds.observe(result.wall_seconds)
         elif judgement.verdict in REFUSALS:
-            log.info(
-                "result refused as %s: %s",
-                judgement.verdict,
-                judgement.detail,
-                extra={
-                    "instance": judgement.about,
-                    "lease": body.lease,
-                    "worker": body.worker,
-                },
-            )
+            why = judgement.verdict, judgement.detail
+            about = {"instance": judgement.about, "lease": body.lease, "worker": body.worker}
+            log.info("result refused as %s: %s", *why, extra=about)
 
 
 @router.get("/studies/{study_id}/results.csv")

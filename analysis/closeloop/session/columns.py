@@ -16,7 +16,7 @@ import numpy as np
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import ColumnMap, Source
 from analysis.closeloop.session.files import Fields, inside, read_json
-from analysis.designs.distributions import is_finite_number
+from analysis.json_values import is_finite_number
 
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 LAYOUTS = ("columns", "rows")

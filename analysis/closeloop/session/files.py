@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 from analysis.closeloop.errors import SessionError
-from analysis.designs.distributions import is_finite_number
+from analysis.json_values import is_finite_number
 
 SESSION_FILE = "session.json"
 

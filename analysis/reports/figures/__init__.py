@@ -1,5 +1,6 @@
 """Figures of studies, each named after what it shows; they return a matplotlib `Figure`.
 
+One that is given a snapshot of another method, or without the output, raises ValueError.
 matplotlib is imported when a figure is drawn, so that a coordinator without it can run.
 """
 

@@ -25,9 +25,6 @@ def campaign_figure(
     """Draw a campaign: its screening, its variance shares, and its failures by cause.
 
     The snapshots are of methods morris and saltelli.
-
-    Raises:
-        ValueError: a snapshot is of another method, or has no such output.
     """
     screened = style.factors_of(phase1, output, "morris")
     ranked = style.factors_of(phase2, output, "saltelli")

@@ -28,9 +28,6 @@ def convergence_figure(
     Args:
         unit: of the output, for the axes of elementary effects.
         palette: factors in the order of their colours; default: the study's.
-
-    Raises:
-        ValueError: the snapshot has no such output.
     """
     factors = style.factors_of(snapshot, output, family(snapshot["method"]))
     series = snapshot["outputs"][output]["convergence"]

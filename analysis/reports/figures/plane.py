@@ -30,9 +30,6 @@ def screening_figure(
         clouds: mu* and sigma of every bootstrap replicate, shape (2, replicates, factors); drawn
             beside the intervals, as on the right of the paper's figure 8.
         palette: factors in the order of their colours; default: the study's.
-
-    Raises:
-        ValueError: the snapshot is of another method, or has no such output.
     """
     factors = style.factors_of(snapshot, output, "morris")
     figure = style.new_figure(6.4 if clouds is None else 11.0, 4.6)

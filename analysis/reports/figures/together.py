@@ -23,11 +23,7 @@ def largest_pairs(snapshot: style.Snapshot, output: str) -> list[Mapping[str, An
 
 
 def together_figure(snapshot: style.Snapshot, output: str) -> Figure:
-    """Draw the indices of pairs (`saltelli_second_order`) with intervals, and their convergence.
-
-    Raises:
-        ValueError: the snapshot is of another family of methods, or has no such output.
-    """
+    """Draw the indices of pairs (`saltelli_second_order`) with intervals, and their convergence."""
     style.factors_of(snapshot, output, "saltelli")
     pairs = largest_pairs(snapshot, output)
     figure = style.new_figure(11.0, max(4.2, 1.6 + 0.3 * len(pairs)))

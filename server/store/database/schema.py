@@ -1,4 +1,7 @@
-"""The tables as queries see them. Alembic makes them: see `migrations/versions`."""
+"""The tables as queries see them. Alembic makes them: see `migrations/versions`.
+
+What a column holds is said where it is read: in `server.records`.
+"""
 
 from typing import Any
 
@@ -49,13 +52,9 @@ studies = sa.Table(
     sa.Column("ok_count", sa.BigInteger, nullable=False),
     sa.Column("rows_complete", sa.BigInteger, nullable=False),
     sa.Column("failures", sa.JSON, nullable=False),
-    #: The higher, the sooner.
     sa.Column("priority", sa.Integer, nullable=False, server_default="0"),
-    #: What a worker must call itself to be given any of it.
     sa.Column("tags", sa.JSON, nullable=False, server_default="[]"),
-    #: The code that the first lease went to; NULL before it.
     sa.Column("identity", sa.JSON(none_as_null=True)),
-    #: Counts the changes that make earlier readings of the study's log obsolete.
     sa.Column("edition", sa.BigInteger, nullable=False, server_default="0"),
     sa.Index("studies_by_age", "state", "created_at", "id"),
 )
@@ -71,9 +70,7 @@ instances = sa.Table(
     sa.Column("state", sa.String(16), nullable=False),
     sa.Column("lease_id", sa.String(32)),
     sa.Column("attempts", sa.JSON, nullable=False),
-    #: The kind of machine its whole row is computed on; NULL while any may take it.
     sa.Column("host_class", sa.String(16)),
-    #: The host on which it last went wrong.
     sa.Column("avoid", sa.String(255)),
     sqlite_with_rowid=False,
 )
@@ -100,7 +97,6 @@ leases = sa.Table(
     sa.Column("expires_at", sa.Double, nullable=False),
     sa.Column("instances", sa.JSON, nullable=False),
     sa.Column("host_class", sa.String(16)),
-    #: Whether it asks for second opinions (`comparisons`) and not for results.
     sa.Column("compares", sa.Boolean, nullable=False, server_default=sa.false()),
     sqlite_autoincrement=True,
 )
@@ -161,7 +157,6 @@ comparisons = sa.Table(
     sa.Column("study_id", sa.ForeignKey("studies.id"), nullable=False),
     sa.Column("row", sa.BigInteger, nullable=False),
     sa.Column("position", sa.Integer, nullable=False),
-    #: "waiting", "leased", "agreed", "disagreed" or "abandoned".
     sa.Column("state", sa.String(16), nullable=False),
     sa.Column("attempts", sa.Integer, nullable=False),
     sa.Column("lease_id", sa.String(32), index=True),
@@ -173,7 +168,6 @@ comparisons = sa.Table(
     sa.Column("second_worker_id", sa.ForeignKey("workers.id")),
     sa.Column("outcome", sa.String(40)),
     sa.Column("outputs", sa.JSON(none_as_null=True)),
-    #: Largest relative difference of an output; NULL if the outcomes differ.
     sa.Column("difference", sa.Double),
     sa.Index("comparisons_by_state", "state", "first_host"),
     sa.Index("comparisons_by_instance", "study_id", "row", "position"),
@@ -249,23 +243,15 @@ close_loops = sa.Table(
     metadata,
     sa.Column("id", sa.String(32), primary_key=True),
     sa.Column("session_id", sa.ForeignKey("sessions.id"), nullable=False, index=True),
-    #: "waiting", "running", "done" or "failed".
     sa.Column("state", sa.String(16), nullable=False),
     sa.Column("created_at", sa.Double, nullable=False),
     sa.Column("finished_at", sa.Double),
-    #: When its lease ends; NULL unless running.
     sa.Column("expires_at", sa.Double),
-    #: How often it was handed out: the fence of its last lease.
     sa.Column("grants", sa.Integer, nullable=False),
-    #: Every lease of it and how it ended.
     sa.Column("attempts", sa.JSON, nullable=False),
-    #: What its worker last said it is at.
     sa.Column("progress", sa.Text, nullable=False),
-    #: Digest of the code that the report comes from; NULL before there is one.
     sa.Column("code", sa.String(16)),
-    #: Why it failed; NULL unless it did.
     sa.Column("fault", sa.JSON(none_as_null=True)),
-    #: The report's; NULL before there is one.
     sa.Column("verdict", sa.String(32)),
     sa.Index("close_loops_by_state", "state", "created_at"),
 )
@@ -294,10 +280,8 @@ goals = sa.Table(
     metadata,
     sa.Column("study_id", sa.ForeignKey("studies.id"), primary_key=True),
     sa.Column("output", sa.String(128), nullable=False),
-    #: Half width of every interval; NULL: as the advice has it.
     sa.Column("target", sa.Double),
     sa.Column("up_to", sa.BigInteger, nullable=False),
-    #: Edition of the study at which nothing was left to do.
     sa.Column("judged", sa.BigInteger),
     sa.Column("steps", sa.JSON, nullable=False),
 )
