@@ -46,7 +46,6 @@ def check(
         sample: how many runs to compute again.
         seed: which ones.
         tolerance: how far outputs of those may differ, in standard deviations of the output.
-
     """
     yield Finding("hashes", *_hashes(bundle))
     try:
