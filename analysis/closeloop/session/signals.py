@@ -125,8 +125,14 @@ def shifted(signal: np.ndarray, seconds: float, rate: float) -> np.ndarray:
 
 
 def lagged(signal: np.ndarray, time_constant: float, rate: float) -> np.ndarray:
-    """Return `signal` behind a first-order low-pass of `time_constant` seconds."""
-    share = 1.0 - np.exp(-1.0 / (rate * time_constant))
-    start = (1.0 - share) * signal[:1]
-    filtered, _ = lfilter([share], [1.0, share - 1.0], signal, axis=0, zi=start)
+    """Return `signal` behind a first-order low-pass of `time_constant` seconds.
+
+    Exact for straight lines between samples, so a ramp comes late by the time constant at any rate.
+    """
+    steps = 1.0 / (rate * time_constant)
+    kept = float(np.exp(-steps))
+    newest = 1.0 + np.expm1(-steps) / steps
+    start = (1.0 - newest) * signal[:1]
+    forward = [newest, 1.0 - kept - newest]
+    filtered, _ = lfilter(forward, [1.0, -kept], signal, axis=0, zi=start)
     return np.asarray(filtered)

@@ -13,6 +13,11 @@ def test_a_delay_and_its_opposite_cancel() -> None:
     assert back[20:-20] == pytest.approx(signal[20:-20], abs=2e-4)
 
 
-def test_a_lag_is_behind_by_its_time_constant() -> None:
-    ramp = np.arange(2000)[:, None] / 1000.0
-    assert lagged(ramp, 0.05, 1000.0)[-1] == pytest.approx(ramp[-1] - 0.05, abs=1e-3)
+@pytest.mark.parametrize("time_constant", [0.05, 0.004, 0.0007])
+def test_a_lag_is_behind_by_its_time_constant_however_coarse_the_samples(
+    time_constant: float,
+) -> None:
+    ramp = np.arange(2000)[:, None] / 200.0
+    behind = ramp - lagged(ramp, time_constant, 200.0)
+    assert behind[0, 0] == 0.0
+    assert behind[-1, 0] == pytest.approx(time_constant, rel=1e-6)
