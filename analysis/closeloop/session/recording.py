@@ -17,6 +17,7 @@ from analysis.closeloop.session.signals import (
     lowpass,
     lowpass_measured,
     shifted,
+    slope,
 )
 
 #: What depends on position alone changes slowly: it is computed at every so many samples.
@@ -167,7 +168,7 @@ class Recording:
 
     def derivative(self, columns: np.ndarray) -> np.ndarray:
         """Return the rate of change of columns (n, ...), piece by piece."""
-        return self._by_piece(columns, lambda piece: np.gradient(piece, 1.0 / self.rate, axis=0))
+        return self._by_piece(columns, lambda piece: slope(piece, self.rate))
 
     def _by_piece(
         self, columns: np.ndarray, change: Callable[[np.ndarray], np.ndarray]

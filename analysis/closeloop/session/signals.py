@@ -1,7 +1,7 @@
 """The signal chain: even clock, smooth kinematics, and one low-pass for data and candidates alike.
 
-Positions are smoothed by a zero-phase Butterworth filter and differentiated centrally, as is usual
-for identification by inverse dynamics (Gautier 1997; Janot, Vandanjon and Gautier 2014). Effort is
+Positions are smoothed by a zero-phase Butterworth filter and differentiated, as is usual for
+identification by inverse dynamics (Gautier 1997; Janot, Vandanjon and Gautier 2014). Effort is
 never smoothed where errors are reported; for fitting, effort and every regressor pass the same
 low-pass, so that what the filter takes away it takes from both sides.
 """
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import butter, lfilter, lfilter_zi
 
 #: Rate at which regressors are computed, over the cutoff; at least this many Hz if recorded so.
@@ -108,11 +109,22 @@ def _butterworth(order: int, cutoff: float) -> list[tuple[np.ndarray, np.ndarray
 def derivatives(position: np.ndarray, sampling: Sampling) -> tuple[np.ndarray, ...]:
     """Return smoothed position, velocity and acceleration at the working rate, each (m, joints)."""
     smooth = lowpass(position, sampling.cutoff, sampling.recorded, order=8)
-    step = 1.0 / sampling.recorded
-    velocity = np.gradient(smooth, step, axis=0)
-    acceleration = np.gradient(velocity, step, axis=0)
+    velocity = slope(smooth, sampling.recorded)
+    acceleration = slope(velocity, sampling.recorded)
     every = slice(None, None, sampling.decimation)
     return smooth[every], velocity[every], acceleration[every]
+
+
+def slope(signal: np.ndarray, rate: float) -> np.ndarray:
+    """Return the rate of change of an evenly sampled signal, (n, ...).
+
+    That of a cubic spline, which is a compact difference of fourth order (Lele 1992): at a tenth of
+    the sampling rate it is 0.1 % small, where a central difference is 6 %.
+    """
+    if len(signal) < 4:
+        return np.asarray(np.gradient(signal, 1.0 / rate, axis=0))
+    clock = np.arange(len(signal)) / rate
+    return np.asarray(CubicSpline(clock, signal, axis=0)(clock, 1))
 
 
 def shifted(signal: np.ndarray, seconds: float, rate: float) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.closeloop.session.signals import lagged, shifted
+from analysis.closeloop.session.signals import lagged, shifted, slope
 
 
 def test_a_delay_and_its_opposite_cancel() -> None:
@@ -21,3 +21,10 @@ def test_a_lag_is_behind_by_its_time_constant_however_coarse_the_samples(
     behind = ramp - lagged(ramp, time_constant, 200.0)
     assert behind[0, 0] == 0.0
     assert behind[-1, 0] == pytest.approx(time_constant, rel=1e-6)
+
+
+def test_a_slope_is_right_up_to_a_tenth_of_the_sampling_rate() -> None:
+    t = np.arange(500) / 100.0
+    w = 2 * np.pi * 10.0
+    found = slope(np.sin(w * t)[:, None], 100.0)[20:-20, 0]
+    assert found == pytest.approx(w * np.cos(w * t)[20:-20], abs=0.002 * w)
