@@ -21,6 +21,8 @@ DEGREES = 180.0 / np.pi
 #: Share of samples at a plateau, and its shortest run, that make a saturated effort.
 SATURATED_SHARE = 0.01
 SATURATED_RUN = 10
+#: Over such a run a joint at rest moves less than this share of what it moves on average.
+RESTING_SHARE = 0.1
 
 
 def check_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> None:
@@ -54,7 +56,7 @@ def check_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> N
         if np.ptp(effort) <= 1e-12 * (1.0 + np.abs(effort).max()):
             why = f"is constant at {effort[0]:g} while {joint} moves; record the motor's torque"
             raise SessionError(why, file=trial.file, column=column, line=2)
-        line = saturated_line(effort)
+        line = saturated_line(effort, trial.columns[f"{joint}.position"])
         if line is not None:
             why = (
                 f"is saturated: it stays at {effort[line - 2]:g} while {joint} moves; "
@@ -118,17 +120,20 @@ def _check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np
         )
 
 
-def saturated_line(effort: np.ndarray) -> int | None:
+def saturated_line(effort: np.ndarray, position: np.ndarray) -> int | None:
     """Return the line where a saturated stretch of `effort` begins, or None.
 
     A clipped signal piles up at its largest or smallest value: many samples in unbroken runs at
-    exactly that value and hardly any just below it. A quantised one has as many one step below.
+    exactly that value and hardly any just below it, while the joint moves on. The top of a smooth
+    quantised one takes as long over the next four steps as at its extreme one, and a joint that is
+    held at rest needs the same effort all the time.
     """
     spread = float(np.ptp(effort))
     levels = np.unique(effort)
     if len(levels) < 20:
         return None
-    near = max(0.005 * spread, 1.5 * float(np.diff(levels).min()))
+    near = max(0.005 * spread, 4.5 * float(np.diff(levels).min()))
+    pace = float(np.ptp(position)) / len(position)
     for extreme, sign in ((effort.max(), 1.0), (effort.min(), -1.0)):
         at = effort == extreme
         below = (sign * (extreme - effort) < near) & ~at
@@ -138,7 +143,9 @@ def saturated_line(effort: np.ndarray) -> int | None:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(int), [0]])))
         starts, ends = edges[::2], edges[1::2]
         longest = int(np.argmax(ends - starts))
-        if ends[longest] - starts[longest] >= SATURATED_RUN:
+        length = int(ends[longest] - starts[longest])
+        moved = float(np.ptp(position[starts[longest] : ends[longest]]))
+        if length >= SATURATED_RUN and moved >= RESTING_SHARE * pace * length:
             return int(starts[longest]) + 2
     return None
 

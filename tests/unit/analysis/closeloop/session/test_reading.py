@@ -121,8 +121,23 @@ def test_a_saturated_effort_is_refused(folder: Folder) -> None:
 
 
 def test_a_quantised_effort_is_not_saturated() -> None:
-    effort = np.round(np.sin(np.linspace(0, 60, 5000)) / 0.05) * 0.05
-    assert saturated_line(effort) is None
+    angle = np.linspace(0, 60, 5000)
+    effort = np.round(np.sin(angle) / 0.05) * 0.05
+    assert saturated_line(effort, angle) is None
+
+
+def test_one_broad_peak_of_a_quantised_effort_is_not_saturated() -> None:
+    angle = np.linspace(0, np.pi, 500)
+    effort = np.round(np.sin(angle) / 0.03) * 0.03
+    assert saturated_line(effort, angle) is None
+
+
+def test_a_joint_that_is_held_is_not_saturated() -> None:
+    shares = np.concatenate([np.linspace(0, 1, 100), np.ones(400)])
+    noise = 1e-4 * np.random.default_rng(1).normal(size=500)
+    effort = np.round(6.0 * shares / 0.06) * 0.06
+    assert saturated_line(effort, 0.1 * shares + noise) is None
+    assert saturated_line(effort, np.linspace(0, 1, 500)) == 101
 
 
 @pytest.mark.parametrize("column", ["elbow.effort", "elbow.position"])
