@@ -7,19 +7,15 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from multiprocessing import get_context
-from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 from typing import Any
 
 import pytest
-from pydantic import SecretStr
 
 from rehyb import Client, RehybError, Unreachable
 from server.operations import check
-from server.run import serve
-from server.settings import Settings
 from server.store import create_engine
+from tests.testbed.fleet import warm
 
 TOKEN = "token-of-those-who-acknowledge"
 KILLS = 20
@@ -44,16 +40,17 @@ class Coordinator:
             probe.bind(("127.0.0.1", 0))
             port = probe.getsockname()[1]
         self.url = f"http://127.0.0.1:{port}"
-        self._arguments = (database, port, log)
-        # Its imports take longer than anything else in this test: they are made once.
-        self._context = get_context("forkserver")
-        self._context.set_forkserver_preload(["server.run", "scipy.stats"])
+        self._log = log
+        self._environment = os.environ | {
+            "REHYB_DATABASE_URL": database,
+            "REHYB_PORT": str(port),
+            "REHYB_TOKEN": TOKEN,
+            "REHYB_LEASE_SECONDS": "2",
+        }
         self._process = self.start()
 
-    def start(self) -> ForkServerProcess:
-        process = self._context.Process(target=_serve, args=self._arguments, daemon=True)
-        process.start()
-        return process
+    def start(self) -> warm.Process:
+        return warm.Process("rehyb", "coordinator", environment=self._environment, out=self._log)
 
     def kill(self) -> None:
         """SIGKILL, and start again."""
@@ -62,14 +59,7 @@ class Coordinator:
 
     def end(self) -> None:
         self._process.kill()
-        self._process.join()
-
-
-def _serve(database: str, port: int, log: Path) -> None:
-    with log.open("ab") as file:
-        for stream in (1, 2):
-            os.dup2(file.fileno(), stream)
-    serve(Settings(database_url=database, port=port, token=SecretStr(TOKEN), lease_seconds=2.0))
+        self._process.wait()
 
 
 @pytest.fixture

@@ -17,7 +17,10 @@ HEAVY = {"mujoco", "numpy", "scipy", "sqlalchemy", "fastapi", "pydantic", "matpl
         ("rehyb.cli", HEAVY),
         ("worker.cli", HEAVY | {"analysis"}),
         ("worker.agent", HEAVY),
-        ("server.run", {"mujoco", "matplotlib", "worker", "pandas", "scipy.stats"}),
+        (
+            "server.run, server.operations.result_log",
+            {"mujoco", "matplotlib", "worker", "pandas", "scipy.stats"},
+        ),
         ("analysis.closeloop.code", {"mujoco", "numpy"}),
         ("sim.assessment.assess", {"httpx2", "fastapi", "sqlalchemy", "analysis", "matplotlib"}),
     ],

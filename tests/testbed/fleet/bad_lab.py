@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from signal import Signals
 
+from tests.testbed.fleet import warm
 from tests.testbed.fleet.bad_network import BadNetwork
 
 HERE = Path(__file__).parent
@@ -50,13 +51,14 @@ class BadLab:
             "REHYB_RECOMPUTE_SHARE": SHARE,
             "TROUBLE": str(folder / "trouble"),
         }
-        self.processes: dict[str, subprocess.Popen[bytes]] = {}
-        self._commands: dict[str, list[str]] = {}
+        self.processes: dict[str, subprocess.Popen[bytes] | warm.Process] = {}
+        self._commands: dict[str, tuple[str, ...]] = {}
         #: Settings of single processes, beside those of all.
         self.settings: dict[str, dict[str, str]] = {}
+        (folder / "coordinator.log").touch()
         self.add("coordinator", str(HERE / "bad_coordinator.py"))
         self.until(lambda: re.search("^listening on ", self.log("coordinator"), re.M))
-        self.add("analysis", "-m", "rehyb", "analysis")
+        self.add("analysis", "rehyb", "analysis")
 
     @property
     def workers(self) -> list[str]:
@@ -65,7 +67,7 @@ class BadLab:
 
     def add(self, name: str, *command: str, **settings: str) -> None:
         """Start a process, which is to be started again whenever it has died."""
-        self._commands[name] = [sys.executable, *command]
+        self._commands[name] = command
         self.settings[name] = settings
         self.revive()
 
@@ -80,14 +82,12 @@ class BadLab:
         for name, command in self._commands.items():
             process = self.processes.get(name)
             if process is None or process.poll() is not None:
-                with (self.folder / f"{name}.log").open("ab") as log:
-                    self.processes[name] = subprocess.Popen(
-                        command,
-                        env=self.environment | self.settings[name],
-                        stdout=log,
-                        stderr=log,
-                        start_new_session=True,
-                    )
+                environment = self.environment | self.settings[name]
+                log = self.folder / f"{name}.log"
+                if name.startswith("worker"):
+                    self.processes[name] = _started(command, environment, log)
+                else:
+                    self.processes[name] = warm.Process(*command, environment=environment, out=log)
 
     def start_a_second_coordinator(self) -> str:
         """Return what it says before it gives up."""
@@ -138,3 +138,16 @@ class BadLab:
         while not ask():
             assert time.monotonic() < deadline, f"still not so after {seconds} s"
             time.sleep(0.05)
+
+
+def _started(
+    command: tuple[str, ...], environment: dict[str, str], log: Path
+) -> subprocess.Popen[bytes]:
+    with log.open("ab") as file:
+        return subprocess.Popen(
+            [sys.executable, *command],
+            env=environment,
+            stdout=file,
+            stderr=file,
+            start_new_session=True,
+        )

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rehyb import Client
+from tests.testbed.fleet import warm
 
 TOKEN = "token-of-the-worker-tests"
 
@@ -39,24 +40,25 @@ class Lab:
             "REHYB_DATABASE_URL": f"sqlite:///{folder}/lab.sqlite3",
         }
         self.client = Client(self.environment["REHYB_URL"], TOKEN)
-        self.processes: list[subprocess.Popen[bytes]] = []
+        self.processes: list[subprocess.Popen[bytes] | warm.Process] = []
         self.coordinator = self.start_coordinator()
 
-    def start_coordinator(self) -> subprocess.Popen[bytes]:
+    def start_coordinator(self) -> warm.Process:
         log = self.folder / f"coordinator-{len(self.processes)}.log"
-        self.coordinator = self._start(log, "rehyb", "coordinator")
+        log.touch()
+        self.coordinator = warm.Process(
+            "rehyb", "coordinator", environment=self.environment, out=log
+        )
+        self.processes.append(self.coordinator)
         until(lambda: re.search("^listening on ", log.read_text()))
         return self.coordinator
 
     def start_worker(self, *options: str) -> subprocess.Popen[bytes]:
         spool = str(self.folder / "spool")
         log = self.folder / f"worker-{len(self.processes)}.log"
-        return self._start(log, "worker", "--spool", spool, "--processes", "1", *options)
-
-    def _start(self, log: Path, *command: str) -> subprocess.Popen[bytes]:
         with log.open("wb") as file:
             process = subprocess.Popen(
-                [sys.executable, "-m", *command],
+                [sys.executable, "-m", "worker", "--spool", spool, "--processes", "1", *options],
                 env=self.environment,
                 stdout=file,
                 stderr=subprocess.STDOUT,
