@@ -5,6 +5,7 @@ Where tests run on several cores, each of pytest-xdist's processes starts one.
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from uuid import uuid4
 
 import pytest
@@ -19,29 +20,59 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 VARIABLE = "REHYB_TEST_POSTGRES_URL"
 #: Nothing in it is to survive anything, so that it may be fast.
 OPTIONS = ("fsync=off", "synchronous_commit=off", "full_page_writes=off", "max_connections=200")
+#: Ends every other connection to the database, whatever a test has left open.
+OTHERS_LEAVE = (
+    "SELECT pg_terminate_backend(pid) FROM pg_stat_activity "
+    "WHERE datname = current_database() AND pid <> pg_backend_pid()"
+)
 
 
 @pytest.fixture(scope="session")
 def empty_database(postgresql_server: str) -> Iterator[Callable[[], str]]:
     """Empty the one database that the tests share, one after the other; returns its URL."""
+    with _own_database(postgresql_server) as own:
+
+        def empty() -> str:
+            # A database for each test would be cleaner, but takes ten times as long as most.
+            with own.connect() as connection:
+                connection.exec_driver_sql(OTHERS_LEAVE)
+                connection.exec_driver_sql("DROP SCHEMA public CASCADE")
+                connection.exec_driver_sql("CREATE SCHEMA public")
+            return own.url.render_as_string(hide_password=False)
+
+        yield empty
+
+
+@pytest.fixture(scope="session")
+def upgraded_database(postgresql_server: str) -> Iterator[Callable[[], str]]:
+    """As `empty_database`, of one with the current schema, whose tables are emptied."""
+    # Only tests that want a database load what it needs.
+    from server.store import upgrade
+
+    with _own_database(postgresql_server) as own:
+        url = own.url.render_as_string(hide_password=False)
+        upgrade(url)
+        with own.connect() as connection:
+            names = sorted({*sa.inspect(connection).get_table_names()} - {"alembic_version"})
+
+        def empty() -> str:
+            # Every migration again would take longer than most tests.
+            with own.connect() as connection:
+                connection.exec_driver_sql(OTHERS_LEAVE)
+                connection.exec_driver_sql(f"TRUNCATE {', '.join(names)} RESTART IDENTITY")
+            return url
+
+        yield empty
+
+
+@contextmanager
+def _own_database(postgresql_server: str) -> Iterator[sa.Engine]:
     name = f"rehyb_{uuid4().hex}"
     server = sa.create_engine(postgresql_server, isolation_level="AUTOCOMMIT")
     with server.connect() as connection:
         connection.exec_driver_sql(f"CREATE DATABASE {name}")
     own = sa.create_engine(server.url.set(database=name), isolation_level="AUTOCOMMIT")
-
-    def empty() -> str:
-        # A database for each test would be cleaner, but takes ten times as long as most of them.
-        with own.connect() as connection:
-            connection.exec_driver_sql(
-                "SELECT pg_terminate_backend(pid) FROM pg_stat_activity "
-                "WHERE datname = current_database() AND pid <> pg_backend_pid()"
-            )
-            connection.exec_driver_sql("DROP SCHEMA public CASCADE")
-            connection.exec_driver_sql("CREATE SCHEMA public")
-        return own.url.render_as_string(hide_password=False)
-
-    yield empty
+    yield own
     own.dispose()
     if VARIABLE in os.environ:
         with server.connect() as connection:

@@ -23,9 +23,15 @@ TOKEN = "correct horse"
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+def kind(request: pytest.FixtureRequest) -> str:
+    """Of database."""
+    return str(request.param)
+
+
+@pytest.fixture
+def url(kind: str, request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """The URL of an empty database."""
-    if request.param == "sqlite":
+    if kind == "sqlite":
         return f"sqlite:///{tmp_path / 'rehyb.sqlite3'}"
     return str(request.getfixturevalue("empty_database")())
 
@@ -39,14 +45,12 @@ def upgraded_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def upgraded(url: str, upgraded_file: Path) -> str:
+def upgraded(kind: str, request: pytest.FixtureRequest, upgraded_file: Path, tmp_path: Path) -> str:
     """The URL of a database with the current schema."""
-    if url.startswith("sqlite"):
+    if kind == "sqlite":
         # Every migration again would take longer than most tests.
-        shutil.copyfile(upgraded_file, url.removeprefix("sqlite:///"))
-    else:
-        upgrade(url)
-    return url
+        return f"sqlite:///{shutil.copyfile(upgraded_file, tmp_path / 'upgraded.sqlite3')}"
+    return str(request.getfixturevalue("upgraded_database")())
 
 
 @pytest.fixture

@@ -17,7 +17,6 @@ from server.operations.leasing import Grant
 from server.records import Plan, Result
 from server.settings import Settings
 from server.states import StudyState
-from server.store import upgrade
 from tests.testbed import exchanges
 
 Drawing = Callable[..., Plan]
@@ -230,9 +229,8 @@ def test_nobody_is_asked_for_ever_about_a_study_that_has_ended(
     assert lease(engine, "b") is None
 
 
-def test_over_rest_a_worker_is_shown_with_its_hosts_trust(url: str) -> None:
-    upgrade(url)
-    settings = Settings(database_url=url, token=SecretStr("t"), recompute_share=1.0)
+def test_over_rest_a_worker_is_shown_with_its_hosts_trust(upgraded: str) -> None:
+    settings = Settings(database_url=upgraded, token=SecretStr("t"), recompute_share=1.0)
     study = {"name": "s", "model": "ishigami", "method": "morris", "rows": 1}
     headers = {"Authorization": "Bearer t"}
     with TestClient(create_app(settings), headers=headers) as client:

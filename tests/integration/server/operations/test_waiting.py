@@ -45,7 +45,7 @@ def effort(engine: Engine, monkeypatch: pytest.MonkeyPatch, do: Callable[[], obj
     return steps
 
 
-@pytest.mark.parametrize("url", ["sqlite"], indirect=True)
+@pytest.mark.parametrize("kind", ["sqlite"], indirect=True)
 def test_a_study_with_much_done_is_not_looked_through(
     engine: Engine,
     plan: Callable[..., Plan],

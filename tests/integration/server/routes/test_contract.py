@@ -15,7 +15,6 @@ from pydantic import SecretStr
 
 from server.app import create_app
 from server.settings import Settings
-from server.store import upgrade
 
 TOKEN = "contract"
 #: Requests per route and mode.
@@ -25,12 +24,11 @@ HEADERS = {"Authorization": f"Bearer {TOKEN}"}
 
 @pytest.fixture
 def apps(
-    empty_database: Callable[[], str], upgraded_file: Path, tmp_path: Path
+    upgraded_database: Callable[[], str], upgraded_file: Path, tmp_path: Path
 ) -> Iterator[dict[str, FastAPI]]:
     """Coordinators, by database, that have a study: some of the guesses find something."""
     file = shutil.copyfile(upgraded_file, tmp_path / "rehyb.sqlite3")
-    urls = {"sqlite": f"sqlite:///{file}", "postgresql": empty_database()}
-    upgrade(urls["postgresql"])
+    urls = {"sqlite": f"sqlite:///{file}", "postgresql": upgraded_database()}
     apps = {
         name: create_app(Settings(database_url=url, token=SecretStr(TOKEN)))
         for name, url in urls.items()

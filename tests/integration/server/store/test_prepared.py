@@ -1,5 +1,6 @@
 """Statements compiled once write what SQLAlchemy would, and fail as it would."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -30,11 +31,13 @@ CLOSE = Prepared(
 
 
 @pytest.fixture
-def things(engine: Engine) -> Engine:
+def things(engine: Engine) -> Iterator[Engine]:
     """A database with a table of things."""
     with writing(engine) as connection:
         TABLE.create(connection)
-    return engine
+    yield engine
+    with writing(engine) as connection:
+        TABLE.drop(connection)
 
 
 def rows(engine: Engine) -> list[tuple[Any, ...]]:

@@ -2,7 +2,7 @@
 
 import asyncio
 import threading
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ TABLE = sa.table("told", sa.column("word"))
 
 
 @pytest.fixture
-def told(engine: Engine) -> Callable[[], list[str]]:
+def told(engine: Engine) -> Iterator[Callable[[], list[str]]]:
     """A table that jobs write into; returns what is in it."""
     with engine.begin() as connection:
         connection.exec_driver_sql("CREATE TABLE told (word TEXT)")
@@ -27,7 +27,9 @@ def told(engine: Engine) -> Callable[[], list[str]]:
         with reading(engine) as connection:
             return sorted(connection.scalars(sa.select(TABLE.c.word)))
 
-    return read
+    yield read
+    with engine.begin() as connection:
+        connection.exec_driver_sql("DROP TABLE told")
 
 
 def tell(word: str) -> Callable[[Connection], str]:
