@@ -20,13 +20,19 @@ from pathlib import Path
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from benchmarks.closeloop.unkind.cases import SEEDS, Case, draw, named
-from benchmarks.closeloop.unkind.judge import Outcome, from_line, run
+from benchmarks.closeloop.unkind.judge import Outcome, from_line, kept_at, recorded, run
 from benchmarks.closeloop.unkind.search import search
 from benchmarks.closeloop.unkind.table import line, print_table, right
 from benchmarks.machine import describe_machine
 
 
-def run_all(work: list[Case], jobs: int, kept: Path | None, loud: bool) -> list[Outcome]:
+def answer(case: Case, sessions: Path | None) -> Outcome:
+    return run(case, None if sessions is None else kept_at(sessions, case))
+
+
+def run_all(
+    work: list[Case], jobs: int, kept: Path | None, sessions: Path | None, loud: bool
+) -> list[Outcome]:
     """Run the cases that `kept` does not hold yet; say on stderr how far it is."""
     done: dict[str, Outcome] = {}
     if kept is not None and kept.exists():
@@ -34,8 +40,8 @@ def run_all(work: list[Case], jobs: int, kept: Path | None, loud: bool) -> list[
     left = [case for case in work if case.name not in done]
     started = time.perf_counter()
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=40) as pool:
-        futures = [pool.submit(run, case) for case in left]
+    with ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=20) as pool:
+        futures = [pool.submit(answer, case, sessions) for case in left]
         for number, future in enumerate(as_completed(futures), 1):
             outcome = future.result()
             done[outcome.case] = outcome
@@ -59,13 +65,15 @@ def main() -> None:
     parser.add_argument("--arms", type=int, default=10, help="sessions of arms of 2 to 6 joints")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--resume", type=Path, metavar="FILE", help="keep outcomes, and go on")
+    parser.add_argument("--sessions", type=Path, metavar="FOLDER", help="keep sessions, use those")
+    parser.add_argument("--only-record", action="store_true", help="fill --sessions, no answers")
     parser.add_argument("--loud", action="store_true", help="show what is wrong as it comes")
     parser.add_argument("--case", type=named, metavar="SEEDS:WORLD:N", help="one session only")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="where to keep that session")
     parser.add_argument("--search", type=int, metavar="N", help="look for a session that fools us")
     options = parser.parse_args()
     if options.case:
-        print(line(run(options.case, options.keep)))
+        print(line(run(options.case, options.keep, whole=True)))
         return
     if options.search:
         search(options.seeds, options.first, options.search, options.keep)
@@ -75,11 +83,19 @@ def main() -> None:
         for world, count in (("limb", options.limbs), ("arm", options.arms))
         for n in range(count)
     ]
+    if options.only_record:
+        if options.sessions is None:
+            parser.error("--only-record needs --sessions FOLDER")
+        for number, case in enumerate(work, 1):
+            recorded(case, kept_at(options.sessions, case))
+            print(f"\r{number} of {len(work)} sessions ", end="", file=sys.stderr, flush=True)
+        return
     print(describe_machine())
     last = options.first + max(options.limbs, options.arms) - 1
     sizes = f"{options.limbs} limbs, {options.arms} arms"
     print(f"{options.seeds} seeds {options.first} to {last}: {sizes}")
-    print_table(run_all(work, options.jobs, options.resume, options.loud))
+    outcomes = run_all(work, options.jobs, options.resume, options.sessions, options.loud)
+    print_table(outcomes)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """One session, from drawing to judging: what was true, and what the product answered."""
 
 import json
+import shutil
 import tempfile
 import time
 from dataclasses import dataclass
@@ -53,23 +54,47 @@ class Outcome:
     trouble: str = ""
 
 
-def run(case: Case, folder: Path | None = None) -> Outcome:
-    """Record a case, close its loop, and judge the answer; `folder` keeps session and report."""
-    if folder is not None:
-        return _run(case, folder, kept=True)
-    with tempfile.TemporaryDirectory() as scratch:
-        return _run(case, Path(scratch) / "session", kept=False)
+def kept_at(sessions: Path, case: Case) -> Path:
+    """Return the folder of a case's session among those that are kept."""
+    return sessions / case.name.replace(":", "_")
 
 
-def _run(case: Case, folder: Path, *, kept: bool) -> Outcome:
+def recorded(case: Case, folder: Path) -> dict[str, Any]:
+    """Return the truth of the session in `folder`, which is recorded if it is not there yet.
+
+    A robot that cannot be made to follow is a session that does not count.
+    """
+    truth = Path(f"{folder}.truth.json")
+    if truth.exists():
+        return dict(json.loads(truth.read_text()))
+    shutil.rmtree(folder, ignore_errors=True)
     try:
-        truth = write_session(folder, record(case))
+        return write_session(folder, record(case))
     except FlightError as error:
-        return _outcome(case, {"weak": True, "effects": [], "pushes": []}, None, 0.0, str(error))
+        lost = {"weak": True, "effects": [], "pushes": [], "flight": str(error)}
+        truth.parent.mkdir(parents=True, exist_ok=True)
+        truth.write_text(json.dumps(lost))
+        return lost
+
+
+def run(case: Case, folder: Path | None = None, *, whole: bool = False) -> Outcome:
+    """Record a case, close its loop, and judge the answer.
+
+    Args:
+        case: the session.
+        folder: where its session is, or is to be kept; None for nowhere.
+        whole: write the report with all its files beside it.
+    """
+    if folder is None:
+        with tempfile.TemporaryDirectory() as scratch:
+            return run(case, Path(scratch) / "session", whole=whole)
+    truth = recorded(case, folder)
+    if "flight" in truth:
+        return _outcome(case, truth, None, 0.0, truth["flight"])
     started = time.perf_counter()
     report, trouble = None, ""
     try:
-        if kept or case.number % WHOLE == 0:
+        if whole or case.number % WHOLE == 0:
             report = close_loop(folder, folder.with_name(f"{folder.name}.report"))
         else:
             report = analyse(folder).report

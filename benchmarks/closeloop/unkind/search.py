@@ -5,7 +5,6 @@ session are tried in turn, and kept where the answer is still wrong.
 """
 
 import json
-import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -100,8 +99,7 @@ def search(seeds: str, first: int, count: int, keep: Path | None) -> None:
         if fooled(outcome):
             case, outcome = shrink(case, outcome)
             if keep is not None:
-                shutil.rmtree(keep, ignore_errors=True)
-                run(case, keep)
+                run(case, keep, whole=True)
             print(line(outcome))
             print(json.dumps(to_json(case)))
             return
