@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.effects.effect import Columns, Effect, Law, Theta
+from sim.effects.effect import Columns, Effect, Law, Limits, Theta
 from sim.effects.elements import add_constant, add_delay, add_filter, joint_of, motors_of
 from sim.effects.functions import Signal, expm1
 from sim.effects.motion import Motion, RecordedJoint, Recording
@@ -27,14 +27,21 @@ from sim.effects.parameter import (
 if TYPE_CHECKING:
     import mujoco
 
-#: How a gain is read from its coefficient; beyond these limits it is another effect in disguise.
-GAIN, GAINS = Reading(column=0, gain=True), (0.33, 3.0)
+#: How a gain is read from its coefficient.
+GAIN = Reading(column=0, gain=True)
+#: A larger or smaller gain is another effect in disguise.
+GAINS = (0.33, 3.0)
+#: An encoder's zero is set within a quarter of a turn, rad.
+MAX_OFFSET = 0.5 * np.pi
+#: The effort reaches the joint later by no more, s; the encoder is late by no more, s.
+MAX_DELAY, MAX_LATE_ENCODER = 0.3, 0.1
 #: Slowest drive, s: a loop closed around a slower one cannot follow a limb. Soft tissue relaxes in
 #: 0.1 to 1 s (viscosity over stiffness, Table 1), and looks like one.
 MAX_LAG = 0.16
-#: Delays and lags to begin with, s; negative ones are those of a sensor.
+#: Delays and lags to begin with, s. A negative delay is that of the encoder; a negative lag is
+#: nobody's: it would smooth the noise of the prediction.
 DELAYS = both_signs(0.002, 0.004, 0.007, 0.011, 0.016, 0.023, 0.032, 0.045, 0.065)
-LAGS = both_signs(0.003, 0.006, 0.011, 0.02, 0.035, 0.06, 0.1, 0.16)
+LAGS = (0.003, 0.006, 0.011, 0.02, 0.035, 0.06, 0.1, 0.16)
 
 
 class TorqueOffset(Law):
@@ -87,10 +94,8 @@ class TorqueGain(Effect):
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
         return {"gain": GAIN}
 
-    def plausible(
-        self, joint: RecordedJoint, coefficients: np.ndarray, samples: np.ndarray
-    ) -> bool:
-        return 1.0 / GAINS[1] < 1.0 + float(coefficients[-1]) < 1.0 / GAINS[0]
+    def limits(self, joint: RecordedJoint) -> Limits:
+        return {"gain": GAINS}
 
     def gain(self, coefficients: np.ndarray) -> float:
         return float(GAIN.of({0: float(coefficients[0])}))
@@ -113,7 +118,11 @@ class PositionOffset(Effect):
     signature = "the residual follows the slope of gravity over posture"
     element = "joint/@ref"
     separating_trial = "hold still in five postures all over the range"
-    parameters = named(offset=Parameter("rad", "recorded position less the true"))
+    parameters = named(
+        offset=Parameter(
+            "rad", "recorded position less the true", floor=-MAX_OFFSET, ceiling=MAX_OFFSET
+        )
+    )
     coefficients = ("offset",)
     nonlinear = (Nonlinear("offset", (-0.3, -0.1, -0.03, 0.03, 0.1, 0.3), scaling=0.4),)
     uses_estimate = True
@@ -123,6 +132,13 @@ class PositionOffset(Effect):
         # secant over the offset itself is exact once both agree.
         secant = joint.recording.secant(joint.number, -theta["offset"])
         return {number: -secant[:, [number]] for number in joint.recording.joints}
+
+    def limits(self, joint: RecordedJoint) -> Limits:
+        if joint.recording.is_hinge(joint.number):
+            return super().limits(joint)
+        # A slide's zero lies within its own travel.
+        travel = 2.0 * joint.travel[1]
+        return {"offset": (-travel, travel)}
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
         joint_of(spec, joint).ref += parameters["offset"]
@@ -139,7 +155,11 @@ class TimeDelay(Effect):
     )
     element = "applied torque (delay)"
     separating_trial = "shake the joint fast, with a small amplitude"
-    parameters = named(delay=Parameter("s", "from the effort to the joint"))
+    parameters = named(
+        delay=Parameter(
+            "s", "from the effort to the joint", floor=-MAX_LATE_ENCODER, ceiling=MAX_DELAY
+        )
+    )
     nonlinear = (Nonlinear("delay", DELAYS, scaling=0.25, step=SECONDS),)
     channel = True
 
@@ -153,30 +173,25 @@ class TimeDelay(Effect):
 
 
 class ActuatorLag(Effect):
-    """A first-order lag: of the torque behind the command, or (negative) of the effort's sensor."""
+    """A first-order lag of the torque behind the command."""
 
     name = "actuator_lag"
     complexity = 1
     signature = "fast parts of the torque are missing and late, slow ones are not"
     element = "actuator/general/@dynprm (filter)"
     separating_trial = "sweep the joint from slow to fast with a small amplitude"
-    parameters = named(time_constant=Parameter("s", "of the first-order lag"))
+    parameters = named(
+        time_constant=Parameter("s", "of the first-order lag", floor=0.0, ceiling=MAX_LAG)
+    )
     nonlinear = (Nonlinear("time_constant", LAGS, scaling=0.25, step=SECONDS),)
     channel = True
 
-    def plausible_theta(self, theta: Theta) -> bool:
-        return abs(theta["time_constant"]) <= MAX_LAG
-
     def through(self, recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
-        constant = theta["time_constant"]
-        if constant > 0:
-            # Above the fit's band a slope of the torque, a third derivative, is noise alone.
-            return column + constant * recording.derivative(recording.filtered(column))
-        return recording.lagged(column, -constant)
+        # Above the fit's band a slope of the torque, a third derivative, is noise alone.
+        slope = recording.derivative(recording.filtered(column))
+        return column + theta["time_constant"] * slope
 
-    def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str | None:
-        if parameters["time_constant"] <= 0:
-            return None
+    def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
         add_filter(spec, joint, parameters["time_constant"])
         return self.element
 

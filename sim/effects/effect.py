@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 
 #: Non-linear parameters of one variant of an effect.
 Theta = Mapping[str, float]
+#: Closed interval of every parameter, SI units.
+Limits = Mapping[str, tuple[float, float]]
+#: What a bound that a fit ends at may be missed by.
+ROUNDING = 1e-9
 #: For each joint (column number) that an effect acts on, its columns, shape (n, coefficients).
 Columns = Mapping[int, np.ndarray]
 
@@ -38,6 +42,10 @@ class Effect(ABC):
     separating_trial: str
     #: Physical parameters by name.
     parameters: Mapping[str, Parameter]
+
+    # Where it can be.
+    #: Whether only a living limb has it: then the joint is one of the session's `limb_joints`.
+    limb: bool = False
 
     # In a simulated assessment.
     #: Whose joint has it; None if no assessment can have it.
@@ -73,7 +81,7 @@ class Effect(ABC):
 
     def applies(self, recording: Recording, joint: int) -> bool:
         """Whether the effect can be asked of this joint of this device."""
-        return True
+        return not self.limb or joint in recording.limbs
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
         """Return the grid of non-linear parameters; one empty entry if there is none."""
@@ -116,21 +124,35 @@ class Effect(ABC):
         """Return the lower bound of a coefficient."""
         return self.lower[min(column, len(self.lower) - 1)]
 
-    def plausible_theta(self, theta: Theta) -> bool:
-        """Whether the effect can be what its non-linear parameters say."""
-        return True
+    def limits(self, joint: RecordedJoint) -> Limits:
+        """Return the closed interval in which each parameter is physical at a joint."""
+        return {name: (p.floor, p.ceiling) for name, p in self.parameters.items()}
 
-    def plausible(
-        self, joint: RecordedJoint, coefficients: np.ndarray, samples: np.ndarray
-    ) -> bool:
-        """Whether the effect can be what its fitted coefficients say.
+    def beyond(
+        self,
+        joint: RecordedJoint,
+        theta: Theta,
+        coefficients: Mapping[int, float],
+        *,
+        difference: bool = False,
+    ) -> str:
+        """Return the first parameter that is not what the effect can be; empty if all are.
 
         Args:
             joint: that was fitted.
-            coefficients: of the columns that were kept.
-            samples: those of the joint that were fitted.
+            theta: non-linear parameters.
+            coefficients: of the columns that were kept, by column.
+            difference: whether it only corrects a declared one, and may take away from it.
         """
-        return True
+        limits = self.limits(joint)
+        for name, reading in self.readings(joint, theta).items():
+            if reading.columns <= coefficients.keys():
+                low, high = limits[name]
+                value = float(reading.of(coefficients))
+                above = difference or value >= low - ROUNDING
+                if not above or value > high + ROUNDING:
+                    return name
+        return ""
 
     def gain(self, coefficients: np.ndarray) -> float:
         """Return the torque at the joint over its effort, from the fitted coefficients."""

@@ -88,7 +88,7 @@ class JointStiffness(Law):
     separating_trial = "move slowly through the whole range, both ways"
     includes = ("torque_offset",)
     parameters = named(
-        stiffness=Parameter("Nm/rad", "of the spring"),
+        stiffness=Parameter("Nm/rad", "of the spring", floor=0.0),
         torque_at_zero=Parameter("Nm", "what the motor adds at position 0"),
     )
     coefficients = ("stiffness", "torque_at_zero")
@@ -107,6 +107,7 @@ class JointStiffness(Law):
 class NonlinearStiffness(Law):
     """A hardening spring: K3 (q - c)^3."""
 
+    limb = True
     name = "nonlinear_stiffness"
     complexity = 2
     signature = (
@@ -132,6 +133,7 @@ class NonlinearStiffness(Law):
 class EndRange(Law):
     """A spring that only begins at an angle near one end: K max(0, q - a)^p, or exponential."""
 
+    limb = True
     name = "end_range_torque"
     complexity = 3
     signature = (

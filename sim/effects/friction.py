@@ -192,7 +192,9 @@ class LoadDependent(Friction):
     includes = ("coulomb_friction",)
     parameters = named(
         torque=size("Nm", 3.0, "friction of the robot's joint without load"),
-        load_share=size("1", 0.3, "further friction over the motor's torque"),
+        load_share=replace(
+            size("1", 0.3, "further friction over the motor's torque"), ceiling=MAX_LOAD_SHARE
+        ),
     )
     coefficients = ("torque", "load_share")
     nonlinear = (COARSE, Nonlinear("load", (0, 1, 2)))
@@ -209,11 +211,6 @@ class LoadDependent(Friction):
         )
         load = np.abs(loads[int(theta["load"])])
         return replace(joint, smooth=theta["smooth"], load=load)
-
-    def plausible(
-        self, joint: RecordedJoint, coefficients: np.ndarray, samples: np.ndarray
-    ) -> bool:
-        return bool(coefficients[-1] <= MAX_LOAD_SHARE)
 
 
 class PositionDependent(Friction):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.effects.effect import Columns, Effect, Law, Theta
+from sim.effects.effect import Columns, Effect, Law, Limits, Theta
 from sim.effects.elements import add_point_mass, joint_of
 from sim.effects.functions import Signal
 from sim.effects.motion import Motion, RecordedJoint, Recording
@@ -37,7 +37,7 @@ class Payload(Effect):
     twins = ("torque_gain",)
     owner = "robot"
     parameters = named(
-        mass=Parameter("kg", "mass on the robot's link", 0.0, 1.0, switches=True, floor=-0.45),
+        mass=Parameter("kg", "mass on the robot's link", 0.0, 1.0, switches=True, floor=0.0),
         distance=Parameter(
             "m",
             "its distance from the joint, towards the link's centre of mass",
@@ -49,6 +49,7 @@ class Payload(Effect):
         ),
     )
     coefficients = ("mass",)
+    lower = (0.0,)
     nonlinear = (
         Nonlinear("distance", (0.4, 0.7, 1.0, 1.4, 2.0, 3.0), scaling=0.25, step=RELATIVE),
     )
@@ -56,6 +57,10 @@ class Payload(Effect):
 
     def applies(self, recording: Recording, joint: int) -> bool:
         return recording.centre_of_mass(joint) is not None
+
+    def limits(self, joint: RecordedJoint) -> Limits:
+        # No load hangs further away than the robot reaches.
+        return {"mass": (0.0, np.inf), "distance": (0.0, joint.recording.reach(joint.number))}
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         # The torque of one kilogram is a quadratic in its share of the lever.
@@ -101,11 +106,12 @@ class AddedInertia(Law):
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         return parameters["inertia"] * motion.acceleration
 
-    def plausible(
-        self, joint: RecordedJoint, coefficients: np.ndarray, samples: np.ndarray
-    ) -> bool:
-        own = joint.recording.own_inertia[samples, joint.number]
-        return float(coefficients[-1]) >= -MAX_REMOVED * float(own.min())
+    def limits(self, joint: RecordedJoint) -> Limits:
+        # A limb's own inertia is a guess from height and weight, and may be less; a motor's is not.
+        if joint.number not in joint.recording.limbs:
+            return {"inertia": (0.0, np.inf)}
+        own = joint.recording.own_inertia[:, joint.number]
+        return {"inertia": (-MAX_REMOVED * float(own.min()), np.inf)}
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
         target = joint_of(spec, joint)

@@ -24,6 +24,7 @@ NO_ANGLE = -100.0
 class StretchReflex(AppliedEffect):
     """Torque against a stretch beyond a speed or an angle, some time after it."""
 
+    limb = True
     name = "stretch_reflex"
     complexity = 4
     signature = "the residual resists one direction only, beyond a speed or an angle, a little late"
@@ -112,13 +113,14 @@ class StretchReflex(AppliedEffect):
 class Thixotropy(AppliedEffect):
     """Resistance that is high after a rest and is lost by moving."""
 
+    limb = True
     name = "thixotropy"
     complexity = 2
     signature = "the first movement after a rest meets more resistance than the next ones"
     separating_trial = "rest ten seconds, then move to and fro five times without a pause"
     parameters = named(
-        torque=Parameter("Nm", "after a rest"),
-        distance=Parameter("rad", "of motion over which it is lost"),
+        torque=Parameter("Nm", "after a rest", floor=0.0),
+        distance=Parameter("rad", "of motion over which it is lost", floor=0.0),
     )
     coefficients = ("torque",)
     lower = (0.0,)

@@ -21,9 +21,10 @@ class Recording(Protocol):
     """Recorded motion of a device, SI units; arrays have shape (n, joints) unless said otherwise.
 
     `time` is the session's clock, (n,); `slices` are pieces without a gap; `joints` are those whose
-    balance is analysed. `effort` is NaN where a joint has none. `inverse` is the torque that the
-    declared chain needs, `static` what holding still in the same place would take, `own_inertia`
-    the diagonal of the mass matrix. Below `rest_speed`, (joints,), a joint rests.
+    balance is analysed, `limbs` those at which a limb acts. `effort` is NaN where a joint has none.
+    `inverse` is the torque that the declared chain needs, `static` what holding still in the same
+    place would take, `own_inertia` the diagonal of the mass matrix. Below `rest_speed`, (joints,),
+    a joint rests.
     """
 
     @property
@@ -52,6 +53,15 @@ class Recording(Protocol):
     def top_speed(self) -> np.ndarray: ...
     @property
     def rest_speed(self) -> np.ndarray: ...
+
+    @property
+    def limbs(self) -> tuple[int, ...]: ...
+
+    def is_hinge(self, joint: int) -> bool:
+        """Return whether the joint turns; else it slides."""
+
+    def reach(self, joint: int) -> float:
+        """Return how far from a joint its device, with what hangs on it, can be, m."""
 
     def centre_of_mass(self, joint: int) -> np.ndarray | None:
         """Return that of the joint's body in its frame, (3,); None if it lies on the axis."""

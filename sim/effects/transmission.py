@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim.effects.effect import AppliedEffect, Columns, Effect, Law, Theta
+from sim.effects.effect import AppliedEffect, Columns, Effect, Law, Limits, Theta
 from sim.effects.functions import Signal, cos, exp, sin
 from sim.effects.motion import Motion, RecordedJoint
 from sim.effects.parameter import (
@@ -36,7 +36,7 @@ class SeriesElasticity(Effect):
     )
     element = "applied torque"
     separating_trial = "push the joint with short pulses, and record the limb's own angle"
-    parameters = named(compliance=Parameter("rad/Nm", "1 / k"))
+    parameters = named(compliance=Parameter("rad/Nm", "1 / k", floor=0.0))
     coefficients = ("compliance",)
     lower = (0.0,)
     uses_estimate = True
@@ -57,7 +57,7 @@ class Backlash(Effect):
     signature = "the residual steps where the load changes sign, not where the velocity does"
     element = "applied torque"
     separating_trial = "move to and fro where the load changes sign, and again with a preload"
-    parameters = named(gap=Parameter("rad", "whole play"))
+    parameters = named(gap=Parameter("rad", "whole play", floor=0.0))
     lower = (0.0,)
     nonlinear = (
         Nonlinear("width", (0.02, 0.06, 0.15, 0.3), scaling=0.4),
@@ -76,6 +76,10 @@ class Backlash(Effect):
 
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
         return {"gap": Reading(column=0, scale=2.0)}
+
+    def limits(self, joint: RecordedJoint) -> Limits:
+        # Play of half the travel is no transmission.
+        return {"gap": (0.0, joint.travel[1])}
 
 
 class TorqueRipple(Law):
@@ -140,8 +144,8 @@ class Hysteresis(AppliedEffect):
     signature = "after each reversal the residual rises over the same distance, not the same time"
     separating_trial = "move to and fro with small and with large amplitudes at one speed"
     parameters = named(
-        torque=Parameter("Nm", "once it slides"),
-        distance=Parameter("rad", "over which it builds up"),
+        torque=Parameter("Nm", "once it slides", floor=0.0),
+        distance=Parameter("rad", "over which it builds up", floor=0.0),
     )
     coefficients = ("torque",)
     lower = (0.0,)

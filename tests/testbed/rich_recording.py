@@ -54,7 +54,7 @@ def rich_recording() -> Recording:
     trial = Trial(file="a.csv", label="a", group="a", role="fit")
     return Recording(
         device=Device(mujoco.MjSpec.from_string(mjcf(Arm())), ()),
-        session=Session(folder=Path(), model="device.xml", trials=(trial,)),
+        session=Session(folder=Path(), model="device.xml", limb_joints=("elbow",), trials=(trial,)),
         sampling=Sampling(recorded=200.0, working=200.0, cutoff=20.0),
         slices=[slice(0, len(t))],
         trial=np.zeros(len(t), dtype=int),

@@ -14,6 +14,7 @@ from analysis.closeloop.identification.model import (
     estimate_of,
     evaluate,
     kept_columns,
+    unfitted,
 )
 from analysis.closeloop.identification.regression import Rows, Score, Variant, compare, score
 from analysis.closeloop.session.recording import Recording
@@ -78,8 +79,20 @@ def _sharpened(options: list[Option], rows: Rows, current: Score) -> list[Option
             if gain > option.gain:
                 option = replace(option, model=model, score=scored, gain=gain, z=gain / error)
         sharp.append(option)
-    plausible = [o for o in sharp if o.candidate.effect.plausible_theta(o.theta)]
-    return sorted(plausible, key=lambda option: -option.gain)
+    physical = [option for option in sharp if not beyond_physics(option)]
+    return sorted(physical, key=lambda option: -option.gain)
+
+
+def beyond_physics(option: Option) -> str:
+    """Return the parameter of an option that no such effect can have; empty if all can be."""
+    model, candidate = option.model, option.candidate
+    own: dict[int, float] = {}
+    for term, found in model.split(option.score.coefficients):
+        if term.candidate == candidate:
+            own = dict(zip(term.kept, found.tolist(), strict=True))
+    joint = unfitted(model.recording, candidate.joint)
+    corrects = candidate.effect.rubs and _corrects(model.without(candidate), candidate)
+    return candidate.effect.beyond(joint, option.theta, own, difference=corrects)
 
 
 def _without_included(model: Model, candidate: Candidate) -> Model:
@@ -95,15 +108,11 @@ def _try(
     if found is None:
         return None
     tried, scored = found
-    samples = rows.samples[candidate.joint]
-    own = scored.coefficients[len(scored.coefficients) - len(scored.variant.kept) :]
-    if not effect.plausible(joint, own, samples):
-        return None
     rubs = effect.rubs and not _corrects(model, candidate)
     if rubs and _drives(tried, scored, candidate):
         return None
     gain, error = compare(current.losses, scored.losses)
-    return Option(
+    option = Option(
         candidate=candidate,
         model=tried,
         score=scored,
@@ -111,6 +120,7 @@ def _try(
         z=gain / error,
         refused=_refusal(model, rows, candidate, scored),
     )
+    return None if beyond_physics(option) else option
 
 
 def _corrects(model: Model, candidate: Candidate) -> bool:

@@ -12,6 +12,10 @@ import numpy as np
 mujoco.set_mju_user_warning(lambda message: None)
 
 
+#: How far beyond the last link a load may hang, m.
+GRIP = 0.15
+
+
 class Load(Protocol):
     """Something that a chain can carry."""
 
@@ -74,6 +78,26 @@ class Device:
                 return None
             centre = np.array(self.model.geom_pos[geoms[0]])
         return centre if np.linalg.norm(centre) >= 1e-3 else None
+
+    def reach(self, joint: int) -> float:
+        """Return how far from a joint its device, with what hangs on it, can be, m.
+
+        The longest way along the links to a centre of mass, and as far again beyond it, or to the
+        far side of a geom; a tool or a hand holds `GRIP` beyond that.
+        """
+        model, first = self.model, int(self.model.jnt_bodyid[joint])
+        far, away = 0.0, {first: 0.0}
+        for body in range(first, model.nbody):
+            parent = int(model.body_parentid[body])
+            if body not in away and parent in away:
+                away[body] = away[parent] + float(np.linalg.norm(model.body_pos[body]))
+            if body in away:
+                far = max(far, away[body] + 2.0 * float(np.linalg.norm(model.body_ipos[body])))
+        for geom, body in enumerate(model.geom_bodyid):
+            if int(body) in away:
+                ends = float(np.linalg.norm(model.geom_pos[geom])) + float(model.geom_rbound[geom])
+                far = max(far, away[int(body)] + ends)
+        return far + GRIP
 
     @cached_property
     def friction(self) -> np.ndarray:

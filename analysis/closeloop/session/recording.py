@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analysis.closeloop.session.contents import AddedMass, Session
+from analysis.closeloop.session.contents import NOMINAL, AddedMass, Session
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.signals import (
     LEAST_MEASURED,
@@ -110,6 +110,18 @@ class Recording:
     def is_hinge(self, joint: int) -> bool:
         """Whether the joint turns; else it slides."""
         return self.device.is_hinge(self.name(joint))
+
+    @cached_property
+    def limbs(self) -> tuple[int, ...]:
+        """Joints at which a limb acts: those of the nominal arm, or what the session says."""
+        every = range(len(self.device.joints))
+        if self.session.model == NOMINAL:
+            return tuple(every)
+        return tuple(joint for joint in every if self.name(joint) in self.session.limb_joints)
+
+    def reach(self, joint: int) -> float:
+        """Return how far from a joint its device, with what hangs on it, can be, m."""
+        return self.device.reach(joint)
 
     def centre_of_mass(self, joint: int) -> np.ndarray | None:
         """Return that of the joint's body in its frame, (3,); None if it lies on the axis."""

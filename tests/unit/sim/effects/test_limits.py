@@ -1,0 +1,89 @@
+"""What no effect can be, whatever a fit says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.candidates import candidates
+from analysis.closeloop.identification.model import unfitted
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME, EFFECTS
+from sim.effects.effect import Effect
+from tests.testbed.rich_recording import ELBOW, TRUTH
+
+SHOULDER = 0
+#: Estimates that were reported once: effect, non-linear parameters, coefficients, what is wrong.
+NONSENSE: list[tuple[str, dict[str, float], tuple[float, ...], str]] = [
+    ("position_offset", {"offset": -0.3}, (-118.7,), "offset"),
+    ("payload", {"distance": 30.0}, (0.4,), "distance"),
+    ("payload", {"distance": 1.0}, (-1.9,), "mass"),
+    ("actuator_lag", {"time_constant": -0.013}, (), "time_constant"),
+    ("actuator_lag", {"time_constant": -0.077}, (), "time_constant"),
+    ("actuator_lag", {"time_constant": 0.4}, (), "time_constant"),
+    ("time_delay", {"delay": 1.2}, (), "delay"),
+    ("time_delay", {"delay": -0.4}, (), "delay"),
+    ("torque_gain", {}, (4.0,), "gain"),
+    ("load_dependent_friction", {"smooth": 0.02, "load": 0}, (0.1, 0.8), "load_share"),
+    ("backlash", {"width": 0.06, "late": 0.0}, (0.4,), "gap"),
+]
+
+
+def robot(recording: Recording) -> Recording:
+    """Return the same recording of a robot without a limb."""
+    return replace(recording, session=replace(recording.session, limb_joints=()))
+
+
+@pytest.mark.parametrize(("name", "theta", "found", "wrong"), NONSENSE)
+def test_what_cannot_be_is_no_estimate(
+    name: str,
+    theta: dict[str, float],
+    found: tuple[float, ...],
+    wrong: str,
+    recording: Recording,
+) -> None:
+    joint = unfitted(recording, ELBOW)
+    assert BY_NAME[name].beyond(joint, theta, dict(enumerate(found))) == wrong
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
+def test_what_can_be_is_within_its_limits(effect: Effect, recording: Recording) -> None:
+    theta, found = TRUTH[effect.name]
+    joint = unfitted(recording, ELBOW)
+    assert effect.beyond(joint, theta, dict(enumerate(found))) == ""
+    assert effect.limits(joint).keys() == effect.parameters.keys()
+
+
+def test_an_industrial_robot_has_no_reflex(recording: Recording) -> None:
+    of_limbs = {"stretch_reflex", "thixotropy", "end_range_torque", "nonlinear_stiffness"}
+    assert {effect.name for effect in EFFECTS if effect.limb} == of_limbs
+    assert not of_limbs & {c.effect.name for c in candidates(robot(recording))}
+    found = {c.key for c in candidates(recording)}
+    assert {(name, ELBOW) for name in of_limbs} <= found
+    assert not {(name, SHOULDER) for name in of_limbs} & found
+
+
+def test_a_load_hangs_where_the_robot_reaches(recording: Recording) -> None:
+    """The elbow lies 0.3 m from the shoulder."""
+    forearm = float(np.linalg.norm(recording.centre_of_mass(ELBOW)))
+    assert recording.reach(ELBOW) == pytest.approx(2.0 * forearm + 0.15)
+    assert recording.reach(SHOULDER) == pytest.approx(0.3 + 2.0 * forearm + 0.15)
+
+
+def test_only_a_limb_may_have_less_inertia_than_declared(recording: Recording) -> None:
+    inertia = BY_NAME["added_inertia"]
+    less = {0: -0.01}
+    assert inertia.beyond(unfitted(recording, ELBOW), {}, less) == ""
+    assert inertia.beyond(unfitted(robot(recording), ELBOW), {}, less) == "inertia"
+
+
+def test_a_slide_is_off_by_less_than_its_travel(recording: Recording) -> None:
+    joint = unfitted(recording, ELBOW)
+    offset = BY_NAME["position_offset"]
+    assert offset.limits(joint)["offset"] == pytest.approx((-np.pi / 2, np.pi / 2))
+
+
+def test_a_correction_of_declared_friction_may_take_away(recording: Recording) -> None:
+    joint, coulomb = unfitted(recording, ELBOW), BY_NAME["coulomb_friction"]
+    assert coulomb.beyond(joint, {"smooth": 0.02}, {0: -0.5}) == "torque"
+    assert coulomb.beyond(joint, {"smooth": 0.02}, {0: -0.5}, difference=True) == ""
