@@ -164,3 +164,11 @@ def test_the_command_prints_the_report_and_refuses_bad_input_with_2(tmp_path: Pa
     path.write_text(good)
     done = run()
     assert done.returncode == 0 and json.loads(done.stdout)["verdict"] == "adequate"
+
+
+def test_what_was_left_out_stands_among_the_warnings(tmp_path: Path) -> None:
+    write_session(tmp_path / "s", 3, speeds=(0.8, 1.6), postures=(0.1,))
+    path = tmp_path / "s" / "p0_v0.csv"
+    path.write_text(path.read_text() + "7.0,0.1")
+    report = close_loop(tmp_path / "s", tmp_path / "out")
+    assert any(w.startswith("p0_v0.csv: line") and "cut off" in w for w in report["warnings"])

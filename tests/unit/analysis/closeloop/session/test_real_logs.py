@@ -8,11 +8,10 @@ import pytest
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
-from analysis.closeloop.loop import close_loop
 from analysis.closeloop.session.recording import Recording
 from tests.testbed.effects import Arm
 from tests.testbed.session_folder import HEADER, rows
-from tests.testbed.sessions import mjcf, write_session
+from tests.testbed.sessions import mjcf
 
 ARM = Arm()
 #: The testbed's arm as a robot's maker would ship it.
@@ -193,11 +192,3 @@ def test_a_wrong_part_of_a_file_is_one_sentence(
 ) -> None:
     with pytest.raises(SessionError, match=words):
         load_session(written(tmp_path / "a", rows(), trials=trials))
-
-
-def test_what_was_left_out_stands_among_the_warnings(tmp_path: Path) -> None:
-    write_session(tmp_path / "s", 3, speeds=(0.8, 1.6), postures=(0.1,))
-    path = tmp_path / "s" / "p0_v0.csv"
-    path.write_text(path.read_text() + "7.0,0.1")
-    report = close_loop(tmp_path / "s", tmp_path / "out")
-    assert any(w.startswith("p0_v0.csv: line") and "cut off" in w for w in report["warnings"])
