@@ -117,7 +117,7 @@ def test_what_a_faulty_device_leaves_is_the_fault(arm: Case) -> None:
 
 
 def test_an_outcome_is_the_same_after_json() -> None:
-    assert from_line(json.dumps(asdict(outcome()))) == outcome()
+    assert from_line(json.loads(json.dumps(asdict(outcome())))) == outcome()
 
 
 def test_a_name_beside_the_true_one_is_wrong_and_fools() -> None:

@@ -24,6 +24,10 @@ from benchmarks.closeloop.unkind.judge import Outcome, from_line, kept_at, recor
 from benchmarks.closeloop.unkind.search import search
 from benchmarks.closeloop.unkind.table import line, print_table, right
 from benchmarks.machine import describe_machine
+from benchmarks.measurement import digest
+
+#: An outcome that was kept is of this code.
+MEASURED = ("analysis/closeloop", "sim/effects")
 
 
 def answer(case: Case, sessions: Path | None) -> Outcome:
@@ -33,10 +37,13 @@ def answer(case: Case, sessions: Path | None) -> Outcome:
 def run_all(
     work: list[Case], jobs: int, kept: Path | None, sessions: Path | None, loud: bool
 ) -> list[Outcome]:
-    """Run the cases that `kept` does not hold yet; say on stderr how far it is."""
+    """Run the cases that `kept` does not hold of this code yet; say on stderr how far it is."""
+    code = digest(MEASURED)
     done: dict[str, Outcome] = {}
     if kept is not None and kept.exists():
-        done = {o.case: o for o in map(from_line, kept.read_text().splitlines())}
+        lines = [json.loads(line) for line in kept.read_text().splitlines()]
+        same = [from_line(line["outcome"]) for line in lines if line["code"] == code]
+        done = {outcome.case: outcome for outcome in same}
     left = [case for case in work if case.name not in done]
     started = time.perf_counter()
     context = multiprocessing.get_context("spawn")
@@ -47,7 +54,7 @@ def run_all(
             done[outcome.case] = outcome
             if kept is not None:
                 with kept.open("a") as file:
-                    file.write(json.dumps(asdict(outcome)) + "\n")
+                    file.write(json.dumps({"code": code, "outcome": asdict(outcome)}) + "\n")
             if loud and not right(outcome):
                 print(f"\r{line(outcome)}", file=sys.stderr)
             minutes = (time.perf_counter() - started) / number * (len(left) - number) / 60

@@ -165,9 +165,9 @@ def _gain(truth: dict[str, Any], report: dict[str, Any]) -> float | None:
     return sum(shares) / len(shares) if shares else None
 
 
-def from_line(line: str) -> Outcome:
-    """Return an outcome that was kept as a line of JSON."""
-    content = json.loads(line)
+def from_line(line: dict[str, Any]) -> Outcome:
+    """Return an outcome that was kept as JSON."""
+    content = dict(line)
     for key in ("truth", "names"):
         content[key] = tuple((name, joint) for name, joint in content[key])
     return Outcome(**{**content, "returned": tuple(content["returned"])})
