@@ -6,6 +6,9 @@ from typing import Any
 
 from analysis.designs.distributions import Distribution, Scale, scales
 
+#: An output of larger magnitude is no result: its square has no exact sum.
+LARGEST_OUTPUT = 1e100
+
 
 class NoSuchStudyError(LookupError):
     """The study was deleted meanwhile."""

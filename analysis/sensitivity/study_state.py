@@ -15,11 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.sensitivity.estimators import Estimator
-from analysis.sensitivity.records import LoggedResult, StudyPlan
+from analysis.sensitivity.records import LARGEST_OUTPUT, LoggedResult, StudyPlan
 from analysis.sensitivity.snapshot import new_growing_estimator, take_snapshot
 
 #: Changes whenever the meaning of the bytes does.
 FORMAT = 5
+
+#: How a run counts that says it succeeded, with an output beyond `LARGEST_OUTPUT`. A coordinator
+#: takes none.
+OUT_OF_RANGE = "out_of_range"
 
 #: Bounds the memory that the weights of a batch take.
 _ROWS_AT_ONCE = 1000
@@ -59,9 +63,10 @@ class StudyState:
         whole: list[int] = []
         for result in results:
             self.cursor = max(self.cursor, result.seq)
-            if self._place(result):
+            outcome = self._place(result)
+            if outcome is not None:
                 new += 1
-                self.evaluations[result.outcome] += 1
+                self.evaluations[outcome] += 1
                 if not np.isinf(self._partial[result.row]).any():
                     whole.append(result.row)
                     self._complete[result.row] = True
@@ -134,8 +139,8 @@ class StudyState:
             values = np.stack([self._partial.pop(row) for row in rows])
             self._estimator.add_rows(rows, values)
 
-    def _place(self, result: LoggedResult) -> bool:
-        """Put a result in its row; False if its place is taken."""
+    def _place(self, result: LoggedResult) -> str | None:
+        """Put a result in its row and return how it counts; None if its place is taken."""
         width = self._estimator.width
         if not (0 <= result.row < self.plan.rows and 0 <= result.position < width):
             raise ValueError(
@@ -143,17 +148,19 @@ class StudyState:
                 f"instance {result.instance} is at row {result.row}, position {result.position}"
             )
         if self._complete[result.row]:
-            return False
+            return None
         values = self._partial.setdefault(
             result.row, np.full((width, len(self.plan.outputs) + 1), inf, dtype=np.float64)
         )
         if not np.isinf(values[result.position]).any():
-            return False
-        ok = result.outcome == "ok"
-        found = [result.outputs.get(name, nan) if ok else nan for name in self.plan.outputs]
-        finite = [value if abs(value) < inf else nan for value in found]
-        values[result.position] = [*finite, 0.0 if ok else 1.0]
-        return True
+            return None
+        found = [result.outputs.get(name, nan) for name in self.plan.outputs]
+        outcome = result.outcome
+        if outcome == "ok" and any(abs(value) > LARGEST_OUTPUT for value in found):
+            outcome = OUT_OF_RANGE
+        ok = outcome == "ok"
+        values[result.position] = [*(found if ok else [nan] * len(found)), 0.0 if ok else 1.0]
+        return outcome
 
 
 def _identity(plan: StudyPlan) -> list[Any]:

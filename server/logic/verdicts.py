@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from analysis.json_values import is_finite_number
+from analysis.sensitivity.records import LARGEST_OUTPUT
 from server.logic.instances import BUDGETS, RESERVED, RETRIED, after_attempt, settled
 from server.logic.json_values import cut, flaw_in
 from server.records import Instance, Lease, Place, Result, record
@@ -166,6 +167,8 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
             return f"output {name} is missing"
         if not is_finite_number(given[name]):
             return f"output {name} must be a finite number"
+        if abs(given[name]) > LARGEST_OUTPUT:
+            return f"output {name} must be within ±{LARGEST_OUTPUT:g}: no larger number has indices"
     return None
 
 

@@ -6,7 +6,7 @@ Why they do is docs/decisions/0004-sums-do-not-depend-on-order.md.
 import io
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.designs import row_width
 from analysis.sensitivity.estimators.intervals import Estimate, check_level, estimate
+from analysis.sensitivity.estimators.shares import kept_apart, share_of_squares
 from analysis.sensitivity.estimators.tails import Tail
 from analysis.sensitivity.estimators.weightings import (
     FIRST,
@@ -23,9 +24,7 @@ from analysis.sensitivity.estimators.weightings import (
     Weighted,
     weights,
 )
-
-#: An output of larger magnitude counts as failed: its square has no exact sum.
-LARGEST_OUTPUT = 1e100
+from analysis.sensitivity.records import LARGEST_OUTPUT
 
 #: Indices of pairs of factors, in the order of `numpy.triu_indices(factors, 1)`; all others are of
 #: single factors or of whole outputs.
@@ -49,6 +48,8 @@ class Index:
     power: int | None = None
     tail: Tail | None = None
     whole: NDArray[np.float64] | None = None
+    #: `Statistic.heavy`.
+    heavy: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,12 +78,33 @@ class Statistic:
     power: int | None
     #: How its mean of squares is made up, where that is known; shape (outputs, factors).
     tail: Tail | None = None
-    #: What it is a share of, if it may have either sign, in the sample and without each block; of a
-    #: shape that broadcasts to (1 + BLOCKS, ...).
+    #: What it is a share of, in the sample and without each block; of a shape that broadcasts to
+    #: (1 + BLOCKS, ...). And the same in the sample and its replicates, as `weighted`.
     whole: NDArray[np.float64] | None = None
+    weighted_whole: NDArray[np.float64] | None = None
+    #: From 0 to 1, how heavy the output's tail is; broadcasts to (outputs, ...).
+    heavy: NDArray[np.float64] | None = None
 
     def estimate(self, level: float) -> Estimate:
         """Return it with its interval at `level`; ValueError if that is not between 0 and 1."""
+        found = self._estimate(level)
+        if self.heavy is None:
+            return found
+        found = kept_apart(found, self.weighted, self.heavy, level)
+        # A mean of squares is never below 0.
+        return found if self.power is None else replace(found, low=np.maximum(found.low, 0.0))
+
+    def _estimate(self, level: float) -> Estimate:
+        if self.power == 1 and self.whole is not None and self.weighted_whole is not None:
+            return share_of_squares(
+                self.weighted,
+                self.without,
+                self.present,
+                level,
+                whole=self.whole,
+                weighted_whole=self.weighted_whole,
+                stretch=1.0 if self.tail is None else self.tail.stretch,
+            )
         return estimate(
             self.weighted[0],
             self.without,
@@ -183,8 +205,7 @@ class Estimator(ABC):
 
     def indices(self, level: float = 0.9) -> dict[str, Estimate]:
         """Return each of `statistics` with its interval at `level`."""
-        some = self._statistics(FIRST)
-        return {name: statistic.estimate(level) for name, statistic in some.items()}
+        return {name: found.estimate(level) for name, found in self.statistics().items()}
 
     def tails(self) -> dict[str, Tail]:
         """Return how the means of squares among the indices are made up, where that is known."""
@@ -261,13 +282,15 @@ class Estimator(ABC):
         """Return `statistics` in the first `stop` weightings only, which takes less time."""
         return {
             name: Statistic(
-                weighted=np.concatenate([index.weighted[:1], index.weighted[FIRST:]]),
+                weighted=_weighted(index.weighted),
                 n=index.count[0],
                 without=index.weighted[1:FIRST],
                 present=index.count[1:FIRST] < index.count[0],
                 power=index.power,
                 tail=index.tail,
                 whole=None if index.whole is None else index.whole[:FIRST],
+                weighted_whole=None if index.whole is None else _weighted(index.whole),
+                heavy=index.heavy,
             )
             for name, index in self._indices(self._weighted(stop), self._weighted_sample()).items()
         }
@@ -281,3 +304,8 @@ class Estimator(ABC):
 
     def _weighted_sample(self) -> Weighted:
         return self._sample.weighted(1)
+
+
+def _weighted(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what all weightings say in the sample and its replicates only."""
+    return np.concatenate([values[:1], values[FIRST:]])

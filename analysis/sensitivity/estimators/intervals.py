@@ -74,7 +74,7 @@ def student(value: Array, without: Array, present: NDArray[np.bool_], level: flo
     Raises:
         ValueError: the level is not between 0 and 1.
     """
-    half = _quantile(present, level) * _error(without, present)
+    half = students_quantile(present, level) * jackknife_error(without, present)
     return Estimate(value=value, low=value - half, high=value + half)
 
 
@@ -106,13 +106,13 @@ def fieller(
         skewed = np.where(squares > 0.0, (left**3).sum(axis=0) / squares, 0.0)
         # The third moment without bias (Fisher 1930).
         shift = -(count - 1) / np.maximum(count - 2, 1) * skewed / 6.0
-        scale = _quantile(present, level) ** 2 * (count - 1) / count
+        scale = students_quantile(present, level) ** 2 * (count - 1) / count
         # Fieller's interval has no end where the whole may be 0. That the whole errs may halve this
         # and no more, so that an interval has ends; it would do so of a few rows only.
         less = np.maximum(1.0 - scale * (of_whole**2).sum(axis=0), 0.5)
         middle = shift - scale * (left * of_whole).sum(axis=0)
         half = np.sqrt(np.maximum(middle**2 - less * (shift**2 - scale * squares), 0.0))
-    known = ~np.isnan(_error(without, present))
+    known = ~np.isnan(jackknife_error(without, present))
     low, high = (
         np.where(known, value + (middle + sign * half) / less, np.nan) for sign in (-1.0, 1.0)
     )
@@ -152,14 +152,14 @@ def satterthwaite(
     mean, others = value**power, without**power
     with np.errstate(divide="ignore", invalid="ignore"):
         apart = mean / others if stretch is None else np.log(others / mean)
-        seen = _error(apart, present)
-        plain = _error(others, present) / mean
+        seen = jackknife_error(apart, present)
+        plain = jackknife_error(others, present) / mean
     nothing = np.any(present & (others == 0.0), axis=0)
     stretched = np.ones_like(mean) if stretch is None else stretch
     variation = np.minimum(np.where(nothing, plain, seen) * stretched, 1.0)
     # Of an index that is 0 with and without each block, which is what an idle factor has.
-    variation = np.where((mean == 0.0) & nothing, _error(others, present), variation)
-    tail = ndtr(-_quantile(present, level, stretched**2))
+    variation = np.where((mean == 0.0) & nothing, jackknife_error(others, present), variation)
+    tail = ndtr(-students_quantile(present, level, stretched**2))
     half_freedom = np.maximum(variation, 1e-9) ** -2.0
     low = mean * half_freedom / gammainccinv(half_freedom, tail)
     high = mean * half_freedom / gammaincinv(half_freedom, tail)
@@ -176,8 +176,8 @@ def _deviations(without: Array, present: NDArray[np.bool_]) -> Array:
     return deviations
 
 
-def _error(without: Array, present: NDArray[np.bool_]) -> Array:
-    """Return the jackknife's standard error; nan unless two blocks or more have a number."""
+def jackknife_error(without: Array, present: NDArray[np.bool_]) -> Array:
+    """Return the standard error of Tukey 1958; nan unless two blocks or more have a number."""
     blocks = present.sum(axis=0)
     count = np.maximum(blocks, 1)
     squares = (_deviations(without, present) ** 2).sum(axis=0)
@@ -185,8 +185,10 @@ def _error(without: Array, present: NDArray[np.bool_]) -> Array:
     return error
 
 
-def _quantile(present: NDArray[np.bool_], level: float, fewer: Array | float = 1.0) -> Array:
-    """Return Student's quantile of the two-sided level for the blocks that are present.
+def students_quantile(
+    present: NDArray[np.bool_], level: float, fewer: Array | float = 1.0
+) -> Array:
+    """Return Student's quantile (Student 1908) of the two-sided level for the blocks present.
 
     Of `fewer` times less degrees of freedom, but not of fewer than `LEAST_FREEDOM` for that.
     """

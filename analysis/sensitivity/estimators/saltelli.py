@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from analysis.sensitivity.estimators import martinez
 from analysis.sensitivity.estimators.estimator import Estimator, Index, Terms
 from analysis.sensitivity.estimators.intervals import Estimate
-from analysis.sensitivity.estimators.tails import tail
+from analysis.sensitivity.estimators.tails import heaviness, tail
 from analysis.sensitivity.estimators.weightings import Weighted
 
 #: A larger difference has no fourth power, and tells nothing of the tail.
@@ -69,12 +69,17 @@ class SaltelliEstimator(Estimator):
         total = share(0.5 * sums.mean("difference_squared"), variance[..., None])
         chance = 1.0 - share(0.5 * sums.mean("between_squared"), variance)
         firsts, totals = sums.count("product"), sums.count("difference_squared")
+        heavy = heaviness(self.kurtosis())[:, None]
         return {
-            "first_order": Index(weighted=first, count=firsts, whole=variance[..., None]),
+            "first_order": Index(
+                weighted=first, count=firsts, whole=variance[..., None], heavy=heavy
+            ),
             "total_order": Index(
                 weighted=total,
                 count=totals,
                 power=1,
+                whole=variance[..., None],
+                heavy=heavy,
                 tail=tail(
                     half=sample.mean("difference_root")[0],
                     first=sample.mean("difference_size")[0],

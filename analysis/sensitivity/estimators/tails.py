@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 
 BEND = 0.8
 
+#: The kurtosis from which an output counts as heavy-tailed. That of a normal one is 3, of a uniform
+#: one 1.8, of an exponential one 9.
+HEAVY_KURTOSIS = 7.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class Tail:
@@ -55,3 +59,11 @@ def tail(*, half: Array, first: Array, second: Array, fourth: Array, n: NDArray[
         rows = np.where(second > 0.0, n / expected, np.nan)
     stretch = np.sqrt(np.where(np.isfinite(spread), spread, 1.0))
     return Tail(stretch=stretch, rows=np.where(np.isfinite(rows), rows, np.nan))
+
+
+def heaviness(kurtosis: Array) -> Array:
+    """Return how heavy a tail is, from 0 up to `HEAVY_KURTOSIS` to 1 from twice that on.
+
+    Kurtosis as in Kendall and Stuart 1977, chapter 3; 0 where it is unknown.
+    """
+    return np.clip(np.nan_to_num(kurtosis) / HEAVY_KURTOSIS - 1.0, 0.0, 1.0)

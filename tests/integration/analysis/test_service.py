@@ -232,15 +232,26 @@ def test_a_state_belongs_to_one_study() -> None:
         StudyState.from_bytes(other, state.to_bytes())
 
 
-def test_an_output_that_is_missing_or_not_finite_is_a_failure_of_that_output() -> None:
+def test_an_output_that_is_missing_is_a_failure_of_that_output() -> None:
     plan = study_plan("morris", rows=4)
     results = results_of(plan)
     results[5] = dataclasses.replace(results[5], outputs={"y": 1.0})
-    results[9] = dataclasses.replace(results[9], outputs={"y": 1.0, "z": float("inf")})
     outputs = analyse(plan, results)["outputs"]
-    assert [outputs[name]["n"] for name in ("y", "z")] == [16, 14]
-    assert [f["n"] for f in outputs["z"]["factors"].values()] == [2, 4, 4]
+    assert [outputs[name]["n"] for name in ("y", "z")] == [16, 15]
+    assert [f["n"] for f in outputs["z"]["factors"].values()] == [3, 4, 4]
     assert [f["n"] for f in outputs["y"]["factors"].values()] == [4, 4, 4]
+
+
+@pytest.mark.parametrize("value", [1.1e100, -1e200, float("inf")])
+def test_a_value_too_large_for_indices_is_a_failed_run_that_is_counted(value: float) -> None:
+    plan = study_plan("morris", rows=4)
+    results = results_of(plan)
+    results[9] = dataclasses.replace(results[9], outputs={"y": 1.0, "z": value})
+    snapshot = analyse(plan, results)
+    assert snapshot["evaluations"] == {"ok": 15, "out_of_range": 1}
+    assert (snapshot["failure"]["failed"], snapshot["failure"]["mean"]) == (1, 1 / 16)
+    assert [snapshot["outputs"][name]["n"] for name in ("y", "z")] == [15, 15]
+    assert snapshot["failure"]["sentence"].startswith("1 of 16 runs failed (6.2%)")
 
 
 @pytest.mark.parametrize(("row", "position"), [(-1, 0), (10, 0), (0, 4), (0, -1)])

@@ -20,6 +20,7 @@ from analysis.sensitivity.estimators import (
 )
 from analysis.sensitivity.estimators.bootstrap import replicate_weights
 from analysis.sensitivity.estimators.intervals import fieller, satterthwaite, student
+from analysis.sensitivity.estimators.shares import share_of_squares
 from analysis.sensitivity.estimators.tails import tail
 
 SEED, FACTORS, OUTPUTS = 12, 3, 2
@@ -173,10 +174,20 @@ def test_an_interval_is_made_of_what_the_index_is_without_each_block(
         without.add_rows(others.tolist(), values[others])
         slow.append(without.indices()[name].value)
     present = np.ones((BLOCKS, *found.value.shape), dtype=np.bool_)
-    if power is not None:
-        # Of these only the total-order one says more of its spread than its blocks do.
-        stretch = stretch_of(values) if name == "total_order" else None
-        expected = satterthwaite(found.value, np.stack(slow), present, 0.8, power, stretch)
+    if name == "total_order":
+        statistic = fed(cls, values).statistics()[name]
+        assert statistic.weighted_whole is not None
+        expected = share_of_squares(
+            statistic.weighted,
+            np.stack(slow),
+            present,
+            0.8,
+            whole=np.stack(wholes)[..., None],
+            weighted_whole=statistic.weighted_whole,
+            stretch=stretch_of(values),
+        )
+    elif power is not None:
+        expected = satterthwaite(found.value, np.stack(slow), present, 0.8, power)
     elif name == "mu":
         expected = student(found.value, np.stack(slow), present, 0.8)
     else:

@@ -129,6 +129,7 @@ INVALID: list[dict[str, Any]] = [
     {"outputs": {}},
     {"outputs": {"y": nan}},
     {"outputs": {"y": -inf}},
+    {"outputs": {"y": -1.1e100}},
     {"outputs": {"y": None}},
     {"outputs": {"y": "1.5"}},
     {"outputs": {"y": True}},

@@ -1,0 +1,108 @@
+"""What intervals of ST promise: they see that the variance errs, and how far it may be off."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from analysis.sensitivity.estimators.intervals import Estimate, satterthwaite
+from analysis.sensitivity.estimators.shares import FLOOR, LOW, kept_apart, share_of_squares
+from analysis.sensitivity.estimators.tails import heaviness
+
+BLOCKS, REPLICATES = 8, 200
+Array = NDArray[np.float64]
+
+
+def parts_of(squares: Array, seed: int) -> tuple[Array, Array]:
+    """Return means of squares (rows, columns) without each block, and in bootstrap replicates."""
+    blocks = squares.reshape(BLOCKS, -1, squares.shape[1]).mean(axis=1)
+    without = (blocks.sum(axis=0) - blocks) / (BLOCKS - 1)
+    counts = np.random.default_rng(seed).poisson(size=(REPLICATES, len(squares)))
+    mean = squares.mean(axis=0)
+    return without, np.concatenate([mean[None], counts @ squares / counts.sum(axis=1)[:, None]])
+
+
+def interval(part: Array, whole: Array, **given: object) -> tuple[Array, Array, Array]:
+    """Return the share part / whole of means of squares, each (rows, columns), with its ends."""
+    part_without, part_weighted = parts_of(part, 1)
+    whole_without, whole_weighted = parts_of(whole, 1)
+    found = share_of_squares(
+        part_weighted / whole_weighted,
+        part_without / whole_without,
+        np.ones(part_without.shape, dtype=np.bool_),
+        0.9,
+        whole=np.concatenate([whole_weighted[:1], whole_without]),
+        weighted_whole=whole_weighted,
+        stretch=1.0,
+        **given,  # type: ignore[arg-type]
+    )
+    return found.value, found.low, found.high
+
+
+def heavy(columns: int, seed: int, rows: int = 256) -> tuple[Array, Array, float]:
+    """Return a light part, a whole of it and a Pareto tail of 0.3, and the true share."""
+    rng = np.random.default_rng(seed)
+    light, tail = rng.random((rows, columns)) - 0.5, rng.random((rows, columns)) ** -0.3
+    mean, variance = 1.0 / 0.7, 1.0 / 0.4 - 1.0 / 0.49
+    share = 1.0 / 12.0 / (1.0 / 12.0 + variance)
+    return light**2, (light + tail - mean) ** 2, share
+
+
+def test_beside_a_heavy_tail_a_light_part_is_held_far_more_often_than_by_its_own_spread() -> None:
+    part, whole, truth = heavy(2000, seed=3)
+    value, low, high = interval(part, whole)
+    part_without, _ = parts_of(part, 1)
+    whole_without, _ = parts_of(whole, 1)
+    plain = satterthwaite(
+        value,
+        part_without / whole_without,
+        np.ones(part_without.shape, dtype=np.bool_),
+        0.9,
+        stretch=np.ones(2000),
+    )
+    assert np.mean((plain.low <= truth) & (truth <= plain.high)) < 0.76
+    assert np.mean((low <= truth) & (truth <= high)) == pytest.approx(0.88, abs=0.03)
+
+
+def test_a_part_that_is_the_whole_has_no_error_of_the_whole() -> None:
+    """What both err in common cancels, so only what balance by chance may hide is left: nothing."""
+    _, whole, _ = heavy(20, seed=4)
+    value, low, high = interval(whole, whole)
+    np.testing.assert_allclose(value, 1.0)
+    np.testing.assert_allclose([low, high], 1.0, rtol=1e-8)
+
+
+def test_blocks_that_agree_by_chance_leave_a_third_of_the_independent_error() -> None:
+    """As far as the tail is heavy: half of it at a kurtosis of 10.5, nothing up to 7."""
+    weighted = np.random.default_rng(5).normal(0.4, 0.1, size=(1 + REPLICATES, 4))
+    weighted[7, 0] = np.nan
+    still = Estimate(value=weighted[0], low=weighted[0], high=weighted[0])
+    heavy = heaviness(np.array([20.0, 14.0, 10.5, np.nan]))
+    assert heavy.tolist() == [1.0, 1.0, 0.5, 0.0]
+    found = kept_apart(still, weighted, heavy, 0.9)
+    least = heavy * FLOOR * stats.norm.ppf(0.95) * np.nanstd(weighted[1:], axis=0)
+    np.testing.assert_allclose(found.high - found.value, least, atol=1e-12)
+    np.testing.assert_allclose(found.value - found.low, least, atol=1e-12)
+    wide = Estimate(value=weighted[0], low=weighted[0] - 9.0, high=weighted[0] + 9.0)
+    assert np.array_equal(kept_apart(wide, weighted, heavy, 0.9).low, wide.low)
+
+
+def test_of_an_independent_whole_both_errors_add_as_the_sides_of_a_right_angle() -> None:
+    rng = np.random.default_rng(6)
+    part = np.tile(1.0 + 1e-9 * rng.random((1, 3)), (256, 1))
+    whole = 1.0 + 0.1 * rng.random((256, 3))
+    value, low, high = interval(part, whole)
+    without, _ = parts_of(whole, 1)
+    error = np.sqrt(7.0 * np.var(np.log(without), axis=0))
+    t = stats.t.ppf(0.95, 7)
+    np.testing.assert_allclose(np.log(value / low) / error, LOW * t, rtol=0.02)
+    np.testing.assert_allclose(np.log(high / value) / error, t, rtol=0.02)
+
+
+def test_a_part_that_is_nothing_is_nothing_and_an_unknown_whole_has_no_interval() -> None:
+    nothing = np.zeros((64, 1))
+    value, low, high = interval(nothing, np.random.default_rng(7).random((64, 1)))
+    assert (value[0], low[0], high[0]) == (0.0, 0.0, 0.0)
+    with np.errstate(invalid="ignore"):
+        _, low, high = interval(nothing, nothing)
+    assert np.isnan([low[0], high[0]]).all()
