@@ -10,6 +10,7 @@ from platform import system as operating_system
 from typing import Any
 
 from sim.models import ASSESSMENTS, ISHIGAMI, MODELS, SOBOL_G
+from sim.parameters.factors import no_factor
 
 #: Coefficients of Sobol's g-function (Saltelli and Sobol 1995): the larger, the less influential.
 G_COEFFICIENTS = (0.0, 1.0, 4.5, 9.0, 99.0, 99.0)
@@ -41,7 +42,7 @@ def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
     values = {factor.name: factor.nominal for factor in MODELS[model].factors}
     for name, value in parameters.items():
         if name not in values:
-            raise ValueError(f"{model} has no factor {name!r}: it has {', '.join(values)}")
+            raise ValueError(no_factor(model, name, values))
         if not isfinite(value):
             raise ValueError(f"factor {name} must be finite, not {value}")
         values[name] = float(value)

@@ -54,13 +54,24 @@ class Model:
         raise KeyError(name)
 
 
+#: Suffixes of the regression forms, and where the local impedance is looked at.
+_FORMS, _PLACES = ("", "_paper", "_authors"), ("start", "middle", "end")
 _ASSESSMENT_UNITS: Mapping[str, str] = MappingProxyType(
     {
         f"stiffness_{quantity}{form}": "Nm/rad"
-        for form in ("", "_paper", "_authors")
+        for form in _FORMS
         for quantity in ("error", "estimate", "true")
     }
     | {"damping_estimate": "Nm s/rad", "peak_contact_force": "N", "tracking_rmse": "rad"}
+    | {f"stiffness_true_r2{form}": "1" for form in _FORMS}
+    | {
+        f"stiffness_{part}{quantity}": unit
+        for part in ("passive", "sum")
+        for quantity, unit in (("", "Nm/rad"), ("_r2", "1"))
+    }
+    | {f"local_stiffness_{place}": "Nm/rad" for place in _PLACES}
+    | {f"local_damping_{place}": "Nm s/rad" for place in _PLACES}
+    | {"shoulder_to_elbow": "m", "elbow_to_wrist": "m"}
 )
 
 

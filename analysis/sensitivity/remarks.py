@@ -12,6 +12,10 @@ from analysis.sensitivity.stopping import advise
 #: Intervals of an index that rests on fewer rows than this may hold the truth less often than they
 #: say: half of them, of a rare event in 64 rows (`tests/unit/analysis/sensitivity/test_tails.py`).
 FEWEST_ROWS = 2.0
+#: A line that explains less of the muscles' torque than this is no stiffness of theirs. Ours.
+LEAST_R2 = 0.9
+#: A stiffness and, per form of the regression, the r squared of its truth.
+_TRUTH_R2 = "stiffness_true_r2"
 
 
 def warning(snapshot: Mapping[str, Any]) -> str:
@@ -35,6 +39,7 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
     found.append(_ranking(snapshot["outputs"].get(output, {}).get("ranking", {}), output))
     found.append(str(snapshot["outputs"].get(output, {}).get("trust", {}).get("sentence", "")))
     found.append(_screened(snapshot["outputs"].get(output, {}).get("screening"), output))
+    found.append(_no_single_stiffness(snapshot, output))
     found.append(_few_rows(snapshot, output))
     found.append(_one_sequence(snapshot))
     if "sampling" in snapshot:
@@ -59,6 +64,28 @@ def _screened(screening: Mapping[str, Any] | None, output: str) -> str:
     if screening["undecided"]:
         sentence += f" Undecided: {', '.join(screening['undecided'])}."
     return sentence
+
+
+def no_single_stiffness(r_squared: float) -> str:
+    """Return that one stiffness does not describe a movement, if a line explains that little."""
+    if r_squared >= LEAST_R2:
+        return ""
+    return (
+        "A single stiffness does not describe this movement: a line explains "
+        f"{r_squared:.0%} of what the muscles' torque varies by. Look at the local stiffnesses."
+    )
+
+
+def _no_single_stiffness(snapshot: Mapping[str, Any], output: str) -> str:
+    """Return that of a study of a stiffness, by its mean."""
+    form = next((name for name in ("_paper", "_authors") if output.endswith(name)), "")
+    mean = snapshot["outputs"].get(f"{_TRUTH_R2}{form}", {}).get("mean")
+    if mean is None or not output.startswith("stiffness_"):
+        return ""
+    sentence = no_single_stiffness(float(mean))
+    return sentence.replace("this movement", "these movements").replace(
+        "explains ", "explains, on average, "
+    )
 
 
 def _few_rows(snapshot: Mapping[str, Any], output: str) -> str:

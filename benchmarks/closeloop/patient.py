@@ -36,9 +36,8 @@ from tests.testbed.patient import (
 )
 
 #: An arm at rest as in an assessment of spasticity: the passive force of the paper's muscles makes
-#: it 6 Nm/rad stiff. With the refitted ones it has 0.4, as a healthy arm, of which errors in per
-#: cent say nothing.
-RELAXED = {"activation": 0.05, "refitted_muscles": 0.0}
+#: it 6 Nm/rad stiff.
+RELAXED = {"activation": 0.05}
 CASES: Mapping[str, Mapping[str, float]] = {
     "plain arm": {},
     "upper arm 20 mm longer": {"upper_arm_length": NOMINAL["upper_arm_length"] + 0.02},

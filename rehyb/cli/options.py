@@ -3,7 +3,7 @@
 import json
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from math import inf
@@ -48,6 +48,22 @@ def assignment(text: str) -> tuple[str, str]:
     if not (name and equals and value):
         raise typer.BadParameter(f"{text!r} is not of the form name=value")
     return name, value
+
+
+def assignments(texts: Iterable[str]) -> dict[str, str]:
+    """Split every "name=value".
+
+    Raises:
+        typer.BadParameter: one has no name or no value, or a name comes twice.
+    """
+    found: dict[str, str] = {}
+    for name, value in map(assignment, texts):
+        if name in found:
+            raise typer.BadParameter(
+                f"{name} is set twice, to {found[name]} and to {value}: say it once"
+            )
+        found[name] = value
+    return found
 
 
 def number(text: str, what: str) -> float:

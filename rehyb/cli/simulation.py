@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rehyb.cli.answers import Answer, answering
-from rehyb.cli.options import assignment, number, optional, read_json
+from rehyb.cli.options import assignments, number, optional, read_json
 from rehyb.errors import RehybError
 
 if TYPE_CHECKING:
     from sim.assessment.assess import Assessment
+    from sim.parameters.factors import Factor
     from sim.pictures.film import Film
 
 
@@ -82,7 +83,7 @@ def assess(
         "diagnostics": dict(assessment.diagnostics),
         "state": assessment.state,
     }
-    text = "\n".join([*_lines(assessment), *map(str, written)])
+    text = "\n".join(filter(None, [*_lines(assessment), *map(str, written)]))
     return Answer(content, text, status=0 if assessment.outcome == "ok" else 1)
 
 
@@ -107,20 +108,29 @@ def _parameters(
     """Return every factor's value; and target, fidelity and device of what is repeated."""
     from sim.models import ELBOW
     from sim.parameters.effects import effect_factors
+    from sim.parameters.factors import no_factor
 
     values = {factor.name: factor.nominal for factor in ELBOW.factors}
-    effects = {factor.name for factor in effect_factors()}
+    known = {factor.name: factor for factor in (*ELBOW.factors, *effect_factors())}
     setting: dict[str, str] = {}
     if replay is not None:
         parameters, setting = _replayed(replay)
         values.update(parameters)
-    for name, value in map(assignment, settings):
-        if name not in values and name not in effects:
+    for name, value in assignments(settings).items():
+        if name not in known:
             raise typer.BadParameter(
-                f"there is no factor {name!r}: take {', '.join(values)} or effect.NAME.PARAMETER"
+                no_factor("an assessment", name, (*values, "effect.NAME.PARAMETER"))
             )
-        values[name] = number(value, name)
+        values[name] = _value(known[name], value)
     return values, setting
+
+
+def _value(factor: "Factor", text: str) -> float:
+    """Return a factor's value: a number, or a name if it is a choice."""
+    try:
+        return factor.number(text) if factor.choices else number(text, factor.name)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
 
 
 def _replayed(source: str) -> tuple[dict[str, float], dict[str, str]]:
@@ -181,12 +191,16 @@ def _written(
 
 
 def _lines(assessment: "Assessment") -> Iterator[str]:
+    from analysis.sensitivity.remarks import no_single_stiffness
     from sim.models import ELBOW
 
     outcome = assessment.outcome
     yield outcome if outcome == "ok" else f"{outcome}: {assessment.reason}"
     for name, value in assessment.outputs.items():
-        yield f"  {name:28} {value: 9.4f} {ELBOW.units[name]}"
+        unit = ELBOW.units[name].removesuffix("1")
+        yield f"  {name:28} {value: 9.4f} {unit}".rstrip()
+    if assessment.outputs:
+        yield no_single_stiffness(assessment.outputs["stiffness_true_r2"])
 
 
 def _print_validation(report: Any) -> None:

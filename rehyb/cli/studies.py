@@ -21,6 +21,7 @@ from rehyb.cli.options import (
     StudyId,
     Target,
     assignment,
+    assignments,
     check_target,
     check_up_to,
     number,
@@ -102,7 +103,7 @@ def submit(
             "priority": priority,
             "tags": tag or None,
             "factors": [_factor(text) for text in factor] if factor else None,
-            "fixed": {n: number(v, n) for n, v in map(assignment, fix)} if fix else None,
+            "fixed": {n: _fixed(n, v) for n, v in assignments(fix).items()} if fix else None,
             "precision": None if up_to is None else {"target": target, "up_to": up_to},
         },
     )
@@ -259,6 +260,14 @@ def _read(file: Path) -> Json:
     if not isinstance(study, dict):
         raise typer.BadParameter(f"{file} must hold one JSON object, a study")
     return study
+
+
+def _fixed(name: str, text: str) -> float | str:
+    """Return a fixed value: a number, or the name of a choice, which the coordinator knows."""
+    from sim.parameters.conditions import CONDITIONS
+
+    named = any(text in factor.choices for factor in CONDITIONS if factor.name == name)
+    return text if named else number(text, name)
 
 
 def _factor(text: str) -> Json:

@@ -11,6 +11,7 @@ from analysis.sensitivity.records import StudyPlan
 from server.errors import InvalidStudyError
 from server.records import Plan, Study
 from sim.models import MODELS, Model
+from sim.parameters.factors import Factor, no_factor
 
 #: Sobol points are numbered in 30 bits; a study beyond this would take a fleet a human lifetime.
 MAX_ROWS = 10_000_000
@@ -62,7 +63,7 @@ def draw_up(
     rows: int,
     seed: int,
     factors: Sequence[FactorChoice] | None,
-    fixed: Mapping[str, float],
+    fixed: Mapping[str, float | str],
     outputs: Sequence[str] | None,
 ) -> Plan:
     """Check a request and complete it from the model's own factors and outputs.
@@ -78,18 +79,15 @@ def draw_up(
     _known("/sampling", "sampling", sampling, samplings(method))
     if not 1 <= rows <= MAX_ROWS:
         raise InvalidStudyError("/rows", f"rows must lie between 1 and {MAX_ROWS}, not {rows}")
-    names = [factor.name for factor in described.factors]
-    for factor, value in fixed.items():
-        _known(f"/fixed/{factor}", f"factor of {model}", factor, names)
-        if not isfinite(value):
-            raise InvalidStudyError(f"/fixed/{factor}", f"{factor} must be finite, not {value}")
+    known = [factor.name for factor in described.factors]
+    numbers = _fixed(described, fixed)
     if factors is None:
         factors = [
             FactorChoice(name=factor.name)
             for factor in described.sampled
-            if factor.name not in fixed
+            if factor.name not in numbers
         ]
-    sampled = _sampled(described, factors, fixed)
+    sampled = _sampled(described, factors, numbers)
     if len(sampled) < fewest_factors(method):
         raise InvalidStudyError(
             "/factors", f"{method} looks at pairs: it needs two factors or more"
@@ -101,14 +99,36 @@ def draw_up(
         sampling=sampling,
         rows=rows,
         seed=seed,
-        distributions={factor: sampled[factor] for factor in names if factor in sampled},
+        distributions={factor: sampled[factor] for factor in known if factor in sampled},
         fixed={
-            factor.name: float(fixed.get(factor.name, factor.nominal))
+            factor.name: numbers.get(factor.name, factor.nominal)
             for factor in described.factors
             if factor.name not in sampled
         },
         outputs=_outputs(described, outputs),
     )
+
+
+def _fixed(model: Model, fixed: Mapping[str, float | str]) -> dict[str, float]:
+    """Return the fixed values as numbers; that of a choice may be its name."""
+    known = {factor.name: factor for factor in model.factors}
+    numbers = {}
+    for name, value in fixed.items():
+        pointer = f"/fixed/{name}"
+        factor = _factor(pointer, model, name, known)
+        try:
+            numbers[name] = factor.number(value)
+        except ValueError as error:
+            raise InvalidStudyError(pointer, str(error)) from None
+        if not isfinite(numbers[name]):
+            raise InvalidStudyError(pointer, f"{name} must be finite, not {value}")
+    return numbers
+
+
+def _factor(pointer: str, model: Model, name: str, known: Mapping[str, Factor]) -> Factor:
+    if name not in known:
+        raise InvalidStudyError(pointer, no_factor(model.name, name, known))
+    return known[name]
 
 
 def refuse_dependence(body: Any) -> None:
@@ -154,11 +174,11 @@ def _sampled(
     """Return the distribution of every factor that `choices` asks to sample."""
     if not choices:
         raise InvalidStudyError("/factors", "a study must sample at least one factor")
-    names = [factor.name for factor in model.factors]
+    known = {factor.name: factor for factor in model.factors}
     sampled: dict[str, Distribution] = {}
     for i, choice in enumerate(choices):
         pointer = f"/factors/{i}"
-        _known(f"{pointer}/name", f"factor of {model.name}", choice.name, names)
+        factor = _factor(f"{pointer}/name", model, choice.name, known)
         if choice.name in sampled:
             raise InvalidStudyError(f"{pointer}/name", f"{choice.name} is listed twice")
         if choice.name in fixed:
@@ -167,18 +187,30 @@ def _sampled(
             )
         if choice.range is not None and choice.distribution is not None:
             raise InvalidStudyError(pointer, f"{choice.name}: give a range or a distribution")
-        sampled[choice.name] = _distribution(model, choice, pointer)
+        sampled[choice.name] = _distribution(factor, choice, pointer)
     return sampled
 
 
-def _distribution(model: Model, choice: FactorChoice, pointer: str) -> Distribution:
+def _distribution(factor: Factor, choice: FactorChoice, pointer: str) -> Distribution:
     """Return the distribution one choice means; the model's own range if it names none."""
     if choice.distribution is not None:
         pointer, described = f"{pointer}/distribution", dict(choice.distribution)
     else:
-        own = model.factor(choice.name)
-        low, high = choice.range or (own.low, own.high)
+        low, high = choice.range or (factor.low, factor.high)
         pointer, described = f"{pointer}/range", {"kind": "uniform", "low": low, "high": high}
+        if factor.choices:
+            if choice.range is not None:
+                raise InvalidStudyError(
+                    pointer,
+                    f"{choice.name} is a choice ({', '.join(factor.choices)}): leave the range "
+                    "out, or give a discrete distribution of their numbers, from 0",
+                )
+            count = len(factor.choices)
+            described = {
+                "kind": "discrete",
+                "values": list(map(float, range(count))),
+                "probabilities": [1.0 / count] * count,
+            }
     try:
         return Distribution.from_json(described)
     except ValueError as error:

@@ -64,7 +64,7 @@ class StudyBody(Body):
     method: Name
     rows: int
     factors: list[FactorBody] | None = None
-    fixed: dict[str, float] = Field(default_factory=dict)
+    fixed: dict[str, float | str] = Field(default_factory=dict)
     seed: int = Field(default=1, ge=0, le=MAX_INTEGER)
     outputs: list[Name] | None = None
     sampling: Name = DEFAULT_SAMPLING

@@ -13,7 +13,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.assessment.estimation import Fit, IllConditionedError, estimate_forms
+from sim.assessment.estimation import Fit, IllConditionedError, estimate_forms, truth_in_parts
+from sim.assessment.impedance import bone_length, local_impedance
 from sim.assessment.nominal import nominal_model
 from sim.assessment.protocol import run_protocol
 from sim.assessment.record import Record
@@ -27,6 +28,8 @@ from sim.system.build import build_system
 from sim.system.start import reset_to_start
 from sim.system.system import System
 
+#: Shares of the human joint's travel at which its local impedance is looked at.
+PLACES = {"start": 0.1, "middle": 0.5, "end": 0.9}
 #: Called at every step with the system and its data, which it must leave as they are.
 Watch = Callable[[System, mujoco.MjData], None]
 
@@ -50,7 +53,7 @@ class Assessment:
 
 
 def assess(
-    values: Mapping[str, float],
+    values: Mapping[str, float | str],
     *,
     controller: str = "pid",
     fidelity: str | Fidelity = CAMPAIGN.name,
@@ -92,6 +95,7 @@ def assess(
         with _watched(system, watch):
             record = run_protocol(system, data)
         outputs = _evaluate(record, diagnostics)
+        outputs |= _local(system, record) | _bones(system)
     except FailedError as failed:
         return Assessment(
             outcome=failed.failure.name,
@@ -149,7 +153,7 @@ def fit_record(record: Record) -> dict[str, tuple[Fit, Fit]]:
         q_velocity=record.q_velocity[:, joint],
         inferred_torque=inferred,
         published_torque=published,
-        human_torque=record.human_torque,
+        muscle_torque=record.muscle_torque,
     )
 
 
@@ -170,6 +174,12 @@ def _evaluate(record: Record, diagnostics: dict[str, float]) -> dict[str, float]
         outputs[f"stiffness_error{suffix}"] = estimated.stiffness - true.stiffness
         outputs[f"stiffness_estimate{suffix}"] = estimated.stiffness
         outputs[f"stiffness_true{suffix}"] = true.stiffness
+        outputs[f"stiffness_true_r2{suffix}"] = true.r_squared
+    q_velocity = record.q_velocity[:, record.joint]
+    parts = {"passive": record.passive_torque, "sum": record.human_torque}
+    for name, part in truth_in_parts(q, q_velocity, parts).items():
+        outputs[f"stiffness_{name}"] = part.stiffness
+        outputs[f"stiffness_{name}_r2"] = part.r_squared
     assert estimate.damping is not None and truth.damping is not None
     outputs["damping_estimate"] = estimate.damping
     outputs["peak_contact_force"] = float(record.contact_force.max())
@@ -185,6 +195,24 @@ def _evaluate(record: Record, diagnostics: dict[str, float]) -> dict[str, float]
     if failure:
         raise FailedError(failure, "regression")
     return outputs
+
+
+def _local(system: System, record: Record) -> dict[str, float]:
+    """Return the local impedance at the start, in the middle and at the end of the movement."""
+    found = local_impedance(system, record, record.steps_at(PLACES.values()))
+    return {
+        f"local_{quantity}_{place}": float(value)
+        for quantity, values in zip(("stiffness", "damping"), found, strict=True)
+        for place, value in zip(PLACES, values, strict=True)
+    }
+
+
+def _bones(system: System) -> dict[str, float]:
+    """Return the lengths that the bones have in the compiled model, m."""
+    return {
+        "shoulder_to_elbow": bone_length(system.model, "humerus", "ulna"),
+        "elbow_to_wrist": bone_length(system.model, "ulna", "hand"),
+    }
 
 
 def _state(data: mujoco.MjData, phase: str) -> dict[str, Any]:

@@ -4,14 +4,15 @@ Which regression defines K_h moves it more than most factors of Table 1 do, so a
 computed:
 
 ========== ============================= ============ ==========================
-form       estimate: regressors          torque       truth: human torque on
+form       estimate: regressors          torque       truth: muscles' torque on
 ========== ============================= ============ ==========================
 affine     theta, theta', 1              equation 20  q, q', 1
 paper      theta, theta' (equation 21)   equation 20  q, q'
 authors    q, 1 (their published code)   published    q, 1
 ========== ============================= ============ ==========================
 
-A limb has a neutral angle, and a clinic knows theta alone: hence `affine` is the default.
+A limb has a neutral angle, and a clinic knows theta alone: hence `affine` is the default. What
+muscles do is the truth of every form; `truth_in_parts` looks at the passive stop and at the sum.
 """
 
 from collections.abc import Mapping
@@ -103,7 +104,7 @@ def estimate_forms(
     q_velocity: np.ndarray,
     inferred_torque: np.ndarray,
     published_torque: np.ndarray,
-    human_torque: np.ndarray,
+    muscle_torque: np.ndarray,
 ) -> dict[str, tuple[Fit, Fit]]:
     """Return for each form its estimate and its truth; all arrays have shape (n,).
 
@@ -115,7 +116,7 @@ def estimate_forms(
         inferred_torque: human torque after equation 20, Nm.
         published_torque: human torque after the authors' code, which subtracts the bias torque of a
             bare arm alone, Nm.
-        human_torque: torque of muscles and extension stop about the human elbow, Nm.
+        muscle_torque: torque of the muscles about the human elbow, Nm.
 
     Raises:
         IllConditionedError: the regressors do not vary independently.
@@ -129,6 +130,25 @@ def estimate_forms(
             damping=damping,
             constant=constant,
         )
-        truth = fit(human_torque, q, q_velocity, damping=damping, constant=constant)
+        truth = fit(muscle_torque, q, q_velocity, damping=damping, constant=constant)
         forms[name] = (estimate, truth)
     return forms
+
+
+def truth_in_parts(
+    q: np.ndarray, q_velocity: np.ndarray, parts: Mapping[str, np.ndarray]
+) -> dict[str, Fit]:
+    """Return the affine fit to each part of the human torque.
+
+    Args:
+        q: human joint's angle, rad, shape (n,).
+        q_velocity: its velocity, rad/s, shape (n,).
+        parts: torque of each part, Nm, shape (n,).
+
+    Raises:
+        IllConditionedError: the regressors do not vary independently.
+    """
+    return {
+        name: fit(torque, q, q_velocity, damping=True, constant=True)
+        for name, torque in parts.items()
+    }

@@ -1,5 +1,6 @@
 """What is recorded during the movement, step by step."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -34,12 +35,25 @@ class Record:
     #: Human abduction, flexion, rotation and elbow angles and velocities, shape (n, 4).
     q: np.ndarray
     q_velocity: np.ndarray
-    #: What muscles and a passive extension stop do about the human joint, shape (n,).
-    human_torque: np.ndarray
+    #: What muscles do about the human joint, and what its passive stop does, shape (n,).
+    muscle_torque: np.ndarray
+    passive_torque: np.ndarray
     #: Resultant force of cuff and strap on upper arm and forearm, shape (n, 2).
     contact_force: np.ndarray
     #: Sum of all normal forces between exoskeleton and arm, shape (n,).
     normal_force: np.ndarray
+
+    def steps_at(self, shares: Iterable[float]) -> np.ndarray:
+        """Return the step at which the human joint has first made each share of its travel."""
+        q = self.q[:, self.joint]
+        travelled: np.ndarray = (q - q[0]) / (q[-1] - q[0])
+        return np.array([int(np.argmax(travelled >= share)) for share in shares])
+
+    @property
+    def human_torque(self) -> np.ndarray:
+        """What muscles and stop do about the human joint together, shape (n,)."""
+        torque: np.ndarray = self.muscle_torque + self.passive_torque
+        return torque
 
     def save(self, path: Path) -> None:
         """Write every array under its own name to a compressed `.npz` file."""
@@ -77,7 +91,8 @@ def record_of(
         motor_torque=acting_torque(system, sensed[:, :motors] / system.motor_gain, acceleration),
         q=q,
         q_velocity=velocity[:-1, system.human_dof],
-        human_torque=sensed[:, motors] + _stop_torque(system, q),
+        muscle_torque=sensed[:, motors],
+        passive_torque=_stop_torque(system, q),
         contact_force=loads.contact_force,
         normal_force=loads.normal_force,
     )

@@ -6,20 +6,28 @@ along -z.
 
 Geometry, inertia radii and joint ranges are facts of the authors' public model (github
 stesfazgi/rehyb_mujoco, models/exo_with_patient), which follows Holzbaur et al. 2005. Its humerus is
-drawn 0.2907 m long and shrunk by 0.86267 so that the nominal elbow lies on the exoskeleton's axis.
+drawn 0.2907 m long and shrunk so that the nominal elbow lies on the exoskeleton's axis. The authors
+shrink it by 0.86267, which leaves the axes 4.3 mm apart; here it is shrunk and turned about the
+shoulder by a degree until they coincide, but for the condition `elbow_offset`.
 """
 
-from math import radians
+from math import asin, atan2, cos, hypot, radians, sin
 
 import mujoco
 import numpy as np
 
 from sim.parameters.wearer import Wearer
 
-#: Authors' factor that brings the nominal elbow onto the exoskeleton's elbow axis.
-HUMERUS_SHRINK = 0.86267
-#: Elbow in the humerus frame before scaling, m.
+#: Elbow in the authors' humerus frame before scaling, m.
 ELBOW = np.array([0.2907, -0.0058, -0.0049])
+#: Shoulder to elbow of the nominal wearer and of the exoskeleton, across the elbow's axis, m.
+UPPER_ARM_LINK = 0.25
+#: What brings the nominal elbow onto the exoskeleton's elbow axis: a scale, and in which direction
+#: the authors' elbow lies, rad.
+HUMERUS_SHRINK = UPPER_ARM_LINK / hypot(ELBOW[0], ELBOW[2])
+_ELBOW_DIRECTION = atan2(ELBOW[2], ELBOW[0])
+#: `elbow_offset` of the authors' own wearer, m.
+AUTHORS_ELBOW_OFFSET = UPPER_ARM_LINK * sin(_ELBOW_DIRECTION)
 #: Proximal end of the radius in the ulna frame at nominal forearm length, m.
 RADIUS = np.array([0.0133, -0.0171, 0.0163])
 #: Wrist in the radius frame at nominal forearm length, m.
@@ -62,8 +70,10 @@ def empty_spec() -> mujoco.MjSpec:
 
 
 def upper_arm_point(wearer: Wearer, point: object) -> np.ndarray:
-    """Scale a figure of the authors' humerus frame (shape (3,), m) to the wearer."""
-    return np.asarray(point, dtype=float) * HUMERUS_SHRINK * wearer.upper_arm_scale
+    """Turn and scale a figure of the authors' humerus frame (shape (3,), m) to the wearer."""
+    turn = asin(wearer.elbow_offset / UPPER_ARM_LINK) - _ELBOW_DIRECTION
+    x, y, z = np.asarray(point, dtype=float) * HUMERUS_SHRINK * wearer.upper_arm_scale
+    return np.array([x * cos(turn) - z * sin(turn), y, x * sin(turn) + z * cos(turn)])
 
 
 def forearm_point(wearer: Wearer, point: object) -> np.ndarray:

@@ -5,11 +5,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from sim.parameters.effects import PREFIX, effect_factors, effects_of
-from sim.parameters.factors import Factor, check_bounds, factor, factors_of
-from sim.parameters.wearer import NOMINAL, NOMINAL_LENGTHS, Wearer, wearer_of
+from sim.parameters.factors import Factor, check_bounds, choice, factor, factors_of, no_factor
+from sim.parameters.wearer import NOMINAL, NOMINAL_LENGTHS, TABLE_1, Wearer, wearer_of
 
 #: With it the compression test encloses the moduli of the paper's figure 6 from 10 to 20 % strain.
 TISSUE_COUPLING = 0.17
+
+#: The elbow's muscles by name (`sim.body.muscles.elbow`).
+MUSCLES = ("paper", "holzbaur2005", "physiological")
 
 Range = tuple[float, float]
 
@@ -68,8 +71,8 @@ class Conditions:
     reflex_delay: float = _condition(
         "s", 0.05, (0.02, 0.1), (0.0, 1.0), "from stretch to the muscles' input"
     )
-    refitted_muscles: float = _condition(
-        "1", 1.0, (0.0, 1.0), (0.0, 1.0), "0: the paper's; from 0.5: refitted to its figure 3"
+    muscles: float = choice(
+        MUSCLES, "paper", "the elbow's: the paper's (0), as published (1), fitted to figure 3 (2)"
     )
     tissue_coupling: float = _condition(
         "1",
@@ -98,6 +101,13 @@ class Conditions:
     nominal_forearm_length: float = _condition(
         "m", NOMINAL_LENGTHS[1], (0.319, 0.349), (0.2, 0.6), "length of the forearm as it is drawn"
     )
+    elbow_offset: float = _condition(
+        "m",
+        0.0,
+        (-0.01, 0.01),
+        (-0.05, 0.05),
+        "human elbow above the robot's axis, lengths nominal",
+    )
     extension_stop: float = _condition(
         "Nm/rad", 30.0, (0.0, 60.0), (0.0, 1000.0), "passive stiffness of the elbow below 5 degrees"
     )
@@ -113,7 +123,7 @@ DEFAULT_CONDITIONS = Conditions()
 
 
 def conditions_of(values: Mapping[str, float]) -> Conditions:
-    """Return the conditions with the given `values`; one left out takes its default.
+    """Return the conditions with the given `values` (numbers); one left out takes its default.
 
     Raises:
         ValueError: a value is outside what the simulation can mean.
@@ -124,26 +134,26 @@ def conditions_of(values: Mapping[str, float]) -> Conditions:
     return Conditions(**own, effects=effects)
 
 
-def split(values: Mapping[str, float]) -> tuple[Wearer, Conditions]:
+def split(values: Mapping[str, float | str]) -> tuple[Wearer, Conditions]:
     """Return the wearer and the conditions that `values` (factor name to SI value) describe.
+
+    The value of a choice (`muscles`) may be its name.
 
     Raises:
         ValueError: a name is no factor of the elbow, or a value means nothing.
     """
-    of_wearer = {name: value for name, value in values.items() if name in NOMINAL}
-    others = {name: value for name, value in values.items() if name not in NOMINAL}
-    known = {factor.name for factor in (*CONDITIONS, *effect_factors())}
-    for name in others:
+    known = {factor.name: factor for factor in (*TABLE_1, *CONDITIONS, *effect_factors())}
+    for name in values:
         if name not in known:
-            raise ValueError(
-                f"the elbow has no factor {name!r}: it has "
-                f"{', '.join((*NOMINAL, *(factor.name for factor in CONDITIONS)))} "
-                "and effect.NAME.PARAMETER"
-            )
-    conditions = conditions_of(others)
+            own = (*NOMINAL, *(factor.name for factor in CONDITIONS), "effect.NAME.PARAMETER")
+            raise ValueError(no_factor("the elbow", name, own))
+    numbers = {name: known[name].number(value) for name, value in values.items()}
+    of_wearer = {name: value for name, value in numbers.items() if name in NOMINAL}
+    conditions = conditions_of({n: value for n, value in numbers.items() if n not in NOMINAL})
     wearer = replace(
         wearer_of(of_wearer),
         nominal_upper_arm_length=conditions.nominal_upper_arm_length,
         nominal_forearm_length=conditions.nominal_forearm_length,
+        elbow_offset=conditions.elbow_offset,
     )
     return wearer, conditions

@@ -19,7 +19,7 @@ class Target(NamedTuple):
     direction: float
     #: Its movement as a share of the elbow's.
     reach: float
-    #: Which muscles co-contract (`sim.body.muscles.groups.CO_CONTRACTING`), and at which share of
+    #: Which muscles co-contract (`sim.body.muscles.authors.CO_CONTRACTING`), and at which share of
     #: the activation that the conditions name: the shoulder's muscles are far stronger than the
     #: robot's soft controller can hold at 0.4.
     muscles: str

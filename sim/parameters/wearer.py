@@ -52,6 +52,8 @@ class Wearer:
     )
     nominal_upper_arm_length: float = NOMINAL_LENGTHS[0]
     nominal_forearm_length: float = NOMINAL_LENGTHS[1]
+    #: How far the elbow's axis lies above the robot's at the nominal length, m.
+    elbow_offset: float = 0.0
 
     @property
     def upper_arm_scale(self) -> float:

@@ -3,15 +3,15 @@
 import mujoco
 
 from sim.body.muscles.attach import add_muscles
-from sim.body.muscles.elbow import ELBOW_FITS
-from sim.body.muscles.holzbaur import CO_CONTRACTING, FOREARM_ROTATORS, SHOULDER_MUSCLES
+from sim.body.muscles.authors import CO_CONTRACTING, FOREARM_ROTATORS, SHOULDER_MUSCLES
+from sim.body.muscles.elbow import ELBOW_MUSCLES
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_extension_stop, add_torso, empty_spec
 from sim.body.soft_tissue import soft_tissues
 from sim.interface.bushing import Bushings
 from sim.interface.contact import Contact
 from sim.interface.cuffs import add_slide, place_cuffs
 from sim.interface.interface import Interface
-from sim.parameters.conditions import CONTACT_ONLY, DEFAULT_CONDITIONS, Conditions
+from sim.parameters.conditions import CONTACT_ONLY, DEFAULT_CONDITIONS, MUSCLES, Conditions
 from sim.parameters.fidelity import CAMPAIGN, Fidelity
 from sim.parameters.target import ELBOW_TARGET, Target
 from sim.parameters.wearer import Wearer
@@ -95,8 +95,8 @@ def _base_spec(
     if conditions.extension_stop > 0.0:
         add_extension_stop(spec, conditions.extension_stop)
     others = SHOULDER_MUSCLES + FOREARM_ROTATORS if whole else CO_CONTRACTING[target.muscles]
-    fit = ELBOW_FITS["refitted" if conditions.refitted_muscles >= 0.5 else "paper"]
-    add_muscles(spec, wearer, elbow=fit, others=others)
+    elbow = ELBOW_MUSCLES[MUSCLES[int(conditions.muscles)]]
+    add_muscles(spec, wearer, elbow=elbow, others=others)
     gains, robot = device.gains.under(conditions), JOINTS[target.joint]
     human = HUMAN_JOINTS[target.joint]
     add_exoskeleton(spec, gains, friction=conditions.robot_friction, joint=robot, device=device)

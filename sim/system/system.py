@@ -6,7 +6,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from sim.body.muscles.holzbaur import CO_CONTRACTING
+from sim.body.muscles.authors import CO_CONTRACTING
 from sim.body.skeleton import HUMAN_JOINTS
 from sim.interface.interface import Interface
 from sim.interface.straps import segment_names

@@ -1,6 +1,6 @@
 """Pictures of the validations, laid out like the paper's figures 3 and 6."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +9,16 @@ from sim.pictures.figures import new_figure
 from sim.validation.compression import OGNEVA_CONTRACTED, OGNEVA_RELAXED, CompressionTest
 from sim.validation.isometric import ANGLES_DEG, MEASURED, IsometricTest
 
+#: Colour and place of the peak's label of each set of muscles.
+_STYLES = (("tab:orange", -48), ("tab:green", 0), ("tab:blue", 48))
 
-def isometric_figure(test: IsometricTest, papers: IsometricTest, path: Path) -> Path:
+
+def isometric_figure(tests: Mapping[str, IsometricTest], path: Path) -> Path:
     """Draw both torque curves over the elbow angle beside the measured data; return `path`.
 
-    `papers` is the test of an arm with `sim.body.muscles.elbow.PAPER_MUSCLES`.
+    Args:
+        tests: of arms with each of `sim.body.muscles.elbow.ELBOW_MUSCLES`, by its name.
+        path: the picture.
     """
     figure = new_figure(width=9.0, height=3.8)
     for column, title in enumerate(("Flexion", "Extension")):
@@ -29,10 +34,7 @@ def isometric_figure(test: IsometricTest, papers: IsometricTest, path: Path) -> 
                 linewidth=1,
                 label=data.source,
             )
-        for arm, colour, label, shift in (
-            (papers, "tab:orange", "the paper's muscles", -42),
-            (test, "tab:blue", "refitted muscles (default)", 42),
-        ):
+        for (label, arm), (colour, shift) in zip(tests.items(), _STYLES, strict=True):
             axes.plot(ANGLES_DEG, getattr(arm, attribute), color=colour, linewidth=2, label=label)
             torque, angle = getattr(arm, f"{title.lower()}_peak")
             axes.plot([angle], [torque], "o", color=colour)

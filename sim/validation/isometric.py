@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from sim.body.muscles.attach import add_muscles
-from sim.body.muscles.elbow import REFITTED_MUSCLES
+from sim.body.muscles.authors import PAPER_MUSCLES
 from sim.body.muscles.muscle import ElbowMuscles, Muscle
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_torso, empty_spec
 from sim.parameters.wearer import NOMINAL_WEARER, Wearer
@@ -97,7 +97,7 @@ def co_contraction_stiffness(
 
 
 def run_isometric_test(
-    wearer: Wearer = NOMINAL_WEARER, elbow: ElbowMuscles = REFITTED_MUSCLES
+    wearer: Wearer = NOMINAL_WEARER, elbow: ElbowMuscles = PAPER_MUSCLES
 ) -> IsometricTest:
     """Contract flexors, then extensors, fully at every angle, the shoulder locked at 90 degrees."""
     spec = empty_spec()

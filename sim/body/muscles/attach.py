@@ -1,15 +1,14 @@
 """Muscles of shoulder, elbow and forearm on a wearer's bones (paper, section 2.2.1, equation 17).
 
-`sim.body.muscles.holzbaur` and `elbow` say which; `sim.validation.isometric` checks the elbow's
-torques.
+`sim.body.muscles.elbow` says which; `sim.validation.isometric` checks the elbow's torques.
 """
 
 import mujoco
+import numpy as np
 
-from sim.body.muscles.elbow import REFITTED_MUSCLES, TROCHLEA, TROCHLEA_RADIUS, TROCHLEA_SIDE
-from sim.body.muscles.holzbaur import FOREARM_ROTATORS, SHOULDER_MUSCLES
-from sim.body.muscles.lengths import elbow_length_ranges
-from sim.body.muscles.muscle import ElbowMuscles, Muscle, MuscleGroup
+from sim.body.muscles.authors import FOREARM_ROTATORS, PAPER_MUSCLES, SHOULDER_MUSCLES
+from sim.body.muscles.lengths import elbow_length_ranges, operating_range
+from sim.body.muscles.muscle import ElbowMuscles, Muscle, MuscleGroup, Wrap
 from sim.body.skeleton import BONE_COLOUR, DRAWN, bone_point
 from sim.parameters.wearer import Wearer
 
@@ -21,7 +20,7 @@ def add_muscles(
     spec: mujoco.MjSpec,
     wearer: Wearer,
     *,
-    elbow: ElbowMuscles = REFITTED_MUSCLES,
+    elbow: ElbowMuscles = PAPER_MUSCLES,
     others: tuple[Muscle, ...] = SHOULDER_MUSCLES + FOREARM_ROTATORS,
 ) -> None:
     """Add muscles to a spec that has torso and arm, 26 in all; their input is activation, 0 to 1.
@@ -32,8 +31,9 @@ def add_muscles(
         elbow: the elbow's muscles.
         others: muscles beside the elbow's.
     """
-    if any(muscle.wraps for muscle in elbow.extensors.muscles):
-        _add_trochlea(spec, wearer)
+    wraps = {m.wrap.name: m.wrap for m in elbow.flexors.muscles + elbow.extensors.muscles if m.wrap}
+    for wrap in wraps.values():
+        _add_wrap(spec, wearer, wrap)
     beside = tuple(muscle for muscle in others if muscle.length_range)
     ranges = elbow_length_ranges(wearer, elbow)
     for group, colour in (
@@ -54,8 +54,9 @@ def add_muscles(
             actuator.set_to_muscle(
                 tausmooth=0.0,
                 force=group.force_scale * muscle.force,
-                range=list(muscle.operating_range or group.operating_range),
+                range=list(operating_range(muscle, group, elbow)),
                 lmin=group.shortest_active,
+                lmax=group.longest_active,
                 fpmax=group.passive_force,
             )
 
@@ -67,18 +68,18 @@ def _add_path(
     for i, (bone, point) in enumerate(muscle.path, start=1):
         site = f"{muscle.name}_{i}"
         spec.body(bone).add_site(name=site, pos=bone_point(wearer, bone, point), size=[0.003] * 3)
-        if muscle.wraps and i == len(muscle.path):
-            tendon.wrap_geom("trochlea", "behind_trochlea")
+        if muscle.wrap and i == muscle.wrap.part + 2:
+            tendon.wrap_geom(muscle.wrap.name, f"{muscle.wrap.name}_side")
         tendon.wrap_site(site)
 
 
-def _add_trochlea(spec: mujoco.MjSpec, wearer: Wearer) -> None:
-    """Add the cylinder that the triceps wraps round, and a site on the side it passes."""
-    bone, place = TROCHLEA
+def _add_wrap(spec: mujoco.MjSpec, wearer: Wearer, wrap: Wrap) -> None:
+    """Add the cylinder that muscles wrap round, and a site on the side they pass."""
+    bone, place = wrap.centre
     humerus, centre = spec.body(bone), bone_point(wearer, bone, place)
-    radius = TROCHLEA_RADIUS * wearer.upper_arm_scale
+    radius = wrap.radius * wearer.upper_arm_scale
     humerus.add_geom(
-        name="trochlea",
+        name=wrap.name,
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,
         size=[radius, radius, 0],
         pos=centre,
@@ -87,5 +88,6 @@ def _add_trochlea(spec: mujoco.MjSpec, wearer: Wearer) -> None:
         rgba=BONE_COLOUR,
         **DRAWN,
     )
-    behind = radius * TROCHLEA_SIDE
-    humerus.add_site(name="behind_trochlea", pos=centre + behind, size=[0.002] * 3)
+    along, across = wrap.side
+    side = radius * np.array([along, 0.0, across])
+    humerus.add_site(name=f"{wrap.name}_side", pos=centre + side, size=[0.002] * 3)

@@ -1,72 +1,176 @@
-"""The 26 muscles of the authors' public model, as tables (github stesfazgi/rehyb_mujoco).
+"""The elbow's muscles as Holzbaur et al. 2005 published them: paths, wrapping, fibres, peak forces.
 
-Peak forces, origins and insertions after Holzbaur et al. 2005. A row holds a muscle's name, peak
-force (N), shortest and longest tendon length (m; - where they are swept from the elbow's motion),
-and the points of its path from origin to insertion: a bone's initial and a place in its frame (m).
+Figures are those of OpenSim's Arm26 and, for brachioradialis and anconeus, of MyoSuite's copy
+(github opensim-org/opensim-models, MyoHub/myo_sim). Nothing is fitted. What cannot be the same
+here: the authors' shorter humerus; the elbow's axis, which they tilt by 3.5 degrees; tendons are
+rigid; MuJoCo's curves of force over length, nearest to theirs; the two ellipsoids at the elbow are
+cylinders of the radius that MyoSuite gives their spheres. Lengths of paths are those of MyoSuite's
+copy with the elbow straight and the shoulder flexed to 90 degrees, the scapula turning with it.
 """
 
-from collections.abc import Mapping
-from types import MappingProxyType
+from math import cos, radians
 
-from sim.body.muscles.muscle import Muscle
+from sim.body.muscles.authors import ELBOW_FLEXORS
+from sim.body.muscles.muscle import ElbowMuscles, Fibres, Muscle, MuscleGroup, Point, Wrap
+from sim.body.muscles.places import by_elbow, on_forearm, on_humerus
 
-_BONES = {bone[0]: bone for bone in ("thorax", "clavicle", "scapula", "humerus", "ulna", "radius")}
+#: Where the published cylinders and ellipsoids at the elbow are: behind it and in front.
+_TRICEPS, _BICEPS, _ANCONEUS = (
+    by_elbow(0.0028, -0.2919, -0.0069),
+    by_elbow(0.0019, -0.2890, -0.0140),
+    by_elbow(0.0134, -0.2861, -0.0008),
+)
+_BEHIND, _BEFORE = (-1.0, -2.0), (-1.0, 2.0)
+#: Origins on the scapula are the authors', which follow the same source.
+_SCAPULA = {muscle.name: muscle.path[0] for muscle in ELBOW_FLEXORS[:2]}
+_LONG_HEAD: Point = ("scapula", (0.03083, 0.02581, -0.04169))
+
+_BEHIND_HUMERUS = (
+    on_humerus(-0.03184, -0.22637, -0.01217),
+    by_elbow(-0.01743, -0.26757, -0.01208),
+)
+_OLECRANON = on_forearm("ulna", -0.0219, 0.01046, -0.00078)
+#: The biceps' way round the radius, pronation neutral.
+_TUBEROSITY = on_forearm("radius", -0.0016, -0.0490, 0.0180)
 
 
-def _read(table: str) -> tuple[Muscle, ...]:
-    """Return the muscles of a table."""
-    muscles = []
-    for name, force, *columns in map(str.split, table.strip().splitlines()):
-        shortest, longest, *path = columns
-        places = zip(path[::4], path[1::4], path[2::4], path[3::4], strict=True)
-        muscles.append(
-            Muscle(
-                name=name,
-                force=float(force),
-                path=tuple((_BONES[b], (float(x), float(y), float(z))) for b, x, y, z in places),
-                length_range=None if shortest == "-" else (float(shortest), float(longest)),
-            )
-        )
-    return tuple(muscles)
+def _muscle(
+    name: str,
+    force: float,
+    fibres: tuple[float, float, float],
+    path: tuple[Point, ...],
+    wrap: tuple[Point, float, tuple[float, float], int],
+    pennation: float = 0.0,
+) -> Muscle:
+    """Return a muscle: `pennation` in degrees takes its share of the force."""
+    centre, radius, side, part = wrap
+    optimal, slack, extended = fibres
+    return Muscle(
+        name=name,
+        force=force * cos(radians(pennation)),
+        path=path,
+        fibres=Fibres(optimal=optimal, slack=slack, extended=extended),
+        wrap=Wrap(name=f"{name}_wrap", centre=centre, radius=radius, side=side, part=part),
+    )
 
 
-# The authors give the head with the long head's path the short head's force, and the reverse.
-ELBOW_FLEXORS = _read("""
-biceps_long           435.6     -     -  s 0.04288 0.01401 -0.00249  h -0.0001 -0.0217 0.0011 \
-                                          r 0.03809 0.00282 0.00202
-biceps_short          624.3     -     -  s 0.08244 0.00915 -0.00833  r 0.03809 0.00282 0.00202
-brachialis            987.3     -     -  h 0.16994 0.00421 -0.00129  u 0.03331 0.01924 0.00854
-brachioradialis       261.3     -     -  h 0.21716 -0.00443 0.002  r 0.26513 0.00412 0.01037
-""")
-ELBOW_EXTENSORS = _read("""
-triceps_long          798.5     -     -  u -0.01682 0.00657 -0.02635  s 0.03083 0.02581 -0.04169
-triceps_medial        624.3     -     -  h 0.17415 0.001432 -0.00827  u -0.01771 0.02561 -0.02364
-triceps_lateral       624.3     -     -  h 0.07102 -0.00863 -0.010792  u -0.02348 0.02012 -0.02043
-anconeus              350.0     -     -  h 0.30395 -0.01346 -0.01568  u 0.03161 -0.00914 -0.00822
-""")
-SHOULDER_MUSCLES = _read("""
-pectoralis_clavicular  364.4 0.067  0.22  c 0.01566 -0.07287 0.01192  h 0.07144 -0.01148 0.01682
-pectoralis_sternal    515.4  0.17  0.31  t 0.16922 -0.02628 -0.07385  h 0.06748 -0.01078 0.01714
-pectoralis_ribs       390.5  0.18  0.31  t 0.14595 -0.00795 0.02405  h 0.05923 -0.01111 0.0178
-coracobrachialis      242.5  0.12   0.2  s 0.07924 0.01029 -0.01058  h 0.1617 0.00522 0.00501
-supraspinatus         487.8 0.061  0.11  s 0.02272 0.07205 0.01412  h -0.0159 -0.01774 0.00552
-deltoid_clavicular    259.9 0.028  0.19  c 0.01804 -0.13657 0.01128  h 0.10735 -0.01638 0.01038
-deltoid_anterior     1142.6 0.022  0.19  s 0.00374 0.06638 0.00272  h 0.10386 -0.01451 -0.00724
-deltoid_middle       1142.6 0.076  0.14  s 0.01758 -0.00783 0.00354  h 0.10267 -0.01684 -0.00097
-infraspinatus        1210.8 0.085  0.13  s 0.0048 0.09815 -0.0456  h -0.01547 -0.01798 -0.00814
-subscapularis        1377.8 0.068  0.11  s 0.01647 0.07893 -0.04978  h -0.0015 0.00617 0.02045
-teres_minor           354.3 0.045   0.1  s 0.01249 0.05321 -0.05922  h 0.0051 -0.02655 -0.00853
-teres_major           425.4 0.055   0.2  s 0.00864 0.09026 -0.10074  h 0.0695 0.0048 0.00963
-latissimus_thoracic   389.1  0.17  0.26  t -0.017 -0.01 -0.10505  h 0.04118 -0.00176 0.01744
-latissimus_lumbar     389.1  0.24  0.33  t -0.0002 -0.01495 -0.2249  h 0.04118 -0.00176 0.01744
-latissimus_iliac      281.7  0.21   0.3  t 0.04125 -0.0903 -0.2468  h 0.04118 -0.00176 0.01744
-""")
-FOREARM_ROTATORS = _read("""
-pronator_teres        566.2 0.072  0.11  u 0.02454 -0.0378 -0.01437  r 0.08157 -0.016 -0.04041
-pronator_quadratus     75.5 0.016 0.046  u 0.226 -0.0171 -0.015  r 0.21322 0.0 -0.015
-supinator             476.0  0.05 0.067  u 0.05441 -0.01 -0.00598  r 0.09092 -0.01699 0.0169
-""")
-#: Muscles that co-contract, by what `sim.parameters.target.Target.muscles` may be.
-CO_CONTRACTING: Mapping[str, tuple[Muscle, ...]] = MappingProxyType(
-    {"elbow": ELBOW_FLEXORS + ELBOW_EXTENSORS, "shoulder": SHOULDER_MUSCLES}
+def _head(
+    name: str,
+    force: float,
+    fibres: tuple[float, float, float],
+    origin: tuple[Point, ...],
+    pennation: float,
+) -> Muscle:
+    path = (*origin, *_BEHIND_HUMERUS, _OLECRANON)
+    return _muscle(name, force, fibres, path, (_TRICEPS, 0.016, _BEHIND, len(path) - 2), pennation)
+
+
+#: Parameters of MuJoCo's curves that come nearest to the published ones (Thelen 2003, Gaussian of
+#: width 0.5 and exponential of strain 0.6), 0.039 rms from half to 1.6 optimal lengths.
+SHORTEST_ACTIVE, LONGEST_ACTIVE, PASSIVE_FORCE = -0.09, 2.13, 1.37
+
+HOLZBAUR_MUSCLES = ElbowMuscles(
+    flexors=MuscleGroup(
+        shortest_active=SHORTEST_ACTIVE,
+        longest_active=LONGEST_ACTIVE,
+        passive_force=PASSIVE_FORCE,
+        muscles=(
+            _muscle(
+                "biceps_long",
+                624.3,
+                (0.1157, 0.2723, 0.4269),
+                (
+                    _SCAPULA["biceps_long"],
+                    on_humerus(0.02131, 0.01793, 0.01028),
+                    on_humerus(0.02378, -0.00511, 0.01201),
+                    on_humerus(0.01345, -0.02827, 0.00136),
+                    on_humerus(0.01068, -0.07736, -0.00165),
+                    on_humerus(0.01703, -0.12125, 0.00024),
+                    on_humerus(0.0228, -0.1754, -0.0063),
+                    on_forearm("radius", -0.00630, -0.04066, 0.00727),
+                    _TUBEROSITY,
+                ),
+                (_BICEPS, 0.015, _BEFORE, 6),
+            ),
+            _muscle(
+                "biceps_short",
+                435.56,
+                (0.1321, 0.1923, 0.3723),
+                (
+                    _SCAPULA["biceps_short"],
+                    on_humerus(0.01117, -0.07576, -0.01101),
+                    on_humerus(0.01703, -0.12125, -0.01079),
+                    on_humerus(0.0228, -0.1754, -0.0063),
+                    on_forearm("radius", -0.00734, -0.03706, 0.00689),
+                    _TUBEROSITY,
+                ),
+                (_BICEPS, 0.015, _BEFORE, 3),
+            ),
+            _muscle(
+                "brachialis",
+                987.26,
+                (0.0858, 0.0535, 0.1471),
+                (
+                    on_humerus(0.0068, -0.1739, -0.0036),
+                    on_forearm("ulna", -0.0032, -0.0239, 0.0009),
+                ),
+                (_TRICEPS, 0.016, _BEFORE, 0),
+            ),
+            _muscle(
+                "brachioradialis",
+                261.33,
+                (0.1726, 0.1330, 0.3322),
+                (
+                    on_humerus(-0.0098, -0.19963, 0.00223),
+                    on_forearm("radius", 0.03617, -0.13892, 0.04315),
+                    on_forearm("radius", 0.0423, -0.2325, 0.0424),
+                ),
+                (_BICEPS, 0.015, _BEFORE, 0),
+            ),
+        ),
+    ),
+    extensors=MuscleGroup(
+        shortest_active=SHORTEST_ACTIVE,
+        longest_active=LONGEST_ACTIVE,
+        passive_force=PASSIVE_FORCE,
+        muscles=(
+            _head(
+                "triceps_long",
+                798.52,
+                (0.1340, 0.1430, 0.3167),
+                (_LONG_HEAD, on_humerus(-0.02714, -0.11441, -0.00664)),
+                12.0,
+            ),
+            _head(
+                "triceps_medial",
+                624.3,
+                (0.1138, 0.0908, 0.1542),
+                (
+                    on_humerus(-0.00838, -0.13695, -0.00906),
+                    on_humerus(-0.02601, -0.15139, -0.0108),
+                ),
+                9.0,
+            ),
+            _head(
+                "triceps_lateral",
+                624.3,
+                (0.1138, 0.0980, 0.1666),
+                (
+                    on_humerus(-0.00599, -0.12646, 0.00428),
+                    on_humerus(-0.02344, -0.14528, 0.00928),
+                ),
+                9.0,
+            ),
+            _muscle(
+                "anconeus",
+                350.0,
+                (0.0270, 0.0180, 0.0215),
+                (
+                    by_elbow(-0.00744, -0.28359, 0.00979),
+                    on_forearm("ulna", -0.02532, -0.00124, 0.006),
+                ),
+                (_ANCONEUS, 0.020, _BEHIND, 0),
+            ),
+        ),
+    ),
 )

@@ -10,41 +10,78 @@ from math import radians
 import mujoco
 import numpy as np
 
-from sim.body.muscles.elbow import REFITTED_MUSCLES, TROCHLEA, TROCHLEA_RADIUS, TROCHLEA_SIDE
-from sim.body.muscles.muscle import ElbowMuscles, Muscle
-from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_torso, bone_point, empty_spec
+from sim.body.muscles.muscle import ElbowMuscles, Formula, Muscle, MuscleGroup, Wrap
+from sim.body.skeleton import (
+    HUMAN_JOINTS,
+    HUMERUS_SHRINK,
+    add_arm,
+    add_torso,
+    bone_point,
+    empty_spec,
+)
 from sim.parameters.wearer import NOMINAL_WEARER, Wearer
 
 #: Elbow angles over which an elbow muscle's shortest and longest lengths are searched.
 SWEEP = np.radians(np.linspace(0.0, 120.0, 25))
-#: Columns of a point in the frame of the humerus: across the trochlea's axis, and along it.
+#: Columns of a point in the frame of the humerus: across a cylinder's axis, and along it.
 _ACROSS, _ALONG = [0, 2], 1
-#: Behind the trochlea, across its axis.
-_BEHIND = TROCHLEA_SIDE[_ACROSS] / np.linalg.norm(TROCHLEA_SIDE)
 
 #: Places (angles, 3) and axes (angles, 3, 3) of bones in the world, over SWEEP.
 Poses = dict[str, tuple[np.ndarray, np.ndarray]]
 
 
-def elbow_length_ranges(
-    wearer: Wearer, elbow: ElbowMuscles = REFITTED_MUSCLES
-) -> dict[str, tuple[float, float]]:
+def elbow_length_ranges(wearer: Wearer, elbow: ElbowMuscles) -> dict[str, tuple[float, float]]:
     """Return each elbow muscle's shortest and longest length (m) over 0 to 120 degrees of flexion.
 
     The shoulder is flexed to 90 degrees, as in the isometric tests that the operating ranges were
-    fitted to. Only the lengths of the wearer matter.
+    fitted to. Only the lengths of the wearer matter, and where its elbow is.
     """
-    lengths = {name: value for name, value in vars(wearer).items() if name.endswith("_length")}
-    return dict(_ranges(Wearer(**lengths), elbow))
+    kept = {n: v for n, v in vars(wearer).items() if n.endswith("_length") or n == "elbow_offset"}
+    return dict(_ranges(Wearer(**kept), elbow))
+
+
+def elbow_lengths(wearer: Wearer, elbow: ElbowMuscles) -> dict[str, np.ndarray]:
+    """Return the length of each elbow muscle's path over SWEEP, m, shape (angles,)."""
+    muscles, poses = elbow.flexors.muscles + elbow.extensors.muscles, _poses(wearer)
+    return {muscle.name: _lengths(muscle, wearer, poses) for muscle in muscles}
+
+
+def operating_range(muscle: Muscle, group: MuscleGroup, elbow: ElbowMuscles) -> tuple[float, float]:
+    """Return a muscle's fibre lengths at its shortest and longest, in optimal ones.
+
+    Published fibres decide them at the nominal wearer; they scale with a wearer's lengths.
+    """
+    fibres = muscle.fibres
+    if fibres is None:
+        return muscle.operating_range or group.operating_range
+    shortest, longest = elbow_length_ranges(NOMINAL_WEARER, elbow)[muscle.name]
+    straight = (fibres.extended - fibres.slack) / fibres.optimal
+    excursion = (longest - shortest) / fibres.optimal
+    # Flexors are longest while the elbow is straight, extensors shortest.
+    if group is elbow.flexors:
+        return straight - excursion, straight
+    return straight, straight + excursion
 
 
 # Most wearers of a design's row have the same lengths.
 @lru_cache(maxsize=256)
 def _ranges(wearer: Wearer, elbow: ElbowMuscles) -> tuple[tuple[str, tuple[float, float]], ...]:
     poses = _poses(wearer)
-    muscles = elbow.flexors.muscles + elbow.extensors.muscles
-    lengths = {muscle.name: _lengths(muscle, wearer, poses) for muscle in muscles}
-    return tuple((name, (float(of.min()), float(of.max()))) for name, of in lengths.items())
+    found = []
+    for muscle in elbow.flexors.muscles + elbow.extensors.muscles:
+        if muscle.length_formulas:
+            shortest, longest = (_value(formula, wearer) for formula in muscle.length_formulas)
+        else:
+            lengths = _lengths(muscle, wearer, poses)
+            shortest, longest = float(lengths.min()), float(lengths.max())
+        found.append((muscle.name, (shortest, longest)))
+    return tuple(found)
+
+
+def _value(formula: Formula, wearer: Wearer) -> float:
+    """Return a published length, m; its upper arm is measured on the authors' drawn humerus."""
+    upper, fore, constant = formula
+    return upper * HUMERUS_SHRINK * wearer.upper_arm_scale + fore * wearer.forearm_scale + constant
 
 
 def _lengths(muscle: Muscle, wearer: Wearer, poses: Poses) -> np.ndarray:
@@ -54,29 +91,31 @@ def _lengths(muscle: Muscle, wearer: Wearer, poses: Poses) -> np.ndarray:
         for bone, point in muscle.path
     ]
     parts = np.linalg.norm(np.diff(points, axis=0), axis=2)
-    if muscle.wraps:
-        parts[-1] = _length_round_trochlea(points[-2], points[-1], wearer, poses)
+    if muscle.wrap:
+        part = muscle.wrap.part
+        parts[part] = _length_round(muscle.wrap, points[part], points[part + 1], wearer, poses)
     total: np.ndarray = parts.sum(axis=0)
     return total
 
 
-def _length_round_trochlea(
-    origin: np.ndarray, insertion: np.ndarray, wearer: Wearer, poses: Poses
+def _length_round(
+    wrap: Wrap, origin: np.ndarray, insertion: np.ndarray, wearer: Wearer, poses: Poses
 ) -> np.ndarray:
-    """Return the shortest way between two points that passes behind the trochlea, m.
+    """Return the shortest way between two points that passes a cylinder on its side, m.
 
     Unrolled, the way round a cylinder is straight: two tangents and an arc across the axis, and
     what the points are apart along it.
 
     Args:
+        wrap: the cylinder.
         origin: in the world, m, shape (angles, 3).
         insertion: of that shape.
         wearer: whose arm it is.
         poses: of its bones.
     """
-    bone, place = TROCHLEA
+    bone, place = wrap.centre
     where, axes = poses[bone]
-    centre, radius = bone_point(wearer, bone, place), TROCHLEA_RADIUS * wearer.upper_arm_scale
+    centre, radius = bone_point(wearer, bone, place), wrap.radius * wearer.upper_arm_scale
     # Row vectors times the axes of the humerus: the world seen from there.
     a, b = ((((p - where)[:, None] @ axes)[:, 0] - centre) for p in (origin, insertion))
     along = (b - a)[:, _ALONG]
@@ -86,22 +125,24 @@ def _length_round_trochlea(
     # To MuJoCo a point within the cylinder is not held off by it.
     outside = np.minimum(far_a, far_b) > radius
     far_a, far_b = np.maximum(far_a, radius), np.maximum(far_b, radius)
-    turned = np.abs(_angle(a) - _angle(b)) - np.arccos(radius / far_a) - np.arccos(radius / far_b)
+    apart = np.abs(_angle(a, wrap) - _angle(b, wrap))
+    turned = apart - np.arccos(radius / far_a) - np.arccos(radius / far_b)
     tangents = np.sqrt(far_a**2 - radius**2) + np.sqrt(far_b**2 - radius**2)
-    # A straight way behind the trochlea needs no arc.
+    # A straight way on that side needs no arc.
     across = np.where(outside & (turned > 0.0), tangents + radius * turned, straight)
     return np.asarray(np.hypot(across, along))
 
 
-def _angle(points: np.ndarray) -> np.ndarray:
-    """Return the angle of points across the trochlea's axis, seen from behind it, rad."""
+def _angle(points: np.ndarray, wrap: Wrap) -> np.ndarray:
+    """Return the angle of points across a cylinder's axis, from the side that is passed, rad."""
     x, z = points.T
-    return np.asarray(np.arctan2(_BEHIND[0] * z - _BEHIND[1] * x, points @ _BEHIND))
+    along, across = wrap.side
+    return np.asarray(np.arctan2(along * z - across * x, along * x + across * z))
 
 
 def _poses(wearer: Wearer) -> Poses:
     """Return the poses of a wearer's bones: they keep their directions when an arm is scaled."""
-    nominal = _nominal_poses()
+    nominal = _nominal_poses(wearer.elbow_offset)
     elbow, wrist = nominal["ulna"], nominal["radius"]
     ulna = wearer.upper_arm_scale * elbow[0]
     radius = ulna + wearer.forearm_scale * (wrist[0] - elbow[0])
@@ -109,11 +150,11 @@ def _poses(wearer: Wearer) -> Poses:
 
 
 @cache
-def _nominal_poses() -> Poses:
-    """Return the poses of the nominal wearer's bones."""
+def _nominal_poses(elbow_offset: float) -> Poses:
+    """Return the poses of the nominal wearer's bones, its elbow that far off, m."""
     spec = empty_spec()
     add_torso(spec)
-    add_arm(spec, NOMINAL_WEARER)
+    add_arm(spec, Wearer(elbow_offset=elbow_offset))
     model = spec.compile()
     data = mujoco.MjData(model)
     bones = {bone: model.body(bone).id for bone in ("scapula", "humerus", "ulna", "radius")}

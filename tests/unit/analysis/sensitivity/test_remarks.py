@@ -30,6 +30,19 @@ def test_failures_that_depend_on_the_factors_are_a_warning() -> None:
     assert remarks(snapshot, "y")[0] == warning(snapshot)
 
 
+def test_a_stiffness_that_no_line_describes_is_said_to_be_none() -> None:
+    plan = study_plan("saltelli", rows=4)
+    snapshot = analyse(plan, results_of(plan))
+    outputs = snapshot["outputs"]
+    outputs["stiffness_error"] = outputs["stiffness_error_authors"] = outputs["y"]
+    outputs["stiffness_true_r2"] = {**outputs["z"], "mean": 0.97}
+    outputs["stiffness_true_r2_authors"] = {**outputs["z"], "mean": 0.04}
+    said = "A single stiffness does not describe these movements: a line explains, on average, 4%"
+    assert any(r.startswith(said) for r in remarks(snapshot, "stiffness_error_authors"))
+    for output in ("stiffness_error", "y"):
+        assert not any("single stiffness" in r for r in remarks(snapshot, output))
+
+
 def test_nothing_is_said_where_nothing_is_known() -> None:
     assert remarks(empty_snapshot(study_plan("morris", rows=3)), "y") == []
     assert remarks({"outputs": {"y": {}}}, "y") == []

@@ -50,6 +50,22 @@ def test_factors_and_outputs_follow_the_model_whatever_order_they_are_asked_in(
     assert drawn.outputs == ("stiffness_error", "tracking_rmse")
 
 
+def test_a_choice_is_fixed_by_its_name_and_sampled_as_one_of_its_values(plan: Drawing) -> None:
+    assert plan(model="elbow", fixed={"muscles": "physiological"}).fixed["muscles"] == 2.0
+    drawn = plan(model="elbow", factors=[FactorChoice(name="muscles")])
+    assert drawn.distributions["muscles"].to_json() == {
+        "kind": "discrete",
+        "values": [0.0, 1.0, 2.0],
+        "probabilities": pytest.approx([1 / 3] * 3),
+    }
+    with pytest.raises(InvalidStudyError, match="muscles is a choice"):
+        plan(model="elbow", factors=[FactorChoice(name="muscles", range=(0.0, 1.0))])
+    with pytest.raises(InvalidStudyError, match="muscles must be paper, holzbaur2005 or phys"):
+        plan(model="elbow", fixed={"muscles": "mine"})
+    with pytest.raises(InvalidStudyError, match="write muscles=paper for refitted_muscles=0"):
+        plan(model="elbow", fixed={"refitted_muscles": 0.0})
+
+
 @pytest.mark.parametrize(
     ("method", "width"), [("morris", 4), ("saltelli", 5), ("saltelli_second_order", 8)]
 )
@@ -77,7 +93,7 @@ def test_parameters_are_the_design_s_with_fixed_factors_added(plan: Drawing) -> 
         ),
         ({"rows": 0}, "/rows", "between 1 and"),
         ({"rows": MAX_ROWS + 1}, "/rows", "between 1 and"),
-        ({"fixed": {"x9": 1.0}}, "/fixed/x9", "unknown factor"),
+        ({"fixed": {"x9": 1.0}}, "/fixed/x9", "has no factor"),
         ({"fixed": {"x1": float("nan")}}, "/fixed/x1", "must be finite"),
         ({"factors": []}, "/factors", "at least one factor"),
         (
@@ -86,7 +102,7 @@ def test_parameters_are_the_design_s_with_fixed_factors_added(plan: Drawing) -> 
             "looks at pairs: it needs two factors or more",
         ),
         ({"fixed": {"x1": 0.0, "x2": 0.0, "x3": 0.0}}, "/factors", "at least one factor"),
-        ({"factors": [FactorChoice(name="x9")]}, "/factors/0/name", "unknown factor"),
+        ({"factors": [FactorChoice(name="x9")]}, "/factors/0/name", "has no factor"),
         (
             {"factors": [FactorChoice(name="x1"), FactorChoice(name="x1")]},
             "/factors/1/name",

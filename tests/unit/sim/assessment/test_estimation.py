@@ -58,7 +58,7 @@ def test_each_form_compares_estimate_and_truth_of_the_same_shape() -> None:
         q_velocity=q_velocity,
         inferred_torque=muscle,
         published_torque=muscle + 0.5 * q,
-        human_torque=muscle,
+        muscle_torque=muscle,
     )
     assert set(forms) == {"affine", "paper", "authors"}
     estimate, truth = forms["affine"]

@@ -8,7 +8,7 @@ import pytest
 from sim.assessment.assess import assess
 from sim.assessment.steps import activation_pattern
 from sim.body.activation import ActivationPattern
-from sim.body.muscles.holzbaur import CO_CONTRACTING, ELBOW_EXTENSORS, ELBOW_FLEXORS
+from sim.body.muscles.authors import CO_CONTRACTING, ELBOW_EXTENSORS, ELBOW_FLEXORS
 from sim.parameters.conditions import conditions_of
 from sim.parameters.fidelity import BUSHING
 from sim.parameters.wearer import NOMINAL_WEARER

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from sim.body.skeleton import (
+    AUTHORS_ELBOW_OFFSET,
     HAND_BOXES,
     HUMAN_JOINTS,
+    HUMERUS_SHRINK,
     PRONATION,
     add_arm,
     add_extension_stop,
@@ -16,6 +18,7 @@ from sim.body.skeleton import (
     extension_stop_torque,
 )
 from sim.parameters.wearer import NOMINAL_WEARER, Wearer
+from sim.robot.device import NESM
 
 
 def arm_of(wearer: Wearer) -> mujoco.MjModel:
@@ -32,8 +35,28 @@ def test_the_arm_has_five_degrees_of_freedom() -> None:
 
 
 def test_the_nominal_elbow_lies_on_the_exoskeletons_axis() -> None:
-    elbow = arm_of(NOMINAL_WEARER).body("ulna").pos
-    assert elbow == pytest.approx([0.25, 0.0, 0.0], abs=0.006)
+    """Within a tenth of a millimetre across it; along it both may slide."""
+    robot, arm = NESM.spec().compile(), arm_of(NOMINAL_WEARER)
+    link, elbow = mujoco.MjData(robot), arm.body("ulna").pos
+    # The robot's own pose, its elbow straight: the upper arm forward, as the arm's.
+    link.qpos = NESM.start("elbow").angles
+    link.joint("J4").qpos = 0.0
+    mujoco.mj_kinematics(robot, link)
+    away = elbow - link.joint("J4").xanchor
+    assert np.abs(away[[0, 2]]).max() < 1e-4
+    assert np.abs(link.joint("J4").xaxis) == pytest.approx([0.0, 1.0, 0.0], abs=1e-9)
+
+
+def test_a_wearer_may_be_off_the_robots_axis_as_the_authors_are() -> None:
+    """Their elbow is 4.2 mm below it, on a humerus 0.8 mm longer."""
+    scale = 0.86267 / HUMERUS_SHRINK
+    theirs = replace(
+        NOMINAL_WEARER,
+        elbow_offset=AUTHORS_ELBOW_OFFSET,
+        nominal_upper_arm_length=NOMINAL_WEARER.nominal_upper_arm_length / scale,
+    )
+    expected = 0.86267 * np.array([0.2907, -0.0058, -0.0049])
+    assert arm_of(theirs).body("ulna").pos == pytest.approx(expected, abs=1e-9)
 
 
 def test_lengths_move_the_joints() -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from sim.models import ELBOW
-from sim.parameters.conditions import CONDITIONS, DEFAULT_CONDITIONS, split
+from sim.parameters.conditions import CONDITIONS, DEFAULT_CONDITIONS, MUSCLES, split
 from sim.parameters.wearer import TABLE_1
 
 
@@ -19,6 +19,24 @@ def test_wearer_and_conditions_are_told_apart_by_their_names() -> None:
     assert (wearer.forearm_mass, conditions.cuff_friction) == (1.2, 0.1)
     with pytest.raises(ValueError, match="the elbow has no factor 'weather'"):
         split({"weather": 1.0})
+
+
+def test_a_choice_is_told_by_its_name_or_its_number() -> None:
+    assert MUSCLES == ("paper", "holzbaur2005", "physiological")
+    for number, name in enumerate(MUSCLES):
+        assert split({"muscles": name})[1] == split({"muscles": float(number)})[1]
+    assert split({})[1].muscles == MUSCLES.index("paper")
+    with pytest.raises(ValueError, match="muscles must be paper, holzbaur2005 or physiological, n"):
+        split({"muscles": "mine"})
+    with pytest.raises(ValueError, match="or a number of these from 0, not"):
+        split({"muscles": 0.5})
+    with pytest.raises(ValueError, match="activation must be a number, not 'low'"):
+        split({"activation": "low"})
+
+
+def test_a_factor_that_was_replaced_says_what_to_write_instead() -> None:
+    with pytest.raises(ValueError, match="write muscles=paper for refitted_muscles=0, and musc"):
+        split({"refitted_muscles": 0.0})
 
 
 def test_lengths_are_over_the_nominal_ones_that_a_study_may_choose() -> None:
