@@ -28,10 +28,13 @@ EFFECTS: tuple[Effect, ...] = (
     limb.CrossJointCoupling(),
     friction.Stribeck(),
     friction.Asymmetric(),
+    friction.DirectionalLoad(),
+    friction.QuadraticLoad(),
     friction.PositionDependent(),
     elastic.EndRange(),
     transmission.TorqueRipple(),
     limb.StretchReflex(),
+    friction.StribeckLoad(),
 )
 #: The declared impedance, which is no candidate.
 VISCOELASTIC = elastic.Viscoelastic()

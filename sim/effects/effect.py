@@ -66,6 +66,8 @@ class Effect(ABC):
     # Beside other effects.
     #: Effects whose torque is a special case of this one.
     includes: tuple[str, ...] = ()
+    #: Simpler effects: one of them has to be there before this one, a further rung, is tried.
+    grows_from: tuple[str, ...] = ()
     #: Effects that this one imitates nearly whole: only a paired test tells the two apart.
     twins: tuple[str, ...] = ()
     #: Whether the motion does not determine its torque at rest, as that of friction.

@@ -103,6 +103,7 @@ class RecordedJoint:
     estimate: Estimate
     #: Share of the top speed below which the direction is smooth.
     smooth: float = 0.0
+    #: Torque that the joint carries, with its sign.
     load: Signal = 0.0
 
     @property
@@ -168,7 +169,7 @@ class SimulatedMotion:
 
     @property
     def load(self) -> float:
-        return abs(float(self.data.qfrc_bias[self.dof] - self.data.qfrc_passive[self.dof]))
+        return float(self.data.qfrc_bias[self.dof] - self.data.qfrc_passive[self.dof])
 
     @property
     def time(self) -> float:

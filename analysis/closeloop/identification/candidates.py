@@ -55,10 +55,13 @@ def options_beside(model: Model, rows: Rows, current: Score) -> list[Option]:
         for simple in candidate.effect.includes
     }
     declared = {(d.effect, d.joint) for d in model.recording.session.declared}
+    known = {term.at.key for term in model.terms if term.effect is not None}
     options = []
     for candidate in candidates(model.recording):
         joint_name = model.recording.device.joints[candidate.joint]
         if candidate.key in active | covered or (candidate.effect.name, joint_name) in declared:
+            continue
+        if not _has_ground(candidate, active | known):
             continue
         rest = _without_included(model, candidate)
         option = _try(rest, rows, candidate, estimate, current)
@@ -67,6 +70,12 @@ def options_beside(model: Model, rows: Rows, current: Score) -> list[Option]:
             options.append(replace(option, replaced=frozenset(replaced)))
     options.sort(key=lambda option: -option.gain)
     return _sharpened(options, rows, current)
+
+
+def _has_ground(candidate: Candidate, present: set[tuple[str, int]]) -> bool:
+    """Whether one of the simpler effects that a candidate grows from is there."""
+    grows_from = candidate.effect.grows_from
+    return not grows_from or any((name, candidate.joint) in present for name in grows_from)
 
 
 def _sharpened(options: list[Option], rows: Rows, current: Score) -> list[Option]:
