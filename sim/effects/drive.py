@@ -4,6 +4,7 @@ Gain, offset, delay and lag of a drive, as MuJoCo's actuator gain, bias, delay a
 `dyntype="filter"`; the encoder's zero; what warms up.
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +36,9 @@ GAINS = (0.33, 3.0)
 MAX_OFFSET = 0.5 * np.pi
 #: The effort reaches the joint later by no more, s; the encoder is late by no more, s.
 MAX_DELAY, MAX_LATE_ENCODER = 0.3, 0.1
+#: Share of the sampling period within which nobody knows when a sample was taken and stamped: what
+#: is late by less is no property of the drive.
+CLOCK = 0.25
 #: Slowest drive, s: a loop closed around a slower one cannot follow a limb. Soft tissue relaxes in
 #: 0.1 to 1 s (viscosity over stiffness, Table 1), and looks like one.
 MAX_LAG = 0.16
@@ -42,6 +46,25 @@ MAX_LAG = 0.16
 #: nobody's: it would smooth the noise of the prediction.
 DELAYS = both_signs(0.002, 0.004, 0.007, 0.011, 0.016, 0.023, 0.032, 0.045, 0.065)
 LAGS = (0.003, 0.006, 0.011, 0.02, 0.035, 0.06, 0.1, 0.16)
+
+
+class Late(Effect):
+    """A channel that is late by one non-linear parameter, in seconds."""
+
+    channel = True
+
+    def beyond(
+        self,
+        joint: RecordedJoint,
+        theta: Theta,
+        coefficients: Mapping[int, float],
+        *,
+        difference: bool = False,
+    ) -> str:
+        (parameter,) = self.nonlinear
+        if abs(theta[parameter.name]) < CLOCK * joint.recording.period:
+            return parameter.name
+        return super().beyond(joint, theta, coefficients, difference=difference)
 
 
 class TorqueOffset(Law):
@@ -145,7 +168,7 @@ class PositionOffset(Effect):
         return self.element
 
 
-class TimeDelay(Effect):
+class TimeDelay(Late):
     """The joint feels the effort a fixed time later; negative if the encoder is the late one."""
 
     name = "time_delay"
@@ -161,7 +184,6 @@ class TimeDelay(Effect):
         )
     )
     nonlinear = (Nonlinear("delay", DELAYS, scaling=0.25, step=SECONDS),)
-    channel = True
 
     def through(self, recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
         # The joint feels effort(t - d), so the effort is what the joint needs d later.
@@ -172,7 +194,7 @@ class TimeDelay(Effect):
         return add_delay(spec, joint, delay) if delay > 0 else None
 
 
-class ActuatorLag(Effect):
+class ActuatorLag(Late):
     """A first-order lag of the torque behind the command."""
 
     name = "actuator_lag"
@@ -184,7 +206,6 @@ class ActuatorLag(Effect):
         time_constant=Parameter("s", "of the first-order lag", floor=0.0, ceiling=MAX_LAG)
     )
     nonlinear = (Nonlinear("time_constant", LAGS, scaling=0.25, step=SECONDS),)
-    channel = True
 
     def through(self, recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
         # Above the fit's band a slope of the torque, a third derivative, is noise alone.

@@ -20,17 +20,19 @@ SMOOTH = 0.01
 class Recording(Protocol):
     """Recorded motion of a device, SI units; arrays have shape (n, joints) unless said otherwise.
 
-    `time` is the session's clock, (n,); `slices` are pieces without a gap; `joints` are those whose
-    balance is analysed, `limbs` those at which a limb acts. `effort` is NaN where a joint has none.
-    `inverse` is the torque that the declared chain needs, `static` what holding still in the same
-    place would take, `own_inertia` the diagonal of the mass matrix. Below `rest_speed`, (joints,),
-    a joint rests.
+    `time` is the session's clock, (n,), `period` the time between recorded samples, s; `slices`
+    are pieces without a gap; `joints` are those whose balance is analysed, `limbs` those at which a
+    limb acts. `effort` is NaN where a joint has none. `inverse` is the torque that the declared
+    chain needs, `static` what holding still in the same place would take, `own_inertia` the
+    diagonal of the mass matrix. Below `rest_speed`, (joints,), a joint rests.
     """
 
     @property
     def time(self) -> np.ndarray: ...
     @property
     def rate(self) -> float: ...
+    @property
+    def period(self) -> float: ...
     @property
     def slices(self) -> Sequence[slice]: ...
     @property

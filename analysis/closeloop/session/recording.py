@@ -58,6 +58,11 @@ class Recording:
     def rate(self) -> float:
         return self.sampling.working
 
+    @property
+    def period(self) -> float:
+        """Time between two recorded samples, s."""
+        return 1.0 / self.sampling.recorded
+
     def name(self, joint: int) -> str:
         """Return the name of a joint by its column."""
         return self.device.joints[joint]
