@@ -111,6 +111,9 @@ def _lines(report: Json, out: Path) -> Iterator[str]:
     for effect in report["effects"]:
         yield f"  {effect['name']} at {effect['joint']}"
         for name, entry in effect["parameters"].items():
+            if entry["value"] is None:
+                yield f"    {name:20} not determined"
+                continue
             low, high = entry["ci90"]
             yield f"    {name:20} {entry['value']: 9.4g} [{low:.4g}, {high:.4g}] {entry['unit']}"
         if effect["indistinguishable_from"]:

@@ -57,6 +57,8 @@ def study_with_effects(
                 raise EffectStudyError(
                     f"{effect['name']} has no parameter {name!r} in the simulation"
                 )
+            if entry["value"] is None:
+                raise EffectStudyError(f"{effect['name']}: {name} is not determined")
             factor = f"{PREFIX}{effect['name']}.{name}"
             low, high = _interval(entry, known, from_none=from_none)
             if known.choice or high - low <= NARROW * max(abs(low), abs(high)):

@@ -10,7 +10,12 @@ from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.identification.outcome import Errors, Outcome
 from analysis.closeloop.report.diagnostics import diagnose
 from analysis.closeloop.report.impedance import impedance_entries, undecided
-from analysis.closeloop.report.named import declared_entries, effect_entries, without_value
+from analysis.closeloop.report.named import (
+    declared_entries,
+    effect_entries,
+    refused_values,
+    without_value,
+)
 from analysis.closeloop.report.unexplained import smooth_part, unexplained
 from analysis.closeloop.session.recording import Recording
 
@@ -43,7 +48,12 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
         "unexplained": unexplained(found, outcome.recorded.after, outcome.oscillations, verdict),
         "diagnostics": _diagnostics(found),
         "advice": _advice(found, verdict),
-        "warnings": [*warnings, *undecided(impedance), *without_value(declared)],
+        "warnings": [
+            *warnings,
+            *undecided(impedance),
+            *without_value(declared),
+            *refused_values(effects),
+        ],
         "session": _session(recording),
         "ladder": _options(found),
     }

@@ -11,9 +11,12 @@ from analysis.closeloop.identification.model import Candidate, Channel, Model, T
 from analysis.closeloop.identification.regression import Rows
 from analysis.closeloop.identification.uncertainty import Fits, leave_out
 from sim.effects.catalogue import BY_NAME, VISCOELASTIC
-from sim.effects.effect import Theta
+from sim.effects.effect import ROUNDING, Theta
 from sim.effects.motion import RecordedJoint
 from sim.effects.parameter import unit_at
+
+#: Share of an interval beyond what a quantity can be with which it says nothing: [-1.9, 3.3] kg.
+MOST_NONSENSE = 0.25
 
 
 def effect_entries(found: Trace) -> list[dict[str, Any]]:
@@ -34,7 +37,12 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
             {
                 "name": effect.name,
                 "joint": recording.name(joint),
-                "parameters": _parameters(model, coefficients, fits, _part(model, candidate)),
+                "parameters": {
+                    name: _if_it_can_be(entry)
+                    for name, entry in _parameters(
+                        model, coefficients, fits, _part(model, candidate)
+                    ).items()
+                },
                 "indistinguishable_from": others,
                 "separating_trial": effect.separating_trial if others or not named else None,
                 "evidence": {
@@ -102,6 +110,45 @@ def without_value(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines
 
 
+def spans_nonsense(interval: Sequence[float], value: float, limits: Sequence[float]) -> bool:
+    """Whether so much of an interval is beyond what the quantity can be that it says nothing.
+
+    Args:
+        interval: its ends, before they are cut off at a limit.
+        value: the estimate; one that ends at a limit itself may have an interval to both sides.
+        limits: least and largest value that is physical.
+    """
+    (low, high), (least, most) = interval, limits
+    width = high - low
+    below = (least - low) / width if width > 0 and value > least + ROUNDING else 0.0
+    above = (high - most) / width if width > 0 and value < most - ROUNDING else 0.0
+    return max(below, above) > MOST_NONSENSE
+
+
+def _if_it_can_be(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a parameter without the limits it was held to, and without a value if it has none."""
+    kept = {key: value for key, value in entry.items() if key not in ("free", "limits")}
+    if "free" not in entry or not spans_nonsense(entry["free"], entry["value"], entry["limits"]):
+        return kept
+    low, high = entry["free"]
+    return kept | {
+        "value": None,
+        "ci90": None,
+        "refused": f"its 90 % interval, {low:.3g} to {high:.3g} {entry['unit']}, spans what it "
+        "cannot be",
+    }
+
+
+def refused_values(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a warning for every parameter of a found effect whose estimate is refused."""
+    return [
+        f"{entry['name']} of {entry['joint']}: {name} is not determined, {parameter['refused']}"
+        for entry in entries
+        for name, parameter in entry["parameters"].items()
+        if "refused" in parameter
+    ]
+
+
 def _part(model: Model, candidate: Candidate) -> Term | Channel:
     """Return the part of a model that a found effect is."""
     parts: list[Term | Channel] = [*model.terms, *model.channels]
@@ -123,8 +170,10 @@ def _parameters(
             own = dict(zip(term.kept, found.tolist(), strict=True))
             refitted = dict(zip(term.kept, spread.T, strict=True))
     scale = gain(model, coefficients, candidate.joint)
-    entries = {}
+    entries: dict[str, dict[str, Any]] = {}
+    limits = effect.limits(joint)
     for key, reading in effect.readings(joint, theta).items():
+        free = None
         if reading.column is None:
             value, lowest = reading.of({}), -np.inf
             every = _moved(fits, candidate, joint, theta, key)
@@ -132,11 +181,14 @@ def _parameters(
             value = reading.of(own, scale)
             lowest = reading.lowest(effect.bound(reading.column), scale)
             every = np.asarray(reading.of(refitted, scale))
+            free = fits.interval(every, float(value))
         else:
             continue
         unit = unit_at(effect.unit(key, theta), hinge=model.recording.is_hinge(candidate.joint))
         interval = list(fits.interval(every, float(value), lowest))
         entries[key] = {"value": value, "ci90": interval, "unit": unit}
+        if free is not None and part.candidate is not None:
+            entries[key] |= {"free": free, "limits": limits[key]}
     return entries
 
 

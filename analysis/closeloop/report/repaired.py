@@ -9,6 +9,8 @@ from analysis.closeloop.contract import Verdict
 from analysis.closeloop.session.device import Device
 from sim.effects.catalogue import BY_NAME, VISCOELASTIC
 
+ALL = "these trials do not determine all its parameters"
+
 
 def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list[str], list[str]]:
     """Return the repaired model as XML, the element of every effect, and warnings.
@@ -31,6 +33,10 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
     elements = []
     for effect in report["effects"] if report["verdict"] == Verdict.EFFECT_FOUND else []:
         values = {name: entry["value"] for name, entry in effect["parameters"].items()}
+        if None in values.values():
+            elements.append("none: not every parameter is determined")
+            warnings.append(f"model_after.xml lacks {effect['name']} of {effect['joint']}: {ALL}")
+            continue
         spec, element, lacking = _with_effect(spec, effect["name"], effect["joint"], values)
         elements.append(element or "none: described in the report only")
         warnings += lacking

@@ -1,0 +1,60 @@
+"""An estimate whose interval spans what it cannot be is refused."""
+
+from typing import Any
+
+import mujoco
+import pytest
+
+from analysis.closeloop.contract import Verdict
+from analysis.closeloop.report.named import _if_it_can_be, refused_values, spans_nonsense
+from analysis.closeloop.report.repaired import repaired_model
+from analysis.closeloop.session.device import Device
+from tests.testbed.effects import Arm
+from tests.testbed.sessions import mjcf
+
+MASS = (0.0, float("inf"))
+
+
+@pytest.mark.parametrize(
+    ("interval", "value", "limits", "nonsense"),
+    [
+        ((-1.9, 3.3), 0.7, MASS, True),
+        ((-0.02, 0.22), 0.1, MASS, False),
+        ((2.7, 2.9), 2.8, MASS, False),
+        # An estimate that the bound itself holds may be uncertain to both sides.
+        ((-0.3, 0.3), 0.0, MASS, False),
+        ((-3.0, 9.0), 1.0, (-1.6, 1.6), True),
+        ((1.0, 1.0), 1.0, MASS, False),
+    ],
+)
+def test_an_interval_that_spans_nonsense_says_nothing(
+    interval: tuple[float, float], value: float, limits: tuple[float, float], nonsense: bool
+) -> None:
+    assert spans_nonsense(interval, value, limits) is nonsense
+
+
+def payload(free: tuple[float, float]) -> dict[str, Any]:
+    entry = {"value": 0.7, "ci90": [max(free[0], 0.0), free[1]], "unit": "kg"}
+    mass = _if_it_can_be(entry | {"free": free, "limits": MASS})
+    return {"name": "payload", "joint": "elbow", "parameters": {"mass": mass}}
+
+
+def test_a_refused_mass_has_no_value_and_is_not_in_the_model() -> None:
+    good, refused = payload((0.6, 0.8)), payload((-1.9, 3.3))
+    assert good["parameters"]["mass"] == {"value": 0.7, "ci90": [0.6, 0.8], "unit": "kg"}
+    mass = refused["parameters"]["mass"]
+    assert mass["value"] is None and mass["ci90"] is None
+    assert refused_values([good]) == []
+    (said,) = refused_values([refused])
+    assert said.startswith("payload of elbow: mass is not determined, its 90 % interval, -1.9 to")
+    device = Device(mujoco.MjSpec.from_string(mjcf(Arm())), ())
+    report = {
+        "declared": [],
+        "impedance": {},
+        "verdict": Verdict.EFFECT_FOUND,
+        "effects": [refused],
+    }
+    xml, elements, warnings = repaired_model(device, report)
+    assert "lacks payload of elbow" in warnings[0] and elements[0].startswith("none")
+    model = mujoco.MjModel.from_xml_string(xml)
+    assert model.body("forearm").mass[0] == pytest.approx(device.model.body("forearm").mass[0])
