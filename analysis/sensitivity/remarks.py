@@ -6,6 +6,7 @@ A snapshot that an earlier version left in a database lacks some of it; then the
 from collections.abc import Mapping
 from typing import Any
 
+from analysis.sensitivity.estimators import SYMBOLS
 from analysis.sensitivity.screening import SHARE_OF_LARGEST
 from analysis.sensitivity.stopping import advise
 
@@ -36,6 +37,7 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
         ValueError: as `analysis.sensitivity.stopping.advise`.
     """
     found = [str(snapshot.get("failure", {}).get("sentence", ""))]
+    found.append(_worst_case(snapshot, output))
     found.append(_ranking(snapshot["outputs"].get(output, {}).get("ranking", {}), output))
     found.append(str(snapshot["outputs"].get(output, {}).get("trust", {}).get("sentence", "")))
     found.append(_screened(snapshot["outputs"].get(output, {}).get("screening"), output))
@@ -85,6 +87,27 @@ def _no_single_stiffness(snapshot: Mapping[str, Any], output: str) -> str:
     sentence = no_single_stiffness(float(mean))
     return sentence.replace("this movement", "these movements").replace(
         "explains ", "explains, on average, "
+    )
+
+
+def _worst_case(snapshot: Mapping[str, Any], output: str) -> str:
+    """Return between which bounds the leading indices lie whatever failed runs would have said."""
+    described = snapshot["outputs"].get(output, {})
+    by = described.get("ranking", {}).get("by")
+    bounds = {
+        name: factor["worst_case"][by]
+        for name, factor in described.get("factors", {}).items()
+        if factor.get("worst_case") and None not in factor["worst_case"][by].values()
+    }
+    if not bounds:
+        return ""
+    leading = sorted(bounds, key=lambda name: -float(bounds[name]["value"]))[:3]
+    which = ", ".join(
+        f"{name} {bounds[name]['low']:.2g} to {bounds[name]['high']:.2g}" for name in leading
+    )
+    return (
+        f"Whatever the failed runs would have said within the range of {output} that was seen, "
+        f"{SYMBOLS[by]} lies within: {which}."
     )
 
 

@@ -4,11 +4,13 @@
      "evaluations": {outcome: number},
      "outputs": {output: OUTPUT},
      "sampling",
-     "failure": {"failed", "runs", "depends_on_factors", "caused_by": [factor], "sentence",
+     "failure": {"failed", "runs", "depends_on_factors", "caused_by": [factor],
+                 "goes_with": [output], "detectable", "sentence",
                  **OUTPUT}}
 
     OUTPUT: {"mean", "sd", "n",
              "factors": {factor: {"n", "rests_on", index: {"value", "low", "high"}, ...,
+                                  "worst_case": {index: {"value", "low", "high"}, ...},
                                   "martinez": {index: {"value", "low", "high"}, ...},
                                   "per_unit": {index: {"value", "low", "high"}, ...,
                                                "scale": {"width", "by"}}}},
@@ -28,8 +30,10 @@ by the "width" of its distribution, `analysis.designs.distributions.Distribution
 "first_order" and "total_order" (method saltelli, shares of the variance), for which there are the
 sums "sum_first_order" and "sum_total_order" and the measure of chance "dummy_first_order"
 (`SaltelliEstimator`). "rests_on" is the effective number of rows that make up "total_order"
-(`analysis.sensitivity.estimators.tails`), "martinez" both indices as correlations with Fisher's
-intervals (`analysis.sensitivity.estimators.martinez`). "second_order", of method
+(`analysis.sensitivity.estimators.tails`), "worst_case" between which bounds the indices lie
+whatever the failed runs would have said (`analysis.sensitivity.worst_case`; null if none failed),
+"martinez" both indices as correlations with Fisher's intervals
+(`analysis.sensitivity.estimators.martinez`). "second_order", of method
 saltelli_second_order only, is what a pair does beyond what each of the two does alone. "failure" is
 the indicator that is 1 where a run failed and 0 elsewhere (`analysis.sensitivity.failures`),
 "trust" says whether the sample was enough for its intervals (`analysis.sensitivity.trust`),
@@ -60,6 +64,7 @@ from analysis.sensitivity.ranking import RANKED_BY, Ranking, rank
 from analysis.sensitivity.records import StudyPlan
 from analysis.sensitivity.screening import influence
 from analysis.sensitivity.trust import judge as judge_trust
+from analysis.sensitivity.worst_case import worst_case
 
 #: Of the confidence intervals (paper, figure 10).
 LEVEL = 0.9
@@ -84,7 +89,8 @@ def take_snapshot(
         rows_complete: rows of which every result is in.
         evaluations: number of results by outcome.
     """
-    found = _Findings(plan, estimator, series)
+    failed = sum(evaluations.values()) > evaluations.get("ok", 0)
+    found = _Findings(plan, estimator, series, failed=failed)
     shown = [found.output(o) for o in range(len(plan.outputs) + 1)]
     return {
         "study": plan.id,
@@ -129,11 +135,14 @@ def new_growing_estimator(plan: StudyPlan) -> GrowingEstimator:
 class _Findings:
     """What was found of a study's outputs."""
 
-    def __init__(self, plan: StudyPlan, estimator: Estimator, series: Sequence[Point]) -> None:
+    def __init__(
+        self, plan: StudyPlan, estimator: Estimator, series: Sequence[Point], *, failed: bool
+    ) -> None:
         self.statistics = estimator.statistics()
         self._estimator = estimator
         self._plan, self._series = plan, series
         self._indices = {name: found.estimate(LEVEL) for name, found in self.statistics.items()}
+        self._worst = worst_case(estimator, self.statistics, LEVEL) if failed else None
         self._compared = estimator.compared(LEVEL)
         self._moments, self._effects = estimator.moments(), estimator.effects
         self._pairs = list(enumerate(combinations(plan.factors, 2)))
@@ -201,6 +210,9 @@ class _Findings:
         total = self.statistics.get("total_order")
         if total is not None and total.tail is not None:
             found["rests_on"] = _number(total.tail.rows[at])
+        # Of every run it is known whether it failed.
+        worst = self._worst if at[0] < len(self._plan.outputs) else None
+        found["worst_case"] = worst and {name: _interval(worst[name], at) for name in worst}
         for who, compared in self._compared.items():
             found[who] = {name: _interval(index, at) for name, index in compared.items()}
         return {**found, "n": int(self._effects[at])}
@@ -225,7 +237,9 @@ def _failure(
     runs = sum(evaluations.values())
     failed = runs - evaluations.get("ok", 0)
     column = len(plan.outputs)
-    verdict = judge(estimator, statistics, column, plan.factors, failed=failed, runs=runs)
+    verdict = judge(
+        estimator, statistics, column, plan.factors, plan.outputs, failed=failed, runs=runs
+    )
     return {"failed": failed, "runs": runs, **_plain(verdict)}
 
 

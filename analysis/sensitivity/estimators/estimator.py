@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.designs import row_width
 from analysis.sensitivity.estimators.intervals import Estimate, check_level, estimate
+from analysis.sensitivity.estimators.rows import ROW_SUMS, Association, association, row_terms
 from analysis.sensitivity.estimators.shares import kept_apart, share_of_squares
 from analysis.sensitivity.estimators.tails import Tail
 from analysis.sensitivity.estimators.weightings import (
@@ -151,8 +152,12 @@ class Estimator(ABC):
         self.outputs = outputs
         self.indicators = indicators
         self.width = row_width(self.method, factors)
-        #: Rows of which at least one index could use a part.
+        #: Rows, and those of which at least one index could use a part.
+        self.rows = 0
         self.rows_used = 0
+        #: The least and the largest value of each output.
+        self.least = np.full(outputs, np.inf)
+        self.most = np.full(outputs, -np.inf)
         shapes: dict[str, tuple[int, ...]] = {
             **dict.fromkeys(self.factor_sums, (outputs, factors)),
             **dict.fromkeys(self.pair_sums, (outputs, factors * (factors - 1) // 2)),
@@ -162,7 +167,7 @@ class Estimator(ABC):
         self._whole = NamedSums(WEIGHTINGS, shapes)
         of_sample: dict[str, tuple[int, ...]] = {
             **dict.fromkeys(self.sample_sums, (outputs, factors)),
-            **dict.fromkeys(self.sample_output_sums, (outputs,)),
+            **dict.fromkeys((*self.sample_output_sums, *ROW_SUMS), (outputs,)),
         }
         self._sample = NamedSums(1, of_sample)
 
@@ -183,7 +188,11 @@ class Estimator(ABC):
             return
         usable = np.where(np.abs(values) <= LARGEST_OUTPUT, values, np.nan)
         weighting = weights(self.sampling, self.seed, rows)
-        for name, terms in self._terms(rows, usable).items():
+        self.rows += len(rows)
+        self.least = np.fmin(self.least, np.fmin.reduce(usable, axis=(0, 1)))
+        self.most = np.fmax(self.most, np.fmax.reduce(usable, axis=(0, 1)))
+        alike = usable[:, self._alike()]
+        for name, terms in {**self._terms(rows, usable), **row_terms(alike)}.items():
             kept = self._sample if name in self._sample.places else self._whole
             valid = kept.add(name, weighting, terms)
             if name == self.use:
@@ -197,7 +206,10 @@ class Estimator(ABC):
             raise ValueError("only estimators of one study can be merged")
         self._whole.merge(other._whole)
         self._sample.merge(other._sample)
+        self.rows += other.rows
         self.rows_used += other.rows_used
+        self.least = np.fmin(self.least, other.least)
+        self.most = np.fmax(self.most, other.most)
 
     def statistics(self) -> dict[str, Statistic]:
         """Return each index in every weighting of the rows."""
@@ -248,12 +260,17 @@ class Estimator(ABC):
         mean = self._weighted().mean("value")[:, output]
         return np.concatenate([mean[:1], mean[FIRST:]])
 
+    def failing_with(self) -> Association:
+        """Return how failing goes with each output (`analysis.sensitivity.estimators.rows`)."""
+        return association(self._weighted_sample())
+
     def to_bytes(self) -> bytes:
         """Return all that was summed, as an NPZ file without pickles."""
         buffer = io.BytesIO()
         np.savez(
             buffer,
-            rows_used=np.int64(self.rows_used),
+            rows=np.array([self.rows, self.rows_used], dtype=np.int64),
+            extremes=np.stack([self.least, self.most]),
             **self._whole.arrays("whole"),
             **self._sample.arrays("sample"),
         )
@@ -268,7 +285,12 @@ class Estimator(ABC):
         with np.load(io.BytesIO(data), allow_pickle=False) as saved:
             self._whole.load("whole", saved)
             self._sample.load("sample", saved)
-            self.rows_used = int(saved["rows_used"])
+            self.rows, self.rows_used = saved["rows"].tolist()
+            self.least, self.most = saved["extremes"]
+
+    def _alike(self) -> slice | list[int]:
+        """Return the positions of a row that share all coordinates but one with another."""
+        return slice(None)
 
     @abstractmethod
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:

@@ -54,6 +54,10 @@ class SaltelliEstimator(Estimator):
         """Return {"martinez": S and ST by Martinez 2011} (`martinez`)."""
         return {"martinez": martinez.correlations(self._weighted_sample(), level)}
 
+    def _alike(self) -> list[int]:
+        """Return the positions of A and the A_B^(i); B has no coordinate of A."""
+        return [0, *range(2, 2 + self.factors)]
+
     def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
         """Return "first_order" and "total_order" of every output and factor, and per output:
 

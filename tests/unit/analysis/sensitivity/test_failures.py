@@ -9,7 +9,8 @@ from scipy.stats import qmc
 
 from analysis.designs import METHODS, instance_parameters, unit_row
 from analysis.designs.radial import MEAN_INVERSE_STEP, legs
-from analysis.sensitivity.failures import FEWEST
+from analysis.sensitivity.estimators import SaltelliEstimator
+from analysis.sensitivity.failures import FEWEST, WRONGLY
 from analysis.sensitivity.records import StudyPlan
 from analysis.sensitivity.service import analyse
 from tests.testbed.studies import FACTORS, results_of, study_plan, two_outputs
@@ -102,3 +103,64 @@ def test_a_factor_of_no_influence_has_indices_of_exactly_zero_and_a_dummy_shows_
     )
     assert dummy["value"] == pytest.approx(np.corrcoef(unit.T)[0, 1], abs=0.03)
     assert dummy["low"] < 0.0 < dummy["high"]
+
+
+def tied(seed: int) -> dict[str, Any]:
+    """Return the failures of 256 rows where three runs of ten above the 90th percentile fail."""
+    plan = study_plan("saltelli", rows=256, sampling="sobol_blocks", seed=seed)
+    results = results_of(plan)
+    bound = float(np.quantile([r.outputs["y"] for r in results], 0.9))
+    rng = np.random.default_rng(seed)
+    failed = [(r.row, r.position) for r in results if r.outputs["y"] > bound and rng.random() < 0.3]
+    return dict(analyse(plan, results_of(plan, failed=failed))["failure"])
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_failures_that_go_with_an_output_are_noticed(seed: int) -> None:
+    failure = tied(seed)
+    assert failure["depends_on_factors"] is True
+    assert "y" in failure["goes_with"]
+    assert "They go with high y" in failure["sentence"]
+
+
+def rows_that_fail(tie: float, studies: int, rows: int = 512) -> SaltelliEstimator:
+    """Return studies as outputs, of which 10 % of the runs fail, more so in rows of high values."""
+    rng = np.random.default_rng(5)
+    high = rng.normal(size=(rows, 1, studies))
+    values = high + 0.5 * rng.normal(size=(rows, 4, studies))
+    values[rng.random(values.shape) < 0.1 * (1.0 + tie * high)] = np.nan
+    estimator = SaltelliEstimator(
+        sampling="sobol_blocks", seed=1, factors=2, outputs=studies, indicators=0
+    )
+    estimator.add_rows(range(rows), values)
+    return estimator
+
+
+def noticed(estimator: SaltelliEstimator) -> float:
+    found = estimator.failing_with()
+    return float(np.mean(np.abs(found.correlation) * np.sqrt(found.rows - 1.0) > 2.576))
+
+
+def test_failures_at_random_seem_to_go_with_an_output_as_rarely_as_is_said() -> None:
+    assert noticed(rows_that_fail(0.0, 300)) == pytest.approx(WRONGLY, abs=0.015)
+
+
+def test_what_nine_studies_of_ten_would_notice_is_noticed_by_as_many() -> None:
+    found = rows_that_fail(0.0, 300).failing_with()
+    detectable = float(np.median((2.576 + 1.282) / np.sqrt(found.rows - 1.0) * found.off))
+    # A row's mean of three has the standard deviation sqrt(1 + 0.25 / 3) and slope 1 on `high`.
+    tie = detectable * np.sqrt(1.0 + 0.25 / 3.0)
+    assert noticed(rows_that_fail(tie, 300)) == pytest.approx(0.9, abs=0.06)
+
+
+def test_an_all_clear_says_what_would_have_been_noticed() -> None:
+    plan = study_plan("saltelli", rows=128, sampling="sobol_blocks")
+    rng = np.random.default_rng(2)
+    failed = [(row, p) for row in range(128) for p in range(5) if rng.random() < 0.06]
+    failure = analyse(plan, results_of(plan, failed=failed))["failure"]
+    assert failure["depends_on_factors"] is False and failure["goes_with"] == []
+    assert 0.3 < failure["detectable"] < 2.0
+    assert (
+        f"Had the rows of failed runs been {failure['detectable']:.2g} standard deviations off"
+        in failure["sentence"]
+    )

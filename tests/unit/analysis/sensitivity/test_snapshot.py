@@ -41,14 +41,15 @@ def test_a_snapshot_has_the_same_shape_with_and_without_results(method: str) -> 
         assert list(snapshot["outputs"]) == ["y", "z"]
         failure = dict(snapshot["failure"])
         assert failure.pop("sentence") == ""
-        for key in ("failed", "runs", "depends_on_factors", "caused_by"):
+        said = ("depends_on_factors", "caused_by", "goes_with", "detectable")
+        for key in ("failed", "runs", *said):
             failure.pop(key)
         for output in (*snapshot["outputs"].values(), failure):
             assert set(output) == OUTPUT | SUMS[method]
             assert list(output["factors"]) == ["a", "b", "c"]
             for factor in output["factors"].values():
                 more = {"per_unit"} if method == "morris" else {"rests_on", "martinez"}
-                assert set(factor) == INDICES[method] | {"n"} | more
+                assert set(factor) == INDICES[method] | {"n", "worst_case"} | more
                 assert all(set(factor[index]) == INTERVAL for index in INDICES[method])
 
 
