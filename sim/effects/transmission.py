@@ -22,6 +22,10 @@ from sim.effects.parameter import (
     size,
 )
 
+#: What slides after a smaller share of half the travel is Coulomb friction, whose contacts give way
+#: by some milliradians first (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2).
+PRESLIDING_SHARE = 0.02
+
 
 class SeriesElasticity(Effect):
     """A spring between the recorded position and the limb: the limb is torque / k behind.
@@ -154,6 +158,10 @@ class Hysteresis(AppliedEffect):
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
         return {"distance": theta["distance"] * joint.travel[1]}
+
+    def limits(self, joint: RecordedJoint) -> Limits:
+        least = PRESLIDING_SHARE * joint.travel[1]
+        return {**super().limits(joint), "distance": (least, np.inf)}
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         """Return the friction state along the recorded motion; each piece starts at 0."""

@@ -224,7 +224,7 @@ def _best_channel(
 
 
 def refined(option: Option, rows: Rows, rounds: int = 4) -> tuple[Model, Score]:
-    """Refine the non-linear parameters on all fit rows."""
+    """Refine the non-linear parameters on all fit rows, within what they can physically be."""
     candidate, model, current = option.candidate, option.model, option.score
     own = next((term for term in model.terms if term.candidate == candidate), None)
     rest, theta = model.without(candidate), option.theta
@@ -237,6 +237,8 @@ def refined(option: Option, rows: Rows, rounds: int = 4) -> tuple[Model, Score]:
             if again is not None and again[1].sse < current.sse:
                 (model, current), theta = again, again[1].variant.theta
         for near in candidate.effect.neighbours(theta, scale):
+            if candidate.effect.beyond(joint, near, {}):
+                continue
             found = _best(rest, rows, candidate, [near], joint)
             if found is not None and found[1].sse < current.sse:
                 (model, current), theta = found, near

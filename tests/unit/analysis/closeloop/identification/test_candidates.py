@@ -43,3 +43,19 @@ def test_an_effect_is_found_again_in_rich_data(name: str, recording: Recording) 
     assert np.sqrt(np.mean(left**2)) < 0.1 * np.sqrt(np.mean(expected**2)) + 0.01
     if coefficients and name in ("viscous_friction", "added_inertia", "torque_offset", "drift"):
         assert scored.coefficients == pytest.approx(coefficients, rel=0.05)
+
+
+def test_refining_stays_within_what_an_effect_can_be(recording: Recording) -> None:
+    """Friction that gives way over millirads is no hysteresis, however well that fits."""
+    candidate = Candidate(effect=BY_NAME["hysteresis"], joint=ELBOW)
+    joint = unfitted(recording, ELBOW)
+    effort = recording.inverse.copy()
+    effort[:, ELBOW] += candidate.effect.columns(joint, {"distance": 0.004})[ELBOW][:, 0]
+    measured = replace(recording, effort=recording.filtered(effort), cache={})
+    rows, model = select_rows(measured, (0,)), Model(measured)
+    estimate = unfitted(measured, ELBOW).estimate
+    option = _try(model, rows, candidate, estimate, evaluate(model, rows))
+    assert option is not None
+    better, scored = refined(option, rows)
+    found = dict(enumerate(scored.coefficients))
+    assert candidate.effect.beyond(joint, better.terms[-1].theta, found) == ""
