@@ -36,6 +36,8 @@ EFFECTS: tuple[Effect, ...] = (
     limb.StretchReflex(),
     friction.StribeckLoad(),
 )
+#: Name of what all links share, which is asked of no single joint.
+LINK_INERTIA = inertia.LinkInertia.name
 #: The declared impedance, which is no candidate.
 VISCOELASTIC = elastic.Viscoelastic()
 #: Every effect that a session may declare.

@@ -5,6 +5,7 @@ holds its parameters; `sim.effects.applied` computes the torque at every step.
 """
 
 import json
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,8 +101,16 @@ def add_spring(joint: "mujoco.MjsJoint", stiffness: float, neutral: float) -> No
     joint.stiffness = polynomial
 
 
-def add_point_mass(spec: "mujoco.MjSpec", joint: str, mass: float, distance: float) -> None:
-    """Add `mass` (kg; negative takes away) on the line from the joint's body to its centre of mass.
+def add_point_mass(
+    spec: "mujoco.MjSpec", joint: str, mass: float, place: float | Sequence[float]
+) -> None:
+    """Add `mass` (kg; negative takes away) to the body that a joint moves.
+
+    Args:
+        spec: changed in place.
+        joint: its name.
+        mass: kg.
+        place: where in the body's frame, m; one number is a distance towards its centre of mass.
 
     Raises:
         ValueError: what is left would have no mass.
@@ -116,22 +125,55 @@ def add_point_mass(spec: "mujoco.MjSpec", joint: str, mass: float, distance: flo
         raise ValueError(f"{body.name} would have a mass of {own + mass:.3g} kg")
     length = float(np.linalg.norm(centre))
     direction = centre / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
-    at = direction * distance
+    at = direction * place if isinstance(place, float) else np.array(place)
     frame = np.empty(9)
     mujoco.mju_quat2Mat(frame, model.body_iquat[number])
     axes = frame.reshape(3, 3)
     inertia = axes @ np.diag(model.body_inertia[number]) @ axes.T
     joined = (own * centre + mass * at) / (own + mass)
-    for part, place in ((own, centre), (mass, at)):
-        d = place - joined
+    for part, there in ((own, centre), (mass, at)):
+        d = there - joined
         inertia = inertia + part * (d @ d * np.eye(3) - np.outer(d, d))
+    _set_body(spec, body.name, own + mass, joined, inertia)
+
+
+def set_inertia(
+    spec: "mujoco.MjSpec",
+    body: str,
+    mass: float,
+    first_moments: Sequence[float],
+    inertia: Mapping[str, float],
+) -> None:
+    """Give a body other inertial parameters.
+
+    Args:
+        spec: changed in place.
+        body: its name.
+        mass: kg.
+        first_moments: mass times centre of mass, kg m, (3,).
+        inertia: xx, yy, zz, xy, xz and yz about the origin of its frame, kg m2.
+    """
+    centre = np.array(first_moments) / mass
+    xx, yy, zz, xy, xz, yz = (inertia[name] for name in ("xx", "yy", "zz", "xy", "xz", "yz"))
+    about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    shift = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    _set_body(spec, body, mass, centre, about_origin - shift)
+
+
+def _set_body(
+    spec: "mujoco.MjSpec", name: str, mass: float, centre: np.ndarray, inertia: np.ndarray
+) -> None:
+    """Set mass, centre of mass and the inertia about it in place of what a body's geoms have."""
+    import mujoco
+
+    body = spec.body(name)
     moments, principal = np.linalg.eigh(inertia)
     if np.linalg.det(principal) < 0:
         principal[:, 0] *= -1
     orientation = np.empty(4)
     mujoco.mju_mat2Quat(orientation, principal.ravel())
     body.explicitinertial = True
-    body.mass, body.ipos = own + mass, joined
+    body.mass, body.ipos = mass, centre
     body.iquat, body.inertia = orientation, moments
     body.fullinertia = np.full(6, np.nan)
     for geom in body.geoms:

@@ -4,6 +4,7 @@ The torque of a rigid chain is linear in the inertial parameters of its links (A
 Hollerbach 1986), so one more kilogram is one more column by MuJoCo's own inverse dynamics.
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,11 +13,16 @@ from sim.effects.effect import Columns, Effect, Law, Limits, Theta
 from sim.effects.elements import add_point_mass, joint_of
 from sim.effects.functions import Signal
 from sim.effects.motion import Motion, RecordedJoint, Recording
-from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Values, named
+from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Reading, Values, named
+from sim.effects.rigid import point_mass, point_mass_slopes
 
 if TYPE_CHECKING:
     import mujoco
 
+#: Parameters of a place in a link's frame.
+PLACE = ("position_x", "position_y", "position_z")
+#: Mass below which a place means nothing, kg, and the longest way to go at once, m.
+LEAST_LOAD, LONGEST_WAY = 1e-3, 0.3
 #: No more than this share of the declared inertia can turn out not to be there.
 MAX_REMOVED = 0.7
 
@@ -48,9 +54,9 @@ class Payload(Effect):
             ceiling=2.0,
         ),
     )
-    coefficients = ("mass",)
-    lower = (0.0,)
-    nonlinear = (
+    coefficients: tuple[str, ...] = ("mass",)
+    lower: tuple[float, ...] = (0.0,)
+    nonlinear: tuple[Nonlinear, ...] = (
         Nonlinear("distance", (0.4, 0.7, 1.0, 1.4, 2.0, 3.0), scaling=0.25, step=RELATIVE),
     )
     adds_mass = True
@@ -82,8 +88,72 @@ class Payload(Effect):
         return centre
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
-        add_point_mass(spec, joint, parameters["mass"], parameters["distance"])
+        place = [parameters[name] for name in PLACE if name in parameters]
+        add_point_mass(spec, joint, parameters["mass"], parameters.get("distance", place))
         return self.element
+
+
+class PlacedPayload(Payload):
+    """The same where several joints show it: its place in the link's frame, three numbers.
+
+    Torque is linear in the mass, and about a place in the mass times a small way from it.
+    """
+
+    complexity = 4
+    parameters = named(
+        mass=Parameter("kg", "mass on the robot's link", floor=0.0),
+        **{
+            name: Parameter("m", "where its centre of mass is, in the link's frame")
+            for name in PLACE
+        },
+    )
+    coefficients = ()
+    lower = (0.0, -np.inf, -np.inf, -np.inf)
+    nonlinear = ()
+
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        recording = joint.recording
+        body = recording.body(joint.number)
+        return load_columns(recording, body, np.array([theta[name] for name in PLACE]))
+
+    def way(self, coefficients: Mapping[int, float]) -> np.ndarray:
+        """Return how far from its place the fit moves the load, m, (3,), one step at most."""
+        mass = coefficients.get(0, 0.0)
+        if mass < LEAST_LOAD:
+            return np.zeros(3)
+        way = np.array([coefficients.get(number, 0.0) for number in (1, 2, 3)]) / mass
+        return np.asarray(way * min(1.0, LONGEST_WAY / max(float(np.linalg.norm(way)), 1e-300)))
+
+    def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
+        return {"mass": Reading(column=0)} | {
+            name: Reading(column=number, over=0, value=theta[name])
+            for number, name in enumerate(PLACE, start=1)
+        }
+
+
+def load_columns(recording: Recording, body: int, place: np.ndarray) -> Columns:
+    """Return what one kilogram at `place` of a body takes, and one of it a metre further.
+
+    Returns:
+        Of every analysed joint the columns of mass and of mass times way along x, y and z, (n, 4).
+    """
+    turn = np.column_stack([point_mass(place), point_mass_slopes(place)])
+    torque = recording.link_torque(body)
+    return {joint: torque[:, joint] @ turn for joint in recording.joints}
+
+
+class LinkInertia(Effect):
+    """Mass, centre of mass and inertia of every link together are others than declared."""
+
+    name = "link_inertia"
+    complexity = 10
+    signature = "gravity and inertia of the whole chain are others than those of its model"
+    element = "body/inertial"
+    separating_trial = "weigh the links, or record a trajectory that excites all joints"
+    adds_mass = True
+
+    def applies(self, recording: Recording, joint: int) -> bool:
+        return False
 
 
 class AddedInertia(Law):

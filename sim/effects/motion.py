@@ -68,6 +68,12 @@ class Recording(Protocol):
     def centre_of_mass(self, joint: int) -> np.ndarray | None:
         """Return that of the joint's body in its frame, (3,); None if it lies on the axis."""
 
+    def body(self, joint: int) -> int:
+        """Return the number of the body that a joint moves."""
+
+    def link_torque(self, body: int) -> np.ndarray:
+        """Return the torques for one unit of each inertial parameter of a body, (n, joints, 10)."""
+
     def mass_torque(self, joint: int, position: np.ndarray) -> np.ndarray:
         """Return the torque of one more kilogram at `position` of the joint's body."""
 

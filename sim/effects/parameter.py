@@ -96,6 +96,8 @@ class Reading:
     scale: float = 1.0
     #: Another column that enters the value too, and its share.
     also: tuple[int, float] | None = None
+    #: A column that the value is the ratio to, added to `value`: where a mass hangs.
+    over: int | None = None
     #: Value of a non-linear parameter.
     value: float | None = None
     #: Whether it is the gain of an effort channel: effort = (1 + coefficient) declared torque.
@@ -104,8 +106,8 @@ class Reading:
     @property
     def columns(self) -> set[int]:
         """Columns that enter the value."""
-        own = set() if self.column is None else {self.column}
-        return own if self.also is None else own | {self.also[0]}
+        found = (self.column, self.over, None if self.also is None else self.also[0])
+        return {column for column in found if column is not None}
 
     def of(self, coefficients: Mapping[int, Signal], scaled: float = 1.0) -> Signal:
         """Return the parameter.
@@ -118,6 +120,8 @@ class Reading:
             assert self.value is not None
             return self.value
         found = coefficients[self.column]
+        if self.over is not None:
+            return (self.value or 0.0) + found / coefficients[self.over]
         if self.gain:
             return 1.0 / np.maximum(1.0 + found, 0.05)
         if self.also is not None and self.also[0] in coefficients:
@@ -126,6 +130,6 @@ class Reading:
 
     def lowest(self, bound: float, scaled: float = 1.0) -> float:
         """Return the least value while the coefficient is at least `bound`."""
-        if self.gain or self.also is not None or self.scale <= 0:
+        if self.gain or self.also is not None or self.over is not None or self.scale <= 0:
             return -inf
         return bound * self.scale * scaled

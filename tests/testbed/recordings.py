@@ -7,6 +7,8 @@ They are not part of the repository: REHYB_MEASURED names their folder, or they 
 import csv
 import json
 import os
+import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +77,50 @@ def write_elbows(folder: Path, measured: Path) -> None:
         "schema": 1,
         "model": "device.xml",
         "declared_effects": [{"effect": "viscoelastic_joint", "joint": "elbow"}],
+        "trials": trials,
+    }
+    (folder / "session.json").write_text(json.dumps(session))
+
+
+#: Joints of the UR10e, and what its controller says of torque over current, Nm/A.
+UR10E = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
+UR10E_GAINS = (11.976, 11.976, 9.839, 10.763, 10.763, 10.69)
+
+
+def write_ur10e(folder: Path, measured: Path, roles: Mapping[str, str], load: str = "") -> None:
+    """Write a session of the UR10e, from its bare URDF and the drives' currents, to a folder.
+
+    Args:
+        folder: new.
+        measured: where the recordings are.
+        roles: of each recording by its name without `.csv`.
+        load: the recording with the payload at the flange, if it is one of them.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    source = measured / "ur10e"
+    shutil.copy(source / "ur10e.urdf", folder / "robot.urdf")
+    columns: dict[str, object] = {"time": 1}
+    for number, (joint, gain) in enumerate(zip(UR10E, UR10E_GAINS, strict=True)):
+        columns[f"{joint}.position"] = 2 + number
+        columns[f"{joint}.effort"] = {"from": 14 + number, "scale": gain}
+    trials = []
+    for name, role in roles.items():
+        shutil.copy(source / f"{name}.csv", folder)
+        trial: dict[str, object] = {"file": f"{name}.csv", "role": role}
+        if name == load:
+            trial["payload"] = {"name": "weight", "body": "wrist_3_link"}
+        trials.append(trial)
+    session = {
+        "schema": 1,
+        "model": "robot.urdf",
+        "columns": {"map": columns},
         "trials": trials,
     }
     (folder / "session.json").write_text(json.dumps(session))

@@ -1,5 +1,6 @@
 """Try every effect of the catalogue beside a model: the candidates that a name is chosen from."""
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -45,8 +46,10 @@ def candidates(recording: Recording) -> list[Candidate]:
     ]
 
 
-def options_beside(model: Model, rows: Rows, current: Score) -> list[Option]:
-    """Try every candidate beside the model; best first."""
+def options_beside(
+    model: Model, rows: Rows, current: Score, tried: Collection[Candidate]
+) -> list[Option]:
+    """Try candidates beside the model; best first."""
     estimate = estimate_of(model, current.coefficients)
     active = {candidate.key for candidate in model.effects}
     covered = {
@@ -57,7 +60,7 @@ def options_beside(model: Model, rows: Rows, current: Score) -> list[Option]:
     declared = {(d.effect, d.joint) for d in model.recording.session.declared}
     known = {term.at.key for term in model.terms if term.effect is not None}
     options = []
-    for candidate in candidates(model.recording):
+    for candidate in tried:
         joint_name = model.recording.device.joints[candidate.joint]
         if candidate.key in active | covered or (candidate.effect.name, joint_name) in declared:
             continue

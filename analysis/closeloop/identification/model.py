@@ -8,12 +8,19 @@ import numpy as np
 
 from analysis.closeloop.identification.least_squares import keep_independent
 from analysis.closeloop.identification.regression import Rows, Score, Variant, score
+from analysis.closeloop.session.contents import HungLoad
+from analysis.closeloop.session.link_torque import carriers
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lagged
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Columns, Effect, Theta
 from sim.effects.elastic import Viscoelastic
+from sim.effects.inertia import PLACE, PlacedPayload, load_columns
 from sim.effects.motion import Estimate, RecordedJoint
+
+PLACED = PlacedPayload()
+#: Gauss-Newton steps that bring payloads to their places, and when that is done, m.
+PLACE_STEPS, PLACE_TOLERANCE = 12, 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +51,8 @@ class Term:
     effect: Effect | None = None
     #: What was added; None if declared.
     candidate: Candidate | None = None
+    #: The declared load that it is, in the trials that name it.
+    load: HungLoad | None = None
 
     @property
     def at(self) -> Candidate:
@@ -70,6 +79,18 @@ class Channel:
         return self.candidate
 
 
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """What the model holds beside its terms, with values that no fit of the terms changes."""
+
+    #: Torque that it takes, (n, 1) per joint.
+    torque: Columns
+    #: What brought it; None for the part of a whole that one joint sees.
+    candidate: Candidate | None = None
+    #: Inertial parameters of every link by its name, (10,); empty unless they are what is given.
+    links: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class Model:
     """Terms and channels of a recording; fitted by `evaluate`."""
@@ -77,10 +98,13 @@ class Model:
     recording: Recording
     terms: tuple[Term, ...] = ()
     channels: tuple[Channel, ...] = ()
+    given: Given | None = None
 
     @property
     def effects(self) -> tuple[Candidate, ...]:
         found = [term.candidate for term in self.terms if term.candidate is not None]
+        if self.given is not None and self.given.candidate is not None:
+            found.append(self.given.candidate)
         return (*found, *(channel.candidate for channel in self.channels))
 
     def transformed(self, columns: Columns) -> Columns:
@@ -96,8 +120,10 @@ class Model:
 
     def known(self) -> Columns:
         """Return the torque that needs no fit, per analysed joint, (n, 1)."""
-        inverse = self.recording.inverse
-        return self.transformed({j: inverse[:, [j]] for j in self.recording.joints})
+        torque = {j: self.recording.inverse[:, [j]] for j in self.recording.joints}
+        if self.given is not None:
+            torque = {j: own + self.given.torque[j] for j, own in torque.items()}
+        return self.transformed(torque)
 
     @property
     def channel_key(self) -> tuple[tuple[str, int, tuple[tuple[str, float], ...]], ...]:
@@ -105,10 +131,10 @@ class Model:
         return tuple((*c.candidate.key, tuple(c.theta.items())) for c in self.channels)
 
     def target(self, rows: Rows) -> np.ndarray:
-        def make() -> np.ndarray:
-            return np.asarray(rows.stack_effort() - rows.stack(self.known(), 1)[:, 0])
+        def make() -> tuple[Given | None, np.ndarray]:
+            return self.given, rows.stack_effort() - rows.stack(self.known(), 1)[:, 0]
 
-        return np.asarray(rows.once(("target", self.channel_key), make))
+        return np.asarray(rows.once(("target", id(self.given), self.channel_key), make)[1])
 
     def base(self, rows: Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return all terms' kept columns stacked over rows, and their bounds."""
@@ -134,7 +160,12 @@ class Model:
             self,
             terms=tuple(t for t in self.terms if t.candidate is None or wanted(t.candidate)),
             channels=tuple(c for c in self.channels if wanted(c.candidate)),
+            given=self._given_of(wanted),
         )
+
+    def _given_of(self, wanted: Callable[[Candidate], bool]) -> Given | None:
+        candidate = None if self.given is None else self.given.candidate
+        return self.given if candidate is None or wanted(candidate) else None
 
     def without(self, candidate: Candidate) -> "Model":
         """Return the model without an added effect."""
@@ -147,6 +178,80 @@ class Model:
             stop = start + len(term.kept)
             yield term, coefficients[..., start:stop]
             start = stop
+
+
+def one_joint(model: Model, coefficients: np.ndarray, joint: int) -> Model:
+    """Return the part of a fitted model that concerns one joint.
+
+    Terms that other joints share are given as they were fitted.
+    """
+    recording = model.recording
+    given = np.zeros((len(recording.time), 1))
+    if model.given is not None:
+        given = given + model.given.torque[joint]
+    for term, own in model.split(coefficients):
+        if joint in term.columns and len(term.columns) > 1:
+            given = given + kept_columns(term)[joint] @ own[:, None]
+    return Model(
+        recording.of_joint(joint),
+        terms=tuple(term for term in model.terms if set(term.columns) == {joint}),
+        channels=tuple(c for c in model.channels if c.candidate.joint == joint),
+        given=Given(torque={joint: given}),
+    )
+
+
+def placed(model: Model, rows: Rows) -> Model:
+    """Return the model with every payload where the fit says it hangs, by Gauss-Newton."""
+    for _ in range(PLACE_STEPS):
+        longest = 0.0
+        terms = []
+        for term, own in model.split(evaluate(model, rows).coefficients):
+            if isinstance(term.effect, PlacedPayload):
+                step = term.effect.way(dict(zip(term.kept, own.tolist(), strict=True)))
+                longest = max(longest, float(np.linalg.norm(step)))
+                term = _moved_by(model.recording, term, step)
+            terms.append(term)
+        if longest < PLACE_TOLERANCE:
+            break
+        model = replace(model, terms=tuple(terms))
+    return model
+
+
+def _moved_by(recording: Recording, term: Term, step: np.ndarray) -> Term:
+    """Return the term of a payload that hangs `step` further along, m, (3,)."""
+    assert term.effect is not None
+    theta = {name: term.theta[name] + float(way) for name, way in zip(PLACE, step, strict=True)}
+    if term.load is None:
+        columns = term.effect.columns(unfitted(recording, term.joint), theta)
+        return replace(term, theta=theta, columns=columns)
+    return replace(term, theta=theta, columns=_hung(recording, term.load, theta))
+
+
+def _hung(recording: Recording, load: HungLoad, theta: Theta) -> Columns:
+    """Return the columns of a declared load: nothing in the trials that do not name it."""
+    body = recording.device.model.body(load.body).id
+    carried = [trial.payload == load for trial in recording.session.trials]
+    there = np.array(carried)[recording.trial][:, None]
+    place = np.array([theta[name] for name in PLACE])
+    return {joint: own * there for joint, own in load_columns(recording, body, place).items()}
+
+
+def _loads(recording: Recording) -> list[Term]:
+    """Return a term for every load that trials of the session name."""
+    loads = dict.fromkeys(t.payload for t in recording.session.trials if t.payload is not None)
+    theta = dict.fromkeys(PLACE, 0.0)
+    chain = recording.device.model
+    return [
+        Term(
+            effect=PLACED,
+            joint=carriers(chain, chain.body(load.body).id)[0],
+            columns=_hung(recording, load, theta),
+            lower=PLACED.lower,
+            theta=theta,
+            load=load,
+        )
+        for load in loads
+    ]
 
 
 def kept_columns(term: Term) -> Columns:
@@ -179,7 +284,7 @@ def declared_model(recording: Recording, rows: Rows) -> Model:
                 models = [_joined(recording, [*before, o, *after], rows) for o in options]
                 misfits = [evaluate(model, rows).sse for model in models]
                 taken[number] = options[int(np.argmin(misfits))]
-    return _joined(recording, taken, rows)
+    return placed(_joined(recording, [*taken, *_loads(recording)], rows), rows)
 
 
 def _nearby(recording: Recording, term: Term, scale: float) -> list[Term]:

@@ -54,6 +54,36 @@ class Rows:
             for (joint, own), end in zip(self.samples.items(), ends, strict=True)
         }
 
+    @cached_property
+    def joint_of_block(self) -> np.ndarray:
+        """Joint of each block, (blocks,)."""
+        found = np.zeros(int(self.block.max()) + 1, dtype=int)
+        for joint, part in self.parts.items():
+            found[self.block[part]] = joint
+        return found
+
+    def left_by_joint(self, losses: np.ndarray) -> dict[int, float]:
+        """Return the root mean square of every joint in its own unit, from the blocks' losses."""
+        total = np.bincount(self.joint_of_block, losses)
+        return {
+            joint: float(np.sqrt(total[joint] / len(samples)) / self.weight[self.parts[joint]][0])
+            for joint, samples in self.samples.items()
+            if len(samples)
+        }
+
+    def of_joint(self, joint: int) -> "Rows":
+        """Return the rows of one joint."""
+        part = self.parts[joint]
+        return Rows(
+            recording=self.recording.of_joint(joint),
+            samples={joint: self.samples[joint]},
+            weight=self.weight[part],
+            fold=self.fold[part],
+            block=np.unique(self.block[part], return_inverse=True)[1],
+            trial=self.trial[part],
+            grouped=self.grouped,
+        )
+
     @property
     def fold_of_block(self) -> np.ndarray:
         """Fold of each block, (blocks,)."""
@@ -130,8 +160,9 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
     if grouped:
         folds = np.searchsorted(present, folds)
     else:
-        length = len(folds)
-        folds = np.minimum((np.arange(length) * TIME_FOLDS) // max(length, 1), TIME_FOLDS - 1)
+        # Stretches of time, the same of every joint.
+        lengths = [len(own) for own in samples.values()]
+        folds = np.concatenate([np.arange(n) * TIME_FOLDS // max(n, 1) for n in lengths])
     _, dense = np.unique(np.concatenate(block), return_inverse=True)
     return Rows(
         recording=recording,

@@ -36,6 +36,8 @@ def impedance_entries(found: Trace) -> dict[str, Any]:
     Where names cannot be told apart, each has a value of its own; the interval holds them all.
     """
     recording = found.rows.recording
+    if not impedances(*found.fits[0]):
+        return {}
     before, after = (Refits(model, found.rows, own) for model, own in found.fits)
     others = alternatives(found)
     entries: dict[str, Any] = {}

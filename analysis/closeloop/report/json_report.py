@@ -10,6 +10,7 @@ from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.identification.outcome import Errors, Outcome
 from analysis.closeloop.report.diagnostics import diagnose
 from analysis.closeloop.report.impedance import impedance_entries, undecided
+from analysis.closeloop.report.links import link_values
 from analysis.closeloop.report.named import (
     declared_entries,
     effect_entries,
@@ -45,6 +46,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
         },
         "impedance": impedance,
         "declared": declared,
+        "links": link_values(found.fit_of_steps[0]),
         "unexplained": unexplained(found, outcome.recorded.after, outcome.oscillations, verdict),
         "diagnostics": _diagnostics(found),
         "advice": _advice(found, verdict),

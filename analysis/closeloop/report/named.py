@@ -10,7 +10,8 @@ from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.identification.model import Candidate, Channel, Model, Term, gain, unfitted
 from analysis.closeloop.identification.regression import Rows
 from analysis.closeloop.identification.uncertainty import Fits, leave_out
-from sim.effects.catalogue import BY_NAME, VISCOELASTIC
+from analysis.closeloop.report.links import link_parameters
+from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.effect import ROUNDING, Theta
 from sim.effects.motion import RecordedJoint
 from sim.effects.parameter import unit_at
@@ -39,8 +40,10 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
                 "joint": recording.name(joint),
                 "parameters": {
                     name: _if_it_can_be(entry)
-                    for name, entry in _parameters(
-                        model, coefficients, fits, _part(model, candidate)
+                    for name, entry in (
+                        link_parameters(model, found.rows)
+                        if effect.name == LINK_INERTIA
+                        else _parameters(model, coefficients, fits, _part(model, candidate))
                     ).items()
                 },
                 "indistinguishable_from": others,

@@ -7,7 +7,8 @@ import mujoco
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.session.device import Device
-from sim.effects.catalogue import BY_NAME, VISCOELASTIC
+from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
+from sim.effects.elements import set_inertia
 
 ALL = "these trials do not determine all its parameters"
 
@@ -32,6 +33,11 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
             warnings.append(f"model_after.xml: the fitted impedance of {name} is not passive")
     elements = []
     for effect in report["effects"] if report["verdict"] == Verdict.EFFECT_FOUND else []:
+        if effect["name"] == LINK_INERTIA:
+            for name, link in report["links"].items():
+                set_inertia(spec, name, link["mass"], link["first_moments"], link["inertia"])
+            elements.append("body/inertial")
+            continue
         values = {name: entry["value"] for name, entry in effect["parameters"].items()}
         if None in values.values():
             elements.append("none: not every parameter is determined")

@@ -45,6 +45,14 @@ class AddedMass:
 
 
 @dataclass(frozen=True, kw_only=True)
+class HungLoad:
+    """A load of unknown mass that hangs on a body during a trial; one name is one load."""
+
+    name: str
+    body: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Source:
     """Where a foreign log holds one signal, and what makes it SI."""
 
@@ -76,6 +84,7 @@ class Trial:
     #: "fit" or "holdout".
     role: str
     added_mass: AddedMass | None = None
+    payload: HungLoad | None = None
     #: Known low-pass of the effort channel, Hz.
     effort_filter_hz: float | None = None
     #: How to read a file that does not have the contract's own columns.

@@ -68,9 +68,13 @@ class Device:
         low, high = self.model.jnt_range[number]
         return float(low), float(high)
 
+    def body(self, joint: int) -> int:
+        """Return the number of the body that a joint moves."""
+        return int(self.model.jnt_bodyid[joint])
+
     def centre_of_mass(self, joint: int) -> np.ndarray | None:
         """Return that of a joint's body in its frame, m, (3,); None if it lies on the axis."""
-        body = int(self.model.jnt_bodyid[joint])
+        body = self.body(joint)
         centre = np.array(self.model.body_ipos[body])
         if self.model.body_mass[body] <= 0.0 or np.linalg.norm(centre) < 1e-3:
             geoms = np.flatnonzero(self.model.geom_bodyid == body)

@@ -66,6 +66,8 @@ def load_device(session: Session) -> Device:
     for number, trial in enumerate(session.trials):
         if trial.added_mass is not None:
             _known(trial.added_mass.body, device.bodies, f"trials[{number}].added_mass.body")
+        if trial.payload is not None:
+            _known(trial.payload.body, device.bodies, f"trials[{number}].payload.body")
     if not device.recorded_joints:
         raise SessionError("ignored_joints leaves no joint to analyse", file=SESSION_FILE)
     return device

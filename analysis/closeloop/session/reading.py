@@ -13,6 +13,7 @@ from analysis.closeloop.session.contents import (
     AddedMass,
     ColumnMap,
     DeclaredEffect,
+    HungLoad,
     Session,
     Trial,
 )
@@ -40,6 +41,7 @@ TRIAL_KEYS = (
     "group",
     "role",
     "added_mass",
+    "payload",
     "effort_filter_hz",
     "columns",
     "from",
@@ -150,6 +152,7 @@ def _trials(fields: Fields, folder: Path, filter_hz: float | None) -> tuple[Tria
             )
         others.append(span)
         trials.append(_trial(own, file, span, folder, session_map, filter_hz))
+    _one_body_each(fields, trials)
     if all(trial.role == "holdout" for trial in trials):
         raise fields.wrong(
             "trials", "every trial is a holdout; at least one must be there to be fitted"
@@ -192,6 +195,7 @@ def _trial(
         group=group,
         role=role,
         added_mass=_added_mass(own),
+        payload=_payload(own),
         effort_filter_hz=filter_hz if own_filter_hz is None else own_filter_hz,
         source=own_map or session_map,
         span=span,
@@ -210,6 +214,31 @@ def _added_mass(trial: Fields) -> AddedMass | None:
     return AddedMass(
         body=own.text("body"), mass=own.number("mass_kg", high=1000.0), position=(x, y, z)
     )
+
+
+def _payload(trial: Fields) -> HungLoad | None:
+    entry = trial.get("payload")
+    if entry is None:
+        return None
+    own = trial.part("payload", entry, 'with "name" and "body"')
+    return HungLoad(name=own.text("name"), body=own.text("body"))
+
+
+def _one_body_each(fields: Fields, trials: list[Trial]) -> None:
+    """Refuse a payload that hangs on two bodies: it is one load, with one place.
+
+    Raises:
+        SessionError: naming the trial.
+    """
+    bodies: dict[str, str] = {}
+    for number, trial in enumerate(trials):
+        load = trial.payload
+        if load is not None and bodies.setdefault(load.name, load.body) != load.body:
+            raise fields.wrong(
+                f"trials[{number}].payload.body",
+                f"{load.name!r} hangs on {bodies[load.name]!r} in an earlier trial and on "
+                f"{load.body!r} here; give a load that was moved another name",
+            )
 
 
 def _filter_hz(fields: Fields) -> float | None:

@@ -1,14 +1,15 @@
 """All trials as arrays at the working rate: the source of residuals, effects and noise ceiling."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analysis.closeloop.session.contents import NOMINAL, AddedMass, Session
+from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
+from analysis.closeloop.session.link_torque import ChainMotion, chain_motion
 from analysis.closeloop.session.signals import (
     LEAST_MEASURED,
     REST_SHARE,
@@ -19,9 +20,12 @@ from analysis.closeloop.session.signals import (
     shifted,
     slope,
 )
+from sim.effects.rigid import point_mass
 
 #: What depends on position alone changes slowly: it is computed at every so many samples.
 REST_STEP = 4
+#: What does not depend on which joints are analysed.
+SHARED = ("rigid", "inverse", "static", "top_speed", "rest_speed")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,16 +136,33 @@ class Recording:
         """Return that of the joint's body in its frame, (3,); None if it lies on the axis."""
         return self.device.centre_of_mass(joint)
 
+    def body(self, joint: int) -> int:
+        """Return the number of the body that a joint moves."""
+        return self.device.body(joint)
+
     def mass_torque(self, joint: int, position: np.ndarray) -> np.ndarray:
         """Return the torque of one more kilogram at `position` of the joint's body."""
-        model = self.device.model
-        body = model.body(model.jnt_bodyid[joint]).name
-        key = ("mass", body, *position)
+        return np.asarray(self.link_torque(self.body(joint)) @ point_mass(position))
+
+    @cached_property
+    def chain(self) -> ChainMotion:
+        """How the links of the device moved."""
+        motion = self.position, self.velocity, self.acceleration
+        return chain_motion(self.device.model, *motion)
+
+    def link_torque(self, body: int) -> np.ndarray:
+        """Return the torques for one unit of each inertial parameter of a body, (n, joints, 10)."""
+        key = ("link", body)
         if key not in self.cache:
-            mass = AddedMass(body=body, mass=1.0, position=(position[0], position[1], position[2]))
-            motion = self.position, self.velocity, self.acceleration
-            self.cache[key] = self._inverse(*motion, extra=(mass,)) - self.rigid
+            self.cache[key] = self.chain.link_torque(body)
         return self.cache[key]
+
+    def of_joint(self, joint: int) -> "Recording":
+        """Return the same recording with the balance of one joint only."""
+        found = replace(self, joints=(joint,))
+        # Motion and declared torques are the same: nothing is computed again.
+        vars(found).update({name: getattr(self, name) for name in SHARED})
+        return found
 
     @cached_property
     def top_speed(self) -> np.ndarray:
@@ -224,7 +245,6 @@ class Recording:
         position: np.ndarray,
         velocity: np.ndarray,
         acceleration: np.ndarray,
-        extra: tuple[AddedMass, ...] = (),
         rows: np.ndarray | slice = slice(None),
     ) -> np.ndarray:
         """Inverse dynamics of the samples `rows`, each trial with the masses it carried."""
@@ -233,7 +253,7 @@ class Recording:
         for number, trial in enumerate(self.session.trials):
             own = trials == number
             if own.any():
-                masses = (*((trial.added_mass,) if trial.added_mass else ()), *extra)
+                masses = (trial.added_mass,) if trial.added_mass else ()
                 torque[own] = self.device.inverse_dynamics(
                     position[own], velocity[own], acceleration[own], masses=masses
                 )

@@ -3,10 +3,12 @@
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
 from analysis.closeloop.loop import analyse
+from analysis.closeloop.report.repaired import repaired_model
 from tests.testbed.plants import ARM, CARRIAGE, write_recordings
 
 
@@ -71,3 +73,33 @@ def test_what_creeps_anew_in_every_trial_is_said_to_depend_on_its_time(tmp_path:
     write_recordings(tmp_path, ARM, 1, beyond=lambda t, _q, _v: np.array([-t / 12.0, 0.0]))
     report = analyse(tmp_path).report
     assert "time in trial" in report["unexplained"]["shoulder"]["depends_on"]
+
+
+def test_every_joint_of_an_arm_gets_its_own_friction_and_no_joint_is_worse(tmp_path: Path) -> None:
+    rubs = 'frictionloss="0.8" damping="1.5"'
+    truth = ARM.mjcf.replace('armature="0.1"', f'armature="0.1" {rubs}')
+    truth = truth.replace('frictionloss="0"', rubs)
+    write_recordings(tmp_path, ARM, 1, truth=truth)
+    report = analyse(tmp_path).report
+    friction = ("coulomb_friction", "viscous_friction")
+    assert names(report) == {(name, joint) for name in friction for joint in ARM.joints}
+    for error in report["error"]["holdout"].values():
+        assert error["after"] < 0.5 * error["before"]
+
+
+def test_links_that_are_not_as_declared_are_found_as_one(tmp_path: Path) -> None:
+    truth = ARM.changed('pos="0.15 0 0" mass="3"', 'pos="0.2 0 0" mass="4"')
+    truth = truth.replace('pos="0.13 0 0" mass="1.4"', 'pos="0.1 0 0.02" mass="2"')
+    write_recordings(tmp_path, ARM, 1, truth=truth)
+    answer = analyse(tmp_path)
+    assert names(answer.report) == {("link_inertia", "shoulder")}
+    xml, _, warnings = repaired_model(answer.recording.device, answer.report)
+    assert warnings == []
+    repaired, real = (mujoco.MjModel.from_xml_string(text) for text in (xml, truth))
+    held = [np.empty(2), np.empty(2)]
+    for model, torque in zip((repaired, real), held, strict=True):
+        data = mujoco.MjData(model)
+        data.qpos[:] = ARM.centre
+        mujoco.mj_inverse(model, data)
+        torque[:] = data.qfrc_inverse
+    assert held[0] == pytest.approx(held[1], rel=0.02, abs=0.05)

@@ -12,7 +12,7 @@ FILES = {
     for path in ROOT.rglob("*.py")
 }
 #: Modules that a chain of imports may hold, the first and the last included.
-FLOORS = 8
+FLOORS = 10
 
 
 def imported(module: str) -> set[str]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.candidates import options_beside
+from analysis.closeloop.identification.candidates import candidates, options_beside
 from analysis.closeloop.identification.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.regression import select_rows
 from analysis.closeloop.session.recording import Recording
@@ -53,11 +53,11 @@ def test_a_rung_is_asked_for_only_above_a_simpler_one(recording: Recording) -> N
     own = replace(recording, joints=(ELBOW,), effort=effort)
     rows = select_rows(own, own.fit_trials)
     bare = Model(own)
-    first = options_beside(bare, rows, evaluate(bare, rows))
+    first = options_beside(bare, rows, evaluate(bare, rows), candidates(own))
     names = {option.candidate.effect.name for option in first}
     assert "load_dependent_friction" in names and not names & set(RUNGS)
     simple = next(o for o in first if o.candidate.effect.name == "load_dependent_friction")
-    second = options_beside(simple.model, rows, evaluate(simple.model, rows))
+    second = options_beside(simple.model, rows, evaluate(simple.model, rows), candidates(own))
     rungs = [o for o in second if o.candidate.effect.name in RUNGS]
     assert {o.candidate.effect.name for o in rungs} == set(RUNGS)
     # It takes the place of the simpler one, and does not stand beside it.

@@ -1,0 +1,323 @@
+"""Trace the residual of a robot's joints as identification does: the ordinary before the rare.
+
+1. Of every joint offset, viscous and Coulomb friction and the motor's inertia, together.
+2. What joints share: a payload on one link, or the inertial parameters of all links as one block
+   (Swevers, Verdonck and De Schutter 2007 identify them and the friction at once). Before it a gain
+   or a delay explains most of what wrong links do; after it, next to nothing.
+3. Only then, joint by joint, every other effect.
+
+What left-out groups do not miss goes, after each step. Joints are weighed by what is left of them.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.closeloop.identification.candidates import candidates, refined
+from analysis.closeloop.identification.findings import Option, Step
+from analysis.closeloop.identification.growing import MIN_GAIN, MIN_LATER_GAIN, Grown, grow
+from analysis.closeloop.identification.links import Links, links_of
+from analysis.closeloop.identification.model import (
+    PLACED,
+    Candidate,
+    Given,
+    Model,
+    Term,
+    evaluate,
+    one_joint,
+    placed,
+    unfitted,
+    with_independent,
+)
+from analysis.closeloop.identification.presliding import only_presliding
+from analysis.closeloop.identification.regression import Rows, Score, compare, rank_z
+from analysis.closeloop.identification.selection import LARGE_Z, MIN_TORQUE, MIN_Z
+from analysis.closeloop.identification.whole_fit import Fitted, WholeFit
+from analysis.closeloop.session.link_torque import carriers
+from sim.effects.catalogue import BY_NAME
+from sim.effects.inertia import PLACE, LinkInertia
+
+#: What every joint of a robot may have.
+ORDINARY = ("torque_offset", "viscous_friction", "coulomb_friction", "added_inertia")
+#: By how much a joint's error may grow, by chance, where joints share something.
+WORSE = 0.01
+LINKS = LinkInertia()
+
+
+def traced_robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Grown:
+    """Find what the declared model of a robot lacks.
+
+    Args:
+        declared: the model as declared.
+        rows: samples of all joints, weighed by what is left of each (`weighed`).
+        progress: is told what is done.
+    """
+    links = links_of(declared.recording)
+    model = with_ordinary(declared, rows)
+    found: dict[tuple[str, int], Step] = {}
+    progress("what the joints share")
+    model = with_share(model, rows, links)
+    progress("friction and inertia of every joint")
+    model = without_presliding(pruned(model, rows, links), rows)
+    for joint in rows.samples:
+        name = declared.recording.name(joint)
+        progress(f"{name}: what else")
+        model, steps = with_rare(model, rows, joint)
+        found |= steps
+    if found:
+        progress("all joints together")
+        model = pruned(model, rows, links)
+    score = evaluate(model, rows)
+    return Grown(model, score, tuple(_steps(model, rows, score, found)))
+
+
+def weighed(declared: Model, rows: Rows) -> Rows:
+    """Return the rows with every joint weighed by what ordinary friction and free links leave."""
+    links = links_of(declared.recording)
+    model = with_ordinary(declared, rows)
+    for _ in range(2):
+        fit = WholeFit(model, rows, links)
+        left = fit.with_links(range(len(model.terms)))
+        rows = rows.reweighted(rows.left_by_joint(left.losses))
+    return rows
+
+
+def completed(grown: Grown, rows: Rows, before: Score) -> Grown:
+    """Add what every joint may have and left-out groups miss, beside effects found before.
+
+    Viscous friction beside Coulomb friction is no rare effect: it need not gain as much as one.
+    """
+    tried = [c for c in candidates(rows.recording) if c.effect.name in ORDINARY]
+    while True:
+        more, _ = grow(grown, rows, before, lambda _: None, tried)
+        if len(more.steps) <= len(grown.steps):
+            return grown
+        grown = more
+
+
+def with_ordinary(model: Model, rows: Rows) -> Model:
+    """Add what every joint may have, as far as it is not declared."""
+    recording = model.recording
+    declared = {(d.effect, d.joint) for d in recording.session.declared}
+    for joint in rows.samples:
+        for name in ORDINARY:
+            effect = BY_NAME[name]
+            if (name, recording.name(joint)) in declared:
+                continue
+            device = recording.device
+            corrects = device.friction[joint] or device.model.dof_damping[joint]
+            # Inertia that is taken away is what wrong links look like.
+            lower = (-np.inf,) if corrects or name == "torque_offset" else (0.0,)
+            choices = [
+                with_independent(
+                    model,
+                    Term(
+                        effect=effect,
+                        joint=joint,
+                        columns=effect.columns(unfitted(recording, joint), theta),
+                        lower=lower,
+                        theta=theta,
+                        candidate=Candidate(effect=effect, joint=joint),
+                    ),
+                    rows,
+                )
+                for theta in effect.thetas(unfitted(recording, joint))
+            ]
+            model = min(choices, key=lambda choice: _misfit(choice, rows, joint))
+    return model
+
+
+def _misfit(model: Model, rows: Rows, joint: int) -> float:
+    """Return what is left of one joint's rows under the model's terms."""
+    part = rows.parts[joint]
+    base = model.base(rows)[0][part]
+    base = base[:, base.any(axis=0)]
+    target = model.target(rows)[part]
+    return float(((target - base @ np.linalg.lstsq(base, target, rcond=None)[0]) ** 2).sum())
+
+
+def with_share(model: Model, rows: Rows, links: Links) -> Model:
+    """Add a payload or other links than declared, if left-out groups of no joint speak against."""
+    fit = WholeFit(model, rows, links)
+    every = range(len(model.terms))
+    alone, block = fit.alone(every), fit.with_links(every)
+    loads = [fit.with_load(every, number) for number in range(len(links.bodies))]
+    loads = [load for load in loads if _plausible(load, model, links)]
+    best = min(loads, key=lambda load: load.loss, default=None)
+    block_wins = shared_by_joints(alone, block, rows)
+    if best is not None and shared_by_joints(alone, best, rows):
+        further = best.loss - block.loss > MIN_LATER_GAIN * best.loss
+        if not (block_wins and further and _sure(best.losses, block.losses)):
+            return _loaded(model, rows, links, best)
+    return _with_links(model, links, block.links) if block_wins else model
+
+
+def shared_by_joints(alone: Fitted, other: Fitted, rows: Rows) -> bool:
+    """Whether something that joints share predicts better, and none of them worse."""
+    gain = alone.loss - other.loss
+    matters = MIN_TORQUE**2 * sum(rows.effort_power(joint) for joint in rows.samples)
+    if gain <= max(MIN_GAIN * alone.loss, matters) or not _sure(alone.losses, other.losses):
+        return False
+    before, after = (np.bincount(rows.joint_of_block, fit.losses) for fit in (alone, other))
+    return bool(np.all(after <= (1.0 + WORSE) ** 2 * before))
+
+
+def _sure(worse: np.ndarray, better: np.ndarray) -> bool:
+    gain, error = compare(worse, better)
+    return gain > MIN_Z * error or (gain > LARGE_Z * error and rank_z(worse, better) > MIN_Z)
+
+
+def _plausible(load: Fitted, model: Model, links: Links) -> bool:
+    """Whether a load has a mass, and hangs where the arm could reach."""
+    assert load.load is not None and load.place is not None
+    chain = model.recording.device.model
+    reach = float(np.linalg.norm(chain.body_pos, axis=1).sum())
+    return bool(load.load[0] > 0.0 and np.linalg.norm(load.place) <= reach)
+
+
+def _loaded(model: Model, rows: Rows, links: Links, load: Fitted) -> Model:
+    """Add the payload of a fit as a term."""
+    assert load.link is not None and load.place is not None
+    recording = model.recording
+    chain = recording.device.model
+    joint = carriers(chain, links.bodies[load.link])[0]
+    theta = dict(zip(PLACE, load.place.tolist(), strict=True))
+    term = Term(
+        effect=PLACED,
+        joint=joint,
+        columns=PLACED.columns(unfitted(recording, joint), theta),
+        lower=PLACED.lower,
+        theta=theta,
+        candidate=Candidate(effect=PLACED, joint=joint),
+    )
+    return with_independent(model, term, rows)
+
+
+def _with_links(model: Model, links: Links, change: np.ndarray) -> Model:
+    """Give the model the links that a fit found."""
+    recording = model.recording
+    torque = {
+        joint: sum(
+            (
+                recording.link_torque(body)[:, joint] @ own
+                for body, own in zip(links.bodies, change, strict=True)
+            ),
+            start=np.zeros(len(recording.time)),
+        )[:, None]
+        for joint in recording.joints
+    }
+    values = dict(zip(links.names, links.declared + change, strict=True))
+    candidate = Candidate(effect=LINKS, joint=recording.joints[0])
+    return replace(model, given=Given(torque=torque, candidate=candidate, links=values))
+
+
+def pruned(model: Model, rows: Rows, links: Links) -> Model:
+    """Take out the effects that left-out groups do not miss; links are fitted anew each time.
+
+    Of every joint the least missed goes first, and then the others are asked again.
+    """
+    free = model.given is not None
+    fit = WholeFit(replace(model, given=None), rows, links)
+    scored = fit.with_links if free else fit.alone
+    kept = list(range(len(model.terms)))
+    whole = scored(kept)
+    while True:
+        weakest: dict[int, tuple[float, int]] = {}
+        for number in kept:
+            term = model.terms[number]
+            if term.candidate is None or term.effect is PLACED:
+                continue
+            without = scored([other for other in kept if other != number])
+            share = _missed(without, whole, term.joint, rows)
+            if share is not None and share < weakest.get(term.joint, (np.inf,))[0]:
+                weakest[term.joint] = share, number
+        if not weakest:
+            break
+        gone = {number for _, number in weakest.values()}
+        kept = [number for number in kept if number not in gone]
+        whole = scored(kept)
+    model = replace(model, terms=tuple(model.terms[number] for number in kept))
+    return placed(_with_links(model, links, whole.links) if free else model, rows)
+
+
+def without_presliding(model: Model, rows: Rows) -> Model:
+    """Take out inertia that only corrects how friction passes through zero."""
+    coefficients = evaluate(model, rows).coefficients
+    for candidate in model.effects:
+        if candidate.effect.name != "added_inertia":
+            continue
+        alone = one_joint(model, coefficients, candidate.joint)
+        rest = alone.without(candidate)
+        if only_presliding(candidate, alone, rest, rows.of_joint(candidate.joint)):
+            model = model.without(candidate)
+    return model
+
+
+def _missed(without: Fitted, whole: Fitted, joint: int, rows: Rows) -> float | None:
+    """Return the share of a joint's loss that an effect takes away; None if it is to stay."""
+    own = rows.joint_of_block == joint
+    worse, better = without.losses[own], whole.losses[own]
+    gain = float((worse - better).sum())
+    least = max(MIN_GAIN * float(worse.sum()), MIN_TORQUE**2 * rows.effort_power(joint))
+    if gain > least and _sure(worse, better):
+        return None
+    return gain / max(float(worse.sum()), 1e-300)
+
+
+def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[str, int], Step]]:
+    """Add to one joint whatever else of the catalogue it has, beside what is there."""
+    alone = one_joint(model, evaluate(model, rows).coefficients, joint)
+    own = rows.of_joint(joint)
+    alone = _sharpened(alone, own)
+    score = evaluate(alone, own)
+    bare = evaluate(alone.keeping(lambda _: False), own)
+    there = tuple(
+        _step(Option(candidate=candidate, model=alone, score=score, gain=0.0, z=0.0), score.loss)
+        for candidate in alone.effects
+    )
+    # What joints share is not asked of one of them.
+    settled = (*ORDINARY, PLACED.name)
+    tried = [c for c in candidates(own.recording) if c.effect.name not in settled]
+    grown, _ = grow(Grown(alone, score, there), own, bare, lambda _: None, tried)
+    model = replace(
+        model,
+        terms=(*(t for t in model.terms if set(t.columns) != {joint}), *grown.model.terms),
+        channels=(*model.channels, *grown.model.channels),
+    )
+    standing = {step.key for step in there}
+    return model, {step.key: step for step in grown.steps if step.key not in standing}
+
+
+def _sharpened(model: Model, rows: Rows) -> Model:
+    """Refine the non-linear parameters of one joint's effects: how friction turns at rest."""
+    for candidate in model.effects:
+        if candidate.effect.nonlinear:
+            score = evaluate(model, rows)
+            option = Option(candidate=candidate, model=model, score=score, gain=0.0, z=0.0)
+            model, _ = refined(option, rows)
+    return model
+
+
+def _step(taken: Option, before: float) -> Step:
+    return Step(taken=taken, equals=(), options=(), before=before)
+
+
+def _steps(
+    model: Model, rows: Rows, score: Score, rare: Mapping[tuple[str, int], Step]
+) -> Iterator[Step]:
+    """Yield a step for every effect: what its joint loses without it (all joints, if shared)."""
+    for candidate in model.effects:
+        rest = model.without(candidate)
+        without = evaluate(rest, rows)
+        own = rows.joint_of_block == candidate.joint
+        if candidate.effect in (LINKS, PLACED):
+            own = np.ones(len(own), dtype=bool)
+        gain, error = compare(without.losses[own], score.losses[own])
+        option = Option(candidate=candidate, model=model, score=score, gain=gain, z=gain / error)
+        before = float(without.losses[own].sum())
+        found = rare.get(candidate.key)
+        if found is None:
+            yield _step(option, before)
+        else:
+            yield replace(found, taken=option, before=before)

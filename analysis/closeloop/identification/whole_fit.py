@@ -1,0 +1,156 @@
+"""Fits of all joints together: every term of a model, and what the joints share.
+
+One Gram matrix per fold holds every column, so that a model without a term is a part of it and each
+question costs one small solve (a fold). The links enter by `links.fit_links`, a payload by its mass
+and the place that it hangs at.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from analysis.closeloop.identification.least_squares import gram_matrices, solve
+from analysis.closeloop.identification.links import PARAMETERS, Links, fit_links
+from analysis.closeloop.identification.model import (
+    PLACE_STEPS,
+    PLACE_TOLERANCE,
+    PLACED,
+    Model,
+    kept_columns,
+)
+from analysis.closeloop.identification.regression import Rows
+from sim.effects.rigid import point_mass, point_mass_slopes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitted:
+    """A fit to all rows, and what it loses on rows it was not fitted to."""
+
+    #: Of every column of the model, zero where a term was left out, (p,).
+    coefficients: np.ndarray
+    #: Change of the parameters of every link, (links, 10); zero where they were not free.
+    links: np.ndarray
+    #: Squared held-out residual of every block, (blocks,).
+    losses: np.ndarray
+    #: Number of the link that carries a payload, its place, and its coefficients: mass, and mass
+    #: times how far it lies from that place.
+    link: int | None = None
+    place: np.ndarray | None = None
+    load: np.ndarray | None = None
+
+    @property
+    def loss(self) -> float:
+        return float(self.losses.sum())
+
+
+class WholeFit:
+    """A model's columns over all rows, with those of the links, and their Gram matrices."""
+
+    def __init__(self, model: Model, rows: Rows, links: Links) -> None:
+        self.model, self.rows, self.links = model, rows, links
+        parts = [rows.stack(model.transformed(kept_columns(t)), len(t.kept)) for t in model.terms]
+        #: Which term each column is of, (p,).
+        self.owner = np.repeat(np.arange(len(parts)), [part.shape[1] for part in parts])
+        self.lower = model.base(rows)[1]
+        self.size = len(self.owner)
+        recording = model.recording
+        every = [recording.link_torque(body) for body in links.bodies]
+        width = PARAMETERS * len(every)
+        columns = {
+            joint: np.concatenate([torque[:, joint] for torque in every], axis=1)
+            for joint in recording.joints
+            if every
+        }
+        shared = rows.stack(model.transformed(columns), width)
+        self.table = np.column_stack([*parts, shared, model.target(rows)])
+        self.grams = gram_matrices(self.table, rows.folds)
+        self.total = self.grams.sum(axis=0)
+
+    @cached_property
+    def strength(self) -> float:
+        """Rows of one second and joint: as much counts as one observation of the links."""
+        return len(self.rows.weight) / (int(self.rows.block.max()) + 1)
+
+    def columns_of(self, terms: Sequence[int]) -> np.ndarray:
+        """Return the numbers of the columns of some terms."""
+        return np.flatnonzero(np.isin(self.owner, list(terms)))
+
+    def alone(self, terms: Sequence[int]) -> Fitted:
+        """Fit some terms with the links as they are declared."""
+        index = self.columns_of(terms)
+        both = np.append(index, self.table.shape[1] - 1)
+        return self._scored(index, lambda gram: solve(gram[np.ix_(both, both)], self.lower[index]))
+
+    def with_links(self, terms: Sequence[int]) -> Fitted:
+        """Fit some terms and the inertial parameters of all links."""
+        index = self.columns_of(terms)
+        both = np.concatenate([index, np.arange(self.size, self.table.shape[1] - 1)])
+
+        return self._scored(both, lambda gram: self._links(gram, index, both))
+
+    def _links(self, gram: np.ndarray, index: np.ndarray, both: np.ndarray) -> np.ndarray:
+        """Fit the columns `index` and all links to a Gram matrix."""
+        return fit_links(
+            gram[np.ix_(both, both)],
+            gram[both, -1],
+            self.links.pseudo,
+            self.strength,
+            self.lower[index],
+        )
+
+    def links_without(self, terms: Sequence[int], rows: np.ndarray) -> np.ndarray:
+        """Return the changes of all links as fitted without some rows, (links, 10)."""
+        index = self.columns_of(terms)
+        both = np.concatenate([index, np.arange(self.size, self.table.shape[1] - 1)])
+        part = self.table[rows]
+        return self._links(self.total - part.T @ part, index, both)[len(index) :].reshape(
+            -1, PARAMETERS
+        )
+
+    def with_load(self, terms: Sequence[int], number: int) -> Fitted:
+        """Fit some terms and one load on link `number`: where it hangs by all rows."""
+        own = np.arange(PARAMETERS) + self.size + PARAMETERS * number
+        index = self.columns_of(terms)
+        place = self.links.declared[number, 1:4] / self.links.declared[number, 0]
+        lower = np.concatenate([self.lower[index], [0.0, -np.inf, -np.inf, -np.inf]])
+        for _ in range(PLACE_STEPS):
+            turn = self._turn(index, own, place)
+            found = solve(turn.T @ self.total @ turn, lower)
+            step = PLACED.way(dict(enumerate(found[-4:].tolist())))
+            place = place + step
+            if np.linalg.norm(step) < PLACE_TOLERANCE:
+                break
+        turn = self._turn(index, own, place)
+
+        def fit(gram: np.ndarray) -> np.ndarray:
+            return np.asarray(turn[:-1, :-1] @ solve(turn.T @ gram @ turn, lower))
+
+        scored = self._scored(np.arange(self.table.shape[1] - 1), fit)
+        load = solve(turn.T @ self.total @ turn, lower)[-4:]
+        return replace(scored, link=number, place=place, load=load)
+
+    def _turn(self, index: np.ndarray, own: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """Return what makes of the table's columns those of some terms, a load and the target."""
+        turn = np.zeros((self.table.shape[1], len(index) + 5))
+        turn[index, np.arange(len(index))] = 1.0
+        turn[own, -5] = point_mass(place)
+        turn[own, -4:-1] = point_mass_slopes(place)
+        turn[-1, -1] = 1.0
+        return turn[:, [*range(len(index)), -5, -4, -3, -2, -1]]
+
+    def _scored(self, index: np.ndarray, fit: Callable[[np.ndarray], np.ndarray]) -> Fitted:
+        """Fit the Gram matrices without each fold, then all: `fit` gives one per column."""
+        residual = np.zeros(len(self.table))
+        for fold, gram in zip(self.rows.folds, self.grams, strict=True):
+            if len(fold):
+                found = fit(self.total - gram)
+                residual[fold] = self.table[fold, -1] - self.table[np.ix_(fold, index)] @ found
+        every = np.zeros(self.table.shape[1] - 1)
+        every[index] = fit(self.total)
+        return Fitted(
+            coefficients=every[: self.size],
+            links=every[self.size :].reshape(-1, PARAMETERS),
+            losses=np.bincount(self.rows.block, residual**2),
+        )

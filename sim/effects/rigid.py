@@ -1,0 +1,31 @@
+"""Inertial parameters of a body: mass, first moments, inertia (xx, yy, zz, xy, xz, yz)."""
+
+import numpy as np
+
+
+def point_mass(position: np.ndarray) -> np.ndarray:
+    """Return the ten parameters of one kilogram at a position of a body's frame, (10,)."""
+    x, y, z = position
+    return np.array(
+        [1.0, x, y, z, y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z]
+    )
+
+
+def point_mass_slopes(position: np.ndarray) -> np.ndarray:
+    """Return how these parameters change with each coordinate, (10, 3)."""
+    x, y, z = position
+    return np.array(
+        [
+            [0, 0, 0],
+            [1, 0, 0],
+            [0, 1, 0],
+            [0, 0, 1],
+            [0, 2 * y, 2 * z],
+            [2 * x, 0, 2 * z],
+            [2 * x, 2 * y, 0],
+            [-y, -x, 0],
+            [-z, 0, -x],
+            [0, -z, -y],
+        ],
+        dtype=float,
+    )

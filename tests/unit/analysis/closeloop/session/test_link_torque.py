@@ -1,0 +1,72 @@
+import mujoco
+import numpy as np
+import pytest
+
+from analysis.closeloop.session.link_torque import carriers, chain_motion
+from sim.effects.rigid import point_mass, point_mass_slopes
+
+ARM = """<mujoco><worldbody><body pos="0 0 1"><joint name="a" axis="0 0 1"/>
+<geom size=".1" mass="3" pos=".1 0 .1"/><body name="b" pos=".3 0 0" euler="30 0 20">
+<joint name="b" axis="0 1 0" pos="0 0 .1"/><geom type="box" size=".1 .2 .3" mass="2" pos=".2 .1 0"/>
+<body name="c" pos="0 .2 .4"><joint name="c" type="slide" axis="1 0 1"/>
+<geom type="box" size=".05 .02 .1" mass="1" pos="0 .1 .2" euler="10 40 0"/>
+<body name="tool" pos=".1 0 0" euler="0 90 0"/></body></body></body></worldbody></mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def motion() -> np.ndarray:
+    return np.random.default_rng(0).normal(size=(3, 5, 3))
+
+
+def inverse(spec: mujoco.MjSpec, motion: np.ndarray) -> np.ndarray:
+    model = spec.compile()
+    data, out = mujoco.MjData(model), np.empty(motion.shape[1:])
+    for i in range(motion.shape[1]):
+        data.qpos[:], data.qvel[:], data.qacc[:] = motion[:, i]
+        mujoco.mj_inverse(model, data)
+        out[i] = data.qfrc_inverse
+    return out
+
+
+@pytest.mark.parametrize("name", ["b", "c", "tool"])
+def test_a_load_takes_what_mujoco_says(name: str, motion: np.ndarray) -> None:
+    spec = mujoco.MjSpec.from_string(ARM)
+    bare = inverse(spec, motion)
+    place = np.array([0.3, -0.2, 0.1])
+    load = spec.body(name).add_body(pos=place)
+    load.explicitinertial, load.mass, load.inertia = True, 1.0, [1e-9] * 3
+    load.ipos = [0.0, 0.0, 0.0]
+    loaded = inverse(spec, motion)
+    model = mujoco.MjSpec.from_string(ARM).compile()
+    torque = chain_motion(model, *motion).link_torque(model.body(name).id)
+    assert torque @ point_mass(place) == pytest.approx(loaded - bare, abs=1e-6)
+
+
+def test_links_take_together_what_the_chain_takes(motion: np.ndarray) -> None:
+    model = mujoco.MjModel.from_xml_string(ARM)
+    moving = chain_motion(model, *motion)
+    total = np.zeros((5, 3))
+    for body in range(1, model.nbody):
+        frame = np.empty(9)
+        mujoco.mju_quat2Mat(frame, model.body_iquat[body])
+        axes = frame.reshape(3, 3)
+        inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
+        parameters = model.body_mass[body] * point_mass(model.body_ipos[body])
+        parameters[4:] += inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        total += moving.link_torque(body) @ parameters
+    spec = mujoco.MjSpec.from_string(ARM)
+    assert total == pytest.approx(inverse(spec, motion), abs=1e-9)
+
+
+def test_the_slopes_of_a_place_are_those_of_its_parameters() -> None:
+    place, step = np.array([0.3, -0.2, 0.1]), 1e-6
+    numeric = [
+        (point_mass(place + step * e) - point_mass(place - step * e)) / (2 * step)
+        for e in np.eye(3)
+    ]
+    assert point_mass_slopes(place) == pytest.approx(np.array(numeric).T, abs=1e-8)
+
+
+def test_a_tool_hangs_on_every_joint_before_it() -> None:
+    model = mujoco.MjModel.from_xml_string(ARM)
+    assert carriers(model, model.body("tool").id) == [2, 1, 0]
