@@ -109,6 +109,20 @@ def draw_up(
     )
 
 
+def with_choices_numbered(body: Any) -> Any:
+    """Return a request, as JSON, in which each fixed choice that is told by its name is a number.
+
+    Raises:
+        InvalidStudyError: a choice has no such name.
+    """
+    fixed = body.get("fixed") if isinstance(body, Mapping) else None
+    if not isinstance(fixed, Mapping) or body.get("model") not in tuple(MODELS):
+        return body
+    choices = {f.name: f for f in MODELS[body["model"]].factors if f.choices}
+    named = {n: value for n, value in fixed.items() if n in choices and isinstance(value, str)}
+    return {**body, "fixed": {**fixed, **_fixed(MODELS[body["model"]], named)}}
+
+
 def _fixed(model: Model, fixed: Mapping[str, float | str]) -> dict[str, float]:
     """Return the fixed values as numbers; that of a choice may be its name."""
     known = {factor.name: factor for factor in model.factors}

@@ -8,7 +8,7 @@ from pydantic import Field, StringConstraints, model_validator
 from sqlalchemy.engine import Engine
 
 from analysis.designs import DEFAULT_SAMPLING
-from server.logic.plans import FactorChoice, draw_up, refuse_dependence
+from server.logic.plans import FactorChoice, draw_up, refuse_dependence, with_choices_numbered
 from server.logic.precision_goals import precision_goal
 from server.logic.precision_goals import shown as goal_shown
 from server.operations import precision_goals, reruns, studies
@@ -64,7 +64,7 @@ class StudyBody(Body):
     method: Name
     rows: int
     factors: list[FactorBody] | None = None
-    fixed: dict[str, float | str] = Field(default_factory=dict)
+    fixed: dict[str, float] = Field(default_factory=dict)
     seed: int = Field(default=1, ge=0, le=MAX_INTEGER)
     outputs: list[Name] | None = None
     sampling: Name = DEFAULT_SAMPLING
@@ -77,7 +77,7 @@ class StudyBody(Body):
     def _independent(cls, body: Any) -> Any:
         # Else they would only be told that the key is unknown.
         refuse_dependence(body)
-        return body
+        return with_choices_numbered(body)
 
 
 class ExtensionBody(Body):

@@ -22,7 +22,8 @@ from tests.testbed.patient import (
     write_session,
 )
 
-RELAXED = {"activation": 0.05}
+#: An arm as slack as measured ones (`physiological`).
+RELAXED = {"activation": 0.05, "muscles": 2.0}
 FRICTION = {"effect.coulomb_friction.torque": 2.8}
 #: Enough for one speed to predict the others.
 SHORT = (EXERCISES[0], EXERCISES[2], EXERCISES[4])
