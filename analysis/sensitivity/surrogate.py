@@ -37,6 +37,11 @@ GOOD = 0.9
 #: be off by half a robust standard deviation of the output.
 _FAR, _LARGE = 6.0, 0.5
 
+#: Runs gone wrong are few and lie apart: they are this share of all runs at most (or two), and the
+#: least of their errors is so many times the largest of the others. Errors of a correct function at
+#: a jump or a kink are many and of every size.
+_FEW, _APART = 0.02, 4.0
+
 #: Points of the fitted function that its indices are computed from; they cost little.
 _POINTS = 2**11
 
@@ -254,7 +259,21 @@ def _outliers(
     expected = predicted.copy()
     expected[suspect] = process.predict(x[suspect])
     kept = _held_out(x[~suspect], y[~suspect], rows[~suspect], process.kernel_)
-    return suspect & _far(y - expected, y[~suspect] - kept, y), expected
+    odd = suspect & _far(y - expected, y[~suspect] - kept, y)
+    error = np.abs(y - expected)
+    error[~suspect] = np.abs(y[~suspect] - kept)
+    return odd & _apart(error), expected
+
+
+def _apart(error: Array) -> NDArray[np.bool_]:
+    """Return which runs have errors that lie apart from all others (after Grubbs 1950)."""
+    most = max(2, int(_FEW * len(error)))
+    order = np.argsort(-error)
+    falls = error[order[:most]] >= _APART * error[order[1 : most + 1]]
+    apart = np.zeros(len(error), dtype=np.bool_)
+    if falls.any():
+        apart[order[: 1 + int(np.flatnonzero(falls)[-1])]] = True
+    return apart
 
 
 def _far(error: Array, usual: Array, y: Array) -> NDArray[np.bool_]:

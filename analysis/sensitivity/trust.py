@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.sensitivity.estimators import Estimator, Statistic
-from analysis.sensitivity.estimators.tails import HEAVY_KURTOSIS
 
 #: With fewer rows nothing is "reached" or "not influential".
 FEWEST_ROWS = 128
@@ -25,8 +24,8 @@ FEWEST_ROWS = 128
 #: cube is missed by 128 rows in 2 of 100 studies, by 256 rows in none of 400.
 FEWEST_STILL_ROWS = 256
 
-#: From so many effective runs on a tail heavier than `HEAVY_KURTOSIS` is seen well enough. With
-#: 200, studies of a Pareto tail stopped where they had not seen it.
+#: A heavy tail (`Estimator.heavy_kurtosis`) is seen well enough from so many effective runs on.
+#: With 200, studies of a Pareto tail stopped where they had not seen it.
 ENOUGH_RUNS = 500.0
 
 #: Of the interval of the sum of total-order indices, which is never below 1: a linear function, of
@@ -67,12 +66,18 @@ def judge(
     effective = runs / kurtosis
     reasons = []
     if rows >= FEWEST_ROWS:
-        if kurtosis > HEAVY_KURTOSIS and effective < ENOUGH_RUNS:
-            reasons.append(
-                f"the variance of {name} rests on few runs (as many as {effective:.0f} of equal "
-                f"size would, of {runs:,}), so shares of it may be far off, those of light factors "
-                "too large"
-            )
+        if kurtosis > estimator.heavy_kurtosis and effective < ENOUGH_RUNS:
+            as_many = f"as many as {effective:.0f} of equal size would, of {runs:,}"
+            if estimator.method == "morris":
+                reasons.append(
+                    f"the largest effects on {name} rest on few rows ({as_many}), so sigma and the "
+                    "means may be far off"
+                )
+            else:
+                reasons.append(
+                    f"the variance of {name} rests on few runs ({as_many}), so shares of it may be "
+                    "far off, those of light factors too large"
+                )
         short = _short_of_one(statistics, output)
         if short is not None:
             reasons.append(

@@ -150,7 +150,7 @@ HARD: Mapping[str, Hard] = {
     "rare event": _rare_event(),
     "level E, 50 000 years": Hard(function=partial(level_e, years=5e4), factors=12),
     "exp-sum": _exp_sum(),
-    "discontinuity": Hard(function=discontinuous, factors=5, kind=True),
+    "discontinuity": Hard(function=discontinuous, factors=5),
     "heavy ties": Hard(function=ties, factors=5),
     "1e6 + Ishigami": Hard(
         function=offset,

@@ -16,7 +16,7 @@ from analysis.designs import row_width
 from analysis.sensitivity.estimators.intervals import Estimate, check_level, estimate
 from analysis.sensitivity.estimators.rows import ROW_SUMS, Association, association, row_terms
 from analysis.sensitivity.estimators.shares import kept_apart, share_of_squares
-from analysis.sensitivity.estimators.tails import Tail
+from analysis.sensitivity.estimators.tails import HEAVY_KURTOSIS, Tail
 from analysis.sensitivity.estimators.weightings import (
     FIRST,
     SQUARED,
@@ -49,8 +49,8 @@ class Index:
     power: int | None = None
     tail: Tail | None = None
     whole: NDArray[np.float64] | None = None
-    #: `Statistic.heavy`.
-    heavy: NDArray[np.float64] | None = None
+    #: `Statistic.apart`.
+    apart: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,15 +83,15 @@ class Statistic:
     #: (1 + BLOCKS, ...). And the same in the sample and its replicates, as `weighted`.
     whole: NDArray[np.float64] | None = None
     weighted_whole: NDArray[np.float64] | None = None
-    #: From 0 to 1, how heavy the output's tail is; broadcasts to (outputs, ...).
-    heavy: NDArray[np.float64] | None = None
+    #: What share of the independent rows' error its ends keep; broadcasts to (outputs, ...).
+    apart: NDArray[np.float64] | None = None
 
     def estimate(self, level: float) -> Estimate:
         """Return it with its interval at `level`; ValueError if that is not between 0 and 1."""
         found = self._estimate(level)
-        if self.heavy is None:
+        if self.apart is None:
             return found
-        found = kept_apart(found, self.weighted, self.heavy, level)
+        found = kept_apart(found, self.weighted, self.apart, level)
         # A mean of squares is never below 0.
         return found if self.power is None else replace(found, low=np.maximum(found.low, 0.0))
 
@@ -130,6 +130,8 @@ class Estimator(ABC):
     """
 
     method: ClassVar[str]
+    #: From which `kurtosis` on few rows make up what is estimated.
+    heavy_kurtosis: ClassVar[float] = HEAVY_KURTOSIS
     #: The sum of which a row must have a term to count as used.
     use: ClassVar[str]
     #: The sum whose terms are counted as the rows of an index.
@@ -252,7 +254,7 @@ class Estimator(ABC):
         return most
 
     def kurtosis(self) -> NDArray[np.float64]:
-        """Return the kurtosis of each output, 1 or more; nan where it is unknown."""
+        """Return the kurtosis of what is estimated of each output; nan where it is unknown."""
         return np.full(self.outputs, np.nan)
 
     def weighted_mean(self, output: int) -> NDArray[np.float64]:
@@ -312,7 +314,7 @@ class Estimator(ABC):
                 tail=index.tail,
                 whole=None if index.whole is None else index.whole[:FIRST],
                 weighted_whole=None if index.whole is None else _weighted(index.whole),
-                heavy=index.heavy,
+                apart=index.apart,
             )
             for name, index in self._indices(self._weighted(stop), self._weighted_sample()).items()
         }

@@ -8,7 +8,12 @@ from numpy.typing import NDArray
 from analysis.designs import unit_row
 from analysis.designs.radial import legs
 from analysis.sensitivity.estimators.estimator import Estimator, Index, Terms
+from analysis.sensitivity.estimators.tails import LARGEST_FOURTH, tail
 from analysis.sensitivity.estimators.weightings import FIRST, Weighted
+
+#: From so many rows on the eight blocks alone say how far an effect may be off; of fewer, ends of
+#: intervals keep a share of what independent rows would err.
+ROWS_ENOUGH = 128.0
 
 
 class MorrisEstimator(Estimator):
@@ -23,6 +28,23 @@ class MorrisEstimator(Estimator):
     method = "morris"
     use = counted = "effect"
     factor_sums = ("effect", "effect_squared", "magnitude")
+    sample_sums = ("effect_root", "effect_fourth")
+
+    #: Steps of 0.1 to 0.9 alone give effects of noise a kurtosis of 6.
+    heavy_kurtosis = 9.0
+
+    def kurtosis(self) -> NDArray[np.float64]:
+        """Return E e^4 / E(e^2)^2 of the effects e of each output's leading factor, (outputs,).
+
+        Of the one with the largest mu* (Campolongo et al. 2007); nan where nothing moves.
+        """
+        sums = self._weighted(1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            fourth = self._weighted_sample().mean("effect_fourth")[0]
+            kurtosis = fourth / sums.mean("effect_squared")[0] ** 2
+        leading = np.argmax(np.nan_to_num(sums.mean("magnitude")[0]), axis=-1)
+        found: NDArray[np.float64] = np.take_along_axis(kurtosis, leading[:, None], axis=-1)[:, 0]
+        return np.where(np.isfinite(found), found, np.nan)
 
     def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
         """Return "mu", "mu_star" and "sigma" of every output and factor."""
@@ -30,10 +52,24 @@ class MorrisEstimator(Estimator):
         variance = sums.variance("effect", ddof=1)
         # Variances of resampled rows are too small by this factor in the mean.
         variance[FIRST:] *= counts[0] / np.maximum(counts[0] - 1, 1)
+        # Blocks of two or three rows tell little of their spread.
+        apart = np.maximum(1.0 - counts[0] / ROWS_ENOUGH, 0.0)
         return {
-            "mu": Index(weighted=sums.mean("effect"), count=counts),
-            "mu_star": Index(weighted=sums.mean("magnitude"), count=counts, power=1),
-            "sigma": Index(weighted=np.sqrt(variance), count=counts, power=2),
+            "mu": Index(weighted=sums.mean("effect"), count=counts, apart=apart),
+            "mu_star": Index(weighted=sums.mean("magnitude"), count=counts, power=1, apart=apart),
+            "sigma": Index(
+                weighted=np.sqrt(variance),
+                count=counts,
+                power=2,
+                apart=apart,
+                tail=tail(
+                    half=sample.mean("effect_root")[0],
+                    first=sums.mean("magnitude")[0],
+                    second=sums.mean("effect_squared")[0],
+                    fourth=sample.mean("effect_fourth")[0],
+                    n=counts[0],
+                ),
+            ),
         }
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
@@ -46,10 +82,14 @@ class MorrisEstimator(Estimator):
         moved = np.moveaxis(values[row, after] - values[row, before], 1, 2)
         effect = moved / step[:, None, :]  # rows, outputs, factors
         points = np.moveaxis(values, 1, 0)
+        magnitude = np.abs(effect)
+        size = np.where(magnitude <= LARGEST_FOURTH, magnitude, np.nan)
         return {
             "effect": effect[None],
             "effect_squared": effect[None],
-            "magnitude": np.abs(effect)[None],
+            "magnitude": magnitude[None],
+            "effect_root": np.sqrt(size)[None],
+            "effect_fourth": ((size * size) * (size * size))[None],
             # Base and moved points alike are draws of the factors' distributions.
             "value": points,
             "value_squared": points,

@@ -13,11 +13,8 @@ from numpy.typing import NDArray
 from analysis.sensitivity.estimators import martinez
 from analysis.sensitivity.estimators.estimator import Estimator, Index, Terms
 from analysis.sensitivity.estimators.intervals import Estimate
-from analysis.sensitivity.estimators.tails import heaviness, tail
+from analysis.sensitivity.estimators.tails import FLOOR, LARGEST_FOURTH, heaviness, tail
 from analysis.sensitivity.estimators.weightings import Weighted
-
-#: A larger difference has no fourth power, and tells nothing of the tail.
-_LARGEST_FOURTH = 1e75
 
 
 class SaltelliEstimator(Estimator):
@@ -73,17 +70,17 @@ class SaltelliEstimator(Estimator):
         total = share(0.5 * sums.mean("difference_squared"), variance[..., None])
         chance = 1.0 - share(0.5 * sums.mean("between_squared"), variance)
         firsts, totals = sums.count("product"), sums.count("difference_squared")
-        heavy = heaviness(self.kurtosis())[:, None]
+        apart = FLOOR * heaviness(self.kurtosis())[:, None]
         return {
             "first_order": Index(
-                weighted=first, count=firsts, whole=variance[..., None], heavy=heavy
+                weighted=first, count=firsts, whole=variance[..., None], apart=apart
             ),
             "total_order": Index(
                 weighted=total,
                 count=totals,
                 power=1,
                 whole=variance[..., None],
-                heavy=heavy,
+                apart=apart,
                 tail=tail(
                     half=sample.mean("difference_root")[0],
                     first=sample.mean("difference_size")[0],
@@ -111,8 +108,8 @@ class SaltelliEstimator(Estimator):
         points = np.moveaxis(values[:, :2], 1, 0)
         between = values[:, 0] - values[:, 1]
         size, apart = (np.abs(one) for one in (difference, between))
-        size = np.where(size <= _LARGEST_FOURTH, size, np.nan)
-        apart = np.where(apart <= _LARGEST_FOURTH, apart, np.nan)
+        size = np.where(size <= LARGEST_FOURTH, size, np.nan)
+        apart = np.where(apart <= LARGEST_FOURTH, apart, np.nan)
         return {
             "product": product[None],
             "difference": np.where(np.isnan(product), np.nan, difference)[None],

@@ -11,9 +11,9 @@ parts are independent by construction, so their lengths add as the sides of a ri
 Donner 2008, Construction of confidence limits about effect measures.)
 
 Of a rare event balanced blocks have equal counts, and look free of error. So where the output has a
-heavy tail neither end of a share is nearer than `FLOOR` of what rows drawn independently would err
-(the Poisson bootstrap). `LOW` and `FLOOR` were set on a Pareto tail of 0.3 and on a rare event, on
-seeds that `benchmarks.sensitivity` does not report.
+heavy tail neither end of a share is nearer than `tails.FLOOR` of what rows drawn independently
+would err (the Poisson bootstrap). `LOW` and `FLOOR` were set on a Pareto tail of 0.3 and on a rare
+event, on seeds that `benchmarks.sensitivity` does not report.
 """
 
 import numpy as np
@@ -29,10 +29,8 @@ from analysis.sensitivity.estimators.intervals import (
 
 Array = NDArray[np.float64]
 
-#: How much longer than Student's the lower side is for the error of the whole, and what an end
-#: keeps at least of the independent error's normal quantile.
+#: How much longer than Student's the lower side is for the error of the whole.
 LOW = 3.5 / 1.895
-FLOOR = 0.33
 
 
 def share_of_squares(
@@ -77,20 +75,20 @@ def share_of_squares(
     return Estimate(value=value, low=low, high=high)
 
 
-def kept_apart(found: Estimate, weighted: Array, heavy: Array, level: float) -> Estimate:
-    """Return an interval whose ends keep their distance under a heavy tail (Hanley 2006).
+def kept_apart(found: Estimate, weighted: Array, apart: Array, level: float) -> Estimate:
+    """Return an interval whose ends keep a share of what independent rows err (Hanley 2006).
 
     Args:
         found: the interval.
         weighted: the index in the sample and its replicates, shape (1 + replicates, ...).
-        heavy: from 0 to 1, how much of `FLOOR` they keep; broadcasts to (...).
+        apart: the share; broadcasts to (...).
         level: of the interval.
     """
     known = ~np.isnan(weighted[1:])
     n = np.maximum(known.sum(axis=0), 1)
     kept = np.where(known, weighted[1:], 0.0)
     off = np.where(known, kept - kept.sum(axis=0) / n, 0.0)
-    least = heavy * FLOOR * ndtri(0.5 + level / 2.0) * np.sqrt((off * off).sum(axis=0) / n)
+    least = apart * ndtri(0.5 + level / 2.0) * np.sqrt((off * off).sum(axis=0) / n)
     return Estimate(
         value=found.value,
         low=np.minimum(found.low, found.value - least),

@@ -23,6 +23,13 @@ Array = NDArray[np.float64]
 
 BEND = 0.8
 
+#: The share of the independent rows' error that intervals keep under a heavy tail
+#: (`analysis.sensitivity.estimators.shares`).
+FLOOR = 0.33
+
+#: A larger difference has no fourth power, and tells nothing of the tail.
+LARGEST_FOURTH = 1e75
+
 #: The kurtosis from which an output counts as heavy-tailed. That of a normal one is 3, of a uniform
 #: one 1.8, of an exponential one 9.
 HEAVY_KURTOSIS = 7.0

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.designs import METHODS, instance_parameters, row_width
 from analysis.sensitivity.polynomial_chaos import fit_chaos
-from analysis.sensitivity.surrogate import GOOD, MOST_RUNS, answer
+from analysis.sensitivity.surrogate import GOOD, MOST_RUNS, _apart, answer
 from analysis.sensitivity.table import Table
 from tests.testbed.studies import FACTORS, study_plan
 
@@ -112,3 +112,25 @@ def test_it_says_what_is_missing() -> None:
         answer(table("morris", rows=2), "y")
     with pytest.raises(ValueError, match="z is the same in all 20 runs"):
         answer(table("morris", rows=5), "z")
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda x: float(x["a"] > 0.3) + 0.2 * x["b"],
+        lambda x: max(x["a"] + x["b"] - 2.0, 0.0) ** 0.5,
+        lambda x: abs(x["a"]) + float(x["a"] > 0.6) * float(x["b"] > 1.2),
+    ],
+    ids=["a jump", "a kink", "a corner that jumps"],
+)
+def test_a_correct_run_at_a_jump_or_a_kink_is_no_outlier(function: Function) -> None:
+    assert answer(table("saltelli", rows=24, function=function), "y").outliers == ()
+
+
+def test_errors_lie_apart_if_they_are_few_and_far_from_all_others() -> None:
+    usual = np.random.default_rng(1).standard_t(3, size=400)  # of every size
+    assert not _apart(np.abs(usual)).any()
+    gone_wrong = np.concatenate([0.1 * np.random.default_rng(1).random(398), [5.0, 9.0]])
+    assert np.flatnonzero(_apart(gone_wrong)).tolist() == [398, 399]
+    many = np.concatenate([0.1 * np.random.default_rng(1).random(380), np.full(20, 5.0)])
+    assert not _apart(many).any()

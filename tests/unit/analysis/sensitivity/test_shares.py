@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from analysis.sensitivity.estimators.intervals import Estimate, satterthwaite
-from analysis.sensitivity.estimators.shares import FLOOR, LOW, kept_apart, share_of_squares
-from analysis.sensitivity.estimators.tails import heaviness
+from analysis.sensitivity.estimators.shares import LOW, kept_apart, share_of_squares
+from analysis.sensitivity.estimators.tails import FLOOR, heaviness
 
 BLOCKS, REPLICATES = 8, 200
 Array = NDArray[np.float64]
@@ -79,12 +79,12 @@ def test_blocks_that_agree_by_chance_leave_a_third_of_the_independent_error() ->
     still = Estimate(value=weighted[0], low=weighted[0], high=weighted[0])
     heavy = heaviness(np.array([20.0, 14.0, 10.5, np.nan]))
     assert heavy.tolist() == [1.0, 1.0, 0.5, 0.0]
-    found = kept_apart(still, weighted, heavy, 0.9)
+    found = kept_apart(still, weighted, FLOOR * heavy, 0.9)
     least = heavy * FLOOR * stats.norm.ppf(0.95) * np.nanstd(weighted[1:], axis=0)
     np.testing.assert_allclose(found.high - found.value, least, atol=1e-12)
     np.testing.assert_allclose(found.value - found.low, least, atol=1e-12)
     wide = Estimate(value=weighted[0], low=weighted[0] - 9.0, high=weighted[0] + 9.0)
-    assert np.array_equal(kept_apart(wide, weighted, heavy, 0.9).low, wide.low)
+    assert np.array_equal(kept_apart(wide, weighted, FLOOR * heavy, 0.9).low, wide.low)
 
 
 def test_of_an_independent_whole_both_errors_add_as_the_sides_of_a_right_angle() -> None:
