@@ -12,16 +12,20 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
-from analysis.closeloop.identification.accuracy import TrialError
 from analysis.closeloop.identification.interface import beyond_interface
-from analysis.closeloop.identification.outcome import outcome_of
+from analysis.closeloop.identification.model import Model
 from analysis.closeloop.identification.tracing import trace
+from analysis.closeloop.identification.trial_error import TrialError
+from analysis.closeloop.judgement.events import find_events, spared
+from analysis.closeloop.judgement.outcome import outcome_of
+from analysis.closeloop.judgement.structure import structures
 from analysis.closeloop.load import load_session
 from analysis.closeloop.report.answer import Answer
 from analysis.closeloop.report.confirmation import confirm, unconfirmed
 from analysis.closeloop.report.json_report import json_report
 from analysis.closeloop.report.page import write_page
 from analysis.closeloop.report.repaired import repaired_model
+from analysis.closeloop.report.still import still_answer
 
 
 def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> Answer:
@@ -32,9 +36,18 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
     """
     progress("reading")
     recording = load_session(folder)
-    found = beyond_interface(trace(recording, progress))
+    if recording.still:
+        return still_answer(recording, find_events(Model(recording), recording))
+    found = trace(recording, progress)
+    progress("torque that is local in time")
+    events = find_events(found.model, recording)
+    if events:
+        # What somebody pushed is no reason to name an effect, nor to bend a stiffness.
+        recording = spared(recording, events)
+        found = trace(recording, progress)
     progress("errors and intervals")
-    outcome = outcome_of(found)
+    found = beyond_interface(found)
+    outcome = outcome_of(found, events, structures(found.model, found.rows))
     return Answer(
         report=json_report(outcome),
         recording=recording,

@@ -276,9 +276,18 @@ def co_contraction(m: Motion, arm: Arm, need: np.ndarray, f: float) -> np.ndarra
     return 4.0 * f * emg * (m.position - arm.neutral)
 
 
+def push(m: Motion, arm: Arm, need: np.ndarray, f: float) -> np.ndarray:
+    """Somebody pushes once, in some of the trials."""
+    rng = np.random.default_rng(int(1e3 * m.start) + 5)
+    when = rng.uniform(0.8, m.time[-1] - 0.8)
+    size = f * rng.choice([-1.0, 1.0]) if rng.random() < 0.4 or m.start < 5.0 else 0.0
+    return np.asarray(size * np.exp(-(((m.time - when) / rng.uniform(0.15, 0.4)) ** 2)))
+
+
 OUTSIDE = {
     e.__name__: e
     for e in (
         tremor, quadratic_drag, muscle_bursts, inverse_speed, mains_hum, warming, co_contraction,
+        push,
     )
 }  # fmt: skip

@@ -1,7 +1,6 @@
 """Errors over the raw effort samples: on trials no fit has touched, or with each group left out."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import decimate
@@ -9,32 +8,12 @@ from scipy.signal import decimate
 from analysis.closeloop.identification.least_squares import gram_matrices, solve
 from analysis.closeloop.identification.model import Model, kept_columns, prediction
 from analysis.closeloop.identification.regression import Rows, resting
+from analysis.closeloop.identification.trial_error import TrialError
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
 
 #: Rate, Hz, to which errors are decimated for comparison with published relative errors.
 SMOOTH_RATE = 100.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrialError:
-    """One joint in one trial: recorded effort and what the model expects, raw samples, (n,)."""
-
-    trial: int
-    joint: int
-    time: np.ndarray
-    effort: np.ndarray
-    predicted: np.ndarray
-
-    @property
-    def residual(self) -> np.ndarray:
-        return np.asarray(self.effort - self.predicted)
-
-    def where(self, rows: np.ndarray) -> "TrialError":
-        """Return the error over the samples `rows` alone."""
-        return replace(
-            self, time=self.time[rows], effort=self.effort[rows], predicted=self.predicted[rows]
-        )
 
 
 def settled(model: Model, coefficients: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
-"""What tracing works with and finds: options, steps, noise ceilings and the trace of a session."""
+"""What is found of a session: options, steps, noise ceilings, the trace, and what it comes to."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,8 +9,13 @@ from scipy.stats import norm
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.model import Candidate, Channel, Model, Term
 from analysis.closeloop.identification.regression import Rows, Score
+from analysis.closeloop.identification.spectrum import Peak
+from analysis.closeloop.identification.trial_error import TrialError
 from sim.effects.effect import Theta
 
+#: An error that is so many times the floor is not at it: floors of one channel that come from
+#: repeats and from above the band differ by as much on real robots (docs/measurements).
+AT_FLOOR = 2.0
 #: A model and its coefficients.
 Fit = tuple[Model, np.ndarray]
 
@@ -125,4 +130,80 @@ class Trace:
             steps=(),
             ceiling_after=self.ceiling_before,
             notes=(*self.notes, note),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Torque at a joint from one moment to another, s on the session's clock."""
+
+    trial: int
+    joint: int
+    begin: float
+    end: float
+    #: Largest low-passed residual, with its sign, Nm or N.
+    peak: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Floor:
+    """Root mean square of a channel's noise over raw samples, Nm or N, and where it is from."""
+
+    value: float
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Structure:
+    """A signal that a joint's residual goes with."""
+
+    signal: str
+    #: Root mean square of what it explains beyond chance, Nm or N (low-passed).
+    rms: float
+    p_value: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errors:
+    """Errors of the same trials under the declared and under the final model."""
+
+    before: list[TrialError]
+    after: list[TrialError]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """The trace of a session, what it amounts to, and how well the models predict."""
+
+    trace: Trace
+    #: The trace's, unless an oscillation is left in a residual that seemed adequate.
+    verdict: Verdict
+    fit: Errors
+    #: Of the trials with the role holdout, or of each group predicted from the others.
+    holdout: Errors
+    #: Whether it is the latter, for want of holdouts.
+    left_out: bool
+    #: Lines and bands in the spectrum of each joint's final residual.
+    oscillations: Mapping[int, list[Peak]]
+    #: Noise of each joint's effort channel; a joint may have none.
+    floors: Mapping[int, Floor]
+    #: Signals that the final residual goes with, and torque that is local in time.
+    structures: Mapping[int, list[Structure]]
+    events: Sequence[Event]
+    #: Root mean square of each joint's final error in motion, apart from events, Nm or N.
+    left: Mapping[int, float]
+
+    def over_floor(self, joint: int) -> float | None:
+        """Return a joint's error over its floor; None if it has no floor."""
+        floor = self.floors.get(joint)
+        return None if floor is None or joint not in self.left else self.left[joint] / floor.value
+
+    @property
+    def recorded(self) -> Errors:
+        """Errors of every trial once: those that were fitted, then the holdouts."""
+        trials = self.trace.rows.recording.session.trials
+        if all(trial.role == "fit" for trial in trials):
+            return self.fit
+        return Errors(
+            before=self.fit.before + self.holdout.before, after=self.fit.after + self.holdout.after
         )

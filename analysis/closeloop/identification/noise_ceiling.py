@@ -75,6 +75,24 @@ def _with_motion(bases: np.ndarray, position: np.ndarray, velocity: np.ndarray) 
     return np.concatenate([bases * position[:, None], bases * velocity[:, None]], axis=1)
 
 
+def phase_groups(recording: Recording, joint: int) -> dict[str, np.ndarray]:
+    """Return bases of where in its course a movement is, which no instant's motion tells, (n, k).
+
+    What stores something (a spring, a slack strap) shows after a reversal or where the load turns;
+    what is late shows with the rate at which torque changes.
+    """
+    name = recording.name(joint)
+    turned = recording.since_reversal(joint)
+    after = hat_basis(np.log(np.abs(turned) + 0.02), 7)
+    load = recording.inverse[:, joint]
+    pull = np.tanh(load / max(0.1 * float(np.std(load)), 1e-12))
+    rate = recording.derivative(recording.smoothed(recording.inverse[:, [joint]]))
+    return {
+        "time since reversal": after * np.sign(turned)[:, None],
+        f"{name}.effort": np.column_stack([hat_basis(load, 8), pull, rate, np.abs(rate)]),
+    }
+
+
 def scattered_folds(rows: Rows) -> list[np.ndarray]:
     """Return folds of whole blocks, dealt out in turn."""
     return [np.flatnonzero(rows.block % FOLDS == number) for number in range(FOLDS)]

@@ -146,6 +146,10 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
             if moving.sum() * step / recording.rate < 0.2:
                 continue
             rows = inside if rests else inside[moving]
+            if recording.disturbed is not None:
+                rows = rows[~recording.disturbed[rows, joint]]
+            if not len(rows):
+                continue
             chosen.append(rows)
             clock = recording.time[rows] - recording.time[piece.start]
             within = (clock / BLOCK_SECONDS).astype(int)

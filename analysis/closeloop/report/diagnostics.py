@@ -65,24 +65,9 @@ def signals(recording: Recording, joint: int) -> dict[str, np.ndarray]:
         "acceleration": a,
         "load": np.abs(recording.static[:, joint]),
         "command": recording.effort[:, joint],
-        "time since reversal": since_reversal(recording, joint),
+        "time since reversal": recording.since_reversal(joint),
         "time": recording.time,
     }
-
-
-def since_reversal(recording: Recording, joint: int) -> np.ndarray:
-    """Return the time since the joint last changed direction, with that direction's sign, (n,)."""
-    out = np.zeros(len(recording.time))
-    for piece in recording.slices:
-        v = recording.velocity[piece, joint]
-        sign = np.sign(v) * (np.abs(v) > recording.rest_speed[joint])
-        # A rest keeps the direction before it: it is no reversal yet.
-        known = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
-        sign = sign[known]
-        turned = np.concatenate([[True], np.diff(sign) != 0])
-        last = np.maximum.accumulate(np.where(turned, np.arange(len(sign)), 0))
-        out[piece] = sign * (np.arange(len(sign)) - last) / recording.rate
-    return out
 
 
 def explained(signal: np.ndarray, residual: np.ndarray) -> float:

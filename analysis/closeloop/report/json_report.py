@@ -2,12 +2,9 @@
 
 from typing import Any
 
-import numpy as np
-
 from analysis.closeloop.contract import SCHEMA, Verdict
 from analysis.closeloop.identification.accuracy import rms_by_joint, smooth_relative
-from analysis.closeloop.identification.findings import Trace
-from analysis.closeloop.identification.outcome import Errors, Outcome
+from analysis.closeloop.identification.findings import Errors, Outcome, Trace
 from analysis.closeloop.report.diagnostics import diagnose
 from analysis.closeloop.report.impedance import impedance_entries, undecided
 from analysis.closeloop.report.links import link_values
@@ -17,10 +14,8 @@ from analysis.closeloop.report.named import (
     refused_values,
     without_value,
 )
-from analysis.closeloop.report.unexplained import smooth_part, unexplained
-from analysis.closeloop.session.recording import Recording
-
-CONVENTION = "restoring"
+from analysis.closeloop.report.plain import CONVENTION, finite, session_entry
+from analysis.closeloop.report.unexplained import far_from_floor, floor_entries, unexplained
 
 
 def json_report(outcome: Outcome) -> dict[str, Any]:
@@ -41,58 +36,46 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
         "convention": CONVENTION,
         "effects": effects,
         "error": {
-            "holdout": _errors(found, outcome.holdout, relative=True),
-            "fit": _errors(found, outcome.fit, relative=False),
+            "holdout": _errors(outcome, outcome.holdout, relative=True),
+            "fit": _errors(outcome, outcome.fit, relative=False),
         },
         "impedance": impedance,
         "declared": declared,
+<<<<<<< HEAD
         "links": link_values(found.fit_of_steps[0]),
         "unexplained": unexplained(found, outcome.recorded.after, outcome.oscillations, verdict),
+=======
+        "unexplained": unexplained(outcome),
+        "floor": floor_entries(recording, outcome.floors),
+>>>>>>> 0850924 (Judge closed loops by floors that no residual sets, and find pushes)
         "diagnostics": _diagnostics(found),
         "advice": _advice(found, verdict),
         "warnings": [
             *warnings,
+            *far_from_floor(outcome),
             *undecided(impedance),
             *without_value(declared),
             *refused_values(effects),
         ],
-        "session": _session(recording),
+        "session": session_entry(recording),
         "ladder": _options(found),
     }
-    finite: dict[str, Any] = _finite(report)
-    return finite
+    report_of: dict[str, Any] = finite(report)
+    return report_of
 
 
-def _session(recording: Recording) -> dict[str, Any]:
-    session, sampling = recording.session, recording.sampling
-    return {
-        "folder": session.folder.name,
-        "model": session.model,
-        "trials": [
-            {"file": t.file, "label": t.label, "group": t.group, "role": t.role}
-            for t in session.trials
-        ],
-        "rate_hz": sampling.recorded,
-        "kinematic_cutoff_hz": sampling.cutoff,
-        "kinematic_cutoff_from": sampling.cutoff_from,
-        "fit_cutoff_hz": sampling.fit_cutoff,
-    }
-
-
-def _errors(found: Trace, errors: Errors, *, relative: bool) -> dict[str, Any]:
-    recording, left = found.rows.recording, found.ceiling_after
+def _errors(outcome: Outcome, errors: Errors, *, relative: bool) -> dict[str, Any]:
+    recording = outcome.trace.rows.recording
     rate = recording.sampling.recorded
     first, last = rms_by_joint(errors.before), rms_by_joint(errors.after)
-    share = left.remains / max(left.model_loss, 1e-300)
     entries = {}
     for joint, (before, effort) in first.items():
         name, after = recording.name(joint), last[joint][0]
-        # The floor is what splines on the recorded signals would leave of the raw error.
-        smooth = smooth_part(found, joint) * max(share, 0.0)
+        floor = outcome.floors.get(joint)
         entry = {
             "before": before,
             "after": after,
-            "floor": float(np.sqrt(max(after**2 - smooth, 0.05 * after**2))),
+            "floor": None if floor is None else floor.value,
             "unit": recording.device.unit(name),
         }
         if relative:
@@ -156,16 +139,3 @@ def _options(found: Trace) -> list[list[dict[str, Any]]]:
         ]
         for step in found.steps
     ]
-
-
-def _finite(content: Any) -> Any:
-    """Return JSON content with plain numbers; what is not finite becomes null."""
-    if isinstance(content, dict):
-        return {key: _finite(value) for key, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [_finite(value) for value in content]
-    if isinstance(content, np.floating | np.integer):
-        content = content.item()
-    if isinstance(content, float) and not np.isfinite(content):
-        return None
-    return content

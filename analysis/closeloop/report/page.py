@@ -4,7 +4,7 @@ Its tables are in `analysis/reports/templates/close_loop.html`.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ MAX_TRIALS = 12
 VERDICTS = {
     "adequate": "Nothing is missing: the residual of the declared model is at its floor.",
     "effect_found": "The declared model lacked an effect; it was found and added.",
-    "unexplained": "Structure is left that no catalogued effect explains.",
+    "unexplained": "Something is left that no catalogued effect explains.",
     "not_identifiable": "An effect is there, but these trials cannot name it.",
 }
 
@@ -99,9 +99,17 @@ def _trials(found: Answer, joint: int) -> "Figure":
     for number, (before, after) in enumerate(pairs, start=1):
         axes = figure.add_subplot(len(pairs), 1, number)
         step = max(1, len(before.time) // MAX_POINTS)
+        trial = found.recording.session.trials[before.trial]
+        for event in _events(found, joint, trial.file):
+            axes.axvspan(event["from"], event["to"], color="gold", alpha=0.4, lw=0)
         axes.plot(before.time[::step], before.residual[::step], color="tab:red", lw=0.6)
         axes.plot(after.time[::step], after.residual[::step], color="tab:blue", lw=0.6)
-        trial = found.recording.session.trials[before.trial]
         axes.set_title(f"{trial.label} ({trial.role})", fontsize=8, loc="left")
         axes.tick_params(labelsize=7)
     return figure
+
+
+def _events(found: Answer, joint: int, file: str) -> list[dict[str, Any]]:
+    """Return the events of a joint in a file."""
+    entry = found.report["unexplained"].get(found.recording.name(joint), {"events": []})
+    return [event for event in entry["events"] if event["file"] == file]

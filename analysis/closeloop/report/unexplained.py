@@ -1,63 +1,136 @@
 """What is left that no catalogued effect explains: described, never given a physical name."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from scipy.signal import welch
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.accuracy import TrialError
-from analysis.closeloop.identification.findings import Trace
+from analysis.closeloop.identification.findings import AT_FLOOR, Event, Floor, Outcome, Trace
 from analysis.closeloop.identification.spectrum import Peak
+from analysis.closeloop.identification.trial_error import TrialError
 from analysis.closeloop.session.recording import Recording
 
 #: A trial or a moment whose residual is this many times the usual one stands out.
 ODD = 1.5
 ODD_SECONDS = 0.25
+#: Signals of one joint that are listed.
+MAX_SIGNALS = 3
 
 
-def unexplained(
-    found: Trace,
-    errors: list[TrialError],
-    beyond: Mapping[int, list[Peak]],
-    verdict: Verdict,
-) -> dict[str, Any]:
-    """Describe, per joint, what no effect explains: size, signals it depends on, band, where.
+def unexplained(outcome: Outcome) -> dict[str, Any]:
+    """Describe, per joint, what no effect explains: size, signals it depends on, band, when.
 
-    Args:
-        found: the trace.
-        errors: of the repaired model, over the trials that were fitted and the holdouts.
-        beyond: lines and bands in the residual's spectrum.
-        verdict: of the whole session.
+    A joint is there whose residual goes with a signal, stands above its floor, is larger in some
+    trials than in the others, or holds events.
     """
+    found, beyond = outcome.trace, outcome.oscillations
     recording, left = found.rows.recording, found.ceiling_after
     entries = {}
     for joint in recording.joints:
         name = recording.name(joint)
+        own = [e for e in outcome.recorded.after if e.joint == joint and len(e.time) > 1]
+        if not own:
+            continue
+        events = event_entries(recording, [e for e in outcome.events if e.joint == joint])
         depends = [signal for signal, _ in left.depends_on]
+        depends += [one.signal for one in outcome.structures.get(joint, [])[:MAX_SIGNALS]]
         if joint in beyond:
             depends.append("time")
-        if not depends and verdict != Verdict.UNEXPLAINED:
-            continue
-        own = [error for error in errors if error.joint == joint and len(error.time) > 1]
-        if not own:
+        ratio = outcome.over_floor(joint) or 0.0
+        # A trial that leaves far more than the fitted ones holds something they did not show.
+        usual = float(np.median([_mean_square(e) for e in own if e.trial in recording.fit_trials]))
+        disturbed = {event.trial for event in outcome.events if event.joint == joint}
+        odd = [error for error in own if _mean_square(error) > ODD**2 * usual]
+        alone = [error for error in odd if error.trial not in disturbed]
+        said = depends or events or ratio > AT_FLOOR or alone
+        if not said and outcome.verdict != Verdict.UNEXPLAINED:
             continue
         share = max(0.0, 1.0 - left.ceiling_loss / max(left.model_loss, 1e-300))
         structured = share * smooth_part(found, joint)
         structured += sum(peak.rms**2 for peak in beyond.get(joint, []))
-        # A trial that leaves far more than the fitted ones holds something they did not show.
-        usual = float(np.median([_mean_square(e) for e in own if e.trial in recording.fit_trials]))
-        odd = [error for error in own if _mean_square(error) > ODD**2 * usual]
         structured = max([structured, *(_mean_square(error) - usual for error in odd)])
+        if ratio > AT_FLOOR:
+            structured = max(structured, outcome.left[joint] ** 2 * (1.0 - 1.0 / ratio**2))
+        if events:
+            every = np.concatenate([error.residual for error in own])
+            structured = max(structured, float(np.mean(every**2)) - outcome.left[joint] ** 2)
+        strongest = max((one.rms for one in outcome.structures.get(joint, [])), default=0.0)
         entries[name] = {
-            "rms": float(np.sqrt(structured)),
+            "rms": float(max(np.sqrt(structured), strongest)),
             "unit": recording.device.unit(name),
             "depends_on": list(dict.fromkeys(depends)),
             "band_hz": _band(recording, own, [] if odd else beyond.get(joint, [])),
             "mostly_in": [_where(recording, error, usual) for error in odd],
+            "events": events,
+        }
+    # A joint that rests all the time has no balance to explain; somebody may push it all the same.
+    for joint in sorted({event.joint for event in outcome.events} - set(recording.joints)):
+        own_events = [event for event in outcome.events if event.joint == joint]
+        entries[recording.name(joint)] = only_events(recording, own_events)
+    return entries
+
+
+def only_events(recording: Recording, events: Sequence[Event]) -> dict[str, Any]:
+    """Return the entry of a joint that does not move, with its events."""
+    name = recording.name(events[0].joint)
+    return {
+        "rms": float(np.sqrt(np.mean([event.peak**2 for event in events]) / 2.0)),
+        "unit": recording.device.unit(name),
+        "depends_on": [],
+        "band_hz": None,
+        "mostly_in": [],
+        "events": event_entries(recording, events),
+    }
+
+
+def event_entries(recording: Recording, events: Sequence[Event]) -> list[dict[str, Any]]:
+    """Return events in the contract's words."""
+    return [
+        {
+            "file": recording.session.trials[event.trial].file,
+            "from": event.begin,
+            "to": event.end,
+            "peak": event.peak,
+        }
+        for event in events
+    ]
+
+
+def floor_entries(recording: Recording, found: Mapping[int, Floor]) -> dict[str, Any]:
+    """Return every joint's floor, and where it is from; null where a channel has none."""
+    entries: dict[str, Any] = {}
+    for joint in recording.joints:
+        name, floor = recording.name(joint), found.get(joint)
+        entries[name] = {
+            "value": None if floor is None else floor.value,
+            "unit": recording.device.unit(name),
+            "from": None if floor is None else floor.source,
         }
     return entries
+
+
+def far_from_floor(outcome: Outcome) -> list[str]:
+    """Return a warning for every joint whose error is not at its floor, or that has none."""
+    recording = outcome.trace.rows.recording
+    lines = []
+    for joint in recording.joints:
+        name, ratio = recording.name(joint), outcome.over_floor(joint)
+        unit = recording.device.unit(name)
+        if ratio is None:
+            lines.append(
+                f"{name} has no floor: no movement is repeated, nothing is recorded above the band "
+                "of the movement and no noise is declared under sensors; the size of its error "
+                "says nothing"
+            )
+        elif ratio > AT_FLOOR:
+            floor = outcome.floors[joint]
+            lines.append(
+                f"{name}: the error in motion, {outcome.left[joint]:.3g} {unit}, is {ratio:.1f} "
+                f"times its floor, {floor.value:.3g} {unit} ({floor.source})"
+            )
+    return lines
 
 
 def _mean_square(error: TrialError) -> float:

@@ -111,6 +111,8 @@ class Session:
     limb_joints: tuple[str, ...] = ()
     #: Cutoff of the positions' low-pass, Hz; None leaves it to the data.
     kinematic_cutoff_hz: float | None = None
+    #: Root mean square of the noise of channels that the user knows, by `JOINT.effort`.
+    noise: Mapping[str, float] = field(default_factory=dict)
     trials: tuple[Trial, ...] = ()
     #: Keys of `session.json` that mean nothing here.
     unknown: tuple[str, ...] = ()

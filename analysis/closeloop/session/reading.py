@@ -30,6 +30,7 @@ KEYS = (
     "declared_effects",
     "ignored_joints",
     "limb_joints",
+    "sensors",
     "effort_filter_hz",
     "kinematic_cutoff_hz",
     "columns",
@@ -88,6 +89,7 @@ def read_session(folder: Path, known_effects: Collection[str]) -> Session:
         ignored_joints=_joint_names(fields, "ignored_joints"),
         limb_joints=limbs,
         kinematic_cutoff_hz=_cutoff_hz(fields),
+        noise=_noise(fields),
         trials=_trials(fields, folder, filter_hz),
         unknown=_unknown(fields),
     )
@@ -249,6 +251,19 @@ def _cutoff_hz(fields: Fields) -> float | None:
     if fields.get("kinematic_cutoff_hz") is None:
         return None
     return fields.number("kinematic_cutoff_hz", low=0.1, high=1000.0)
+
+
+def _noise(fields: Fields) -> dict[str, float]:
+    """Return what the user knows of the noise of effort channels, root mean square."""
+    wanted = 'such as {"elbow.effort": {"noise_rms": 0.05}}'
+    sensors = fields.part("sensors", fields.get("sensors", {}), wanted)
+    found = {}
+    for channel in sensors.content:
+        if not channel.endswith(".effort"):
+            raise sensors.wrong(channel, "is no effort channel; name JOINT.effort")
+        own = sensors.part(channel, sensors.get(channel), 'with "noise_rms"')
+        found[channel] = own.number("noise_rms")
+    return found
 
 
 def _joint_names(fields: Fields, name: str) -> tuple[str, ...]:

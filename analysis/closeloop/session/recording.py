@@ -55,6 +55,10 @@ class Recording:
     joints: tuple[int, ...]
     #: Trials that may be fitted.
     fit_trials: tuple[int, ...]
+    #: Whether no joint moves: there is nothing to fit, and only events can be looked for.
+    still: bool = False
+    #: Samples that something from outside disturbed, (n, joints); None if nobody has looked.
+    disturbed: np.ndarray | None = None
     #: Inverse dynamics are asked for again and again with the same arguments.
     cache: dict[tuple[object, ...], np.ndarray] = field(default_factory=dict, repr=False)
 
@@ -173,6 +177,22 @@ class Recording:
     @cached_property
     def rest_speed(self) -> np.ndarray:
         return np.asarray(REST_SHARE * self.top_speed)
+
+    def since_reversal(self, joint: int) -> np.ndarray:
+        """Return the time since a joint last changed direction, with that direction's sign, (n,).
+
+        A rest keeps the direction before it: it is no reversal yet.
+        """
+        out = np.zeros(len(self.time))
+        for piece in self.slices:
+            v = self.velocity[piece, joint]
+            sign = np.sign(v) * (np.abs(v) > self.rest_speed[joint])
+            known = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
+            sign = sign[known]
+            turned = np.concatenate([[True], np.diff(sign) != 0])
+            last = np.maximum.accumulate(np.where(turned, np.arange(len(sign)), 0))
+            out[piece] = sign * (np.arange(len(sign)) - last) / self.rate
+        return out
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
         """Pass columns (n, ...) through the fit's low-pass, piece by piece, as the effort."""

@@ -35,7 +35,8 @@ def record(session: Session, device: Device) -> Recording:
     """Bring a session's trials to one clock and differentiate them.
 
     Raises:
-        SessionError: no joint both moves and has an effort in the trials that may be fitted.
+        SessionError: no joint that moves has an effort in the trials that may be fitted; if none
+            moves, no joint has one.
     """
     trials = [with_missing_counted(without_stale(trial)) for trial in session.trials]
     session = replace(session, trials=tuple(trials))
@@ -52,7 +53,8 @@ def record(session: Session, device: Device) -> Recording:
         if piece.trial in fit_trials:
             moving |= np.ptp(piece.position, axis=0) > MOVING
             measured |= ~np.isnan(piece.effort).any(axis=0)
-    joints = tuple(int(joint) for joint in np.flatnonzero(moving & measured))
+    still = not moving.any()
+    joints = tuple(int(joint) for joint in np.flatnonzero(measured & (moving | still)))
     if not joints:
         raise SessionError(
             "no joint with a recorded effort moves; excite at least one joint", file=SESSION_FILE
@@ -80,6 +82,7 @@ def record(session: Session, device: Device) -> Recording:
         extra_names=names,
         joints=joints,
         fit_trials=fit_trials,
+        still=still,
     )
 
 

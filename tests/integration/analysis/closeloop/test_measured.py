@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from analysis.closeloop.loop import close_loop
-from tests.testbed.recordings import measured_folder, write_elbows, write_emps
+from tests.testbed.recordings import measured_folder, write_elbows, write_emps, write_ur10e
 
 MEASURED = measured_folder()
 pytestmark = pytest.mark.skipif(
@@ -65,3 +65,22 @@ def test_ramps_of_healthy_elbows_lack_inertia_and_nothing_else(tmp_path: Path) -
     assert 0.05 < report["effects"][0]["parameters"]["inertia"]["value"] < 0.15
     stiffness = report["impedance"]["elbow"]["stiffness"]
     assert stiffness["before"] < 0 < stiffness["after"]
+
+
+def test_pushes_of_a_still_arm_are_events_with_their_times(tmp_path: Path) -> None:
+    assert MEASURED is not None
+    write_ur10e(tmp_path, MEASURED, {"pushed_while_still": "fit"})
+    report = close_loop(tmp_path, tmp_path / "out")
+    assert report["verdict"] == "unexplained" and report["effects"] == []
+    pushes = report["unexplained"]["shoulder_lift_joint"]["events"]
+    # Seen by eye in the current of the second joint: 205, 209 and 213 s on the controller's clock.
+    assert [round(push["from"] / 2) * 2 for push in pushes] == [206, 208, 212]
+    assert all(push["peak"] > 50.0 for push in pushes)
+
+
+def test_stiction_of_a_still_arm_is_no_event_and_says_nothing_of_the_model(tmp_path: Path) -> None:
+    assert MEASURED is not None
+    write_ur10e(tmp_path, MEASURED, {"still_hold": "fit"})
+    report = close_loop(tmp_path, tmp_path / "out")
+    assert report["verdict"] == "not_identifiable"
+    assert report["unexplained"] == {} and "no joint moves" in report["warnings"][0]

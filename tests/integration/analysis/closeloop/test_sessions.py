@@ -59,6 +59,9 @@ def test_nothing_missing_is_an_answer(tmp_path: Path) -> None:
     assert report["verdict"] == "adequate" and report["effects"] == []
     error = report["error"]["holdout"]["elbow"]
     assert error["after"] == error["before"] == pytest.approx(0.06, rel=0.1)
+    # The sensor's own noise, seen above the band of the movement.
+    assert report["floor"]["elbow"]["from"] == "above the band"
+    assert error["floor"] == report["floor"]["elbow"]["value"] == pytest.approx(0.06, rel=0.2)
     assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(
         arm.stiffness, rel=0.005
     )
@@ -119,6 +122,19 @@ def test_what_no_effect_explains_is_described_and_not_named(
     assert signal in left["depends_on"] and left["rms"] > 0.1
     if effect == "tremor":
         assert left["band_hz"][0] < 6.3 < left["band_hz"][1]
+
+
+def test_a_push_is_an_event_with_its_time_and_bends_no_stiffness(tmp_path: Path) -> None:
+    report, arm = closed(tmp_path, "push")
+    assert report["verdict"] == "unexplained" and report["effects"] == []
+    first = report["unexplained"]["elbow"]["events"][0]
+    # Every session's first trial is pushed, by at least 0.4 Nm at six times the noise.
+    assert first["file"] == "p0_v0.csv" and abs(first["peak"]) > 0.3
+    assert 0.1 < first["to"] - first["from"] < 2.5
+    low, high = report["impedance"]["elbow"]["stiffness"]["ci90_after"]
+    assert low <= arm.stiffness <= high
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Events: torque that is local in time" in page and "above the band" in page
 
 
 def test_one_sweep_in_one_direction_names_nothing_and_says_what_to_record(tmp_path: Path) -> None:

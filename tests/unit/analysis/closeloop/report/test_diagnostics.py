@@ -7,7 +7,7 @@ import pytest
 
 from analysis.closeloop.identification.model import Model
 from analysis.closeloop.identification.regression import select_rows
-from analysis.closeloop.report.diagnostics import diagnose, explained, since_reversal, whiteness
+from analysis.closeloop.report.diagnostics import diagnose, explained, whiteness
 from analysis.closeloop.session.recording import Recording
 
 
@@ -62,7 +62,7 @@ def test_lags_of_filtered_noise_stay_inside_their_bounds_and_those_of_a_tone_do_
 
 
 def test_time_since_reversal_starts_anew_at_each(recording: Recording) -> None:
-    since = since_reversal(recording, 1)
+    since = recording.since_reversal(1)
     turns = np.flatnonzero(np.diff(np.sign(since)) != 0)
     # 0.4 Hz for 5 s: a reversal every 1.25 s.
     assert np.abs(since).max() == pytest.approx(1.25, abs=0.03)

@@ -1,0 +1,285 @@
+"""Torque that is local in time and does not come back: a person pushes, something is in the way.
+
+Looked for before any effect is, so that no effect is made of it, and the fit is spared it. A joint
+that moves is compared with what the declared model and splines on all signals make of its other
+seconds, fitted so that a few wrong ones do not count (bisquare weights, Beaton and Tukey 1974); a
+joint that rests, with the course of its own torque there, because friction at rest has any value.
+What stands out is no event if the same residual is there whenever the joint passes in the same
+way. Thresholds were set on the synthetic sessions of `tests/testbed` (seeds below 100) and on two
+recordings of a UR10e (`still_hold` has none, `pushed_while_still` five pushes).
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.spatial import cKDTree
+from scipy.stats import norm
+
+from analysis.closeloop.identification.findings import Event
+from analysis.closeloop.identification.least_squares import gram_matrices
+from analysis.closeloop.identification.model import Model, evaluate, kept_columns
+from analysis.closeloop.identification.noise_ceiling import (
+    FOLDS,
+    phase_groups,
+    signal_groups,
+)
+from analysis.closeloop.identification.regression import Rows, resting, select_rows
+from analysis.closeloop.session.recording import Recording
+
+#: An event's peak and its flanks, over the spread of the residual (from its median).
+PEAK, FLANK = 6.0, 2.5
+#: ... and over its own spread, for a joint at rest, whose stiction creeps.
+STILL_PEAK = 8.0
+#: ... and, for a joint at rest, over the Coulomb friction that its motion shows.
+STICTION = 3.0
+#: ... and over the noise of single samples.
+OVER_NOISE = 4.0
+#: Lengths over which the residual is averaged, s: a weak push shows by lasting.
+SCALES = (0.0, 0.2, 0.6)
+#: Time over which a resting joint's torque is compared with its own course, s.
+COURSE = 4.0
+#: Shortest event, s, and how many a second of motion are no events but a form that is wrong.
+SHORTEST, OFTEN = 0.08, 0.15
+#: What takes a larger share of the time than this is not local.
+LOCAL = 0.25
+#: How near another pass is (in deviations of place, speed and acceleration), and which share of
+#: the residual makes it the same.
+NEAR, ALIKE = 0.3, 0.4
+#: How many neighbouring rows noise makes alike, which a fit takes for as many less.
+COLOUR = 10.0
+#: Rounds of the robust fit, and its bisquare's width.
+ROUNDS, WIDTH = 5, 4.7
+
+
+def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
+    """Return the events of every trial and joint with an effort, in the order of time.
+
+    Args:
+        model: what is known by now: what is declared, and effects that were found.
+        recording: all trials.
+    """
+    found: list[Event] = []
+    friction = dict.fromkeys(recording.joints, 0.0)
+    if not recording.still:
+        rows = select_rows(recording, tuple(range(len(recording.session.trials))))
+        for joint in recording.joints:
+            friction[joint] = friction_of(model, rows, joint)
+            own = _joined(_moving(rows, joint, *beyond_splines(model, rows, joint)))
+            own = [event for event in own if event.end - event.begin > SHORTEST]
+            seconds = len(rows.samples[joint]) * samples_step(rows.samples[joint]) / recording.rate
+            found += own if len(own) <= max(3.0, OFTEN * seconds) else []
+    for joint in range(recording.effort.shape[1]):
+        found += _resting(recording, joint, friction.get(joint, 0.0))
+    return tuple(sorted(_joined(found), key=lambda one: (one.begin, one.joint)))
+
+
+def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
+    """Return the recording with the samples of events marked: no fit uses them."""
+    disturbed = np.zeros(recording.effort.shape, dtype=bool)
+    for event in events:
+        inside = (recording.time >= event.begin) & (recording.time <= event.end)
+        disturbed[inside & (recording.trial == event.trial), event.joint] = True
+    return replace(recording, disturbed=disturbed)
+
+
+def beyond_splines(model: Model, rows: Rows, joint: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what splines beside the model leave of a joint, Nm or N, low-passed, (r,) each.
+
+    Every second is predicted from others, without outliers. The second array is the same divided
+    by how much surer the fit is elsewhere: no event is made of a place where the joint was once.
+    """
+    part, recording = rows.parts[joint], rows.recording
+    groups = signal_groups(rows, joint) | phase_groups(recording, joint)
+    splines = np.concatenate(list(groups.values()), axis=1)
+    base, _ = model.base(rows)
+    stacked = rows.stack(model.transformed({joint: splines}), splines.shape[1])
+    table = np.concatenate([np.ones((len(base), 1)), base, stacked], axis=1)[part]
+    scale = np.sqrt((table**2).mean(axis=0))
+    kept = scale > 1e-9
+    table = table[:, kept] / scale[kept]
+    target = model.target(rows)[part]
+    both = np.column_stack([table, target])
+    folds = [np.flatnonzero(rows.block[part] % FOLDS == k) for k in range(FOLDS)]
+    weight = np.ones(len(target))
+    left = sure = target
+    for _ in range(ROUNDS):
+        grams = gram_matrices(both * np.sqrt(weight)[:, None], folds)
+        total = grams.sum(axis=0)
+        left, sure = np.empty_like(target), np.empty_like(target)
+        for own, gram in zip(folds, grams, strict=True):
+            left[own], sure[own] = _predicted(total - gram, table[own], target[own])
+        size = np.abs(sure) / (WIDTH * max(spread(sure), 1e-12))
+        weight = np.where(size < 1, (1 - size**2) ** 2, 0.0)
+    return left, sure
+
+
+def quiet_spread(signal: np.ndarray) -> float:
+    """Return the same from the quietest quarter: somebody may push most of the time."""
+    return float(np.quantile(np.abs(signal), 0.25) / norm.ppf(0.625))
+
+
+def friction_of(model: Model, rows: Rows, joint: int) -> float:
+    """Return half of the step that a joint's torque makes where it turns, Nm or N."""
+    recording = rows.recording
+    samples = rows.samples[joint]
+    coefficients = evaluate(model, rows).coefficients
+    rigid = recording.filtered(recording.rigid[:, [joint]])[samples, 0]
+    rubbing = recording.effort[samples, joint] - rigid
+    for term, own in model.split(coefficients):
+        if not term.rubs and joint in term.columns:
+            rubbing = rubbing - recording.filtered(kept_columns(term)[joint])[samples] @ own
+    slow = np.abs(recording.velocity[samples, joint]) < 0.25 * recording.top_speed[joint]
+    sides = [
+        rubbing[slow & (sign * recording.velocity[samples, joint] > 0)] for sign in (1.0, -1.0)
+    ]
+    if not all(len(side) for side in sides):
+        return 0.0
+    return 0.5 * abs(float(np.median(sides[0]) - np.median(sides[1])))
+
+
+def spread(signal: np.ndarray) -> float:
+    """Return the standard deviation of a signal from the median of its size."""
+    return float(1.4826 * np.median(np.abs(signal))) if len(signal) else 0.0
+
+
+def _predicted(
+    gram: np.ndarray, table: np.ndarray, target: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the residual of rows that were not fitted, and the same made smaller by doubt."""
+    size = len(gram) - 1
+    matrix = gram[:size, :size] + 1e-5 * float(np.trace(gram[:size, :size])) / size * np.eye(size)
+    inverse = np.linalg.inv(matrix)
+    left = target - table @ (inverse @ gram[:size, size])
+    leverage = ((table @ inverse) * table).sum(axis=1)
+    return left, left / np.sqrt(1.0 + COLOUR * leverage)
+
+
+def _moving(rows: Rows, joint: int, left: np.ndarray, residual: np.ndarray) -> Iterator[Event]:
+    """Yield what stands out of a moving joint's residual and is not there in other passes."""
+    recording, samples = rows.recording, rows.samples[joint]
+    if len(samples) < 50:
+        return
+    step = float(np.median(np.diff(recording.time[samples])))
+    pieces = np.split(
+        np.arange(len(samples)), np.flatnonzero(np.diff(samples) > 2 * samples_step(samples)) + 1
+    )
+    turned = recording.since_reversal(joint)[samples]
+    motion = [x[samples, joint] for x in (recording.velocity, recording.acceleration)]
+    places = [recording.position[samples, joint], np.sign(turned) * np.log(np.abs(turned) + 0.02)]
+    ways = [_Way(recording.time[samples], [place, *motion]) for place in places]
+    for seconds in SCALES:
+        smooth = np.array(residual)
+        for piece in pieces:
+            smooth[piece] = uniform_filter1d(residual[piece], max(1, round(seconds / step)))
+        usual = spread(smooth)
+        outlying = np.abs(smooth) > FLANK * usual
+        if np.mean(np.abs(smooth) > PEAK * usual) > LOCAL:
+            continue
+        for piece in pieces:
+            for run in runs(outlying[piece]):
+                own = piece[run]
+                top = own[np.argmax(np.abs(smooth[own]))]
+                if abs(smooth[top]) <= PEAK * usual:
+                    continue
+                if any(way.comes_back(smooth, int(top)) for way in ways):
+                    continue
+                peak = own[np.argmax(np.abs(left[own]))]
+                yield Event(
+                    trial=int(recording.trial[samples[top]]),
+                    joint=joint,
+                    begin=float(recording.time[samples[own[0]]]),
+                    end=float(recording.time[samples[own[-1]]]),
+                    peak=float(left[peak]),
+                )
+
+
+def samples_step(samples: np.ndarray) -> int:
+    return int(np.median(np.diff(samples)))
+
+
+class _Way:
+    """Passes through the same motion: the same place or phase, speed and acceleration."""
+
+    def __init__(self, time: np.ndarray, signals: list[np.ndarray]) -> None:
+        state = np.column_stack(signals)
+        self._state = state / np.maximum(state.std(axis=0), 1e-12)
+        self._tree = cKDTree(self._state)
+        self._time = time
+
+    def comes_back(self, residual: np.ndarray, top: int) -> bool:
+        """Whether the joint leaves the same residual in other passes as at row `top`."""
+        time = self._time
+        near = np.array(self._tree.query_ball_point(self._state[top], NEAR), dtype=int)
+        near = np.sort(near[np.abs(time[near] - time[top]) > 1.0])
+        if not len(near):
+            return False
+        passes = np.split(near, np.flatnonzero(np.diff(time[near]) > 0.5) + 1)
+        alike = [float(np.median(residual[one])) / residual[top] for one in passes]
+        return bool(3 * int(np.sum(np.array(alike) > ALIKE)) >= max(3, len(alike)))
+
+
+def _resting(recording: Recording, joint: int, friction: float) -> Iterator[Event]:
+    """Yield what stands out of a resting joint's own course."""
+    courses = []
+    for piece in recording.slices:
+        effort = recording.effort[piece, joint]
+        if np.isnan(effort).any():
+            continue
+        still = recording.still or joint not in recording.joints
+        rests = [slice(0, len(effort))] if still else list(runs(resting(recording, joint, piece)))
+        for run in rests:
+            if run.stop - run.start < recording.rate:
+                continue
+            own = effort[run] - recording.static[piece, joint][run]
+            width = int(COURSE * recording.rate) | 1
+            beyond = own - median_filter(own, min(width, len(own) | 1), mode="nearest")
+            courses.append((piece, run, beyond))
+    if not courses:
+        return
+    noise = max(_noise(recording, joint, number) for number in np.unique(recording.trial))
+    usual = quiet_spread(np.concatenate([beyond for _, _, beyond in courses]))
+    least = max(STILL_PEAK * usual, STICTION * friction, OVER_NOISE * noise)
+    if usual <= 0.0:
+        return
+    for piece, run, beyond in courses:
+        for peak_run in runs(np.abs(beyond) > max(FLANK * usual, 0.2 * least)):
+            top = peak_run.start + int(np.argmax(np.abs(beyond[peak_run])))
+            if abs(beyond[top]) <= least:
+                continue
+            start = piece.start + run.start
+            yield Event(
+                trial=recording.trial_of(piece),
+                joint=joint,
+                begin=float(recording.time[start + peak_run.start]),
+                end=float(recording.time[start + peak_run.stop - 1]),
+                peak=float(beyond[top]),
+            )
+
+
+def _noise(recording: Recording, joint: int, trial: int) -> float:
+    """Return what differs from one raw sample to the next, Nm or N."""
+    effort = recording.raw_effort(trial, joint)
+    return 0.0 if effort is None else spread(np.diff(effort)) / float(np.sqrt(2.0))
+
+
+def runs(marked: np.ndarray) -> Iterator[slice]:
+    """Yield where a boolean array is true without a break."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(int), [0]])))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        yield slice(int(start), int(stop))
+
+
+def _joined(events: Iterable[Event]) -> list[Event]:
+    """Return events with those of one joint joined that overlap or follow within a second."""
+    found: list[Event] = []
+    for event in sorted(events, key=lambda one: (one.trial, one.joint, one.begin)):
+        last = found[-1] if found else None
+        same = last is not None and (last.trial, last.joint) == (event.trial, event.joint)
+        if last is not None and same and event.begin <= last.end + 0.3:
+            peak = max(last.peak, event.peak, key=abs)
+            found[-1] = replace(last, end=max(last.end, event.end), peak=peak)
+        else:
+            found.append(event)
+    return found

@@ -1,0 +1,157 @@
+"""How small a joint's error can get: the noise of its effort channel, never from the residual.
+
+A floor is what the user declares of the sensor; or what a movement that was repeated leaves when
+one pass is taken from the other (both passes' residuals under the declared model, over the square
+root of two, so that a shift in time or place does little harm); or what the channel shows above the
+band of the movement, where the model has nothing to say, continued flat into the band. It is never
+less than what the channel's last digit leaves. See Pintelon and Schoukens 2012, System
+Identification, section 1.3, on noise from repeated experiments.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.signal import medfilt, oaconvolve, welch
+
+from analysis.closeloop.identification.findings import Floor
+from analysis.closeloop.identification.trial_error import TrialError
+from analysis.closeloop.session.recording import Recording
+
+#: Length of a movement that is looked for again, s, and rate at which it is looked for, Hz.
+PASS_SECONDS, PASS_RATE = 2.0, 50.0
+#: Two passes are one movement if they are this near, over what the movement is (root mean square).
+SAME = 0.02
+#: Least number of passes that were made again.
+MIN_PASSES = 3
+#: Where the band above the movement begins, over the fit's cutoff, and how wide it must be.
+BEYOND, WIDE = 1.25, 1.5
+#: Samples of a spectrum's window, and lines over which a narrow one is smoothed away.
+WINDOW, LINES = 256, 9
+
+
+def floors(recording: Recording, errors: Sequence[TrialError]) -> dict[int, Floor]:
+    """Return the floor of every joint that has one.
+
+    Args:
+        recording: all trials.
+        errors: of the declared model, raw samples; of every trial that was recorded.
+    """
+    repeated = list(passes(recording))
+    found = {}
+    for joint in recording.joints:
+        own = [error for error in errors if error.joint == joint and len(error.time) > 1]
+        floor = (
+            _declared(recording, joint)
+            or _from_repeats(recording, repeated, own)
+            or _above_the_band(recording, own)
+        )
+        digit = _last_digit(own)
+        if digit > (floor.value if floor else 0.0):
+            floor = Floor(value=digit, source="quantisation")
+        if floor is not None:
+            found[joint] = floor
+    return found
+
+
+def _declared(recording: Recording, joint: int) -> Floor | None:
+    noise = recording.session.noise.get(f"{recording.name(joint)}.effort")
+    return None if noise is None else Floor(value=noise, source="declared")
+
+
+def passes(recording: Recording) -> Iterator[tuple[slice, int]]:
+    """Yield movements that were made again: samples of the first pass, and by how many later.
+
+    Every joint moves alike in both. The search is a sum of squares at every lag (by convolution).
+    """
+    thin = max(1, round(recording.rate / PASS_RATE))
+    moving = [j for j in recording.joints if np.ptp(recording.position[:, j]) > 0]
+    place = recording.position[::thin][:, moving]
+    scale = place.std(axis=0)
+    place = place / np.where(scale > 0, scale, 1.0)
+    trial = recording.trial[::thin]
+    count = int(PASS_SECONDS * recording.rate / thin)
+    power = np.concatenate([[0.0], np.cumsum((place**2).sum(axis=1))])
+    power = power[count:] - power[:-count]
+    for start in range(0, len(place) - 2 * count, count):
+        own = place[start : start + count]
+        spread = float(((own - own.mean(axis=0)) ** 2).sum())
+        if trial[start] != trial[start + count - 1] or spread < 0.05 * own.size:
+            continue
+        rest = place[start + count :]
+        product = sum(
+            oaconvolve(rest[:, k], own[::-1, k], mode="valid") for k in range(len(moving))
+        )
+        later = start + count
+        distance = power[later : later + len(product)] - 2 * product + float((own**2).sum())
+        whole = trial[later : later + len(product)] == trial[later + count - 1 :][: len(product)]
+        distance = np.where(whole, distance, np.inf)
+        if not len(distance):
+            continue
+        best = int(np.argmin(distance))
+        if distance[best] < SAME**2 * spread:
+            yield slice(start * thin, (start + count) * thin), (later + best - start) * thin
+
+
+def _from_repeats(
+    recording: Recording, repeated: Sequence[tuple[slice, int]], errors: Sequence[TrialError]
+) -> Floor | None:
+    """Return the noise that repeats show; half of the passes may hold something else."""
+    by_trial = {error.trial: error for error in errors}
+    shares = []
+    for first, later in repeated:
+        one = by_trial.get(int(recording.trial[first.start]))
+        other = by_trial.get(int(recording.trial[first.start + later]))
+        if one is None or other is None:
+            continue
+        begin, end = recording.time[first.start], recording.time[first.stop - 1]
+        inside = (one.time >= begin) & (one.time <= end)
+        shift = recording.time[first.start + later] - begin
+        # The nearest sample: a mean of two would have less noise than one.
+        at = np.searchsorted(
+            other.time, one.time[inside] + shift - 0.5 / recording.sampling.recorded
+        )
+        at = np.minimum(at, len(other.time) - 1)
+        difference = one.residual[inside] - other.residual[at]
+        if len(difference) > 10:
+            shares.append(float(np.mean(difference**2)) / 2.0)
+    if len(shares) < MIN_PASSES:
+        return None
+    return Floor(value=float(np.sqrt(np.median(shares))), source="repeats")
+
+
+def _above_the_band(recording: Recording, errors: Sequence[TrialError]) -> Floor | None:
+    """Return the noise of the band above the movement, continued flat below it."""
+    rate = recording.sampling.recorded
+    edge = BEYOND * recording.sampling.fit_cutoff
+    highest = 0.5 * rate
+    if any(trial.effort_filter_hz is not None for trial in recording.session.trials):
+        return None
+    if highest < WIDE * edge:
+        return None
+    powers, lengths = [], []
+    frequency = np.empty(0)
+    for error in errors:
+        for piece in np.split(error.residual, np.flatnonzero(np.diff(error.time) > 5 / rate) + 1):
+            if len(piece) >= 2 * WINDOW:
+                frequency, power = welch(
+                    piece, rate, nperseg=WINDOW, detrend="linear", average="median"
+                )
+                powers.append(power)
+                lengths.append(len(piece))
+    if not powers:
+        return None
+    power = medfilt(np.average(powers, axis=0, weights=lengths), LINES)
+    above = frequency >= edge
+    near = above & (frequency <= WIDE * edge)
+    level = float(np.median(power[near if near.sum() > 3 else above]))
+    square = level * edge + float(power[above].sum() * frequency[1])
+    return Floor(value=float(np.sqrt(square)), source="above the band")
+
+
+def _last_digit(errors: Sequence[TrialError]) -> float:
+    """Return what rounding to the channel's steps leaves, or 0 if it shows no steps."""
+    effort = np.concatenate([error.effort for error in errors]) if errors else np.zeros(1)
+    levels = np.unique(effort)
+    if len(levels) < 2 or len(levels) > 0.2 * len(effort):
+        return 0.0
+    return float(np.median(np.diff(levels)) / np.sqrt(12.0))

@@ -1,0 +1,126 @@
+"""What a session comes to: its verdict, and the errors of the declared and the final model.
+
+`adequate` is said only of a residual that is near its floor, goes with no signal and is not local
+in time. Where a channel has no floor, nothing is concluded from the size of the error.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.accuracy import left_out_errors, raw_errors, settled
+from analysis.closeloop.identification.findings import (
+    AT_FLOOR,
+    Errors,
+    Event,
+    Floor,
+    Outcome,
+    Structure,
+    Trace,
+)
+from analysis.closeloop.identification.regression import resting
+from analysis.closeloop.identification.spectrum import Peak, peaks
+from analysis.closeloop.identification.trial_error import TrialError
+from analysis.closeloop.judgement.floor import floors
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import rms
+
+#: What goes with a signal counts from this share of the floor on, or of the joint's effort.
+MIN_STRUCTURE, MIN_EFFORT = 0.25, 0.008
+
+
+def outcome_of(
+    trace: Trace, events: Sequence[Event], goes_with: Mapping[int, list[Structure]]
+) -> Outcome:
+    """Compare the models' predictions with the trials and settle the verdict.
+
+    Args:
+        trace: what tracing found.
+        events: torque that is local in time; the trace was spared it.
+        goes_with: signals that each joint's final residual goes with.
+    """
+    recording, rows = trace.rows.recording, trace.rows
+    expected = [settled(*model) for model in trace.fits]
+    holdouts = tuple(
+        number for number, trial in enumerate(recording.session.trials) if trial.role == "holdout"
+    )
+    fit = [raw_errors(recording, effort, recording.fit_trials) for effort in expected]
+    holdout = [raw_errors(recording, effort, holdouts) for effort in expected]
+    every = [*fit[1], *holdout[1]]
+    lowest = floors(recording, [*fit[0], *holdout[0]])
+    left_out = not holdout[0]
+    if left_out:
+        holdout = [left_out_errors(model, rows) for model, _ in trace.fits]
+    rubs = trace.model.rubs
+    outcome = Outcome(
+        trace=trace,
+        verdict=trace.verdict,
+        fit=Errors(before=fit[0], after=fit[1]),
+        holdout=Errors(before=holdout[0], after=holdout[1]),
+        left_out=left_out,
+        oscillations=oscillations(recording, fit[1]),
+        floors=lowest,
+        structures=_large(trace, goes_with, lowest),
+        events=events,
+        left={
+            joint: rms(np.concatenate(own))
+            for joint in recording.joints
+            if (own := [_in_motion(recording, e, rubs) for e in every if e.joint == joint])
+        },
+    )
+    if trace.verdict == Verdict.ADEQUATE and _something_is_left(outcome):
+        return replace(outcome, verdict=Verdict.UNEXPLAINED)
+    return outcome
+
+
+def _something_is_left(outcome: Outcome) -> bool:
+    """Whether a residual that no effect was found in is more than noise."""
+    far = [joint for joint in outcome.left if (outcome.over_floor(joint) or 0.0) > AT_FLOOR]
+    structured = [joint for joint, own in outcome.structures.items() if own]
+    return bool(outcome.oscillations or outcome.events or far or structured)
+
+
+def _large(
+    trace: Trace, found: Mapping[int, list[Structure]], lowest: Mapping[int, Floor]
+) -> dict[int, list[Structure]]:
+    """Return what is large enough to matter next to floor and effort."""
+    rows = trace.rows
+    kept = {}
+    for joint, own in found.items():
+        count = max(len(rows.samples[joint]), 1)
+        effort = np.sqrt(rows.effort_power(joint) / count) / rows.weight[rows.parts[joint].start]
+        floor = lowest[joint].value if joint in lowest else 0.0
+        least = max(MIN_STRUCTURE * floor, MIN_EFFORT * float(effort))
+        kept[joint] = [one for one in own if one.rms > least]
+    return kept
+
+
+def _in_motion(recording: Recording, error: TrialError, rubs: bool) -> np.ndarray:
+    """Return an error's residual without events; of a joint that rubs, without its rests."""
+    apart = np.zeros(len(recording.time), dtype=bool)
+    if recording.disturbed is not None:
+        apart |= recording.disturbed[:, error.joint]
+    for piece in recording.pieces_of(error.trial) if rubs else []:
+        apart[piece] |= resting(recording, error.joint, piece)
+    own = recording.trial == error.trial
+    near = np.interp(error.time, recording.time[own], apart[own].astype(float))
+    return error.residual[near == 0.0] if (near == 0.0).any() else error.residual
+
+
+def oscillations(recording: Recording, errors: list[TrialError]) -> dict[int, list[Peak]]:
+    """Return the narrow lines, or the band, of each joint's raw residual, if any."""
+    rate = recording.sampling.recorded
+    found = {}
+    for joint in recording.joints:
+        own = [error for error in errors if error.joint == joint and len(error.time) > 1]
+        residuals = []
+        for error in own:
+            even = np.arange(error.time[0], error.time[-1], 1.0 / rate)
+            residuals.append(np.interp(even, error.time, error.residual))
+        effort = np.concatenate([error.effort for error in own]) if own else np.zeros(1)
+        highest = recording.sampling.fit_cutoff / 2.0
+        if alone := peaks(residuals, rate, rms(effort), highest):
+            found[joint] = alone
+    return found

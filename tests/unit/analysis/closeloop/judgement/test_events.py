@@ -1,0 +1,116 @@
+"""Torque that is local in time and does not come back is an event, and only that."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.findings import Event
+from analysis.closeloop.identification.model import Model
+from analysis.closeloop.identification.regression import select_rows
+from analysis.closeloop.judgement.events import find_events, spared
+from analysis.closeloop.session.contents import Trial
+from analysis.closeloop.session.recording import Recording
+
+SECONDS, RATE, NOISE = 60.0, 50.0, 0.05
+TIME = np.arange(int(SECONDS * RATE)) / RATE
+
+
+def pushed(begin: float, seconds: float, peak: float) -> np.ndarray:
+    """Return a smooth push, (n,)."""
+    inside = (begin < TIME) & (begin + seconds > TIME)
+    return np.where(inside, peak * np.sin(np.pi * (TIME - begin) / seconds) ** 2, 0.0)
+
+
+@pytest.fixture
+def swinging(recording: Recording) -> Recording:
+    """One minute of the elbow in motion, its shoulder held; effort is what the model needs."""
+    w, centre = 2 * np.pi * 0.4, 1.0
+    phase = w * TIME + 0.6 * np.sin(0.31 * TIME)
+    elbow = centre + 0.5 * np.sin(phase)
+    velocity = np.gradient(elbow, 1 / RATE)
+    zero = np.zeros(len(TIME))
+    return replace(
+        recording,
+        sampling=replace(recording.sampling, recorded=RATE, working=RATE, cutoff=10.0),
+        slices=[slice(0, len(TIME))],
+        trial=np.zeros(len(TIME), dtype=int),
+        time=TIME,
+        position=np.column_stack([zero, elbow]),
+        velocity=np.column_stack([zero, velocity]),
+        acceleration=np.column_stack([zero, np.gradient(velocity, 1 / RATE)]),
+        extra=np.empty((len(TIME), 0)),
+        joints=(1,),
+        cache={},
+    )
+
+
+def with_effort(recording: Recording, beyond: np.ndarray) -> Recording:
+    """Return the recording with an effort of the model's own torque, noise and more."""
+    rng = np.random.default_rng(4)
+    effort = np.full_like(recording.position, np.nan)
+    noise = NOISE * rng.standard_normal(len(TIME))
+    effort[:, 1] = recording.inverse[:, 1] + noise + beyond
+    effort[:, 1] = recording.filtered(effort[:, [1]])[:, 0]
+    return replace(recording, effort=effort, cache={})
+
+
+def test_noise_alone_holds_no_event(swinging: Recording) -> None:
+    quiet = with_effort(swinging, np.zeros(len(TIME)))
+    assert find_events(Model(quiet), quiet) == ()
+
+
+def test_two_pushes_are_found_with_their_times_and_peaks(swinging: Recording) -> None:
+    beyond = pushed(20.0, 1.2, 0.5) + pushed(41.0, 0.8, -0.7)
+    found = with_effort(swinging, beyond)
+    one, other = find_events(Model(found), found)
+    assert 19.8 < one.begin < 20.5 < one.end < 21.5 and one.peak == pytest.approx(0.5, rel=0.35)
+    assert 40.8 < other.begin < 41.4 < other.end < 42.0 and other.peak < -0.4
+
+
+def test_torque_that_comes_back_wherever_the_joint_passes_is_no_event(swinging: Recording) -> None:
+    there = 0.6 * np.exp(-(((swinging.position[:, 1] - 1.2) / 0.03) ** 2))
+    found = with_effort(swinging, there * (swinging.velocity[:, 1] > 0))
+    assert find_events(Model(found), found) == ()
+
+
+def test_no_fit_uses_what_an_event_disturbed(swinging: Recording) -> None:
+    event = Event(trial=0, joint=1, begin=20.0, end=21.0, peak=0.5)
+    recording = with_effort(swinging, np.zeros(len(TIME)))
+    rows = select_rows(spared(recording, (event,)), (0,))
+    times = recording.time[rows.samples[1]]
+    assert not ((times >= 20.0) & (times <= 21.0)).any() and len(times) > 100
+
+
+def still(recording: Recording, effort: np.ndarray) -> Recording:
+    """Return a recording in which the elbow is held at one place."""
+    count = len(TIME)
+    held = np.column_stack([np.zeros(count), np.ones(count)])
+    trial = Trial(
+        file="a.csv", label="a", group="a", role="fit", time=TIME, columns={"elbow.effort": effort}
+    )
+    recording = replace(
+        recording,
+        session=replace(recording.session, trials=(trial,)),
+        slices=[slice(0, count)],
+        trial=np.zeros(count, dtype=int),
+        time=TIME,
+        position=held,
+        velocity=np.zeros_like(held),
+        acceleration=np.zeros_like(held),
+        joints=(1,),
+        still=True,
+        cache={},
+    )
+    noisy = np.column_stack([np.full(count, np.nan), effort])
+    return replace(recording, effort=noisy)
+
+
+def test_stiction_that_creeps_is_no_event_and_a_push_is(swinging: Recording) -> None:
+    rng = np.random.default_rng(2)
+    creep = 3.0 + 0.8 * np.tanh((TIME - 30.0) / 12.0) + NOISE * rng.standard_normal(len(TIME))
+    held = still(swinging, creep)
+    assert find_events(Model(held), held) == ()
+    held = still(swinging, creep + pushed(25.0, 1.5, 2.0))
+    (event,) = find_events(Model(held), held)
+    assert 24.9 < event.begin < event.end < 26.6 and event.peak == pytest.approx(2.0, rel=0.15)

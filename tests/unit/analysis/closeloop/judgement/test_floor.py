@@ -1,0 +1,87 @@
+"""A channel's floor is its own noise, whatever the model leaves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.trial_error import TrialError
+from analysis.closeloop.judgement.floor import floors, passes
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import Sampling
+
+NOISE = 0.2
+
+
+@pytest.fixture(scope="module")
+def repeated(recording: Recording) -> Recording:
+    """The rich recording, four times over."""
+    count = 4
+    step = 1.0 / recording.rate
+    return replace(
+        recording,
+        sampling=Sampling(recorded=200.0, working=200.0, cutoff=20.0),
+        slices=[slice(0, count * len(recording.time))],
+        trial=np.tile(recording.trial, count),
+        time=np.arange(count * len(recording.time)) * step,
+        position=np.tile(recording.position, (count, 1)),
+        velocity=np.tile(recording.velocity, (count, 1)),
+        acceleration=np.tile(recording.acceleration, (count, 1)),
+        effort=np.tile(recording.effort, (count, 1)),
+        extra=np.tile(recording.extra, (count, 1)),
+        cache={},
+    )
+
+
+def error(recording: Recording, structure: np.ndarray, *, step: float = 0.0) -> TrialError:
+    """Return an error that holds a structure and noise, rounded to a step."""
+    rng = np.random.default_rng(1)
+    effort = structure + NOISE * rng.standard_normal(len(recording.time))
+    if step:
+        effort = np.round(effort / step) * step
+    return TrialError(
+        trial=0, joint=1, time=recording.time, effort=effort, predicted=np.zeros(len(effort))
+    )
+
+
+def test_what_the_model_leaves_is_no_floor(recording: Recording) -> None:
+    # Five times the noise is left, in the band of the movement: the floor is the noise.
+    left = 1.0 * np.sign(recording.velocity[:, 1])
+    one = error(recording, np.convolve(left, np.ones(40) / 40, mode="same"))
+    floor = floors(replace(recording, joints=(1,)), [one])[1]
+    assert floor.source == "above the band"
+    assert floor.value == pytest.approx(NOISE, rel=0.15)
+
+
+def test_a_repeated_movement_shows_its_noise_in_the_band_too(repeated: Recording) -> None:
+    one = error(repeated, 3.0 * np.sin(2.0 * repeated.position[:, 1]))
+    floor = floors(replace(repeated, joints=(1,)), [one])[1]
+    assert floor.source == "repeats"
+    assert floor.value == pytest.approx(NOISE, rel=0.1)
+
+
+def test_passes_of_a_movement_are_found_a_whole_period_later(repeated: Recording) -> None:
+    found = list(passes(repeated))
+    assert len(found) >= 3
+    assert {later % 1000 for _, later in found} == {0}
+
+
+def test_what_the_user_knows_of_a_sensor_comes_first(repeated: Recording) -> None:
+    session = replace(repeated.session, noise={"elbow.effort": 0.07})
+    known = replace(repeated, joints=(1,), session=session)
+    floor = floors(known, [error(known, np.zeros(len(known.time)))])[1]
+    assert (floor.value, floor.source) == (0.07, "declared")
+
+
+def test_no_floor_is_below_the_last_digit(recording: Recording) -> None:
+    session = replace(recording.session, noise={"elbow.effort": 0.01})
+    known = replace(recording, joints=(1,), session=session)
+    floor = floors(known, [error(known, np.zeros(len(known.time)), step=0.5)])[1]
+    assert floor.source == "quantisation"
+    assert floor.value == pytest.approx(0.5 / np.sqrt(12), rel=0.01)
+
+
+def test_a_channel_that_was_filtered_has_no_floor_above_its_band(recording: Recording) -> None:
+    trials = tuple(replace(trial, effort_filter_hz=5.0) for trial in recording.session.trials)
+    known = replace(recording, joints=(1,), session=replace(recording.session, trials=trials))
+    assert floors(known, [error(known, np.zeros(len(known.time)))]) == {}
