@@ -190,13 +190,20 @@ class Outcome:
     #: Signals that the final residual goes with, and torque that is local in time.
     structures: Mapping[int, list[Structure]]
     events: Sequence[Event]
-    #: Root mean square of each joint's final error in motion, apart from events, Nm or N.
+    #: Root mean square that the final model leaves of each joint in motion below the fit's cutoff,
+    #: apart from events, Nm or N.
     left: Mapping[int, float]
 
     def over_floor(self, joint: int) -> float | None:
-        """Return a joint's error over its floor; None if it has no floor."""
-        floor = self.floors.get(joint)
-        return None if floor is None or joint not in self.left else self.left[joint] / floor.value
+        """Return a joint's error over its floor; None if it has no floor.
+
+        Above the fit's cutoff the floor itself stands in for the error: nothing is compared there.
+        """
+        floor, sampling = self.floors.get(joint), self.trace.rows.recording.sampling
+        if floor is None or joint not in self.left:
+            return None
+        beyond = 1.0 - min(1.0, 2.0 * sampling.fit_cutoff / sampling.recorded)
+        return float(np.sqrt((self.left[joint] / floor.value) ** 2 + beyond))
 
     @property
     def recorded(self) -> Errors:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.accuracy import left_out_errors, raw_errors, settled
@@ -20,7 +21,6 @@ from analysis.closeloop.identification.findings import (
     Structure,
     Trace,
 )
-from analysis.closeloop.identification.regression import resting
 from analysis.closeloop.identification.spectrum import Peak, peaks
 from analysis.closeloop.identification.trial_error import TrialError
 from analysis.closeloop.judgement.floor import floors
@@ -48,12 +48,10 @@ def outcome_of(
     )
     fit = [raw_errors(recording, effort, recording.fit_trials) for effort in expected]
     holdout = [raw_errors(recording, effort, holdouts) for effort in expected]
-    every = [*fit[1], *holdout[1]]
     lowest = floors(recording, [*fit[0], *holdout[0]])
     left_out = not holdout[0]
     if left_out:
         holdout = [left_out_errors(model, rows) for model, _ in trace.fits]
-    rubs = trace.model.rubs
     outcome = Outcome(
         trace=trace,
         verdict=trace.verdict,
@@ -64,11 +62,7 @@ def outcome_of(
         floors=lowest,
         structures=_large(trace, goes_with, lowest),
         events=events,
-        left={
-            joint: rms(np.concatenate(own))
-            for joint in recording.joints
-            if (own := [_in_motion(recording, e, rubs) for e in every if e.joint == joint])
-        },
+        left=left_in_band(recording, expected[1], rubs=trace.model.rubs),
     )
     if trace.verdict == Verdict.ADEQUATE and _something_is_left(outcome):
         return replace(outcome, verdict=Verdict.UNEXPLAINED)
@@ -97,16 +91,41 @@ def _large(
     return kept
 
 
-def _in_motion(recording: Recording, error: TrialError, rubs: bool) -> np.ndarray:
-    """Return an error's residual without events; of a joint that rubs, without its rests."""
-    apart = np.zeros(len(recording.time), dtype=bool)
-    if recording.disturbed is not None:
-        apart |= recording.disturbed[:, error.joint]
-    for piece in recording.pieces_of(error.trial) if rubs else []:
-        apart[piece] |= resting(recording, error.joint, piece)
-    own = recording.trial == error.trial
-    near = np.interp(error.time, recording.time[own], apart[own].astype(float))
-    return error.residual[near == 0.0] if (near == 0.0).any() else error.residual
+def left_in_band(recording: Recording, expected: np.ndarray, *, rubs: bool) -> dict[int, float]:
+    """Return what a prediction leaves of each joint in motion, without events, in the fit's band.
+
+    Above it nothing is compared: an effort that a stiff controller drives there is no structure.
+    Where friction passes through zero, and while the joint rests, the motion does not say what it
+    is; the low-pass spreads that over its memory.
+
+    Args:
+        recording: all trials.
+        expected: effort, (n, joints).
+        rubs: whether there is friction in the model.
+
+    Returns:
+        Root mean square, Nm or N, of every joint that has an effort in motion.
+    """
+    edge = int(recording.rate / recording.sampling.fit_cutoff)
+    memory = 2 * round(0.5 * recording.rate / recording.sampling.fit_cutoff) + 1
+    smooth = recording.filtered(np.nan_to_num(expected))
+    found = {}
+    for joint in recording.joints:
+        good = recording.usable & np.isfinite(recording.effort[:, joint])
+        if recording.disturbed is not None:
+            good &= ~recording.disturbed[:, joint]
+        for piece in recording.slices:
+            # What the filters touch at both ends, as in the fit.
+            good[piece.start : piece.start + edge] = good[piece.stop - edge : piece.stop] = False
+            if not rubs:
+                continue
+            velocity = recording.velocity[piece, joint]
+            turning = np.abs(velocity) < recording.rest_speed[joint]
+            turning[1:] |= np.diff(np.sign(velocity)) != 0
+            good[piece] &= ~maximum_filter1d(turning, memory)
+        if good.any():
+            found[joint] = rms((recording.effort - smooth)[good, joint])
+    return found
 
 
 def oscillations(recording: Recording, errors: list[TrialError]) -> dict[int, list[Peak]]:

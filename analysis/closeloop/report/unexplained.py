@@ -52,10 +52,9 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
         structured += sum(peak.rms**2 for peak in beyond.get(joint, []))
         structured = max([structured, *(_mean_square(error) - usual for error in odd)])
         if ratio > AT_FLOOR:
-            structured = max(structured, outcome.left[joint] ** 2 * (1.0 - 1.0 / ratio**2))
+            structured = max(structured, (ratio**2 - 1.0) * outcome.floors[joint].value ** 2)
         if events:
-            every = np.concatenate([error.residual for error in own])
-            structured = max(structured, float(np.mean(every**2)) - outcome.left[joint] ** 2)
+            structured = max(structured, _power(recording, own, events))
         strongest = max((one.rms for one in outcome.structures.get(joint, [])), default=0.0)
         entries[name] = {
             "rms": float(max(np.sqrt(structured), strongest)),
@@ -127,14 +126,28 @@ def far_from_floor(outcome: Outcome) -> list[str]:
         elif ratio > AT_FLOOR:
             floor = outcome.floors[joint]
             lines.append(
-                f"{name}: the error in motion, {outcome.left[joint]:.3g} {unit}, is {ratio:.1f} "
-                f"times its floor, {floor.value:.3g} {unit} ({floor.source})"
+                f"{name}: the error in motion is {ratio:.1f} times its floor, "
+                f"{floor.value:.3g} {unit} ({floor.source})"
             )
     return lines
 
 
 def _mean_square(error: TrialError) -> float:
     return float(np.mean(error.residual**2))
+
+
+def _power(
+    recording: Recording, errors: Sequence[TrialError], events: Sequence[Mapping[str, Any]]
+) -> float:
+    """Return the mean square of the residual within events, Nm2 or N2."""
+    parts = [
+        error.residual[(error.time >= event["from"]) & (error.time <= event["to"])]
+        for error in errors
+        for event in events
+        if recording.session.trials[error.trial].file == event["file"]
+    ]
+    every = np.concatenate(parts) if parts else np.zeros(1)
+    return float(np.mean(every**2)) if len(every) else 0.0
 
 
 def _where(recording: Recording, error: TrialError, usual: float) -> dict[str, Any]:

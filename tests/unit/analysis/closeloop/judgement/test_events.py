@@ -39,6 +39,7 @@ def swinging(recording: Recording) -> Recording:
         position=np.column_stack([zero, elbow]),
         velocity=np.column_stack([zero, velocity]),
         acceleration=np.column_stack([zero, np.gradient(velocity, 1 / RATE)]),
+        measured=np.ones(len(TIME)),
         extra=np.empty((len(TIME), 0)),
         joints=(1,),
         cache={},

@@ -28,6 +28,7 @@ def repeated(recording: Recording) -> Recording:
         velocity=np.tile(recording.velocity, (count, 1)),
         acceleration=np.tile(recording.acceleration, (count, 1)),
         effort=np.tile(recording.effort, (count, 1)),
+        measured=np.tile(recording.measured, count),
         extra=np.tile(recording.extra, (count, 1)),
         cache={},
     )
