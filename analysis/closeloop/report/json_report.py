@@ -41,13 +41,9 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
         },
         "impedance": impedance,
         "declared": declared,
-<<<<<<< HEAD
         "links": link_values(found.fit_of_steps[0]),
-        "unexplained": unexplained(found, outcome.recorded.after, outcome.oscillations, verdict),
-=======
         "unexplained": unexplained(outcome),
         "floor": floor_entries(recording, outcome.floors),
->>>>>>> 0850924 (Judge closed loops by floors that no residual sets, and find pushes)
         "diagnostics": _diagnostics(found),
         "advice": _advice(found, verdict),
         "warnings": [

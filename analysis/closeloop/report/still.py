@@ -50,6 +50,7 @@ def still_answer(recording: Recording, events: Sequence[Event]) -> Answer:
         "error": {"holdout": entries, "fit": entries},
         "impedance": {},
         "declared": [],
+        "links": {},
         "unexplained": {
             recording.name(joint): only_events(recording, [e for e in events if e.joint == joint])
             for joint in pushed
