@@ -107,11 +107,6 @@ class Model:
             found.append(self.given.candidate)
         return (*found, *(channel.candidate for channel in self.channels))
 
-    @property
-    def rubs(self) -> bool:
-        """Whether there is friction in it, whose torque at rest the motion does not determine."""
-        return any(term.rubs for term in self.terms) or bool(np.any(self.recording.device.friction))
-
     def transformed(self, columns: Columns) -> Columns:
         """Pass columns through every channel, known or found."""
         out = {}

@@ -52,6 +52,7 @@ def outcome_of(
     left_out = not holdout[0]
     if left_out:
         holdout = [left_out_errors(model, rows) for model, _ in trace.fits]
+    rubs = any(term.rubs for term in trace.model.terms) or bool(np.any(recording.device.friction))
     outcome = Outcome(
         trace=trace,
         verdict=trace.verdict,
@@ -62,7 +63,7 @@ def outcome_of(
         floors=lowest,
         structures=_large(trace, goes_with, lowest),
         events=events,
-        left=left_in_band(recording, expected[1], rubs=trace.model.rubs),
+        left=left_in_band(recording, expected[1], rubs=rubs),
     )
     if trace.verdict == Verdict.ADEQUATE and _something_is_left(outcome):
         return replace(outcome, verdict=Verdict.UNEXPLAINED)
