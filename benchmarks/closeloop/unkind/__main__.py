@@ -30,10 +30,6 @@ from benchmarks.measurement import digest
 MEASURED = ("analysis/closeloop", "sim/effects")
 
 
-def answer(case: Case, sessions: Path | None) -> Outcome:
-    return run(case, None if sessions is None else kept_at(sessions, case))
-
-
 def run_all(
     work: list[Case], jobs: int, kept: Path | None, sessions: Path | None, loud: bool
 ) -> list[Outcome]:
@@ -48,7 +44,9 @@ def run_all(
     started = time.perf_counter()
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=20) as pool:
-        futures = [pool.submit(answer, case, sessions) for case in left]
+        futures = [
+            pool.submit(run, case, kept_at(sessions, case) if sessions else None) for case in left
+        ]
         for number, future in enumerate(as_completed(futures), 1):
             outcome = future.result()
             done[outcome.case] = outcome
