@@ -131,6 +131,11 @@ ASSESSMENTS: Mapping[str, Setup] = MappingProxyType(
                 "elbow, another device: bench-mounted, one joint",
                 device="elbow_orthosis",
             ),
+            _setup(
+                "elbow_authors",
+                "elbow, explicit contact, cuffs where the authors have them",
+                device="nesm_authors",
+            ),
             *(
                 _setup(name, f"{name.replace('_', ' ')}, explicit contact", target=name)
                 for name in TARGETS

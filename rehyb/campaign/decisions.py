@@ -44,7 +44,12 @@ class Proposed:
 
 def screening_phase(plan: Plan) -> Phase:
     """Return phase 1: all factors of the model."""
-    design = {"method": "morris", "rows": plan.screening_rows}
+    design = {
+        "method": "morris",
+        "rows": plan.screening_rows,
+        "fixed": _kept(plan),
+        "factors": _sampled(plan, _kept(plan)),
+    }
     return _phase(1, "screening (elementary effects)", plan, design)
 
 
@@ -54,17 +59,40 @@ def variance_phase(plan: Plan, fixed: str) -> Phase:
 
     model = MODELS[plan.model]
     title = f"variance (Sobol indices), {fixed} fixed at {nominal_value(plan, fixed)}"
+    kept = {**_kept(plan), fixed: model.factor(fixed).nominal}
     design = {
         "method": "saltelli",
         "rows": plan.variance_rows,
-        "fixed": {fixed: model.factor(fixed).nominal},
-        "factors": [
-            {"name": factor.name, "range": [factor.low, factor.high]}
-            for factor in model.sampled
-            if factor.name != fixed
-        ],
+        "fixed": kept,
+        "factors": _sampled(plan, kept),
     }
     return _phase(2, title, plan, design)
+
+
+def _kept(plan: Plan) -> dict[str, float]:
+    """Return what keeps one value throughout: what is fixed, and lengths without a range."""
+    from sim.models import MODELS
+    from sim.parameters.wearer import RANGES
+
+    names = {factor.name for factor in MODELS[plan.model].factors}
+    ranges = {n: ends for n, ends in RANGES[plan.ranges].items() if n in names}
+    single = {n: low for n, (low, high) in ranges.items() if low == high}
+    return {**single, **plan.fixed}
+
+
+def _sampled(plan: Plan, kept: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Return the model's other sampled factors with their ranges."""
+    from sim.models import MODELS
+    from sim.parameters.wearer import RANGES
+
+    return [
+        {
+            "name": factor.name,
+            "range": list(RANGES[plan.ranges].get(factor.name, (factor.low, factor.high))),
+        }
+        for factor in MODELS[plan.model].sampled
+        if factor.name not in kept
+    ]
 
 
 def _phase(number: int, title: str, plan: Plan, design: Mapping[str, Any]) -> Phase:

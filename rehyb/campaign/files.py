@@ -113,7 +113,7 @@ def load_manifest(directory: Path, plan: Plan) -> Json:
     if path.exists():
         manifest: Json = json.loads(path.read_text())
         # A campaign that an earlier version began lacks what came later.
-        later = {"most_rows": None, "target": None}
+        later: Json = {"most_rows": None, "target": None, "fixed": {}, "ranges": "table_1"}
         kept: Json = manifest.get("plan", {})
         if {**later, **kept} != asdict(plan):
             words = ", ".join(f"{name} {value}" for name, value in kept.items())

@@ -1,7 +1,7 @@
 """What a campaign computes, and sizes by name."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 
@@ -22,6 +22,10 @@ class Plan:
     #: +-`target` (default 0.02); None: it has `variance_rows` and no more.
     most_rows: int | None = None
     target: float | None = None
+    #: Values that other factors keep throughout, and the ranges of the arm's lengths: a key of
+    #: `sim.parameters.wearer.RANGES`.
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    ranges: str = "table_1"
 
 
 #: Sizes of a campaign: fields of a plan.

@@ -13,7 +13,13 @@ from rehyb.campaign.files import Report
 from rehyb.campaign.plans import PRESETS, Plan
 from rehyb.campaign.run import Campaign
 from rehyb.cli.answers import Answer, Token, Url, answering
-from rehyb.cli.options import check_target, check_up_to, interruptible, optional
+from rehyb.cli.options import (
+    check_target,
+    check_up_to,
+    fixed_values,
+    interruptible,
+    optional,
+)
 from rehyb.client import Client
 
 if TYPE_CHECKING:
@@ -75,6 +81,17 @@ def run(
         float | None,
         optional(help="Half width wanted of every interval of S and ST. Default: 0.02."),
     ] = None,
+    fix: Annotated[
+        list[str] | None,
+        optional(metavar="NAME=VALUE", help="A factor that is not nominal throughout; repeat."),
+    ] = None,
+    ranges: Annotated[
+        str,
+        typer.Option(
+            help="Of the arm's lengths: table_1, aligned10 (10 % round the nominal, as in the "
+            "authors' code) or aligned (nominal)."
+        ),
+    ] = "table_1",
     confirm: Annotated[
         bool, typer.Option("--confirm", help="Ask before a factor is fixed. Default: fix it.")
     ] = False,
@@ -85,11 +102,12 @@ def run(
 
     Ctrl-C stops everything; running the same command again carries on where it was.
     """
-    sizes = {
+    sizes: dict[str, Any] = {
         "screening_rows": screening_rows,
         "variance_rows": variance_rows,
         "sampling": sampling or None,
     }
+    sizes |= {"fixed": fixed_values(model, fix or ()), "ranges": ranges}
     plan = _plan(preset, model, output, seed=seed, most_rows=up_to, target=target, **sizes)
     try:
         with interruptible(), ExitStack() as stack:
@@ -126,6 +144,7 @@ def _plan(preset: str, model: str, output: str | None, **given: Any) -> Plan:
         typer.BadParameter: there is no such preset, model or output, or the precision is none.
     """
     from sim.models import MODELS
+    from sim.parameters.wearer import RANGES
 
     if preset not in PRESETS:
         raise typer.BadParameter(f"there is no preset {preset!r}: take {' or '.join(PRESETS)}")
@@ -134,6 +153,10 @@ def _plan(preset: str, model: str, output: str | None, **given: Any) -> Plan:
     outputs = MODELS[model].outputs
     if output is not None and output not in outputs:
         raise typer.BadParameter(f"{model} has no output {output!r}: it has {', '.join(outputs)}")
+    if given["ranges"] not in RANGES:
+        raise typer.BadParameter(
+            f"there are no ranges {given['ranges']!r}: take one of {', '.join(RANGES)}"
+        )
     check_up_to(given["target"], given["most_rows"])
     check_target(given["target"])
     chosen = {name: value for name, value in given.items() if value is not None}

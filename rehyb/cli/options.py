@@ -66,6 +66,28 @@ def assignments(texts: Iterable[str]) -> dict[str, str]:
     return found
 
 
+def fixed_values(model: str, texts: Iterable[str]) -> dict[str, float]:
+    """Return "name=value" of a model's factors as numbers; that of a choice may be its name.
+
+    Raises:
+        typer.BadParameter: one is no factor's value, or a name comes twice.
+    """
+    from sim.models import MODELS
+    from sim.parameters.factors import no_factor
+
+    known = {f.name: f for f in MODELS[model].factors} if model in MODELS else {}
+    values = {}
+    for name, text in assignments(texts).items():
+        if name not in known:
+            raise typer.BadParameter(no_factor(model, name, known))
+        factor = known[name]
+        try:
+            values[name] = factor.number(text) if factor.choices else number(text, name)
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from None
+    return values
+
+
 def number(text: str, what: str) -> float:
     """Return `text` as a number.
 

@@ -29,6 +29,9 @@ REFERENCE_ELEMENTS = 96
 HARDENING = 0.012
 #: Thickness that remains over the bone, m; the slide's stop lies there.
 BONE_CLEARANCE = 0.012
+#: Where the upper arm's tissue begins, from the shoulder, unless a cuff lies nearer; its length;
+#: and the least of it above a cuff; nominally, m.
+UPPER_ARM_START, UPPER_ARM_TISSUE, ABOVE_CUFF = 0.09, 0.13, 0.005
 #: Farthest an element may bulge outwards, m.
 BULGE = 0.03
 
@@ -79,8 +82,9 @@ def soft_tissues(
     tissue_scale: float = 1.0,
     coupling: float = TISSUE_COUPLING,
     fidelity: Fidelity = CAMPAIGN,
+    upper_start: float = UPPER_ARM_START,
 ) -> tuple[SoftTissue, SoftTissue]:
-    """Return the tissue of upper arm and forearm.
+    """Return the tissue of upper arm and forearm; that of the upper arm from `upper_start` on, m.
 
     `tissue_scale` multiplies stiffness and viscosity of both; `coupling` the stiffness between
     neighbours alone.
@@ -92,8 +96,8 @@ def soft_tissues(
         name="upper_arm",
         bone="humerus",
         radius=0.040,
-        start=0.09 * su,
-        end=0.22 * su,
+        start=upper_start * su,
+        end=(upper_start + UPPER_ARM_TISSUE) * su,
         axis_y=0.0,
         axis_z=0.0,
         mass=0.489,

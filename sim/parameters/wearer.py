@@ -68,6 +68,12 @@ class Wearer:
 
 #: Paper, Table 1.
 TABLE_1: tuple[Factor, ...] = factors_of(Wearer)
+#: Other ranges of the lengths by name: "aligned10" is the authors' code, "aligned" has no range.
+RANGES: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    "table_1": {},
+    "aligned10": {f.name: (0.9 * f.nominal, 1.1 * f.nominal) for f in TABLE_1[:2]},
+    "aligned": {f.name: (f.nominal, f.nominal) for f in TABLE_1[:2]},
+}
 NOMINAL: Mapping[str, float] = {factor.name: factor.nominal for factor in TABLE_1}
 NOMINAL_WEARER = Wearer()
 

@@ -6,7 +6,7 @@ from sim.body.muscles.attach import add_muscles
 from sim.body.muscles.authors import CO_CONTRACTING, FOREARM_ROTATORS, SHOULDER_MUSCLES
 from sim.body.muscles.elbow import ELBOW_MUSCLES
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_extension_stop, add_torso, empty_spec
-from sim.body.soft_tissue import soft_tissues
+from sim.body.soft_tissue import ABOVE_CUFF, UPPER_ARM_START, soft_tissues
 from sim.interface.bushing import Bushings
 from sim.interface.contact import Contact
 from sim.interface.cuffs import add_slide, place_cuffs
@@ -58,11 +58,14 @@ def _interface(
     wearer: Wearer, conditions: Conditions, fidelity: Fidelity, target: Target, device: Device
 ) -> Interface:
     """Return what holds the arm, and where."""
+    upper = device.cuffs[0]
+    above = upper.limb_place[0] - upper.length / 2 - ABOVE_CUFF
     tissues = soft_tissues(
         wearer,
         tissue_scale=conditions.tissue_scale,
         coupling=conditions.tissue_coupling,
         fidelity=fidelity,
+        upper_start=min(UPPER_ARM_START, above),
     )
     cuffs = place_cuffs(device.cuffs, conditions)
     elbow = device.start(target.name).angles[device.joints.index(ELBOW_JOINT)]

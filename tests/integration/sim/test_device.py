@@ -63,6 +63,13 @@ def test_gravity_that_the_nominal_model_lacks_weighs_on_the_estimate_as_the_post
     )
 
 
+def test_cuffs_where_the_authors_have_them_hold_the_arm_less_well() -> None:
+    theirs = evaluate("elbow_authors", {"upper_arm_length": 0.37})
+    ours = evaluate("elbow", {"upper_arm_length": 0.37})
+    assert theirs.outcome == ours.outcome == "ok"
+    assert theirs.outputs["stiffness_error"] < ours.outputs["stiffness_error"]
+
+
 @pytest.mark.parametrize("end", ["low", "high"])
 def test_the_lengths_and_masses_of_table_1_can_be_assessed_on_another_device(end: str) -> None:
     for name, ends in {

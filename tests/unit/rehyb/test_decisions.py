@@ -1,5 +1,6 @@
 """What a campaign decides follows from its plan and from what its studies have found."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -27,6 +28,20 @@ def test_phase_2_holds_what_is_fixed_at_its_nominal_value_and_samples_the_others
     assert "forearm_mass" not in [factor["name"] for factor in second.study["factors"]]
     assert second.title.startswith("variance (Sobol indices), forearm_mass fixed at ")
     assert second.title.endswith(" kg")
+
+
+def test_a_campaign_may_fix_a_choice_and_take_other_lengths() -> None:
+    """The authors' code takes 10 % round the nominal lengths; aligned wearers have these."""
+    ten = replace(PLAN, ranges="aligned10", fixed={"muscles": 1.0})
+    first, second = screening_phase(ten).study, variance_phase(ten, "upper_arm_mass").study
+    assert first["fixed"] == {"muscles": 1.0}
+    assert second["fixed"] == {"muscles": 1.0, "upper_arm_mass": 1.761}
+    ranges = {factor["name"]: factor["range"] for factor in first["factors"]}
+    assert ranges["upper_arm_length"] == pytest.approx([0.30033, 0.36707])
+    assert ranges["forearm_mass"] == [0.1, 1.82]
+    aligned = screening_phase(replace(PLAN, ranges="aligned")).study
+    assert aligned["fixed"] == {"upper_arm_length": 0.3337, "forearm_length": 0.319}
+    assert len(aligned["factors"]) == 4
 
 
 @pytest.mark.parametrize(
