@@ -6,7 +6,7 @@ at all; the torque itself says what of that helps: the recorded torque, unfilter
 stretches of time that no fit has seen, at one cutoff after the other.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import exp, log
 
@@ -20,9 +20,10 @@ from analysis.closeloop.session.signals import Sampling, derivatives, rms, sampl
 #: Cutoffs that are tried, Hz, and the bounds of what the encoder's spectrum may say.
 GRID = (2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0)
 ENCODER = (8.0, 60.0)
-#: Share by which the error may exceed its least over the octave below: more is the encoder's noise.
-#: Set on the UR10e, EMPS, double pendulum and Panda of `docs/measurements/close_loop.md`.
-TOLERANCE = 0.002
+#: Share by which the error may exceed its least over the octave below, and by which no model that
+#: lacks something does: set on recordings of UR10e, Panda, a double pendulum and EMPS, and on the
+#: full simulation of an arm in its tissue.
+TOLERANCE, NOISE = 0.002, 0.02
 #: Samples on which a cutoff is judged, length of a block of time, s, and folds.
 ROWS, BLOCK, FOLDS = 3000, 1.0, 5
 #: Ends of a stretch that are not judged, s.
@@ -58,7 +59,9 @@ def choose_sampling(
     From high cutoffs to low the error of the predicted torque falls as long as the encoder's noise
     matters. The cutoff is the highest from which the octave below brings no further `TOLERANCE`.
     One lower still that predicts better smooths motion, not noise: that can imitate an effect that
-    the model lacks, such as a late motor.
+    the model lacks, such as a late motor. Such an error grows ever less with the cutoff, that of
+    noise ever more, so a gain of less than `NOISE` is noise only if the error grows faster than an
+    octave below.
 
     Args:
         pieces: stretches of the trials that may be fitted.
@@ -79,10 +82,30 @@ def choose_sampling(
         return errors[cutoff]
 
     for cutoff in reversed(tried):
-        octave = [lower for lower in tried if cutoff / 2.0 <= lower <= cutoff]
-        if error(cutoff) <= (1.0 + TOLERANCE) * min(map(error, octave)):
+        if not noisy(cutoff, tried, error):
             break
     return sampling_at(cutoff, rate, "encoder" if cutoff == highest else "torque")
+
+
+def noisy(cutoff: float, tried: Sequence[float], error: Callable[[float], float]) -> bool:
+    """Whether the encoder's noise shows at a cutoff.
+
+    Args:
+        cutoff: one of those tried, Hz.
+        tried: cutoffs in rising order, Hz.
+        error: of the predicted torque at each.
+    """
+    octave = [lower for lower in tried if cutoff / 2.0 <= lower <= cutoff]
+    excess = error(cutoff) / min(map(error, octave)) - 1.0
+    if not TOLERANCE < excess <= NOISE or octave[0] == tried[0]:
+        return excess > TOLERANCE
+
+    def growth(at: int) -> float:
+        """Return how fast the error grows towards a cutoff, over octaves."""
+        low, high = tried[at - 1], tried[at]
+        return log(error(high) / error(low)) / log(high / low)
+
+    return growth(tried.index(cutoff)) > growth(tried.index(octave[0]))
 
 
 def encoder_cutoff(positions: Sequence[np.ndarray], rate: float) -> float:

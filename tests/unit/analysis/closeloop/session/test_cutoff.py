@@ -9,6 +9,7 @@ import pytest
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import Session, Trial
+from analysis.closeloop.session.cutoff import noisy
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.files import Fields
 from analysis.closeloop.session.reading import _cutoff_hz
@@ -62,6 +63,23 @@ def test_a_noisy_encoder_is_smoothed_more_where_the_torque_feels_it() -> None:
 
 def test_a_late_torque_is_no_reason_to_smooth_the_motion_away() -> None:
     assert chosen(encoder=1e-6, late=0.04).cutoff >= 0.8 * chosen(encoder=1e-6).cutoff
+
+
+@pytest.mark.parametrize(
+    ("errors", "noise"),
+    [
+        # Flat: nothing to gain below.
+        ({4.0: 1.3, 5.0: 1.1, 6.0: 1.0, 8.0: 1.0, 10.0: 1.0, 12.0: 1.001}, False),
+        # Ever steeper: the encoder.
+        ({4.0: 1.05, 5.0: 1.01, 6.0: 1.0, 8.0: 1.0, 10.0: 1.003, 12.0: 1.012}, True),
+        # Ever flatter: the model lacks something, and smoothing hides it.
+        ({4.0: 1.0, 5.0: 1.025, 6.0: 1.045, 8.0: 1.053, 10.0: 1.058, 12.0: 1.062}, False),
+        # More than any lack of a model does.
+        ({4.0: 1.0, 5.0: 1.2, 6.0: 1.4, 8.0: 1.6, 10.0: 1.7, 12.0: 1.75}, True),
+    ],
+)
+def test_noise_grows_ever_faster_with_the_cutoff(errors: dict[float, float], noise: bool) -> None:
+    assert noisy(12.0, list(errors), errors.__getitem__) is noise
 
 
 def test_a_session_may_say_its_own_cutoff() -> None:
