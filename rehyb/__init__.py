@@ -1,5 +1,6 @@
 """The face of rehyb: a client for scripts, and the `rehyb` command."""
 
+from models.evaluation import ModelFailure
 from rehyb.client import Client
 from rehyb.errors import (
     CampaignError,
@@ -19,6 +20,7 @@ __all__ = [
     "Conflict",
     "FleetError",
     "Invalid",
+    "ModelFailure",
     "NotFound",
     "RehybError",
     "ServerError",

@@ -55,8 +55,9 @@ def progress_in_words(progress: Mapping[str, Any]) -> str:
     if progress.get("eta_high_seconds"):
         low, high = progress["eta_low_seconds"], progress["eta_high_seconds"]
         eta += f" [{duration(low)}, {duration(high)}]"
+    waits = f"waits for a worker with {progress['waits_for']}, " if progress["waits_for"] else ""
     return (
-        f"{done}/{progress['instances']} results, "
+        f"{waits}{done}/{progress['instances']} results, "
         f"{progress['rows_complete']}/{progress['rows']} rows, {rate:.1f}/s, "
         f"ETA {eta}, {progress['workers']} workers, "
         f"failures: {failures_in_words(progress['failures'])}"

@@ -1,7 +1,7 @@
 """Bring a study's results into files that other tools read."""
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,6 +11,12 @@ from rehyb.whole_files import whole_file
 
 #: Formats by name, with the ending of their files.
 FORMATS = {"csv": ".csv", "parquet": ".parquet", "netcdf": ".nc"}
+
+
+def units_of(study: Json) -> Mapping[str, str]:
+    """Return the units of a study's factors and outputs; earlier versions did not tell them."""
+    units: Mapping[str, str] = study.get("units", {})
+    return units
 
 
 @contextmanager
@@ -46,10 +52,7 @@ def export(client: Client, study_id: str, out: Path | None, format: str) -> Path
 
 
 def _write(path: Path, study: Json, results: Path, format: str) -> None:
-    from sim.models import MODELS
-
-    model = MODELS[study["model"]]
-    units = {factor.name: factor.unit for factor in model.factors} | dict(model.units)
+    units = units_of(study)
     with needs_extra(format, "files"):
         if format == "parquet":
             from analysis.files.parquet import write_parquet

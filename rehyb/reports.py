@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rehyb.client import Client, Json
 from rehyb.errors import Invalid, needs_extra
-from rehyb.files import study_with_results
+from rehyb.files import study_with_results, units_of
 
 
 def report_studies(
@@ -57,11 +57,8 @@ def write(
 ) -> list[Path]:
     """Write the page of studies whose descriptions and tables of results are at hand."""
     from analysis.reports.report import chapter, write_report
-    from sim.models import MODELS
 
-    model = MODELS[studies[0][0]["model"]]
-    units = {factor.name: factor.unit for factor in model.factors} | dict(model.units)
-    units = {name: unit for name, unit in units.items() if unit != "1"}
+    units = {name: unit for name, unit in units_of(studies[0][0]).items() if unit != "1"}
     chapters = [chapter(study, table) for study, table in studies]
     with needs_extra("a surrogate", "surrogate"):
         return write_report(

@@ -10,6 +10,7 @@ from fastapi import FastAPI
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
+from models.own import own_models
 from server import problems
 from server.compression import Gunzip
 from server.errors import NotFoundError
@@ -18,6 +19,7 @@ from server.metrics import Metrics
 from server.operations import close_loops as close_loop_operations
 from server.operations import comparisons, reruns, tokens
 from server.operations import leases as lease_operations
+from server.operations import models as model_operations
 from server.routes import (
     close_loop_leases,
     close_loops,
@@ -26,6 +28,7 @@ from server.routes import (
     instances,
     leases,
     metrics,
+    models,
     precision_goals,
     progress,
     results,
@@ -34,7 +37,7 @@ from server.routes import (
     workers,
 )
 from server.routes.common import clock
-from server.session_sandbox import CHECKS
+from server.sandbox import CHECKS
 from server.settings import Settings
 from server.store import create_engine, require_current
 from server.store.database.write_batching import WriteBatches
@@ -53,6 +56,7 @@ def create_app(settings: Settings) -> FastAPI:
         engine = app.state.engine
         require_current(engine)
         now, ttl = app.state.clock(), settings.lease_seconds
+        model_operations.register_own(engine, own_models().values(), now=now)
         lease_operations.extend_open_leases(engine, now=now, ttl=ttl)
         reaper = asyncio.create_task(
             _reap_for_ever(
@@ -101,6 +105,7 @@ def create_app(settings: Settings) -> FastAPI:
         workers,
         close_loop_leases,
         sessions,
+        models,
         close_loops,
         metrics,
         health,

@@ -28,8 +28,8 @@ class InvalidStudyError(CoordinatorError):
         self.pointer = pointer
 
 
-class BadSessionError(CoordinatorError):
-    """A measured session cannot be analysed, in the words that the command line has for it."""
+class BadFileError(CoordinatorError):
+    """An uploaded session or model cannot be used, in the words of the command line."""
 
     def __init__(
         self, sentence: str, *, file: str, column: str | None = None, line: int | None = None

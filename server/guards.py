@@ -113,7 +113,7 @@ class BodyLimit:
         limit, refusal = MAX_BODY_BYTES, _TOO_LARGE
         if scope["method"] == "POST" and _LARGE.fullmatch(scope["path"]):
             limit = self._large + ENVELOPE_BYTES
-            refusal = session_too_large(self._large)
+            refusal = upload_too_large(self._large)
         announced = Headers(scope=scope).get("content-length", "0")
         if announced.isdecimal() and int(announced) > limit:
             await problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, refusal)(scope, receive, send)
@@ -132,13 +132,13 @@ class BodyLimit:
 
 
 #: Requests that bring files.
-_LARGE = re.compile(r"/v1/sessions|/v1/close-loops/[^/]+/report")
+_LARGE = re.compile(r"/v1/sessions|/v1/models|/v1/close-loops/[^/]+/report")
 _TOO_LARGE = f"a request may have {MAX_BODY_BYTES} bytes at most: post results in smaller batches"
 
 
-def session_too_large(limit: int) -> str:
-    """Say that a session, or what was found in one, has more than `limit` bytes."""
-    return f"a session may have {limit} bytes at most (REHYB_SESSION_BYTES)"
+def upload_too_large(limit: int) -> str:
+    """Say that a session, what was found in one, or a model has more than `limit` bytes."""
+    return f"an upload may have {limit} bytes at most (REHYB_SESSION_BYTES)"
 
 
 def _guarded(path: str) -> bool:

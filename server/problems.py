@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from server.errors import (
-    BadSessionError,
+    BadFileError,
     ConflictError,
     CoordinatorError,
     InvalidStudyError,
@@ -24,7 +24,7 @@ _STATUS: Mapping[type[CoordinatorError], HTTPStatus] = {
     NotFoundError: HTTPStatus.NOT_FOUND,
     ConflictError: HTTPStatus.CONFLICT,
     InvalidStudyError: HTTPStatus.UNPROCESSABLE_ENTITY,
-    BadSessionError: HTTPStatus.UNPROCESSABLE_ENTITY,
+    BadFileError: HTTPStatus.UNPROCESSABLE_ENTITY,
 }
 
 
@@ -65,7 +65,7 @@ def install(app: FastAPI) -> None:
         members: Mapping[str, Any] = {}
         if isinstance(error, InvalidStudyError):
             members = {"pointer": error.pointer}
-        elif isinstance(error, BadSessionError):
+        elif isinstance(error, BadFileError):
             members = error.to_json()
         # What is none of these is the coordinator's failure.
         kinds = (status for kind, status in _STATUS.items() if isinstance(error, kind))

@@ -11,6 +11,7 @@ from typing import Any, TypeVar, dataclass_transform
 from analysis.designs import row_width
 from analysis.designs.distributions import Distribution
 from analysis.sensitivity.stopping import Goal
+from models.description import Description
 from server.states import CloseLoopState, ComparisonState, InstanceState, StudyState
 
 T = TypeVar("T")
@@ -202,6 +203,8 @@ class Worker:
     host_class: str | None
     #: What it says it is good for.
     tags: Sequence[str]
+    #: The models that it can evaluate besides rehyb's own, as "name@digest".
+    models: Sequence[str] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,6 +215,31 @@ class Introduction:
     host: str
     versions: Mapping[str, str]
     tags: Sequence[str] = ()
+    #: The models that it can evaluate besides rehyb's own, as "name@digest".
+    models: Sequence[str] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelVersion:
+    """A model as it was announced or uploaded."""
+
+    #: "name@digest": a study that samples it keeps this.
+    version: str
+    name: str
+    description: Description
+    #: Whether it comes with rehyb; a study then keeps its name alone.
+    own: bool
+    #: Who announced it last; empty for one that was uploaded or is our own.
+    announced_by: str
+    #: When it was last announced: the latest of a name is what a study means that names no digest.
+    announced_at: float
+    #: Bytes of its zip file; 0 if its code is with workers.
+    size: int
+
+    @property
+    def called(self) -> str:
+        """What a study and a worker call it."""
+        return self.name if self.own else self.version
 
 
 @dataclass(frozen=True, kw_only=True)

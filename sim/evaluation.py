@@ -2,33 +2,17 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from importlib import metadata
-from math import isfinite, sin
+from math import sin
 from platform import machine, python_version
 from platform import system as operating_system
-from typing import Any
 
+from models.description import complete
+from models.evaluation import Evaluation
 from sim.models import ASSESSMENTS, ISHIGAMI, MODELS, SOBOL_G
-from sim.parameters.factors import no_factor
 
 #: Coefficients of Sobol's g-function (Saltelli and Sobol 1995): the larger, the less influential.
 G_COEFFICIENTS = (0.0, 1.0, 4.5, 9.0, 99.0, 99.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Evaluation:
-    """What became of one point: outputs, or the name of a failure."""
-
-    #: "ok", or the name of a failure.
-    outcome: str
-    #: Every output of the model; empty unless `outcome` is "ok".
-    outputs: Mapping[str, float]
-    #: One sentence for a reader; empty when `outcome` is "ok".
-    reason: str = ""
-    #: Where the simulation stood when it failed, as JSON; None when it succeeded.
-    state: Mapping[str, Any] | None = None
-    wall_seconds: float
 
 
 def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
@@ -39,19 +23,15 @@ def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
     """
     if model not in MODELS:
         raise ValueError(f"unknown model {model!r}: expected one of {', '.join(MODELS)}")
-    values = {factor.name: factor.nominal for factor in MODELS[model].factors}
-    for name, value in parameters.items():
-        if name not in values:
-            raise ValueError(no_factor(model, name, values))
-        if not isfinite(value):
-            raise ValueError(f"factor {name} must be finite, not {value}")
-        values[name] = float(value)
+    values = complete(MODELS[model], parameters)
     started = time.perf_counter()
     if model in ASSESSMENTS:
         from sim.assessment.assess import assess
 
-        _, target, fidelity, device = ASSESSMENTS[model]
-        assessment = assess(values, fidelity=fidelity, target=target, device=device)
+        setup = ASSESSMENTS[model]
+        assessment = assess(
+            values, fidelity=setup.fidelity, target=setup.target, device=setup.device
+        )
         return Evaluation(
             outcome=assessment.outcome,
             outputs=assessment.outputs,

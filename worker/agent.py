@@ -2,14 +2,17 @@
 
 import logging
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from random import Random
+from typing import Any
 
 from rehyb.errors import RehybError, ServerError, Unreachable
 from worker import backoff
 from worker.close_loop_jobs import CloseLoopJobs
-from worker.leases import LeaseRequest, Leases
-from worker.pool import Pool
+from worker.leases import LeaseRequest, Leases, Ticket
+from worker.outcomes import Outcome
+from worker.pool import Pool, failed
 from worker.posting import Posting
 from worker.spool import Spool
 
@@ -33,6 +36,8 @@ class Agent:
     max_idle: float | None
     #: Spreads the waits of many workers.
     rng: Random
+    #: Makes of an instance what a child needs, and may have to fetch its model.
+    prepare: Callable[[Mapping[str, Any]], Mapping[str, Any]] = dict
     #: Closes loops beside; None: this worker cannot.
     close_loop_jobs: CloseLoopJobs | None = None
     #: How many instances it has finished.
@@ -103,15 +108,25 @@ class Agent:
     def _collect(self) -> None:
         """Put what the children have finished into the spool."""
         for done in self.pool.wait(TICK_SECONDS):
-            lease = done.ticket.lease
-            self.spool.add(lease=lease.id, fence=lease.fence, result=done.result)
-            self.leases.finish(done.ticket, done.result["wall_seconds"])
-            self.finished += 1
+            self._finish(done.ticket, done.result)
+
+    def _finish(self, ticket: Ticket, result: Mapping[str, Any]) -> None:
+        self.spool.add(lease=ticket.lease.id, fence=ticket.lease.fence, result=result)
+        self.leases.finish(ticket, result["wall_seconds"])
+        self.finished += 1
 
     def _start_children(self) -> None:
         while self.leases.queue and self.pool.free > self._lent:
             ticket = self.leases.queue.popleft()
-            self.pool.start(ticket.instance, ticket)
+            try:
+                instance = self.prepare(ticket.instance)
+            except (Unreachable, ServerError):
+                self.leases.queue.appendleft(ticket)
+                return
+            except RehybError as error:
+                self._finish(ticket, failed(ticket.instance, Outcome.BAD_MODEL, str(error)))
+                continue
+            self.pool.start(instance, ticket)
 
     def _talk(self, now: float) -> None:
         """Post, renew, release and lease as is due; stay silent for a while if nobody answers."""

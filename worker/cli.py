@@ -17,13 +17,13 @@ import typer
 
 from rehyb.client import DEFAULT_URL, Client
 from rehyb.errors import RehybError
-from sim.models import MODELS
 from worker.agent import Agent
 from worker.close_loop import can_close_loops, close
 from worker.close_loop_jobs import CloseLoopJobs
 from worker.doctor import Verdict, examine
 from worker.leases import Leases
 from worker.machine import describe
+from worker.models import WorkerModels
 from worker.pool import Pool, available_cores
 from worker.spool import Spool
 
@@ -93,6 +93,30 @@ def work(
         str, typer.Option(help="What this machine is good for, comma-separated: lab-2,fast.")
     ] = "",
     spool: SpoolFolder = None,
+    models: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="DIR",
+            help="A folder with a model.toml, or with such folders: its program runs here; repeat.",
+            show_default=False,
+        ),
+    ] = None,
+    allow: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="A model that a package announces here as rehyb.models: its code runs; repeat.",
+            show_default=False,
+        ),
+    ] = None,
+    umbridge: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="URL",
+            help="A server that evaluates models of kind umbridge in --models; repeat.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Compute instances for a coordinator until told to stop.
 
@@ -118,11 +142,14 @@ def work(
             "tags": [tag.strip() for tag in tags.split(",") if tag.strip()],
         }
         folder = spool or _default_spool(client.url)
+        own = WorkerModels(client=client, cache=_state() / "models")
+        own.have(models or (), allow or (), umbridge or ())
+        own.announce()
         agent = Agent(
             leases=Leases(
                 client=client,
                 worker=worker,
-                models=tuple(MODELS),
+                models=own.names,
                 processes=count,
                 batch=batch,
                 left=max_instances,
@@ -132,6 +159,7 @@ def work(
             spool=Spool(folder, worker["id"]),
             max_idle=max_idle,
             rng=Random(),
+            prepare=own.prepared,
             close_loop_jobs=_close_loop_jobs(
                 second_client,
                 Pool(1, loop_seconds, evaluate=close, memory_mb=loop_memory_mb),
@@ -180,8 +208,13 @@ def doctor(
 
 def _default_spool(url: str) -> Path:
     """Return the folder for results meant for `url`: another coordinator must not get them."""
-    state = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
-    return state / "rehyb" / "spool" / hashlib.sha256(url.encode()).hexdigest()[:16]
+    return _state() / "spool" / hashlib.sha256(url.encode()).hexdigest()[:16]
+
+
+def _state() -> Path:
+    """Return the folder for what workers keep on this machine."""
+    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    return Path(state) / "rehyb"
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from worker.outcomes import Outcome
 
 if TYPE_CHECKING:
-    from sim.evaluation import Evaluation
+    from models.evaluation import Evaluation
 
 #: Beside the archive: the report's files, and what the child is at.
 OUT, PROGRESS = "out", "progress"
@@ -25,8 +25,8 @@ def can_close_loops() -> bool:
     return None not in map(find_spec, ("analysis.closeloop", "matplotlib", "jinja2"))
 
 
-def close(_model: str, parameters: Mapping[str, Any]) -> "Evaluation":
-    """Close the loop on the zipped session at `parameters["archive"]`; its files go beside it.
+def close(job: Mapping[str, Any]) -> "Evaluation":
+    """Close the loop on the zipped session `job["parameters"]["archive"]`; files go beside it.
 
     Returns:
         Outcome "ok", or "bad_session" with the state {"file", "column", "line"} of what is wrong.
@@ -37,9 +37,9 @@ def close(_model: str, parameters: Mapping[str, Any]) -> "Evaluation":
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.loop import close_loop
     from analysis.closeloop.session.archive import unpacked
-    from sim.evaluation import Evaluation
+    from models.evaluation import Evaluation
 
-    archive = Path(parameters["archive"])
+    archive = Path(job["parameters"]["archive"])
     folder = archive.parent
     # What is left behind by whatever ends this process is in one folder, which the parent removes.
     os.chdir(folder)

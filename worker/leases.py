@@ -53,8 +53,8 @@ class Leases:
     client: Client
     #: {"id", "host", "versions", "tags"} as the coordinator knows this worker.
     worker: Mapping[str, Any]
-    #: Names of the models that the children can evaluate.
-    models: Sequence[str]
+    #: Names of the models that the children can evaluate, at a time of the monotonic clock.
+    models: Callable[[float], Sequence[str]]
     #: How many instances run at the same time.
     processes: int
     #: The most instances to ask for at once.
@@ -86,7 +86,7 @@ class Leases:
         size = lease_size(self._seconds_each, self.processes, self.batch)
         if self.left is not None:
             size = min(size, self.left)
-        return {"worker": self.worker, "models": self.models, "max_instances": size}
+        return {"worker": self.worker, "models": self.models(now), "max_instances": size}
 
     def ask(self, request: LeaseRequest, now: float) -> None:
         """Ask for work by itself, without results."""

@@ -12,6 +12,8 @@ class Outcome(StrEnum):
     TIMED_OUT = "timed_out"
     #: An output is not a finite number.
     NOT_FINITE = "not_finite"
+    #: What evaluates the model cannot be had, or not be loaded.
+    BAD_MODEL = "bad_model"
     #: A close-loop job: the session cannot be analysed.
     BAD_SESSION = "bad_session"
 

@@ -15,10 +15,12 @@ from math import isfinite
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from models.evaluation import Evaluation, ModelFailure
+from models.parent_death import die_with_parent
 from worker.outcomes import Outcome
-from worker.parent_death import die_with_parent
 
-Evaluate = Callable[[str, Mapping[str, Any]], Any]
+#: Of {"id", "model", "parameters"}; it raises ModelFailure where a model has no answer.
+Evaluate = Callable[[Mapping[str, Any]], Evaluation]
 Result = dict[str, Any]
 
 #: Spare machines belong to somebody: their own work goes first.
@@ -42,11 +44,11 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
-def evaluate_with_sim(model: str, parameters: Mapping[str, float]) -> Any:
-    """Evaluate with `sim`, imported here so that only the child loads it."""
-    from sim.evaluation import evaluate
+def evaluate_model(instance: Mapping[str, Any]) -> Evaluation:
+    """Evaluate an instance of any model, imported here so that only the child loads it."""
+    from worker.models import evaluate
 
-    return evaluate(model, parameters)
+    return evaluate(instance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +67,7 @@ class Pool:
     Args:
         processes: how many instances run at once.
         instance_seconds: an instance that takes longer is killed and reported "timed_out".
-        evaluate: what a child calls with a model's name and parameters; importable by name.
+        evaluate: what a child calls with an instance; it can be pickled.
         memory_mb: an instance that takes more memory has crashed; None: no limit.
     """
 
@@ -73,7 +75,7 @@ class Pool:
         self,
         processes: int,
         instance_seconds: float,
-        evaluate: Evaluate = evaluate_with_sim,
+        evaluate: Evaluate = evaluate_model,
         memory_mb: int | None = None,
     ) -> None:
         self.processes = processes
@@ -94,36 +96,43 @@ class Pool:
         return len(self._busy)
 
     def start(self, instance: Mapping[str, Any], ticket: Any) -> None:
-        """Begin to evaluate `instance` {"id", "model", "parameters"}; one child must be free."""
+        """Begin to evaluate `instance` {"id", "model", "parameters"}; one child must be free.
+
+        It may hold "time_limit", in seconds of wall time, which cuts the pool's own shorter.
+        """
         if not self.free:
             raise RuntimeError(f"all {self.processes} processes are busy")
         child = self._idle.pop() if self._idle else _Child(self._evaluate, self._memory_mb)
         try:
-            child.begin(instance, ticket)
+            child.begin(instance, ticket, self._seconds(instance))
         except OSError:
             # It died while idle (the kernel's out-of-memory killer does that): not this
             # instance's fault.
             child.kill()
             child = _Child(self._evaluate, self._memory_mb)
-            child.begin(instance, ticket)
+            child.begin(instance, ticket, self._seconds(instance))
         self._busy.append(child)
+
+    def _seconds(self, instance: Mapping[str, Any]) -> float:
+        return min(self._instance_seconds, instance.get("time_limit") or self._instance_seconds)
 
     def wait(self, seconds: float) -> list[Finished]:
         """Return what finishes within `seconds`, as soon as anything does."""
         if not self._busy:
             time.sleep(seconds)
             return []
-        overdue = min(child.started for child in self._busy) + self._instance_seconds
+        overdue = min(child.deadline for child in self._busy)
         seconds = max(0.0, min(seconds, overdue - time.monotonic()))
         ready = wait([child.connection for child in self._busy], seconds)
         finished = []
         for child in list(self._busy):
             if child.connection in ready:
                 result = child.collect()
-            elif time.monotonic() - child.started >= self._instance_seconds:
+            elif time.monotonic() >= child.deadline:
                 child.kill()
-                result = child.failed(
-                    Outcome.TIMED_OUT, f"still running after {self._instance_seconds:g} s"
+                limit = child.deadline - child.started
+                result = failed(
+                    child.instance, Outcome.TIMED_OUT, f"still running after {limit:g} s", limit
                 )
             else:
                 continue
@@ -148,7 +157,7 @@ class _Child:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.alive = True
-        self.started = 0.0
+        self.started = self.deadline = 0.0
         self.instance: Mapping[str, Any] = {}
         self.ticket: Any = None
         self._process = context.Process(
@@ -160,9 +169,10 @@ class _Child:
         # Without our copy of its end, the pipe closes when the child dies.
         theirs.close()
 
-    def begin(self, instance: Mapping[str, Any], ticket: Any) -> None:
-        self.connection.send((instance["model"], dict(instance["parameters"])))
+    def begin(self, instance: Mapping[str, Any], ticket: Any, seconds: float) -> None:
+        self.connection.send(dict(instance))
         self.instance, self.ticket, self.started = instance, ticket, time.monotonic()
+        self.deadline = self.started + seconds
 
     def collect(self) -> Result:
         try:
@@ -171,18 +181,23 @@ class _Child:
             self._process.join(REAP_SECONDS)
             code = self._process.exitcode
             self.kill()
-            return self.failed(Outcome.CRASHED, f"the process evaluating it {_how_it_ended(code)}")
+            seconds = time.monotonic() - self.started
+            reason = f"the process evaluating it {_how_it_ended(code)}"
+            return failed(self.instance, Outcome.CRASHED, reason, seconds)
         return {"instance": self.instance["id"], **report}
-
-    def failed(self, outcome: Outcome, reason: str) -> Result:
-        seconds = time.monotonic() - self.started
-        return {"instance": self.instance["id"], **_result(outcome, seconds, reason)}
 
     def kill(self) -> None:
         self.alive = False
         self._process.kill()
         self._process.join(REAP_SECONDS)
         self.connection.close()
+
+
+def failed(
+    instance: Mapping[str, Any], outcome: Outcome, reason: str, seconds: float = 0.0
+) -> Result:
+    """Return the result of an instance that no child could evaluate to its end."""
+    return {"instance": instance["id"], **_result(outcome, seconds, reason)}
 
 
 def _result(
@@ -222,21 +237,24 @@ def _evaluate_until_closed(
         resource.setrlimit(resource.RLIMIT_DATA, (memory_mb * 2**20, memory_mb * 2**20))
     while True:
         try:
-            model, parameters = connection.recv()
+            instance = connection.recv()
         except EOFError:
             return
-        report = _report(evaluate, model, parameters)
+        report = _report(evaluate, instance)
         try:
             connection.send(report)
         except OSError:
             return
 
 
-def _report(evaluate: Evaluate, model: str, parameters: Mapping[str, float]) -> Result:
+def _report(evaluate: Evaluate, instance: Mapping[str, Any]) -> Result:
     """Evaluate one point and word the outcome as JSON that any coordinator can take."""
     started = time.monotonic()
     try:
-        done = evaluate(model, parameters)
+        done = evaluate(instance)
+    except ModelFailure as failure:
+        seconds = time.monotonic() - started
+        return _result(failure.outcome, seconds, failure.reason, _as_json(failure.state))
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         state = {"traceback": traceback.format_exc()}

@@ -29,6 +29,7 @@ from server.records import Introduction
 from server.settings import Settings
 from server.store import upgrade
 from server.store.database.engine import ImmediateWriter
+from sim.models import ISHIGAMI
 
 BATCH = 10
 #: Cycles in a block; blocks.
@@ -58,7 +59,8 @@ def application(url: str) -> FastAPI:
     app = create_app(Settings(database_url=url, token=SecretStr(TOKEN)))
     plan = draw_up(
         name="bench",
-        model="ishigami",
+        model=ISHIGAMI,
+        called=ISHIGAMI.name,
         method="saltelli",
         sampling="sobol_blocks",
         rows=ROWS,

@@ -67,15 +67,23 @@ def plan_of(study: Json) -> "Plan":
     Raises:
         Invalid: it is no study that this version knows.
     """
+    from models.own import own_models
     from server.errors import InvalidStudyError
     from server.logic.plans import FactorChoice, draw_up
+
+    if study.get("model") not in own_models():
+        raise Invalid(
+            f"study.json is of the model {study.get('model')!r}, which does not come with rehyb: "
+            f"known are {', '.join(own_models())}"
+        )
 
     try:
         if not 0 <= int(study["seed"]) < 2**63:
             raise ValueError(f"seed {study['seed']} is none")
         return draw_up(
             name=str(study["name"]),
-            model=str(study["model"]),
+            model=own_models()[study["model"]],
+            called=str(study["model"]),
             method=str(study["method"]),
             sampling=str(study["sampling"]),
             rows=int(study["rows"]),

@@ -13,6 +13,7 @@ from rehyb.cli import (
     database,
     files,
     inspect,
+    models,
     precision,
     reports,
     services,
@@ -39,6 +40,8 @@ app.add_typer(studies.app, name="study")
 app.add_typer(campaigns.app, name="campaign")
 app.add_typer(database.app, name="db")
 app.add_typer(tokens.app, name="token")
+app.add_typer(models.app, name="model")
+app.add_typer(models.umbridge, name="umbridge")
 app.command()(services.up)
 app.command()(services.coordinator)
 app.command()(services.analysis)

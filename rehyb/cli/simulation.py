@@ -15,8 +15,8 @@ from rehyb.cli.options import assignments, number, optional, read_json
 from rehyb.errors import RehybError
 
 if TYPE_CHECKING:
+    from models.factors import Factor
     from sim.assessment.assess import Assessment
-    from sim.parameters.factors import Factor
     from sim.pictures.film import Film
 
 
@@ -106,9 +106,9 @@ def _parameters(
     replay: str | None, settings: Sequence[str]
 ) -> tuple[dict[str, float], dict[str, str]]:
     """Return every factor's value; and target, fidelity and device of what is repeated."""
+    from models.factors import no_factor
     from sim.models import ELBOW
     from sim.parameters.effects import effect_factors
-    from sim.parameters.factors import no_factor
 
     values = {factor.name: factor.nominal for factor in ELBOW.factors}
     known = {factor.name: factor for factor in (*ELBOW.factors, *effect_factors())}
@@ -145,9 +145,13 @@ def _replayed(source: str) -> tuple[dict[str, float], dict[str, str]]:
             f"{source} is of model {bundle.get('model')!r}, which is no assessment: "
             f"take one of {', '.join(ASSESSMENTS)}"
         )
-    _, target, fidelity, device = ASSESSMENTS[bundle["model"]]
+    setup = ASSESSMENTS[bundle["model"]]
     parameters = {name: number(str(value), name) for name, value in bundle["parameters"].items()}
-    return parameters, {"target": target, "fidelity": fidelity, "device": device}
+    return parameters, {
+        "target": setup.target,
+        "fidelity": setup.fidelity,
+        "device": setup.device,
+    }
 
 
 def _film(path: Path) -> "Film":

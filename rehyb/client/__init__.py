@@ -4,11 +4,12 @@ from rehyb.client.close_loops import CloseLoops
 from rehyb.client.connection import DEFAULT_URL as DEFAULT_URL
 from rehyb.client.connection import Json as Json
 from rehyb.client.leases import Leases
+from rehyb.client.models import Models
 from rehyb.client.sessions import Sessions
 from rehyb.client.studies import Studies
 
 
-class Client(Studies, Leases, Sessions, CloseLoops):
+class Client(Studies, Models, Leases, Sessions, CloseLoops):
     """A connection to one coordinator.
 
     Args:

@@ -8,10 +8,10 @@ from typing import Any
 from analysis.designs import METHODS, fewest_factors, instance_parameters, samplings
 from analysis.designs.distributions import Distribution, scales
 from analysis.sensitivity.records import StudyPlan
+from models.description import Description
+from models.factors import Factor, no_factor
 from server.errors import InvalidStudyError
 from server.records import Plan, Study
-from sim.models import MODELS, Model
-from sim.parameters.factors import Factor, no_factor
 
 #: Sobol points are numbered in 30 bits; a study beyond this would take a fleet a human lifetime.
 MAX_ROWS = 10_000_000
@@ -57,7 +57,8 @@ def for_analysis(study: Study) -> StudyPlan:
 def draw_up(
     *,
     name: str,
-    model: str,
+    model: Description,
+    called: str,
     method: str,
     sampling: str,
     rows: int,
@@ -71,30 +72,31 @@ def draw_up(
     Factors left out altogether (None) means: sample every factor that is not fixed, uniformly over
     its own range. A factor neither sampled nor fixed keeps its nominal value.
 
+    Args:
+        model: what is sampled.
+        called: what the study calls it: see `ModelVersion.called`.
+
     Raises:
         InvalidStudyError: with a pointer to what is wrong and a sentence saying what is right.
     """
-    described = _known("/model", "model", model, MODELS)
     _known("/method", "method", method, METHODS)
     _known("/sampling", "sampling", sampling, samplings(method))
     if not 1 <= rows <= MAX_ROWS:
         raise InvalidStudyError("/rows", f"rows must lie between 1 and {MAX_ROWS}, not {rows}")
-    known = [factor.name for factor in described.factors]
-    numbers = _fixed(described, fixed)
+    known = [factor.name for factor in model.factors]
+    numbers = _fixed(model, fixed)
     if factors is None:
         factors = [
-            FactorChoice(name=factor.name)
-            for factor in described.sampled
-            if factor.name not in numbers
+            FactorChoice(name=factor.name) for factor in model.sampled if factor.name not in numbers
         ]
-    sampled = _sampled(described, factors, numbers)
+    sampled = _sampled(model, factors, numbers)
     if len(sampled) < fewest_factors(method):
         raise InvalidStudyError(
             "/factors", f"{method} looks at pairs: it needs two factors or more"
         )
     return Plan(
         name=name,
-        model=model,
+        model=called,
         method=method,
         sampling=sampling,
         rows=rows,
@@ -102,28 +104,14 @@ def draw_up(
         distributions={factor: sampled[factor] for factor in known if factor in sampled},
         fixed={
             factor.name: numbers.get(factor.name, factor.nominal)
-            for factor in described.factors
+            for factor in model.factors
             if factor.name not in sampled
         },
-        outputs=_outputs(described, outputs),
+        outputs=_outputs(model, outputs),
     )
 
 
-def with_choices_numbered(body: Any) -> Any:
-    """Return a request, as JSON, in which each fixed choice that is told by its name is a number.
-
-    Raises:
-        InvalidStudyError: a choice has no such name.
-    """
-    fixed = body.get("fixed") if isinstance(body, Mapping) else None
-    if not isinstance(fixed, Mapping) or body.get("model") not in tuple(MODELS):
-        return body
-    choices = {f.name: f for f in MODELS[body["model"]].factors if f.choices}
-    named = {n: value for n, value in fixed.items() if n in choices and isinstance(value, str)}
-    return {**body, "fixed": {**fixed, **_fixed(MODELS[body["model"]], named)}}
-
-
-def _fixed(model: Model, fixed: Mapping[str, float | str]) -> dict[str, float]:
+def _fixed(model: Description, fixed: Mapping[str, float | str]) -> dict[str, float]:
     """Return the fixed values as numbers; that of a choice may be its name."""
     known = {factor.name: factor for factor in model.factors}
     numbers = {}
@@ -139,7 +127,7 @@ def _fixed(model: Model, fixed: Mapping[str, float | str]) -> dict[str, float]:
     return numbers
 
 
-def _factor(pointer: str, model: Model, name: str, known: Mapping[str, Factor]) -> Factor:
+def _factor(pointer: str, model: Description, name: str, known: Mapping[str, Factor]) -> Factor:
     if name not in known:
         raise InvalidStudyError(pointer, no_factor(model.name, name, known))
     return known[name]
@@ -183,7 +171,7 @@ def _known(pointer: str, what: str, name: str, known: Any) -> Any:
 
 
 def _sampled(
-    model: Model, choices: Sequence[FactorChoice], fixed: Mapping[str, float]
+    model: Description, choices: Sequence[FactorChoice], fixed: Mapping[str, float]
 ) -> dict[str, Distribution]:
     """Return the distribution of every factor that `choices` asks to sample."""
     if not choices:
@@ -231,7 +219,7 @@ def _distribution(factor: Factor, choice: FactorChoice, pointer: str) -> Distrib
         raise InvalidStudyError(pointer, f"{choice.name}: {error}") from error
 
 
-def _outputs(model: Model, wanted: Sequence[str] | None) -> tuple[str, ...]:
+def _outputs(model: Description, wanted: Sequence[str] | None) -> tuple[str, ...]:
     """Return the outputs to keep, in the model's order."""
     if wanted is None:
         return model.outputs

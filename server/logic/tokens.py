@@ -14,7 +14,8 @@ SECRET_BYTES = 24
 FAILURES = 20
 FAILURE_SECONDS = 60.0
 
-_ARCHIVE = re.compile(r"/v1/sessions/[^/]+/archive")
+#: What whoever works must have.
+_OF_WORK = re.compile(r"/v1/sessions/[^/]+/archive|/v1/models(/.*)?")
 
 
 def new_secret() -> str:
@@ -32,8 +33,10 @@ def scopes_needed(method: str, path: str) -> tuple[str, ...]:
     if path == "/v1/results" or path == "/v1/leases" or path.startswith("/v1/leases/"):
         return ("work",)
     if method in ("GET", "HEAD", "OPTIONS"):
-        # Who works on a session must have it.
-        return ("read", "work") if _ARCHIVE.fullmatch(path) else ("read",)
+        return ("read", "work") if _OF_WORK.fullmatch(path) else ("read",)
+    if path == "/v1/models":
+        # Workers announce what they have.
+        return ("submit", "work")
     return ("work",) if path.startswith("/v1/close-loops/") else ("submit",)
 
 

@@ -4,14 +4,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from uuid import uuid4
 
-from sqlalchemy.engine import Engine
+from sqlalchemy.engine import Connection, Engine
 
 from server.errors import ConflictError
 from server.logic import studies as life
+from server.logic.hosts import GONE_SECONDS
 from server.logic.progress import block_ends, window_start
 from server.records import Plan, PrecisionGoal, Study
 from server.states import StudyState
-from server.store import leases, precision_goals, results, studies
+from server.store import leases, precision_goals, results, studies, workers
 from server.store.database.engine import alone_reading, reading, writing
 
 get = alone_reading(studies.find)
@@ -30,6 +31,8 @@ class Standing:
     passed_at: tuple[float, ...]
     #: Workers that hold a lease of this study now.
     workers: int
+    #: Its model, "name@digest", if no worker has it; None if one has, or nothing is left to do.
+    waits_for: str | None
 
 
 def create(
@@ -87,7 +90,17 @@ def standing(engine: Engine, study_id: str, *, now: float) -> Standing:
             window_opened_at=arrived_at[opening],
             passed_at=tuple(arrived_at[number] for number in ends),
             workers=leases.workers_of(connection, study_id, now=now),
+            waits_for=_waits_for(connection, study, now),
         )
+
+
+def _waits_for(connection: Connection, study: Study, now: float) -> str | None:
+    model = study.plan.model
+    # Every worker has rehyb's own models, which studies call without a digest.
+    if "@" not in model or not study.state.is_served or not study.pending:
+        return None
+    there = workers.any_has(connection, model, heard_after=now - GONE_SECONDS)
+    return None if there else model
 
 
 def cancel(engine: Engine, study_id: str, *, now: float) -> Study:

@@ -56,7 +56,7 @@ class LeaseBody(Body):
 
     model_config = example(
         worker={"id": "pc7-4711", "host": "pc7", "versions": {"mujoco": "4.0.1"}, "tags": []},
-        models=["elbow"],
+        models=["ishigami"],
         max_instances=4,
     )
 
@@ -109,7 +109,9 @@ router.add_api_route(
 
 def requested(body: LeaseBody) -> LeaseRequest:
     """Return what a worker asks for as operations know it."""
-    worker = Introduction(**dict(body.worker))
+    # Rehyb's own need no version: which code computes them is told by `versions`.
+    others = [model for model in body.models if "@" in model]
+    worker = Introduction(**dict(body.worker), models=others)
     return LeaseRequest(worker=worker, models=body.models, max_instances=body.max_instances)
 
 

@@ -62,6 +62,7 @@ def _tag(standing: Standing, now: float) -> str:
         study.result_count,
         study.leased,
         standing.workers,
+        standing.waits_for,
         stale,
         goal_shown(study, standing.goal),
         weak=True,
@@ -92,6 +93,7 @@ def _shown(standing: Standing, now: float) -> dict[str, Any]:
         "eta_low_seconds": speed.eta_low_seconds,
         "eta_high_seconds": speed.eta_high_seconds,
         "workers": standing.workers,
+        "waits_for": standing.waits_for,
         "elapsed_seconds": speed.elapsed_seconds,
         "precision": goal_shown(study, standing.goal),
     }

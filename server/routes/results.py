@@ -28,7 +28,6 @@ from server.routes.leases import RETRY_AFTER_SECONDS, Fence, LeaseBody, granted,
 from server.routes.studies import show
 from server.settings import Settings
 from server.states import REFUSALS, Verdict
-from sim.models import MODELS
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +69,7 @@ class ResultsBody(Body):
         ],
         next={
             "worker": {"id": "pc7-4711", "host": "pc7", "versions": {"mujoco": "4.0.1"}},
-            "models": ["elbow"],
+            "models": ["ishigami"],
             "max_instances": 4,
         },
     )
@@ -173,11 +172,10 @@ def parquet_table(study_id: Id, store: Store) -> StreamingResponse:
     if find_spec("pyarrow") is None:
         raise HTTPException(501, "Parquet needs pyarrow on the coordinator: install 'rehyb[files]'")
     study = studies.get(store, study_id)
-    model = MODELS[study.plan.model]
-    units = {factor.name: factor.unit for factor in model.factors} | dict(model.units)
+    described = show(study_id, store)
     rows = lines(study.plan, results.in_order(store, study))
     return StreamingResponse(
-        parquet(show(study_id, store), rows, units),
+        parquet(described, rows, described["units"]),
         media_type="application/vnd.apache.parquet",
         headers={"Content-Disposition": f'attachment; filename="{study.id}.parquet"'},
     )

@@ -3,23 +3,20 @@
 import asyncio
 import hashlib
 import re
-from http import HTTPStatus
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any, BinaryIO
+from typing import Annotated, Any
 
-from fastapi import APIRouter, HTTPException, Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import StringConstraints
 from sqlalchemy.engine import Engine
-from starlette.datastructures import UploadFile
 
-from server.guards import session_too_large
 from server.operations import sessions
 from server.records import Session
 from server.routes.common import Configured, Id, Now, Store
-from server.session_sandbox import check
-from server.store.database.parts import PART_BYTES
+from server.routes.uploads import ZIP_OR_FORM, receive
+from server.sandbox import check
 
 router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
 
@@ -27,25 +24,12 @@ router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
 SessionName = Annotated[
     str, StringConstraints(min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f/\\]+$")
 ]
-_ZIP = {"schema": {"type": "string", "format": "binary", "examples": ["a zip file"]}}
-_FORM = {
-    "schema": {
-        "type": "object",
-        "properties": {"file": {"type": "string", "format": "binary"}},
-        "required": ["file"],
-    }
-}
 
 
 @router.post(
     "",
     status_code=201,
-    openapi_extra={
-        "requestBody": {
-            "required": True,
-            "content": {"application/zip": _ZIP, "multipart/form-data": _FORM},
-        }
-    },
+    openapi_extra={"requestBody": {"required": True, "content": ZIP_OR_FORM}},
 )
 async def upload(
     request: Request,
@@ -62,7 +46,7 @@ async def upload(
     """
     with TemporaryDirectory(prefix="rehyb-upload-") as scratch:
         received = Path(scratch) / "received"
-        filename = await _receive(request, received, settings.session_bytes)
+        filename = await receive(request, received, settings.session_bytes)
         called = name or _stem(filename) or "session"
         sha256 = await asyncio.to_thread(_digest, received)
         known = await asyncio.to_thread(sessions.by_digest, store, sha256)
@@ -70,7 +54,7 @@ async def upload(
             # Errors call a file by its name.
             file = received.rename(received.with_name(f"{called}.zip"))
             async with request.app.state.looks:
-                content = await check(file)
+                content = await check("analysis.closeloop.check", file)
             session, new = await asyncio.to_thread(
                 _keep, store, file, name=called, sha256=sha256, content=content, now=now
             )
@@ -124,37 +108,6 @@ def shown(session: Session) -> dict[str, Any]:
         "created_at": session.created_at,
         **session.content,
     }
-
-
-async def _receive(request: Request, path: Path, limit: int) -> str | None:
-    """Write the uploaded file to `path` as it comes and return what its sender calls it."""
-    with path.open("wb") as file:
-        if request.headers.get("content-type", "").startswith("multipart/form-data"):
-            async with request.form(max_files=1, max_fields=1) as form:
-                upload = next((p for p in form.values() if isinstance(p, UploadFile)), None)
-                if upload is None:
-                    raise HTTPException(
-                        HTTPStatus.UNPROCESSABLE_ENTITY,
-                        "the form has no file: send the session's zip file as one",
-                    )
-                if (upload.size or 0) > limit:
-                    raise HTTPException(
-                        HTTPStatus.REQUEST_ENTITY_TOO_LARGE, session_too_large(limit)
-                    )
-                await asyncio.to_thread(_copy, upload.file, file)
-                return upload.filename
-        size = 0
-        async for chunk in request.stream():
-            size += len(chunk)
-            if size > limit:
-                raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, session_too_large(limit))
-            await asyncio.to_thread(file.write, chunk)
-    return None
-
-
-def _copy(source: BinaryIO, target: BinaryIO) -> None:
-    while chunk := source.read(PART_BYTES):
-        target.write(chunk)
 
 
 def _digest(path: Path) -> str:

@@ -11,15 +11,15 @@ from analysis.designs import DEFAULT_SAMPLING
 from server.logic.plans import FactorChoice, draw_up, refuse_dependence, with_choices_numbered
 from server.logic.precision_goals import precision_goal
 from server.logic.precision_goals import shown as goal_shown
-from server.operations import precision_goals, reruns, studies
+from server.operations import models, precision_goals, reruns, studies
 from server.records import PrecisionGoal, Study
 from server.routes.common import MAX_INTEGER, PRINTABLE, Body, Id, Name, Now, Store, example
 from server.states import StudyState
 
 router = APIRouter(prefix="/v1/studies", tags=["studies"])
 
-#: Of a study that is submitted, what its plan is drawn up from, besides the factors.
-_OF_PLAN = {"name", "model", "method", "sampling", "rows", "seed", "fixed", "outputs"}
+#: Of a study that is submitted, what its plan is drawn up from, besides model and factors.
+_OF_PLAN = {"name", "method", "sampling", "rows", "seed", "fixed", "outputs"}
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Title = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE)]
@@ -52,10 +52,10 @@ class StudyBody(Body):
 
     model_config = example(
         name="masses",
-        model="elbow",
+        model="ishigami",
         method="saltelli",
         rows=16,
-        factors=[{"name": "forearm_mass"}, {"name": "upper_arm_mass", "range": [1.0, 2.5]}],
+        factors=[{"name": "x1"}, {"name": "x2", "range": [0.0, 1.0]}],
         seed=1,
     )
 
@@ -110,9 +110,11 @@ def submit(
     body: StudyBody, store: Store, now: Now, response: Response, key: Key = None
 ) -> dict[str, Any]:
     """Submit a study; the same Idempotency-Key and body return the study already there (200)."""
-    factors = body.factors
+    factors, sampled = body.factors, models.to_sample(store, body.model)
     plan = draw_up(
         **body.model_dump(include=_OF_PLAN),
+        model=sampled.description,
+        called=sampled.called,
         factors=None if factors is None else [FactorChoice(**dict(factor)) for factor in factors],
     )
     wanted = body.precision
@@ -133,7 +135,7 @@ def submit(
     )
     response.headers["Location"] = f"/v1/studies/{study.id}"
     response.status_code = 201 if new else 200
-    return shown(study, precision_goals.of(store, study.id))
+    return _show(store, study)
 
 
 @router.get("")
@@ -201,7 +203,11 @@ def delete(study_id: Id, store: Store) -> None:
 
 
 def _show(store: Engine, study: Study) -> dict[str, Any]:
-    return shown(study, precision_goals.of(store, study.id))
+    """Return a study with its goal, and the units of its factors and outputs."""
+    model = models.get(store, study.plan.model).description
+    outputs = {name: unit for name, unit in model.units.items() if name in study.plan.outputs}
+    units = {factor.name: factor.unit for factor in model.factors} | outputs
+    return {**shown(study, precision_goals.of(store, study.id)), "units": units}
 
 
 def shown(study: Study, goal: PrecisionGoal | None) -> dict[str, Any]:

@@ -23,7 +23,7 @@ _HOSTS_AT_WORK = Prepared(
     .distinct()
 )
 #: What a worker tells each time.
-_TOLD = ("host", "versions", "host_class", "tags", "last_seen")
+_TOLD = ("host", "versions", "host_class", "tags", "models", "last_seen")
 _INTRODUCE = {
     dialect: Prepared(
         statement.on_conflict_do_update(
@@ -75,8 +75,15 @@ def introduce(
         as_text(dict(worker.versions)),
         host_class,
         as_text(list(worker.tags)),
+        as_text(list(worker.models)),
         now,
     )
+
+
+def any_has(connection: Connection, model: str, *, heard_after: float) -> bool:
+    """Say whether a worker that was heard from since then can evaluate a model, "name@digest"."""
+    query = sa.select(workers.c.models).where(workers.c.last_seen > heard_after)
+    return any(model in models for models in connection.scalars(query))
 
 
 def hosts_at_work(

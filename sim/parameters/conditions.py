@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from models.factors import Factor, check_bounds, no_factor
 from sim.parameters.effects import PREFIX, effect_factors, effects_of
-from sim.parameters.factors import Factor, check_bounds, choice, factor, factors_of, no_factor
+from sim.parameters.factors import choice, factor, factors_of
 from sim.parameters.wearer import NOMINAL, NOMINAL_LENGTHS, TABLE_1, Wearer, wearer_of
 
 #: With it the compression test encloses the moduli of the paper's figure 6 from 10 to 20 % strain.

@@ -11,7 +11,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from sim.parameters.factors import Factor
+from models.factors import Factor
 
 if TYPE_CHECKING:
     from sim.effects.parameter import Values

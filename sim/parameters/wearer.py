@@ -13,7 +13,8 @@ varies what remains beside that tissue: nominally 1.761 kg and 0.962 kg.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sim.parameters.factors import Factor, factor, factors_of
+from models.factors import Factor
+from sim.parameters.factors import factor, factors_of
 
 #: Lengths of upper arm and forearm of the paper's section 2.3, m.
 NOMINAL_LENGTHS = (0.3337, 0.3190)

@@ -19,7 +19,7 @@ HEAVY = {"mujoco", "numpy", "scipy", "sqlalchemy", "fastapi", "pydantic", "matpl
         ("worker.agent", HEAVY),
         (
             "server.run, server.operations.result_log",
-            {"mujoco", "matplotlib", "worker", "pandas", "scipy.stats"},
+            {"mujoco", "sim", "matplotlib", "worker", "pandas", "scipy.stats"},
         ),
         ("analysis.closeloop.code", {"mujoco", "numpy"}),
         ("sim.assessment.assess", {"httpx2", "fastapi", "sqlalchemy", "analysis", "matplotlib"}),

@@ -30,6 +30,7 @@ STUDY: dict[str, Any] = {
     "factors": [{"name": name, "distribution": d.to_json()} for name, d in RANGES.items()],
     "fixed": {},
     "outputs": ["y"],
+    "units": {"x1": "1", "x2": "1", "x3": "1", "y": "1"},
     "state": "complete",
 }
 UNIT = Uniform(low=0.0, high=1.0).to_json()

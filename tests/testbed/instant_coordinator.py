@@ -38,6 +38,7 @@ class InstantCoordinator:
     def _shown(self, study_id: str) -> dict[str, Any]:
         study = self.submitted[study_id]
         plan, distributions, _ = evaluated(study_id, study)
+        model = MODELS[study["model"]]
         return {
             **study,
             "id": study_id,
@@ -47,6 +48,7 @@ class InstantCoordinator:
                 for name, distribution in distributions.items()
             ],
             "fixed": study.get("fixed", {}),
+            "units": {f.name: f.unit for f in model.factors} | dict(model.units),
         }
 
     def progress(self, study_id: str) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from models.own import own_models
 from server.logic.plans import draw_up
 from server.logic.verdicts import Report
 from server.records import Plan
@@ -20,7 +21,9 @@ def plan(**changes: Any) -> Plan:
         "fixed": {},
         "outputs": None,
     }
-    return draw_up(**{**request, **changes})
+    request |= changes
+    called = request.pop("model")
+    return draw_up(model=own_models()[called], called=called, **request)
 
 
 def report(instance: str, **changes: Any) -> Report:

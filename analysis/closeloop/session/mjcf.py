@@ -3,7 +3,6 @@
 Geometry is left out: inverse dynamics needs inertias only, and a session's folder has no meshes.
 """
 
-import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -13,11 +12,10 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.files import SESSION_FILE, inside, read_text
+from intake.xml import XmlError, parse_model
 from sim.assessment.nominal import nominal_spec
 
 MAX_MODEL_BYTES = 5_000_000
-#: Deepest nesting of elements, and how many bodies: beyond, no arm and no robot is meant.
-MAX_DEPTH, MAX_BODIES = 100, 200
 #: Elements and attributes of an MJCF file that reach outside it or break an open chain.
 REFUSED_ELEMENTS = {
     "include": "an included file",
@@ -83,18 +81,10 @@ def _known(name: str, names: tuple[str, ...], where: str) -> None:
 
 def _read_model(path: Path, name: str) -> mujoco.MjSpec:
     text = read_text(path, name, MAX_MODEL_BYTES)
-    # Entities could unfold without end, and only a document type can define them.
-    if re.search(r"<!(DOCTYPE|ENTITY)", text, re.IGNORECASE):
-        raise SessionError("may not define a document type or entities", file=name)
     try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise SessionError(f"is not XML: {error}", file=name, line=error.position[0]) from None
-    if root.tag not in ("mujoco", "robot"):
-        raise SessionError(
-            f"must be an MJCF (<mujoco>) or URDF (<robot>) file, not <{root.tag}>", file=name
-        )
-    _check_size(root, name)
+        root = parse_model(text, lambda detail: SessionError(detail, file=name))
+    except XmlError as error:
+        raise SessionError(f"is not XML: {error}", file=name, line=error.line) from None
     if root.tag == "robot":
         _prepare_urdf(root)
     else:
@@ -164,16 +154,3 @@ def _prepare_urdf(root: ElementTree.Element) -> None:
 
 def _refused(error: ValueError, name: str) -> SessionError:
     return SessionError(f"MuJoCo refuses it: {' '.join(str(error).split())}", file=name)
-
-
-def _check_size(root: ElementTree.Element, name: str) -> None:
-    """Refuse a file that would take MuJoCo very long, or overflow its stack."""
-    level, depth = [root], 0
-    while level:
-        depth += 1
-        if depth > MAX_DEPTH:
-            raise SessionError(f"nests elements more than {MAX_DEPTH} deep", file=name)
-        level = [child for element in level for child in element]
-    count = sum(1 for tag in ("body", "link") for _ in root.iter(tag))
-    if count > MAX_BODIES:
-        raise SessionError(f"has {count} bodies; at most {MAX_BODIES}", file=name)

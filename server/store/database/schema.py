@@ -196,6 +196,32 @@ workers = sa.Table(
     sa.Column("instances_done", sa.BigInteger, nullable=False),
     sa.Column("host_class", sa.String(16)),
     sa.Column("tags", sa.JSON, nullable=False, server_default="[]"),
+    #: What it can evaluate besides rehyb's own models, as "name@digest".
+    sa.Column("models", sa.JSON, nullable=False, server_default="[]"),
+)
+
+#: Models: rehyb's own, uploaded ones, and those whose code is with workers.
+models = sa.Table(
+    "models",
+    metadata,
+    #: "name@digest".
+    sa.Column("version", sa.String(64), primary_key=True),
+    sa.Column("name", sa.String(64), nullable=False, index=True),
+    sa.Column("description", sa.JSON, nullable=False),
+    sa.Column("own", sa.Boolean, nullable=False),
+    sa.Column("announced_by", sa.String(128), nullable=False),
+    sa.Column("announced_at", sa.Double, nullable=False),
+    #: Bytes of the zip file.
+    sa.Column("size", sa.BigInteger, nullable=False),
+)
+
+#: The zip files, cut up so that nobody needs to hold one in memory.
+model_parts = sa.Table(
+    "model_parts",
+    metadata,
+    sa.Column("version", sa.ForeignKey("models.version"), primary_key=True),
+    sa.Column("number", sa.Integer, primary_key=True, autoincrement=False),
+    sa.Column("content", sa.LargeBinary, nullable=False),
 )
 
 #: Where the analysis of a study stands; `cursor` is the last result it has taken in.

@@ -5,15 +5,17 @@ import os
 import signal
 import time
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import pytest
 
-from sim.evaluation import Evaluation
+from models.evaluation import Evaluation
 from worker.pool import Finished, Pool
 
 
-def behave(model: str, parameters: Mapping[str, float]) -> Evaluation:
+def behave(instance: Mapping[str, Any]) -> Evaluation:
     """Stand in for the simulation: the model's name says how it behaves."""
+    model, parameters = instance["model"], instance["parameters"]
     if model == "segfault":
         os.kill(os.getpid(), signal.SIGSEGV)
     if model == "exit":

@@ -16,10 +16,11 @@ import zlib
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from sim.evaluation import Evaluation
-from sim.evaluation import evaluate as soundly
+from models.evaluation import Evaluation
 from worker import cli, spool
+from worker.models import evaluate as soundly
 from worker.pool import Pool
 
 #: One instance in so many.
@@ -28,9 +29,9 @@ CRASHES, HANGS = 101, 397
 SECONDS = 0.01
 
 
-def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
+def evaluate(instance: Mapping[str, Any]) -> Evaluation:
     """Evaluate, or do not."""
-    number = zlib.crc32(json.dumps(sorted(parameters.items())).encode())
+    number = zlib.crc32(json.dumps(sorted(instance["parameters"].items())).encode())
     for trouble, one_in in (("crash", CRASHES), ("hang", HANGS)):
         mark = Path(os.environ["TROUBLE"]) / f"{trouble}-{number}"
         if number % one_in == 0 and not mark.exists():
@@ -39,7 +40,7 @@ def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
                 os.kill(os.getpid(), signal.SIGSEGV)
             time.sleep(3600)
     time.sleep(SECONDS)
-    return soundly(model, parameters)
+    return soundly(instance)
 
 
 def small_disk(path: Path) -> sqlite3.Connection:

@@ -135,7 +135,11 @@ def an_index(members: Members) -> Members:
         (replaced("results.csv", "\n0,0,", "\n99,0,"), {"design", "indices"}, "(99, 0) lies out"),
         (replaced("results.csv", "\n0,0,", "\nx,0,"), {"contents"}, "results.csv cannot be read"),
         (replaced("results.csv", "position", "place"), {"contents"}, "no table of study s1: no po"),
-        (replaced("study.json", '"ishigami"', '"leg"'), {"contents"}, "unknown model 'leg'"),
+        (
+            replaced("study.json", '"ishigami"', '"leg"'),
+            {"contents"},
+            "of the model 'leg'",
+        ),
         (replaced("study.json", '"rows": 6', '"rows": 1e99'), {"contents"}, "no study that can be"),
         (replaced("study.json", '"name"', '"nom"'), {"contents"}, "it has no 'name'"),
         (replaced("study.json", '"seed": 5', '"seed": -5'), {"contents"}, "seed -5 is none"),

@@ -18,7 +18,7 @@ from server.store import upgrade
 def client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
     """A client of a coordinator that takes every session without a look at it."""
 
-    async def look(file: Path) -> dict[str, Any]:
+    async def look(_program: str, file: Path) -> dict[str, Any]:
         return {"model": "device.xml", "declared_effects": [], "trials": []}
 
     monkeypatch.setattr("server.routes.sessions.check", look)

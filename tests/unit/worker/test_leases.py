@@ -41,7 +41,13 @@ def leases(coordinator: Coordinator) -> Leases:
     """Leases that may take five instances in all, on three processes."""
     client: Any = coordinator
     return Leases(
-        client=client, worker={}, models=("m",), processes=3, batch=10, left=5, rng=Random(1)
+        client=client,
+        worker={},
+        models=lambda _: ("m",),
+        processes=3,
+        batch=10,
+        left=5,
+        rng=Random(1),
     )
 
 

@@ -31,6 +31,7 @@ from server.states import StudyState
 from server.store import create_engine, upgrade
 from server.store.database.engine import writing
 from server.store.database.schema import metadata
+from sim.models import ISHIGAMI
 from tests.testbed import exchanges
 
 TTL = 60.0
@@ -70,7 +71,8 @@ class Queue(RuleBasedStateMachine):
     def _submit(self, rows: int) -> str:
         plan = draw_up(
             name=f"study {next(self.names)}",
-            model="ishigami",
+            model=ISHIGAMI,
+            called=ISHIGAMI.name,
             method="morris",
             sampling="sobol",
             rows=rows,

@@ -17,7 +17,7 @@ from pydantic import SecretStr
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
-from server import session_sandbox
+from server import sandbox
 from server.app import create_app
 from server.settings import Settings
 from server.store import upgrade
@@ -163,13 +163,11 @@ def test_a_look_that_takes_too_long_or_too_much_is_given_up(
     zipped(folder)
     file = folder.with_suffix(".zip")
     started = time.monotonic()
-    with pytest.raises(
-        session_sandbox.BadSessionError, match=r"session\.zip: reading it takes more"
-    ):
-        asyncio.run(session_sandbox.check(file, seconds=0))
+    with pytest.raises(sandbox.BadFileError, match=r"session\.zip: reading it takes more"):
+        asyncio.run(sandbox.check("analysis.closeloop.check", file, seconds=0))
     assert time.monotonic() - started < 5.0
-    with pytest.raises(session_sandbox.BadSessionError, match=r"session\.zip: .*(memory|status)"):
-        asyncio.run(session_sandbox.check(file, memory_mb=40))
+    with pytest.raises(sandbox.BadFileError, match=r"session\.zip: .*(memory|status)"):
+        asyncio.run(sandbox.check("analysis.closeloop.check", file, memory_mb=40))
 
 
 def test_the_look_knows_no_secrets_and_imports_nothing_of_the_session(
@@ -185,8 +183,8 @@ def test_the_look_knows_no_secrets_and_imports_nothing_of_the_session(
         ran.append((command, options))
         return await begin(*command, **options)
 
-    monkeypatch.setattr(session_sandbox.asyncio, "create_subprocess_exec", spy)
+    monkeypatch.setattr(sandbox.asyncio, "create_subprocess_exec", spy)
     zipped(folder)
-    understood = asyncio.run(session_sandbox.check(folder.with_suffix(".zip")))
+    understood = asyncio.run(sandbox.check("analysis.closeloop.check", folder.with_suffix(".zip")))
     assert understood["analysed_joints"] == ["elbow"]
     assert "hunter2" not in str(ran) and "PATH" in ran[0][1]["env"]

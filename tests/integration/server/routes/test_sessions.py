@@ -11,7 +11,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from sqlalchemy.engine import Engine
 
-from server.errors import BadSessionError, NotFoundError
+from server.errors import BadFileError, NotFoundError
 from server.operations import check, sessions
 from server.store.database.engine import reading, writing
 from server.store.database.parts import PART_BYTES
@@ -31,10 +31,10 @@ def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Stand in for the process that looks at sessions; returns the names of those it was given."""
     given: list[str] = []
 
-    async def look(file: Path) -> dict[str, Any]:
+    async def look(_program: str, file: Path) -> dict[str, Any]:
         given.append(file.name)
         if file.read_bytes().startswith(b"bad"):
-            raise BadSessionError("a.csv, column time, line 3: no", file="a.csv", column="time")
+            raise BadFileError("a.csv, column time, line 3: no", file="a.csv", column="time")
         return CONTENT
 
     monkeypatch.setattr("server.routes.sessions.check", look)

@@ -83,7 +83,6 @@ def test_parameters_are_the_design_s_with_fixed_factors_added(plan: Drawing) -> 
 @pytest.mark.parametrize(
     ("request_", "pointer", "says"),
     [
-        ({"model": "knee"}, "/model", "expected one of elbow"),
         ({"method": "fast"}, "/method", "expected one of morris, saltelli"),
         ({"sampling": "halton"}, "/sampling", "expected one of sobol"),
         (

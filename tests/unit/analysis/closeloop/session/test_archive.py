@@ -5,6 +5,7 @@ import stat
 import tempfile
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session import archive as archives
 from analysis.closeloop.session.archive import unpacked
+from intake import zips
 
 
 @pytest.fixture(autouse=True)
@@ -69,7 +71,7 @@ def test_a_link_is_refused(tmp_path: Path) -> None:
 def test_a_bomb_is_refused_while_it_unpacks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(archives, "RATIO_FROM", 1_000_000)
+    monkeypatch.setattr(zips, "RATIO_FROM", 1_000_000)
     file = zipped(tmp_path / "s.zip", {"a.csv": bytes(30_000_000)})
     refused(file, "more than a recording takes")
 
@@ -77,7 +79,7 @@ def test_a_bomb_is_refused_while_it_unpacks(
 def test_a_bomb_that_lies_about_its_size_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(archives, "RATIO_FROM", 1_000_000)
+    monkeypatch.setattr(zips, "RATIO_FROM", 1_000_000)
     file = zipped(tmp_path / "s.zip", {"a.csv": bytes(3_000_000)})
     content = file.read_bytes()
     size = (3_000_000).to_bytes(4, "little")
@@ -87,7 +89,7 @@ def test_a_bomb_that_lies_about_its_size_is_refused(
 
 
 def test_many_small_files_count_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(archives, "MAX_UNPACKED", 2_000)
+    monkeypatch.setattr(archives, "LIMITS", replace(archives.LIMITS, unpacked=2_000))
     refused(zipped(tmp_path / "s.zip", {f"{i}.csv": bytes(500) for i in range(5)}), "more than")
 
 

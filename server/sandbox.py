@@ -1,4 +1,4 @@
-"""Strangers' sessions are looked at in a process of its own, which may crash, hang or bloat."""
+"""Strangers' files are looked at in a process of its own, which may crash, hang or bloat."""
 
 import asyncio
 import json
@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from server.errors import BadSessionError
+from server.errors import BadFileError
 
 #: Seconds that a look may take, many times what a usual session needs.
 CHECK_SECONDS = 120
@@ -21,21 +21,25 @@ CHECKS = 2
 
 
 async def check(
-    file: Path, *, seconds: int = CHECK_SECONDS, memory_mb: int = CHECK_MEMORY_MB
+    program: str, file: Path, *, seconds: int = CHECK_SECONDS, memory_mb: int = CHECK_MEMORY_MB
 ) -> dict[str, Any]:
-    """Return what is understood of the zipped session `file`: see `analysis.closeloop.check`.
+    """Return what `program` understands of a zipped file: see `intake.looks`.
 
-    The file's name is what sentences call the session.
+    Args:
+        program: the module to run, as "analysis.closeloop.check".
+        file: sentences call it by its name.
+        seconds: that it may take.
+        memory_mb: that it may take.
 
     Raises:
-        BadSessionError: it cannot be analysed, or not be looked at within the limits.
+        BadFileError: it cannot be used, or not be looked at within the limits.
     """
     with tempfile.TemporaryDirectory(prefix="rehyb-check-") as scratch:
         # What it leaves behind when it is killed is in `scratch`. It needs no secrets.
         environment = {k: v for k, v in os.environ.items() if not k.startswith("REHYB_")}
         limits = ("--memory-mb", str(memory_mb), "--seconds", str(seconds))
         # -P: nothing is imported from the folder that it works in.
-        command = [sys.executable, "-P", "-m", "analysis.closeloop.check", str(file), *limits]
+        command = [sys.executable, "-P", "-m", program, str(file), *limits]
         process = await asyncio.create_subprocess_exec(
             *command,
             stdin=DEVNULL,
@@ -48,7 +52,7 @@ async def check(
             said, complained = await asyncio.wait_for(process.communicate(), seconds)
         except TimeoutError:
             sentence = f"{file.name}: reading it takes more than {seconds} s"
-            raise BadSessionError(sentence, file=file.name) from None
+            raise BadFileError(sentence, file=file.name) from None
         finally:
             # Also if the coordinator is stopped meanwhile.
             with suppress(ProcessLookupError):
@@ -58,12 +62,12 @@ async def check(
         answer = json.loads(said)
     except ValueError:
         why = f"reading it ends with status {process.returncode}: {_last(complained)}"
-        raise BadSessionError(f"{file.name}: {why}", file=file.name) from None
+        raise BadFileError(f"{file.name}: {why}", file=file.name) from None
     if fault := answer.get("error"):
         where = {name: fault[name] for name in ("file", "column", "line")}
-        raise BadSessionError(fault["sentence"], **where)
-    session: dict[str, Any] = answer["session"]
-    return session
+        raise BadFileError(fault["sentence"], **where)
+    understood: dict[str, Any] = answer["answer"]
+    return understood
 
 
 def _last(said: bytes) -> str:

@@ -1,0 +1,46 @@
+"""XML of a model, parsed under limits: no entities, no deep nesting, not too many bodies."""
+
+import re
+from xml.etree import ElementTree
+
+from intake.zips import Wrong
+
+#: Deepest nesting of elements, and how many bodies: beyond, no arm and no robot is meant.
+MAX_DEPTH, MAX_BODIES = 100, 200
+
+
+class XmlError(ValueError):
+    """The text is not XML; `line` says where."""
+
+    def __init__(self, message: str, line: int) -> None:
+        self.line = line
+        super().__init__(message)
+
+
+def parse_model(text: str, wrong: Wrong) -> ElementTree.Element:
+    """Return the root of an MJCF (<mujoco>) or URDF (<robot>) file.
+
+    Raises:
+        XmlError: the text is not XML.
+        Exception: what `wrong` makes of a sentence: it is no model, or one that would take
+            MuJoCo very long or overflow its stack.
+    """
+    # Entities could unfold without end, and only a document type can define them.
+    if re.search(r"<!(DOCTYPE|ENTITY)", text, re.IGNORECASE):
+        raise wrong("may not define a document type or entities")
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise XmlError(str(error), error.position[0]) from None
+    if root.tag not in ("mujoco", "robot"):
+        raise wrong(f"must be an MJCF (<mujoco>) or URDF (<robot>) file, not <{root.tag}>")
+    level, depth = [root], 0
+    while level:
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise wrong(f"nests elements more than {MAX_DEPTH} deep")
+        level = [child for element in level for child in element]
+    count = sum(1 for tag in ("body", "link") for _ in root.iter(tag))
+    if count > MAX_BODIES:
+        raise wrong(f"has {count} bodies; at most {MAX_BODIES}")
+    return root

@@ -1,0 +1,243 @@
+"""Models of kind `command`: a program that takes one line of JSON and answers with one.
+
+The program is code of the worker's owner, who named its folder; it runs in a group of processes
+of its own, which ends with the evaluation, or with the worker if the program is kept.
+"""
+
+import json
+import os
+import selectors
+import signal
+import subprocess
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import partial
+from typing import IO, Any
+
+from models.description import complete
+from models.evaluation import ModelFailure, columns
+from models.folder import ModelError, ModelFolder
+from models.parent_death import die_with_parent
+
+#: Of one answer. A curve of a million points would be 20 MB; a program that prints more is stuck.
+MAX_ANSWER_BYTES = 5_000_000
+#: Of what a program says on stderr, the end is kept.
+STDERR_BYTES = 4_000
+CHUNK = 65_536
+#: Seconds that a program gets to exit by itself once it has answered.
+GRACE_SECONDS = 2.0
+_TABLE = {"run", "keep"}
+
+
+class Command:
+    """A program that is evaluated at many points.
+
+    Raises:
+        ModelError: `[command]` cannot be used.
+    """
+
+    def __init__(self, folder: ModelFolder) -> None:
+        run = folder.run
+        for name in run:
+            if name not in _TABLE:
+                raise ModelError(
+                    f"command.{name[:80]} is unknown: expected {', '.join(sorted(_TABLE))}"
+                )
+        words = run.get("run")
+        if not isinstance(words, list) or not words or not all(isinstance(w, str) for w in words):
+            raise ModelError('command.run must be a list of texts, as ["python3", "model.py"]')
+        if not isinstance(run.get("keep", False), bool):
+            raise ModelError("command.keep must be true or false")
+        self._words, self._keep = words, run.get("keep", False)
+        self._folder, self._description = folder.path, folder.description
+        self._running: _Program | None = None
+
+    def __call__(self, parameters: Mapping[str, float], seed: int = 0) -> dict[str, float]:
+        """Return the outputs at `parameters` (SI units; one left out is nominal).
+
+        Raises:
+            ValueError: a parameter is unknown or not finite.
+            ModelFailure: the program's own outcome; "timed_out"; "crashed": it ended, or could
+                not be started; "bad_answer": it answered with something else than one line.
+        """
+        values = complete(self._description, parameters)
+        question = json.dumps({"parameters": values, "seed": seed}) + "\n"
+        limit = self._description.time_limit
+        deadline = None if limit is None else time.monotonic() + limit
+        program = self._running or _Program(self._words, self._folder)
+        self._running = None
+        try:
+            answer = program.ask(question.encode(), deadline, last=not self._keep)
+        except BaseException:
+            program.end()
+            raise
+        if self._keep:
+            self._running = program
+        else:
+            program.end()
+        return columns(self._description, _outputs(answer))
+
+    def close(self) -> None:
+        """End a program that was kept."""
+        if self._running is not None:
+            self._running.end()
+            self._running = None
+
+
+class _Program:
+    """A running program and the pipes to it."""
+
+    def __init__(self, words: list[str], folder: os.PathLike[str]) -> None:
+        try:
+            self._process = subprocess.Popen(
+                words,
+                cwd=folder,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                start_new_session=True,
+                preexec_fn=partial(die_with_parent, os.getpid(), signal.SIGKILL),
+            )
+        except OSError as error:
+            raise ModelFailure(
+                "crashed", f"{words[0]} cannot be started: {error.strerror}"
+            ) from None
+        self._said = b""
+        self._complaint = b""
+
+    def ask(self, question: bytes, deadline: float | None, *, last: bool) -> Any:
+        """Return the JSON of the line with which the program answers.
+
+        Args:
+            question: one line.
+            deadline: on the monotonic clock; None: no limit.
+            last: whether it may be told that no more comes, and must then exit with status 0.
+        """
+        line = self._exchange(question, deadline, last=last)
+        if self._said.strip():
+            raise ModelFailure("bad_answer", "the program printed more than one line for one point")
+        if last:
+            code = self._exit_status(deadline)
+            if code != 0:
+                raise ModelFailure("crashed", f"the program {_how(code)}{self._last_words()}")
+        try:
+            return json.loads(line)
+        except (ValueError, RecursionError):
+            shown = line[:80].decode(errors="replace")
+            raise ModelFailure(
+                "bad_answer", f"the program printed {shown!r}, which is not one line of JSON"
+            ) from None
+
+    def end(self) -> None:
+        """Kill whatever is left of the program and of what it started."""
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout, self._process.stderr):
+            if pipe is not None:
+                with suppress(BrokenPipeError):
+                    pipe.close()
+
+    def _exchange(self, question: bytes, deadline: float | None, *, last: bool) -> bytes:
+        """Write the question and read one line; meanwhile read what it says on stderr."""
+        process = self._process
+        assert process.stdin and process.stdout and process.stderr
+        # An answer as long as a pipe's buffer would block us both otherwise.
+        os.set_blocking(process.stdin.fileno(), False)
+        with selectors.DefaultSelector() as selector:
+            selector.register(process.stdin, selectors.EVENT_WRITE)
+            selector.register(process.stdout, selectors.EVENT_READ)
+            selector.register(process.stderr, selectors.EVENT_READ)
+            while b"\n" not in self._said:
+                left = None if deadline is None else deadline - time.monotonic()
+                if left is not None and left <= 0:
+                    raise self._timed_out()
+                for key, _ in selector.select(left):
+                    if key.fileobj is process.stdin:
+                        question = self._write(question)
+                        if not question:
+                            selector.unregister(process.stdin)
+                            if last:
+                                process.stdin.close()
+                    elif key.fileobj is process.stderr:
+                        if not self._hear():
+                            selector.unregister(process.stderr)
+                    else:
+                        self._read(process.stdout)
+        line, _, self._said = self._said.partition(b"\n")
+        return line
+
+    def _write(self, question: bytes) -> bytes:
+        assert self._process.stdin
+        try:
+            return question[os.write(self._process.stdin.fileno(), question) :]
+        except BlockingIOError:
+            return question
+        except OSError:
+            # It has ended, or does not listen; what it says, or its status, tells.
+            return b""
+
+    def _read(self, stdout: IO[bytes]) -> None:
+        chunk = os.read(stdout.fileno(), CHUNK)
+        if not chunk:
+            if self._said:
+                self._said += b"\n"
+                return
+            code = self._exit_status(time.monotonic() + GRACE_SECONDS)
+            raise ModelFailure("crashed", f"the program {_how(code)} unasked{self._last_words()}")
+        self._said += chunk
+        if len(self._said) > MAX_ANSWER_BYTES:
+            raise ModelFailure(
+                "bad_answer", f"the program printed more than {MAX_ANSWER_BYTES / 1e6:g} MB"
+            )
+
+    def _hear(self) -> bool:
+        assert self._process.stderr
+        chunk = os.read(self._process.stderr.fileno(), CHUNK)
+        self._complaint = (self._complaint + chunk)[-STDERR_BYTES:]
+        return bool(chunk)
+
+    def _exit_status(self, deadline: float | None) -> int | None:
+        left = GRACE_SECONDS if deadline is None else max(0.0, deadline - time.monotonic())
+        try:
+            return self._process.wait(min(GRACE_SECONDS, left))
+        except subprocess.TimeoutExpired:
+            return None
+
+    def _timed_out(self) -> ModelFailure:
+        return ModelFailure("timed_out", f"the program gave no answer in time{self._last_words()}")
+
+    def _last_words(self) -> str:
+        assert self._process.stderr
+        os.set_blocking(self._process.stderr.fileno(), False)
+        try:
+            while self._hear():
+                pass
+        except BlockingIOError:
+            pass
+        lines = self._complaint.decode(errors="replace").strip().splitlines()
+        return f"; it said last: {lines[-1][:300]}" if lines else ""
+
+
+def _outputs(answer: Any) -> Mapping[str, Any]:
+    if isinstance(answer, dict) and isinstance(answer.get("outputs"), dict):
+        outputs: Mapping[str, Any] = answer["outputs"]
+        return outputs
+    if isinstance(answer, dict) and isinstance(answer.get("outcome"), str):
+        try:
+            failure = ModelFailure(answer["outcome"], str(answer.get("reason", ""))[:1000])
+        except ValueError as error:
+            raise ModelFailure("bad_answer", str(error)) from None
+        raise failure
+    raise ModelFailure(
+        "bad_answer", 'the program must print {"outputs": {...}} or {"outcome": ..., "reason": ...}'
+    )
+
+
+def _how(code: int | None) -> str:
+    if code is None:
+        return "answered and did not exit"
+    if code < 0:
+        return f"was ended by {signal.Signals(-code).name}"
+    return f"exited with status {code}"

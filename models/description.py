@@ -1,0 +1,307 @@
+"""What a model is to everybody who does not evaluate it: its factors, outputs, kind and digest."""
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from functools import cached_property
+from math import inf, isfinite
+from typing import Any, Self
+
+from models.factors import Factor, check_bounds, no_factor
+
+MAX_FACTORS = 1000
+#: Of scalars, and of points of curves, all together.
+MAX_OUTPUTS = 10_000
+#: Hexadecimal digits of a digest in a model's name, as in "pendulum@3fa2...".
+DIGEST_LENGTH = 16
+
+#: A name, @ and a digest fit in the 64 characters that a study keeps.
+_MODEL_NAME = re.compile(r"[a-z0-9_]{1,40}")
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]{0,63}")
+_MAX_TEXT = 500
+
+
+class DescriptionError(ValueError):
+    """A model cannot be described so.
+
+    Attributes:
+        field: which entry, as "factors[2].low".
+        problem: one sentence, which says what would be right.
+    """
+
+    def __init__(self, field: str, problem: str) -> None:
+        self.field, self.problem = field, problem
+        super().__init__(f"{field}: {problem}")
+
+
+class Kind(StrEnum):
+    """How a model reaches a worker."""
+
+    MJCF = "mjcf"
+    PYTHON = "python"
+    COMMAND = "command"
+    UMBRIDGE = "umbridge"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """One number that an evaluation gives, or `curve` numbers along an axis."""
+
+    name: str
+    #: SI unit symbol; "1" if dimensionless.
+    unit: str
+    curve: int | None = None
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of its numbers: its own, or one for each point of the curve."""
+        if self.curve is None:
+            return (self.name,)
+        return tuple(f"{self.name}[{i}]" for i in range(self.curve))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """Something that maps named factors to named outputs."""
+
+    name: str
+    description: str
+    kind: Kind
+    factors: tuple[Factor, ...]
+    results: tuple[Output, ...]
+    #: Seconds of wall time that one evaluation may take; None: what the worker's owner allows.
+    time_limit: float | None = None
+    #: Whether equal parameters give equal bits on one machine; else the seed decides, too.
+    deterministic: bool = True
+    #: Digest of the files that evaluate it; empty for one that comes with rehyb.
+    code: str = ""
+
+    @cached_property
+    def digest(self) -> str:
+        """What tells two versions of a model apart; descriptions for readers do not count."""
+        said = self._entries()
+        for entry in (said, *said["factors"]):
+            del entry["description"]
+        canonical = json.dumps(said, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(canonical.encode()).hexdigest()[:DIGEST_LENGTH]
+
+    @property
+    def version(self) -> str:
+        """Name and digest, as a worker says which models it has."""
+        return f"{self.name}@{self.digest}"
+
+    @cached_property
+    def units(self) -> Mapping[str, str]:
+        """Every number that a successful evaluation gives, in their order, and its unit."""
+        return {column: output.unit for output in self.results for column in output.columns}
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the numbers that a successful evaluation gives."""
+        return tuple(self.units)
+
+    @property
+    def sampled(self) -> tuple[Factor, ...]:
+        """The factors a study samples unless it says otherwise."""
+        return tuple(factor for factor in self.factors if not factor.optional)
+
+    def factor(self, name: str) -> Factor:
+        """Return the factor called `name`; KeyError if the model has none."""
+        for factor in self.factors:
+            if factor.name == name:
+                return factor
+        raise KeyError(name)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as plain JSON, which `from_json` reads; a bound that is infinite is null."""
+        return {**self._entries(), "digest": self.digest}
+
+    def _entries(self) -> dict[str, Any]:
+        said = asdict(self)
+        outputs = said.pop("results")
+        for factor in said["factors"]:
+            factor["choices"] = list(factor["choices"])
+            factor["bounds"] = [bound if isfinite(bound) else None for bound in factor["bounds"]]
+        return {
+            **said,
+            "kind": str(self.kind),
+            "factors": list(said["factors"]),
+            "outputs": list(outputs),
+        }
+
+    @classmethod
+    def from_json(cls, said: Any) -> Self:
+        """Read a description that somebody sent.
+
+        Raises:
+            DescriptionError: something is missing, unknown or means nothing.
+        """
+        fields = _fields(
+            "model",
+            said,
+            needed={"name": str, "kind": str, "factors": list, "outputs": list},
+            optional={
+                "description": str,
+                "time_limit": float,
+                "deterministic": bool,
+                "code": str,
+                "digest": str,
+            },
+        )
+        if not _MODEL_NAME.fullmatch(fields["name"]):
+            raise DescriptionError(
+                "model.name", f"{fields['name'][:80]!r} must be 1 to 40 of a to z, 0 to 9 and _"
+            )
+        if fields["kind"] not in [*Kind]:
+            raise DescriptionError(
+                "model.kind", f"{fields['kind'][:80]!r} must be one of {', '.join(Kind)}"
+            )
+        limit = fields.get("time_limit")
+        if limit is not None and not 0.0 < limit <= 1e7:
+            raise DescriptionError("model.time_limit", f"must lie above 0 s, not {limit:g}")
+        if len(fields["factors"]) > MAX_FACTORS:
+            raise DescriptionError(
+                "factors", f"are {len(fields['factors'])}; at most {MAX_FACTORS}"
+            )
+        factors = tuple(_factor(f"factors[{i}]", f) for i, f in enumerate(fields["factors"]))
+        results = tuple(_output(f"outputs[{i}]", o) for i, o in enumerate(fields["outputs"]))
+        _check_names("factors", factors, "factor")
+        _check_names("outputs", results, "output")
+        count = sum(output.curve or 1 for output in results)
+        if count > MAX_OUTPUTS:
+            raise DescriptionError("outputs", f"give {count} numbers; at most {MAX_OUTPUTS}")
+        return cls(
+            name=fields["name"],
+            description=fields.get("description", ""),
+            kind=Kind(fields["kind"]),
+            factors=factors,
+            results=results,
+            time_limit=limit,
+            deterministic=fields.get("deterministic", True),
+            code=fields.get("code", ""),
+        )
+
+
+def complete(description: Description, parameters: Mapping[str, float]) -> dict[str, float]:
+    """Return a value for every factor, in their order; one left out takes its nominal value.
+
+    Raises:
+        ValueError: a factor is unknown, or a value is not finite or out of its bounds.
+    """
+    values = {factor.name: factor.nominal for factor in description.factors}
+    for name, value in parameters.items():
+        if name not in values:
+            raise ValueError(no_factor(description.name, name, values))
+        if not isfinite(value):
+            raise ValueError(f"factor {name} must be finite, not {value}")
+        values[name] = float(value)
+    check_bounds(description.factors, values)
+    return values
+
+
+def _factor(where: str, said: Any) -> Factor:
+    number = {"low": float, "high": float, "nominal": float}
+    fields = _fields(
+        where,
+        said,
+        needed={"name": str, "unit": str, **number},
+        optional={"description": str, "bounds": list, "optional": bool, "choices": list},
+    )
+    for name in number:
+        if not isfinite(fields[name]):
+            raise DescriptionError(f"{where}.{name}", f"must be finite, not {fields[name]}")
+    if not fields["low"] < fields["high"] or not isfinite(fields["high"] - fields["low"]):
+        raise DescriptionError(
+            f"{where}.high", f"{fields['high']:g} must lie above low, {fields['low']:g}"
+        )
+    low, high = _bounds(f"{where}.bounds", fields.pop("bounds", [None, None]))
+    for name in number:
+        if not low <= fields[name] <= high:
+            raise DescriptionError(
+                f"{where}.{name}", f"{fields[name]:g} lies outside the bounds {low:g} to {high:g}"
+            )
+    choices = tuple(fields.pop("choices", ()))
+    if not all(isinstance(choice, str) and choice for choice in choices):
+        raise DescriptionError(f"{where}.choices", "must be a list of names")
+    if choices and (fields["low"], fields["high"]) != (0.0, len(choices) - 1):
+        raise DescriptionError(
+            f"{where}.high", f"of a choice is the number of its last name, {len(choices) - 1}"
+        )
+    return Factor(**{"description": "", **fields}, bounds=(low, high), choices=choices)
+
+
+def _bounds(where: str, said: Sequence[Any]) -> tuple[float, float]:
+    numbers = [b for b in said if isinstance(b, int | float) and not isinstance(b, bool)]
+    if len(said) != 2 or len(numbers) + said.count(None) != 2:
+        raise DescriptionError(where, "must be two numbers, or null where there is no bound")
+    low = -inf if said[0] is None else float(said[0])
+    high = inf if said[1] is None else float(said[1])
+    return low, high
+
+
+def _output(where: str, said: Any) -> Output:
+    fields = _fields(where, said, needed={"name": str, "unit": str}, optional={"curve": int})
+    curve = fields.get("curve")
+    if curve is not None and not 2 <= curve <= MAX_OUTPUTS:
+        raise DescriptionError(f"{where}.curve", f"must be 2 to {MAX_OUTPUTS} points, not {curve}")
+    return Output(**fields)
+
+
+def _fields(
+    where: str, said: Any, *, needed: Mapping[str, type], optional: Mapping[str, type]
+) -> dict[str, Any]:
+    """Return the entries of a table whose types are right; an entry that is null is left out."""
+    if not isinstance(said, Mapping):
+        raise DescriptionError(where, f"must be a table, not {type(said).__name__}")
+    kinds = {**needed, **optional}
+    for name in said:
+        if name not in kinds:
+            raise DescriptionError(
+                f"{where}.{str(name)[:80]}", f"is unknown: expected one of {', '.join(kinds)}"
+            )
+    found = {}
+    for name, kind in kinds.items():
+        value = said.get(name)
+        if value is None:
+            if name in needed:
+                raise DescriptionError(f"{where}.{name}", "is missing")
+            continue
+        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+            value = _as_float(f"{where}.{name}", value)
+        if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+            word = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
+            raise DescriptionError(
+                f"{where}.{name}", f"must be {word.get(kind, 'a list')}, not {str(value)[:60]!r}"
+            )
+        if isinstance(value, str) and (len(value) > _MAX_TEXT or not value.isprintable()):
+            raise DescriptionError(
+                f"{where}.{name}", f"must be one line of at most {_MAX_TEXT} characters"
+            )
+        found[name] = value
+    return found
+
+
+def _as_float(where: str, value: int) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        raise DescriptionError(where, "is too large for a number") from None
+
+
+def _check_names(where: str, entries: Sequence[Factor | Output], what: str) -> None:
+    if not entries:
+        raise DescriptionError(where, f"a model has at least one {what}")
+    seen: set[str] = set()
+    for i, entry in enumerate(entries):
+        if not _NAME.fullmatch(entry.name):
+            raise DescriptionError(
+                f"{where}[{i}].name",
+                f"{entry.name[:80]!r} must be 1 to 64 letters, digits, _, . and -, "
+                "and begin with a letter or _",
+            )
+        if entry.name in seen:
+            raise DescriptionError(f"{where}[{i}].name", f"{entry.name} is listed twice")
+        seen.add(entry.name)

@@ -1,0 +1,75 @@
+"""Factors: the uncertain inputs of a model."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import inf
+from types import MappingProxyType
+
+#: Factors that no longer exist, each with what to write instead.
+REPLACED: Mapping[str, str] = MappingProxyType(
+    {
+        "refitted_muscles": (
+            "write muscles=paper for refitted_muscles=0, and muscles=physiological for 1"
+        )
+    }
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Factor:
+    """One uncertain input: its name, unit, range and nominal value."""
+
+    name: str
+    #: SI unit symbol; "1" if dimensionless.
+    unit: str
+    low: float
+    high: float
+    nominal: float
+    description: str
+    #: Closed interval outside which the value means nothing.
+    bounds: tuple[float, float] = (-inf, inf)
+    #: Whether a study samples it only if told to.
+    optional: bool = False
+    #: Names of its values if it is a choice: the value is a name's number, from 0.
+    choices: tuple[str, ...] = ()
+
+    def number(self, value: float | str) -> float:
+        """Return a value as a number; that of a choice may be told by its name.
+
+        Raises:
+            ValueError: it is no number, or no name of this choice.
+        """
+        if not isinstance(value, str):
+            return float(value)
+        if value in self.choices:
+            return float(self.choices.index(value))
+        if not self.choices:
+            raise ValueError(f"{self.name} must be a number, not {value!r}")
+        if value.isdigit():
+            return float(value)
+        raise ValueError(f"{self.name} must be {_one_of(self.choices)}, not {value!r}")
+
+
+def no_factor(whose: str, name: str, known: Iterable[str]) -> str:
+    """Return the sentence for a factor that does not exist: what to write instead, or all names."""
+    if name in REPLACED:
+        return f"{whose} no longer has the factor {name!r}: {REPLACED[name]}"
+    return f"{whose} has no factor {name!r}: it has {', '.join(known)}"
+
+
+def check_bounds(factors: tuple[Factor, ...], values: Mapping[str, float]) -> None:
+    """Raise ValueError if a value lies outside its factor's bounds."""
+    for factor in factors:
+        low, high = factor.bounds
+        value = values.get(factor.name, factor.nominal)
+        if not low <= value <= high:
+            raise ValueError(f"{factor.name} must lie between {low:g} and {high:g}, not {value}")
+        if factor.choices and value != int(value):
+            raise ValueError(
+                f"{factor.name} must be {_one_of(factor.choices)}, or a number of these from 0, "
+                f"not {value}"
+            )
+
+
+def _one_of(names: tuple[str, ...]) -> str:
+    return f"{', '.join(names[:-1])} or {names[-1]}"

@@ -1,0 +1,140 @@
+"""The file of an `mjcf` model: read under limits; what reaches out of its folder is refused."""
+
+from pathlib import Path, PurePosixPath
+from xml.etree import ElementTree
+
+import mujoco
+
+from intake.xml import XmlError, parse_model
+from models.folder import ModelError
+
+MAX_XML_BYTES = 5_000_000
+#: Elements that reach outside the file, or that make elements without number.
+REFUSED_ELEMENTS = {
+    "include": "an included file; write one file",
+    "plugin": "a plugin, which is code",
+    "extension": "a plugin, which is code",
+    "attach": "an attached model; write one file",
+    "model": "an attached model; write one file",
+    "replicate": "a generator of elements; write them out",
+    "composite": "a generator of elements; write them out",
+    "flexcomp": "a generator of elements; write them out",
+}
+#: Attributes of <compiler> that say in which folder files are.
+_FOLDERS = ("meshdir", "texturedir", "assetdir")
+
+
+def read_spec(folder: Path, name: str) -> mujoco.MjSpec:
+    """Read the file `name` in a model's folder, with the meshes beside it.
+
+    A URDF has no sensors and no motors: every joint that moves gets a motor of its name, and the
+    sensors JOINT.position, JOINT.velocity and JOINT.torque (of the motor; SI units).
+
+    Raises:
+        ModelError: it is not there, reaches out of the folder, or MuJoCo refuses it.
+    """
+    path = inside(folder, name, "mjcf.file")
+    if path.stat().st_size > MAX_XML_BYTES:
+        raise ModelError(f"is larger than {MAX_XML_BYTES // 1_000_000} MB", file=name)
+    try:
+        root = parse_model(
+            path.read_text(encoding="utf-8-sig"), lambda detail: ModelError(detail, file=name)
+        )
+    except UnicodeDecodeError:
+        raise ModelError("is not UTF-8 text", file=name) from None
+    except XmlError as error:
+        raise ModelError(f"line {error.line}: is not XML: {error}", file=name) from None
+    for element in root.iter():
+        if element.tag in REFUSED_ELEMENTS:
+            raise ModelError(f"<{element.tag}> is {REFUSED_ELEMENTS[element.tag]}", file=name)
+    if root.tag == "robot":
+        _keep_links(root)
+    assets = _assets(root, path, folder, name)
+    try:
+        spec = mujoco.MjSpec.from_string(
+            ElementTree.tostring(root, encoding="unicode"), assets=assets
+        )
+    except ValueError as error:
+        raise ModelError(f"MuJoCo refuses it: {' '.join(str(error).split())}", file=name) from None
+    if root.tag == "robot":
+        _add_motors_and_sensors(spec)
+    return spec
+
+
+def inside(folder: Path, name: str, field: str) -> Path:
+    """Return the path of a file of the model's folder.
+
+    Raises:
+        ModelError: there is no such file in it; `field` says what names it.
+    """
+    try:
+        path = (folder / name).resolve()
+        there = path.is_relative_to(folder.resolve()) and path.is_file()
+    except (OSError, ValueError):
+        there = False
+    if not there:
+        raise ModelError(f"{field} names {name[:80]!r}, which is not in the model's folder")
+    return path
+
+
+def _keep_links(root: ElementTree.Element) -> None:
+    """Let every link stay a body, so that a factor finds it by its name."""
+    settings = root.find("mujoco")
+    if settings is None:
+        settings = ElementTree.SubElement(root, "mujoco")
+    compiler = settings.find("compiler")
+    if compiler is None:
+        compiler = ElementTree.SubElement(settings, "compiler")
+    compiler.attrib.setdefault("fusestatic", "false")
+
+
+def _add_motors_and_sensors(spec: mujoco.MjSpec) -> None:
+    sensors = {
+        "position": (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtObj.mjOBJ_JOINT),
+        "velocity": (mujoco.mjtSensor.mjSENS_JOINTVEL, mujoco.mjtObj.mjOBJ_JOINT),
+        "torque": (mujoco.mjtSensor.mjSENS_ACTUATORFRC, mujoco.mjtObj.mjOBJ_ACTUATOR),
+    }
+    for joint in spec.joints:
+        spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        for quantity, (kind, of) in sensors.items():
+            spec.add_sensor(
+                name=f"{joint.name}.{quantity}", type=kind, objtype=of, objname=joint.name
+            )
+
+
+def _assets(root: ElementTree.Element, path: Path, folder: Path, name: str) -> dict[str, bytes]:
+    """Return the files that the XML names, and rename them in it so that no folder is named.
+
+    MuJoCo then finds them among the assets, and looks nowhere else.
+    """
+    places = [""]
+    for compiler in root.iter("compiler"):
+        places += [compiler.attrib.pop(key) for key in _FOLDERS if key in compiler.attrib]
+    renamed: dict[Path, str] = {}
+    for element in root.iter():
+        for key, file in [*element.attrib.items()]:
+            if not key.startswith("file"):
+                continue
+            found = _find(folder, path.parent, places, file, name)
+            renamed.setdefault(found, f"asset{len(renamed)}{found.suffix}")
+            element.set(key, renamed[found])
+            if key == "file" and root.tag == "mujoco":
+                # MuJoCo would call it by its file's name.
+                element.attrib.setdefault("name", PurePosixPath(file).stem)
+    return {asset: found.read_bytes() for found, asset in renamed.items()}
+
+
+def _find(folder: Path, beside: Path, places: list[str], file: str, name: str) -> Path:
+    """Return the file that an element names; in a package of ROS, by the end of its path."""
+    parts = PurePosixPath(file.split("://", 1)[-1]).parts
+    tails = ["/".join(parts[i:]) for i in range(len(parts))] if "://" in file else [file]
+    for place in places:
+        for tail in tails:
+            try:
+                found = (beside / place / tail).resolve()
+                there = found.is_relative_to(folder.resolve()) and found.is_file()
+            except (OSError, ValueError):
+                there = False
+            if there:
+                return found
+    raise ModelError(f"names the file {file[:80]!r}, which is not in the model's folder", file=name)

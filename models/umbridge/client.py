@@ -1,0 +1,150 @@
+"""Models of kind `umbridge`: a server elsewhere evaluates, a model's folder says what it maps."""
+
+from collections.abc import Mapping, Sequence
+from itertools import islice
+from typing import Any, TypeGuard
+
+import httpx2
+
+from models.description import complete
+from models.evaluation import ModelFailure, columns
+from models.folder import ModelError, ModelFolder
+
+PROTOCOL = 1.0
+#: Seconds for a question whose answer is no evaluation.
+ASK_SECONDS = 30.0
+_TABLE = {"name", "config"}
+
+
+class Server:
+    """A server that speaks UM-Bridge.
+
+    Raises:
+        ModelError: there is none at `url`, or it speaks another version.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.url = url.rstrip("/")
+        # A server of models stands beside the worker; a proxy would not know it.
+        self._http = httpx2.Client(timeout=ASK_SECONDS, trust_env=False)
+        info = self._asked("GET", "Info")
+        if info.get("protocolVersion") != PROTOCOL:
+            raise self._wrong(f"speaks version {info.get('protocolVersion')}, not {PROTOCOL}")
+        self.models: Sequence[str] = info.get("models") or ()
+
+    def sizes(self, name: str, config: Mapping[str, Any]) -> tuple[list[int], list[int]]:
+        """Return how long the vectors are that the model `name` takes and gives."""
+        asked = {"name": name, "config": config}
+        inputs = self._asked("POST", "InputSizes", asked).get("inputSizes")
+        outputs = self._asked("POST", "OutputSizes", asked).get("outputSizes")
+        if not _are_sizes(inputs) or not _are_sizes(outputs):
+            raise self._wrong(f"does not say how long the vectors of {name} are")
+        return inputs, outputs
+
+    def evaluate(
+        self,
+        name: str,
+        vectors: Sequence[Sequence[float]],
+        config: Mapping[str, Any],
+        seconds: float | None,
+    ) -> Any:
+        """Return the vectors that the model `name` gives.
+
+        Raises:
+            ModelFailure: "timed_out"; "crashed": the server is gone, or says that it failed.
+        """
+        asked = {"name": name, "input": vectors, "config": config}
+        try:
+            answer = self._http.post(f"{self.url}/Evaluate", json=asked, timeout=seconds)
+            said = answer.json()
+        except httpx2.TimeoutException:
+            raise ModelFailure("timed_out", f"{self.url} gave no answer in time") from None
+        except httpx2.HTTPError as error:
+            raise ModelFailure("crashed", f"{self.url}: {error}") from None
+        except ValueError:
+            raise ModelFailure(
+                "bad_answer", f"{self.url} answered {answer.status_code} without JSON"
+            ) from None
+        if not isinstance(said, dict) or "output" not in said:
+            why = said.get("error", said) if isinstance(said, dict) else said
+            message = why.get("message", why) if isinstance(why, dict) else why
+            raise ModelFailure("crashed", f"{self.url}: {str(message)[:500]}")
+        return said["output"]
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._http.close()
+
+    def _asked(self, method: str, path: str, body: Any = None) -> dict[str, Any]:
+        try:
+            said = self._http.request(method, f"{self.url}/{path}", json=body).json()
+        except (httpx2.HTTPError, httpx2.InvalidURL, ValueError) as error:
+            raise self._wrong(f"is no UM-Bridge server: {error}") from None
+        if not isinstance(said, dict):
+            raise self._wrong("is no UM-Bridge server")
+        return said
+
+    def _wrong(self, detail: str) -> ModelError:
+        return ModelError(detail, file=self.url)
+
+
+class RemoteModel:
+    """A model of a server, whose vectors are our factors and outputs, one after another.
+
+    Raises:
+        ModelError: `[umbridge]` cannot be used, or the server's model has other sizes.
+    """
+
+    def __init__(self, folder: ModelFolder, server: Server) -> None:
+        for entry in folder.run:
+            if entry not in _TABLE:
+                raise ModelError(
+                    f"umbridge.{entry[:80]} is unknown: expected {', '.join(sorted(_TABLE))}"
+                )
+        self._name = folder.run.get("name", folder.description.name)
+        self._config = folder.run.get("config", {})
+        self._description, self._server = folder.description, server
+        if self._name not in server.models:
+            raise ModelError(
+                f"umbridge.name is {self._name!r}, and {server.url} has {', '.join(server.models)}"
+            )
+        self._inputs, outputs = server.sizes(self._name, self._config)
+        for part, here, there in (
+            ("factors", len(self._description.factors), sum(self._inputs)),
+            ("outputs", len(self._description.outputs), sum(outputs)),
+        ):
+            if here != there:
+                raise ModelError(
+                    f"{part} are {here} numbers, and {self._name} of {server.url} has {there}"
+                )
+
+    def __call__(self, parameters: Mapping[str, float], seed: int = 0) -> dict[str, float]:
+        """Return the outputs at `parameters` (SI units; one left out is nominal).
+
+        Raises:
+            ValueError: a parameter is unknown or not finite.
+            ModelFailure: "timed_out", "crashed", "bad_answer" or "not_finite".
+        """
+        values = iter(complete(self._description, parameters).values())
+        vectors = [list(islice(values, size)) for size in self._inputs]
+        limit = self._description.time_limit
+        answer = self._server.evaluate(self._name, vectors, self._config, limit)
+        try:
+            numbers = iter([number for vector in answer for number in vector])
+        except TypeError:
+            raise ModelFailure("bad_answer", "the output must be a list of vectors") from None
+        outputs: dict[str, Any] = {}
+        for output in self._description.results:
+            curve = output.curve
+            outputs[output.name] = (
+                next(numbers, None) if curve is None else list(islice(numbers, curve))
+            )
+        return columns(self._description, outputs)
+
+    def close(self) -> None:
+        """Close the connection to the server."""
+        self._server.close()
+
+
+def _are_sizes(said: Any) -> TypeGuard[list[int]]:
+    return isinstance(said, list) and all(isinstance(size, int) for size in said)

@@ -1,0 +1,248 @@
+"""Commands about models of one's own: `model check|add|list|show`, and `umbridge serve`."""
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rehyb.cli.answers import Answer, answering, print_rows
+from rehyb.cli.options import interruptible
+from rehyb.client import Client, Json
+from rehyb.errors import Invalid
+
+if TYPE_CHECKING:
+    from models.description import Description
+    from models.folder import ModelFolder
+
+app = typer.Typer(help="Models of your own.", no_args_is_help=True)
+umbridge = typer.Typer(help="UM-Bridge, both ways.", no_args_is_help=True)
+
+#: `check` looks at all corners of at most so many factors; of more, at each factor's ends.
+CORNERS_OF = 5
+#: Of a model with many outputs, `check` prints so many.
+SHOWN = 4
+#: Seconds that one evaluation may take while a model is checked.
+CHECK_SECONDS = 120.0
+
+Folder = Annotated[
+    Path, typer.Argument(metavar="DIR", help="A folder with model.toml.", show_default=False)
+]
+
+
+@app.command()
+@answering
+def check(
+    folder: Folder,
+    umbridge: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL", help="The server, of a model of kind umbridge.", show_default=False
+        ),
+    ] = None,
+) -> Answer:
+    """Evaluate a model here, at its nominal point and at corners of its factors' ranges.
+
+    Exit status 1 if an evaluation fails.
+    """
+    from models.description import Kind
+    from worker.models import Place
+    from worker.pool import Pool
+
+    read = _read(folder)
+    description = read.description
+    place = Place(
+        kind=description.kind,
+        where=str(read.path),
+        url=umbridge or "",
+        time_limit=description.time_limit,
+    )
+    if description.kind == Kind.UMBRIDGE and umbridge is None:
+        raise Invalid("a model of kind umbridge needs its server: --umbridge URL")
+    rows = []
+    pool = Pool(1, description.time_limit or CHECK_SECONDS)
+    try:
+        for where, parameters in _points(description):
+            result = _evaluated(pool, place, parameters)
+            rows.append({"where": where, "parameters": parameters, **result})
+    finally:
+        pool.kill()
+    failed = sum(row["outcome"] != "ok" for row in rows)
+    return Answer(
+        {"model": description.version, "evaluations": rows, "failed": failed},
+        lambda: _print_check(description, rows, failed),
+        status=1 if failed else 0,
+    )
+
+
+@app.command()
+@answering
+def add(folder: Folder, client: Client) -> Answer:
+    """Give a model to the coordinator: an mjcf model whole, any other by its description."""
+    from models.description import Kind
+    from models.folder import pack
+
+    read = _read(folder)
+    if read.description.kind == Kind.MJCF:
+        with tempfile.TemporaryDirectory(prefix="rehyb-model-") as scratch:
+            archive = Path(scratch) / f"{read.description.name}.zip"
+            pack(read, archive)
+            added = client.add_model(archive)
+        runs = "every worker evaluates it"
+    else:
+        added = client.announce_model(read.description.as_json())
+        runs = f"start `rehyb-worker --models {folder}` where its program is to run"
+    version = f"{added['name']}@{added['digest']}"
+    return Answer(added, f"{version}: {runs}")
+
+
+@app.command("list")
+@answering
+def every(client: Client) -> Answer:
+    """List the newest version of every model."""
+    models = client.models()
+    rows = [
+        {
+            "name": model["name"],
+            "kind": "built in" if model["own"] else model["kind"],
+            "digest": "" if model["own"] else model["digest"],
+            "factors": len(model["factors"]),
+            "description": model["description"],
+        }
+        for model in models
+    ]
+    return Answer(
+        models, lambda: print_rows(("name", "kind", "digest", "factors", "description"), rows)
+    )
+
+
+@app.command()
+@answering
+def show(
+    name: Annotated[str, typer.Argument(help="NAME, or NAME@DIGEST.", show_default=False)],
+    client: Client,
+) -> Answer:
+    """Show a model's factors and outputs."""
+    model = client.model(name)
+    return Answer(model, lambda: _print_model(model))
+
+
+@umbridge.command()
+def serve(
+    model: Annotated[
+        list[str], typer.Option(help="A model that comes with rehyb, or a folder; repeat.")
+    ],
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any free port.")] = 4242,
+    processes: Annotated[
+        int | None, typer.Option(min=1, help="Evaluations at once. Default: one per core.")
+    ] = None,
+) -> None:
+    """Serve models to everybody who samples with an UM-Bridge client, until Ctrl-C."""
+    from models.umbridge.server import serve as bound
+    from worker.models import Place
+    from worker.pool import available_cores
+    from worker.queue import EvaluationQueue
+
+    described: dict[str, Description] = {}
+    places: dict[str, Place | None] = {}
+    for one in model:
+        description, place = _served(one)
+        described[description.name], places[description.name] = description, place
+    with EvaluationQueue(processes or available_cores(), CHECK_SECONDS) as queue:
+        server = bound(
+            described,
+            lambda name, parameters: queue.evaluate(name, places[name], parameters),
+            host,
+            port,
+        )
+        address, taken = server.server_address[:2]
+        typer.echo(f"http://{address!s}:{taken} serves {', '.join(described)}; Ctrl-C stops it.")
+        with interruptible(), server:
+            server.serve_forever()
+
+
+def _served(model: str) -> "tuple[Description, Any]":
+    """Return a model's description, and where it is evaluated (None: it is rehyb's own)."""
+    from models.own import own_models
+    from worker.models import Place
+
+    if model in own_models():
+        return own_models()[model], None
+    if not Path(model).is_dir():
+        raise typer.BadParameter(
+            f"there is no model {model!r}: give a folder, or one of {', '.join(own_models())}"
+        )
+    read = _read(Path(model))
+    kind, limit = read.description.kind, read.description.time_limit
+    return read.description, Place(kind=kind, where=str(read.path), time_limit=limit)
+
+
+def _read(folder: Path) -> "ModelFolder":
+    from models.folder import ModelError, read_folder
+
+    try:
+        return read_folder(folder)
+    except ModelError as error:
+        raise Invalid(str(error)) from None
+
+
+def _points(description: "Description") -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield the nominal point and corners of the ranges, each with its name."""
+    from itertools import product
+
+    nominal = {factor.name: factor.nominal for factor in description.factors}
+    yield "nominal", nominal
+    if len(description.factors) <= CORNERS_OF:
+        for ends in product(("low", "high"), repeat=len(description.factors)):
+            yield (
+                " ".join(ends),
+                {
+                    factor.name: float(getattr(factor, end))
+                    for factor, end in zip(description.factors, ends, strict=True)
+                },
+            )
+        return
+    for factor in description.factors:
+        for end in ("low", "high"):
+            yield f"{factor.name} {end}", {**nominal, factor.name: float(getattr(factor, end))}
+
+
+def _evaluated(pool: Any, place: Any, parameters: Mapping[str, float]) -> Json:
+    instance = {"id": "check", "model": "", "parameters": parameters, "place": place, "seed": 1}
+    pool.start({**instance, "time_limit": place.time_limit}, None)
+    while not (finished := pool.wait(1.0)):
+        pass
+    result: Json = finished[0].result
+    del result["instance"]
+    return result
+
+
+def _print_check(description: "Description", rows: list[Json], failed: int) -> None:
+    typer.echo(f"{description.version}: {description.kind}, {len(description.factors)} factors")
+    outputs = [output.columns[-1] for output in description.results[:SHOWN]]
+    print_rows(
+        ("where", "outcome", "ms", *outputs),
+        [
+            {
+                "where": row["where"],
+                "outcome": row["outcome"],
+                "ms": f"{row['wall_seconds'] * 1e3:.2f}",
+                **{name: f"{row['outputs'][name]:.6g}" for name in outputs if row["outputs"]},
+            }
+            for row in rows
+        ],
+    )
+    for reason in dict.fromkeys(f"{row['outcome']}: {row['reason']}" for row in rows):
+        if not reason.startswith("ok"):
+            typer.echo(reason)
+    if not failed:
+        typer.echo("next: rehyb model add DIR, then rehyb study submit --model NAME")
+
+
+def _print_model(model: Json) -> None:
+    typer.echo(f"{model['name']}@{model['digest']} ({model['kind']}): {model['description']}")
+    print_rows(("name", "unit", "low", "nominal", "high", "description"), model["factors"])
+    outputs = [{**output, "points": output["curve"] or 1} for output in model["outputs"]]
+    print_rows(("name", "unit", "points"), outputs)

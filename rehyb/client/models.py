@@ -1,0 +1,39 @@
+"""What a client can ask a coordinator about models."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rehyb.client.connection import Connection, Json
+
+
+class Models(Connection):
+    """Models: rehyb's own, uploaded ones, and those that workers announce."""
+
+    def models(self, *, wanted: bool = False) -> list[Json]:
+        """Return the newest version of every model; if `wanted`, what open studies sample."""
+        path = "/v1/models?wanted=true" if wanted else "/v1/models"
+        models: list[Json] = self._json("GET", path)["models"]
+        return models
+
+    def model(self, name: str) -> Json:
+        """Return one model, "name" (its newest version) or "name@digest"; NotFound without it."""
+        return self._json("GET", f"/v1/models/{name}")
+
+    def add_model(self, archive: Path) -> Json:
+        """Upload a zipped model of kind `mjcf` and return it as the coordinator understood it.
+
+        Raises:
+            Invalid: it cannot be used; the message names the file and what is wrong.
+        """
+        headers = {"Content-Type": "application/zip"}
+        with archive.open("rb") as file:
+            return self._post("/v1/models", content=file, params={}, headers=headers)
+
+    def announce_model(self, description: Mapping[str, Any]) -> Json:
+        """Announce a model whose code is with workers, by its description."""
+        return self._json("POST", "/v1/models", description)
+
+    def model_archive(self, version: str, path: Path) -> None:
+        """Write the zip file of an uploaded model, "name@digest", to `path`."""
+        self._download(f"/v1/models/{version}/archive", path)

@@ -1,0 +1,155 @@
+"""As a new user: models of each kind become studies on a fleet, and their indices are right."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from math import log
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rehyb.client import Client
+from rehyb.fleet import LocalFleet
+from tests.testbed.models import EXAMPLES, edited, laid_out
+
+ROWS = 128
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LocalFleet]:
+    """A coordinator with its analysis, and no worker."""
+    with LocalFleet(tmp_path_factory.mktemp("fleet"), workers=0) as fleet:
+        yield fleet
+
+
+@pytest.fixture(scope="module")
+def environment(fleet: LocalFleet, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """What a terminal has in which the fleet's address was pasted, and a package installed."""
+    packages = laid_out(tmp_path_factory.mktemp("packages"))
+    return os.environ | {
+        "REHYB_URL": fleet.url,
+        "REHYB_TOKEN": fleet.token,
+        "PYTHONPATH": str(packages),
+        "XDG_STATE_HOME": str(tmp_path_factory.mktemp("state")),
+    }
+
+
+@pytest.fixture(scope="module")
+def server(environment: dict[str, str]) -> Iterator[str]:
+    """The Ishigami function as an UM-Bridge server."""
+    arguments = ["umbridge", "serve", "--model", "ishigami", "--port", "0", "--processes", "1"]
+    with started(environment, "rehyb", *arguments) as process:
+        assert process.stdout is not None
+        found = re.match(r"(http://\S+) serves ishigami", process.stdout.readline())
+        assert found is not None
+        yield found[1]
+        process.terminate()
+
+
+@pytest.fixture(scope="module")
+def worker(
+    environment: dict[str, str], server: str, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[None]:
+    """A worker that has the examples."""
+    folder = tmp_path_factory.mktemp("models")
+    for example in ("ishigami_awk", "ishigami_python"):
+        shutil.copytree(EXAMPLES / example, folder / example)
+    (folder / "remote").mkdir()
+    remote = {
+        "ishigami_python": "remote",
+        'kind = "command"': 'kind = "umbridge"',
+        "[command]": "[umbridge]",
+        'run = ["python3", "ishigami.py"]\nkeep = true': 'name = "ishigami"',
+    }
+    edited("ishigami_python", folder / "remote", remote)
+    shutil.move(folder / "remote" / "ishigami_python", folder / "elsewhere")
+    options = ["--models", str(folder), "--allow", "decay", "--umbridge", server]
+    with started(environment, "rehyb-worker", "--processes", "1", *options) as process:
+        yield
+        process.terminate()
+
+
+def started(environment: dict[str, str], command: str, *arguments: str) -> "subprocess.Popen[str]":
+    program = [str(Path(sys.executable).with_name(command)), *arguments]
+    said: Any = subprocess.PIPE if command == "rehyb" else subprocess.DEVNULL
+    return subprocess.Popen(program, env=environment, stdout=said, stderr=said, text=True)
+
+
+def ran(environment: dict[str, str], *arguments: str) -> str:
+    with started(environment, "rehyb", *arguments) as process:
+        said, complaint = process.communicate(timeout=120)
+    assert process.returncode == 0, complaint
+    return said
+
+
+@pytest.fixture
+def client(fleet: LocalFleet) -> Iterator[Client]:
+    with Client(fleet.url, fleet.token) as client:
+        yield client
+
+
+def finished(client: Client, **study: Any) -> dict[str, Any]:
+    """Submit a study and return its indices when it is complete."""
+    asked = {"name": study["model"], "method": "saltelli", "rows": ROWS, "seed": 3, **study}
+    made = client.submit(asked)
+    deadline = time.monotonic() + 300.0
+    while time.monotonic() < deadline:
+        if client.study(made["id"])["state"] == "complete":
+            snapshot = client.indices(made["id"])
+            if snapshot["rows_used"] == asked["rows"]:
+                return snapshot
+        time.sleep(0.2)
+    raise AssertionError(f"not complete: {client.progress(made['id'])}")
+
+
+def of(snapshot: dict[str, Any], output: str, factor: str) -> dict[str, Any]:
+    found: dict[str, Any] = snapshot["outputs"][output]["factors"][factor]
+    return found
+
+
+@pytest.mark.usefixtures("worker")
+def test_an_xml_file_becomes_indices_that_agree_with_its_closed_form(
+    environment: dict[str, str], client: Client
+) -> None:
+    folder = str(EXAMPLES / "pendulum")
+    assert "nominal" in ran(environment, "model", "check", folder)
+    assert "every worker evaluates it" in ran(environment, "model", "add", folder)
+    fixed = {"mass": 1.0}
+    snapshot = finished(client, model="pendulum", fixed=fixed, outputs=["rest_angle"])
+    # rest_angle = gain * 0.5 / stiffness, both uniform.
+    mean = 0.5 * log(20.0 / 5.0) / 15.0
+    variance, of_gain = 0.25 / (5.0 * 20.0) - mean**2, 0.4**2 / 12.0
+    total = variance + of_gain * mean**2 + of_gain * variance
+    for factor, first, whole in (
+        ("stiffness", variance / total, (variance + of_gain * variance) / total),
+        ("motor_gain", of_gain * mean**2 / total, of_gain * (mean**2 + variance) / total),
+    ):
+        found = of(snapshot, "rest_angle", factor)
+        for index, truth in (("first_order", first), ("total_order", whole)):
+            # One 90 % interval in ten misses; twice as wide, one in a thousand.
+            width = found[index]["high"] - found[index]["low"]
+            assert found[index]["low"] - width / 2 <= truth <= found[index]["high"] + width / 2
+
+
+@pytest.mark.usefixtures("worker")
+def test_a_program_in_two_languages_a_server_and_our_own_give_the_same_indices(
+    client: Client,
+) -> None:
+    models = ("ishigami", "ishigami_python", "ishigami_awk", "remote")
+    found = {
+        model: of(finished(client, model=model, rows=16), "y", "x1")["total_order"]["value"]
+        for model in models
+    }
+    assert found == dict.fromkeys(models, pytest.approx(found["ishigami"], rel=1e-9))
+
+
+@pytest.mark.usefixtures("worker")
+def test_a_package_is_a_model_where_its_owner_allowed_it(client: Client) -> None:
+    snapshot = finished(client, model="decay", rows=16)
+    assert set(snapshot["outputs"]) == {"left", *(f"over_time[{i}]" for i in range(5))}
+    assert of(snapshot, "left", "start")["total_order"]["value"] > 0.0

@@ -1,0 +1,107 @@
+"""A program that answers is heard; one that does anything else is a named failure and is gone."""
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from models.command import Command
+from models.evaluation import ModelFailure
+from models.folder import read_folder
+from tests.testbed.models import EXAMPLES, edited
+
+#: What the program does instead of answering, at x1 = 0.
+TROUBLES = {
+    "hangs": ("time.sleep(60)", "timed_out", "no answer in time"),
+    "floods": ("print('x' * 6_000_000)", "bad_answer", "more than 5 MB"),
+    "talks": ("print('hello')", "bad_answer", "'hello', which is not one line of JSON"),
+    "exits": ("sys.exit('the disk is full')", "crashed", "said last: the disk is full"),
+    "dies": ("os.kill(os.getpid(), 9)", "crashed", "ended by SIGKILL"),
+    "fails": ("""print('{"outcome": "diverged", "reason": "r"}')""", "diverged", "r"),
+    "misnames": ("""print('{"outcome": "Bad Name"}')""", "bad_answer", "must be 1 to 40"),
+    "forgets": ("""print('{"outputs": {}}')""", "bad_answer", "output y is missing"),
+    "invents": ("""print('{"outputs": {"y": 1, "z": 2}}')""", "bad_answer", "'z' is not in"),
+    "worries": ("""print('{"outputs": {"y": NaN}}')""", "not_finite", "y came out as nan"),
+    "writes": ("""print('{"outputs": {"y": "1"}}')""", "bad_answer", "must be a number"),
+}
+BEFORE = "    y = sin("
+
+
+@pytest.fixture(params=[True, False], ids=["kept", "started each time"])
+def keep(request: pytest.FixtureRequest) -> bool:
+    return bool(request.param)
+
+
+def command(scratch: Path, *, does: str = "pass", keep: bool = True, limit: float = 3.0) -> Command:
+    """Return the Ishigami program, which does something else at x1 = 0."""
+    trouble = (
+        f"    if x['x1'] == 0:\n        {does}\n        sys.stdout.flush()\n        continue\n"
+    )
+    changes = {
+        BEFORE: trouble + BEFORE,
+        "import sys\n": "import os\nimport sys\nimport time\n",
+        "time_limit = 10": f"time_limit = {limit}",
+        "keep = true": f"keep = {str(keep).lower()}",
+    }
+    return Command(read_folder(edited("ishigami_python", scratch, changes)))
+
+
+@pytest.fixture
+def closing() -> Iterator[list[Command]]:
+    commands: list[Command] = []
+    yield commands
+    for one in commands:
+        one.close()
+
+
+@pytest.mark.parametrize("trouble", TROUBLES)
+def test_trouble_has_a_name_and_the_next_point_is_evaluated(
+    trouble: str, keep: bool, tmp_path: Path, closing: list[Command]
+) -> None:
+    does, outcome, words = TROUBLES[trouble]
+    program = command(tmp_path, does=does, keep=keep, limit=1.0 if trouble == "hangs" else 20.0)
+    closing.append(program)
+    with pytest.raises(ModelFailure) as caught:
+        program({"x1": 0.0})
+    assert (caught.value.outcome, words in caught.value.reason) == (outcome, True)
+    assert program({"x1": 0.5})["y"] == pytest.approx(0.479425538604203)
+
+
+def test_a_kept_program_is_one_process_and_its_answers_are_the_awk_ones(
+    tmp_path: Path, closing: list[Command]
+) -> None:
+    python = Command(read_folder(EXAMPLES / "ishigami_python"))
+    awk = Command(read_folder(EXAMPLES / "ishigami_awk"))
+    closing += [python, awk]
+    for x in ({"x1": 0.3, "x2": -1.5, "x3": 2.5e-7}, {"x1": -3.0, "x2": 2.0, "x3": -1e-5}):
+        assert python(x)["y"] == pytest.approx(awk(x)["y"], rel=1e-12)
+
+
+def test_what_a_program_forked_ends_with_it(tmp_path: Path) -> None:
+    pid_file = tmp_path / "pid"
+    does = f"os.system('sleep 300 & echo $! > {pid_file}'); print('?')"
+    program = command(tmp_path, does=does)
+    with pytest.raises(ModelFailure):
+        program({"x1": 0.0})
+    forked = int(pid_file.read_text())
+    deadline = time.monotonic() + 10.0
+    while _runs(forked) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not _runs(forked)
+
+
+def test_a_program_that_is_not_there_says_so(tmp_path: Path) -> None:
+    folder = edited("ishigami_python", tmp_path, {'"python3"': '"no-such-program"'})
+    with pytest.raises(ModelFailure, match="no-such-program cannot be started: No such file"):
+        Command(read_folder(folder))({})
+
+
+def _runs(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    os.kill(pid, 0)
+    return state != "Z"

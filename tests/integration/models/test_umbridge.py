@@ -1,0 +1,115 @@
+"""Our client finds its way with a server that speaks UM-Bridge, and our server answers as one."""
+
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx2
+import pytest
+
+from models.evaluation import Evaluation, ModelFailure
+from models.folder import ModelError, read_folder
+from models.umbridge.client import RemoteModel, Server
+from models.umbridge.server import serve
+from sim.evaluation import evaluate
+from sim.models import ISHIGAMI
+from tests.testbed.models import edited
+
+TO_UMBRIDGE = {
+    'kind = "command"': 'kind = "umbridge"',
+    "[command]": "[umbridge]",
+    'run = ["python3", "ishigami.py"]\nkeep = true': 'name = "ishigami"',
+}
+
+
+@pytest.fixture(scope="module")
+def url() -> Iterator[str]:
+    """Serve the Ishigami function, which fails at x1 = 3."""
+
+    def failing(name: str, parameters: Any) -> Evaluation:
+        if parameters["x1"] == 3.0:
+            return Evaluation(outcome="diverged", outputs={}, reason="r", wall_seconds=0.0)
+        return evaluate(name, parameters)
+
+    server = serve({"ishigami": ISHIGAMI}, failing, "127.0.0.1", 0)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_address[1]}"
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def test_a_model_elsewhere_is_evaluated_as_if_it_were_here(url: str, tmp_path: Path) -> None:
+    remote = RemoteModel(read_folder(edited("ishigami_python", tmp_path, TO_UMBRIDGE)), Server(url))
+    x = {"x1": 0.3, "x2": 1.0, "x3": -2.0}
+    assert remote(x) == evaluate("ishigami", x).outputs
+    with pytest.raises(ModelFailure, match="diverged: r"):
+        remote({"x1": 3.0})
+    remote.close()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('name = "ishigami"', 'name = "other"', "has ishigami"),
+        (
+            '[[outputs]]\nname = "y"',
+            '[[outputs]]\nname = "z"\nunit = "1"\n\n[[outputs]]\nname = "y"',
+            "outputs are 2 numbers",
+        ),
+        ('name = "ishigami"', 'name = "ishigami"\nport = 3', "umbridge.port is unknown"),
+    ],
+)
+def test_a_folder_that_does_not_fit_the_server_says_where(
+    url: str, tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    folder = edited("ishigami_python", tmp_path, TO_UMBRIDGE)
+    toml = folder / "model.toml"
+    toml.write_text(toml.read_text().replace(old, new))
+    server = Server(url)
+    with pytest.raises(ModelError, match=words):
+        RemoteModel(read_folder(folder), server)
+    server.close()
+
+
+def test_what_is_no_server_says_so() -> None:
+    with pytest.raises(ModelError, match="is no UM-Bridge server"):
+        Server("http://127.0.0.1:1")
+
+
+def asked(url: str, path: str, **body: Any) -> tuple[int, dict[str, Any]]:
+    answer = httpx2.post(f"{url}/{path}", content=json.dumps(body), trust_env=False)
+    return answer.status_code, answer.json()
+
+
+def test_the_server_says_what_it_has(url: str) -> None:
+    info = httpx2.get(f"{url}/Info", trust_env=False).json()
+    assert info == {"protocolVersion": 1.0, "models": ["ishigami"]}
+    assert asked(url, "InputSizes", name="ishigami") == (200, {"inputSizes": [3]})
+    assert asked(url, "OutputSizes", name="ishigami", config={}) == (200, {"outputSizes": [1]})
+    supports = asked(url, "ModelInfo", name="ishigami")[1]["support"]
+    assert [feature for feature, there in supports.items() if there] == ["Evaluate"]
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "status", "kind"),
+    [
+        ("Evaluate", {"name": "knee"}, 400, "ModelNotFound"),
+        ("Evaluate", {"name": "ishigami", "input": [[1, 2]]}, 400, "InvalidInput"),
+        ("Evaluate", {"name": "ishigami", "input": [[1, 2, "3"]]}, 400, "InvalidInput"),
+        ("Evaluate", {"name": "ishigami", "input": [[1, 2, 1e999]]}, 400, "InvalidInput"),
+        ("Evaluate", {"name": "ishigami", "input": [[3, 0, 0]]}, 500, "ModelFailure"),
+        ("Gradient", {"name": "ishigami"}, 400, "UnsupportedFeature"),
+        ("ApplyHessian", {}, 400, "UnsupportedFeature"),
+        ("Nothing", {"name": "ishigami"}, 404, "UnsupportedFeature"),
+    ],
+)
+def test_what_cannot_be_answered_is_an_error_of_the_protocol(
+    url: str, path: str, body: dict[str, Any], status: int, kind: str
+) -> None:
+    code, answer = asked(url, path, **body)
+    assert (code, answer["error"]["type"]) == (status, kind)
+    assert answer["error"]["message"]

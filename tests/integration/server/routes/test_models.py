@@ -1,0 +1,193 @@
+"""Models come to a coordinator by upload or by announcement, and studies keep their version."""
+
+import io
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from pydantic import SecretStr
+
+from models.folder import pack, read_folder
+from server.app import create_app
+from server.operations import tokens
+from server.settings import Settings
+from server.store import upgrade
+from sim.models import MODELS
+from tests.testbed.models import EXAMPLES, edited
+
+TOKEN = "models"
+
+
+@pytest.fixture
+def app(tmp_path: Path) -> FastAPI:
+    url = f"sqlite:///{tmp_path / 'rehyb.sqlite3'}"
+    upgrade(url)
+    return create_app(Settings(database_url=url, token=SecretStr(TOKEN)))
+
+
+@pytest.fixture
+def client(app: FastAPI) -> Iterator[TestClient]:
+    with TestClient(app, headers={"Authorization": f"Bearer {TOKEN}"}) as client:
+        yield client
+
+
+def uploaded(client: TestClient, content: bytes) -> Any:
+    headers = {"Content-Type": "application/zip"}
+    return client.post("/v1/models", content=content, headers=headers)
+
+
+def packed(folder: Path) -> bytes:
+    file = folder.with_suffix(".zip")
+    pack(read_folder(folder), file)
+    return file.read_bytes()
+
+
+def announced(name: str = "elsewhere", **changes: Any) -> dict[str, Any]:
+    return {
+        "name": name,
+        "kind": "command",
+        "code": "1",
+        "factors": [{"name": "x", "unit": "1", "low": 0.0, "high": 1.0, "nominal": 0.5}],
+        "outputs": [{"name": "y", "unit": "1"}],
+        **changes,
+    }
+
+
+def submitted(client: TestClient, model: str) -> dict[str, Any]:
+    body = {"name": "a", "model": model, "method": "morris", "rows": 2}
+    answer = client.post("/v1/studies", json=body)
+    assert answer.status_code == 201, answer.text
+    study: dict[str, Any] = answer.json()
+    return study
+
+
+def lease(client: TestClient, *models: str) -> int:
+    worker = {"id": "w", "host": "h", "versions": {}}
+    asked = {"worker": worker, "models": list(models), "max_instances": 1}
+    return int(client.post("/v1/leases", json=asked).status_code)
+
+
+def test_those_of_rehyb_are_there_from_the_start(client: TestClient) -> None:
+    models = {model["name"]: model for model in client.get("/v1/models").json()["models"]}
+    assert models.keys() == MODELS.keys()
+    assert models["ishigami"]["own"]
+    assert len(models["elbow"]["factors"]) == len(MODELS["elbow"].factors)
+
+
+def test_an_upload_can_be_had_back_and_sampled_by_its_version(
+    client: TestClient, tmp_path: Path
+) -> None:
+    content = packed(edited("pendulum", tmp_path))
+    answer = uploaded(client, content)
+    assert answer.status_code == 201, answer.text
+    version = f"pendulum@{answer.json()['digest']}"
+    assert uploaded(client, content).status_code == 200
+    assert client.get(f"/v1/models/{version}/archive").content == content
+    study = submitted(client, "pendulum")
+    assert study["model"] == version
+    assert study["units"]["rest_angle"] == "rad"
+    assert lease(client, "pendulum", "ishigami") == 204
+    wanted = client.get("/v1/models?wanted=true").json()["models"]
+    assert [f"{model['name']}@{model['digest']}" for model in wanted] == [version]
+    assert client.get(f"/v1/studies/{study['id']}/progress").json()["waits_for"] == version
+    assert lease(client, version) == 201
+    assert client.get(f"/v1/studies/{study['id']}/progress").json()["waits_for"] is None
+
+
+def test_a_study_means_the_newest_version_unless_it_says_which(client: TestClient) -> None:
+    first = client.post("/v1/models", json=announced()).json()
+    second = client.post("/v1/models", json=announced(code="2")).json()
+    assert first["digest"] != second["digest"]
+    assert submitted(client, "elsewhere")["model"] == f"elsewhere@{second['digest']}"
+    older = f"elsewhere@{first['digest']}"
+    assert submitted(client, older)["model"] == older
+    assert lease(client, older) == 201
+    assert client.get(f"/v1/models/{older}/archive").status_code == 404
+
+
+def test_a_name_of_rehyb_and_a_model_that_is_not_there_are_refused(
+    client: TestClient, tmp_path: Path
+) -> None:
+    answer = client.post("/v1/models", json=announced("ishigami"))
+    assert answer.status_code == 409
+    assert "choose another name" in answer.json()["detail"]
+    folder = edited("pendulum", tmp_path, {'name = "pendulum"': 'name = "elbow"'})
+    assert uploaded(client, packed(folder)).status_code == 409
+    assert client.get("/v1/models/knee").status_code == 404
+    body = {"name": "a", "model": "knee", "method": "morris", "rows": 2}
+    answer = client.post("/v1/studies", json=body)
+    assert (answer.status_code, answer.json()["pointer"]) == (422, "/model")
+    assert "expected one of" in answer.json()["detail"]
+
+
+def test_a_token_for_work_may_announce_and_fetch_and_one_for_reading_may_not(
+    client: TestClient, app: FastAPI
+) -> None:
+    for scope, expected in (("work", 201), ("read", 403)):
+        secret = tokens.create(app.state.engine, name="n", scopes=[scope], now=1.0)[1]
+        headers = {"Authorization": f"Bearer {secret}"}
+        assert client.post("/v1/models", json=announced(), headers=headers).status_code == expected
+        assert client.get("/v1/models?wanted=true", headers=headers).status_code == 200
+
+
+def bomb() -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("model.toml", (EXAMPLES / "pendulum" / "model.toml").read_text())
+        archive.writestr("mesh.stl", bytes(30_000_000))
+    return file.getvalue()
+
+
+def escaping() -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("../model.toml", "")
+    return file.getvalue()
+
+
+HOSTILE = {
+    "no zip": (lambda _: b"PK", "neither a folder nor a zip"),
+    "a path out of it": (lambda _: escaping(), "no path inside"),
+    "a bomb": (lambda _: bomb(), "more than a model takes"),
+    "an include": ({"<worldbody>": '<include file="x.xml"/><worldbody>'}, "<include> is"),
+    "a plugin": ({"<worldbody>": "<extension/><worldbody>"}, "is a plugin, which is code"),
+    "a factor that leads nowhere": ({"joint.hinge.": "joint.knee."}, "there is no joint 'knee'"),
+    "a range of NaN": ({"low = 5.0": "low = nan"}, "must be finite"),
+    "a program": (
+        {'kind = "mjcf"': 'kind = "command"', "[mjcf]": "[command]"},
+        "for models of kind",
+    ),
+    "an endless simulation": ({"duration = 2.0": "duration = 1e12"}, "at most"),
+}
+
+
+@pytest.mark.parametrize("what", HOSTILE)
+def test_a_hostile_upload_is_one_sentence_and_leaves_nothing(
+    client: TestClient, tmp_path: Path, what: str
+) -> None:
+    spoilt, words = HOSTILE[what]
+    if callable(spoilt):
+        content = spoilt(None)
+    else:
+        folder = edited("pendulum", tmp_path, spoilt)
+        file = io.BytesIO()
+        with zipfile.ZipFile(file, "w") as archive:
+            for path in folder.iterdir():
+                archive.write(path, path.name)
+        content = file.getvalue()
+    answer = uploaded(client, content)
+    assert answer.status_code == 422, answer.text
+    assert words in answer.json()["detail"]
+    assert client.get("/v1/models/pendulum").status_code == 404
+
+
+def test_ten_thousand_factors_are_refused(client: TestClient) -> None:
+    factor = announced()["factors"][0]
+    factors = [{**factor, "name": f"x{i}"} for i in range(10_000)]
+    answer = client.post("/v1/models", json=announced(factors=factors))
+    assert (answer.status_code, "at most 1000" in answer.json()["detail"]) == (422, True)
+    assert client.post("/v1/models", content=b"{", headers={"Content-Type": "application/json"})

@@ -1,0 +1,106 @@
+"""A description says what a model maps, and two that evaluate alike have one digest."""
+
+from copy import deepcopy
+from math import inf
+from typing import Any
+
+import pytest
+
+from models.description import Description, DescriptionError, complete
+
+SAID: dict[str, Any] = {
+    "name": "pendulum",
+    "description": "it swings",
+    "kind": "command",
+    "factors": [
+        {
+            "name": "stiffness",
+            "unit": "Nm/rad",
+            "low": 5,
+            "high": 20.0,
+            "nominal": 10.0,
+            "description": "of the spring",
+            "bounds": [0, None],
+        }
+    ],
+    "outputs": [{"name": "angle", "unit": "rad"}, {"name": "path", "unit": "m", "curve": 3}],
+    "time_limit": 60,
+}
+
+
+def said(**changes: Any) -> dict[str, Any]:
+    """Return the description above with other entries."""
+    return {**deepcopy(SAID), **changes}
+
+
+def test_what_is_read_can_be_written_and_read_again() -> None:
+    read = Description.from_json(SAID)
+    assert Description.from_json(read.as_json()) == read
+    assert read.factor("stiffness").bounds == (0.0, inf)
+
+
+def test_a_curve_is_as_many_numbers_as_it_has_points() -> None:
+    units = Description.from_json(SAID).units
+    assert units == {"angle": "rad", "path[0]": "m", "path[1]": "m", "path[2]": "m"}
+
+
+def test_a_digest_tells_what_decides_an_answer_and_not_what_people_call_it() -> None:
+    digest = Description.from_json(SAID).digest
+    assert Description.from_json(said(description="it hangs")).digest == digest
+    assert Description.from_json(said(code="ab")).digest != digest
+    assert Description.from_json(said(time_limit=61)).digest != digest
+    assert len(Description.from_json(said(name="x" * 40)).version) <= 64
+
+
+def test_a_factor_that_is_left_out_is_nominal() -> None:
+    model = Description.from_json(SAID)
+    assert complete(model, {}) == {"stiffness": 10.0}
+    with pytest.raises(ValueError, match="pendulum has no factor 'mass': it has stiffness"):
+        complete(model, {"mass": 1.0})
+    with pytest.raises(ValueError, match="stiffness must be finite"):
+        complete(model, {"stiffness": inf})
+
+
+FACTOR = SAID["factors"][0]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "field", "words"),
+    [
+        ([], "model", "must be a table"),
+        (said(name="Pendulum"), "model.name", "a to z"),
+        (said(name="x" * 41), "model.name", "1 to 40"),
+        (said(name="a@b"), "model.name", "a to z"),
+        (said(kind="fmu"), "model.kind", "mjcf, python, command, umbridge"),
+        (said(factor=[]), "model.factor", "is unknown"),
+        (said(time_limit=0), "model.time_limit", "above 0"),
+        (said(time_limit=float("nan")), "model.time_limit", "above 0"),
+        (said(factors=[]), "factors", "at least one factor"),
+        (said(factors=[FACTOR, FACTOR]), "factors[1].name", "listed twice"),
+        (said(factors=[{**FACTOR, "low": 30}]), "factors[0].high", "must lie above low"),
+        (said(factors=[{**FACTOR, "low": -1e308, "high": 1e308}]), "factors[0].high", "above"),
+        (said(factors=[{**FACTOR, "low": 10**400}]), "factors[0].low", "too large"),
+        (said(factors=[{**FACTOR, "low": -1}]), "factors[0].low", "outside the bounds"),
+        (said(factors=[{**FACTOR, "low": "5"}]), "factors[0].low", "must be a number"),
+        (said(factors=[{**FACTOR, "nominal": None}]), "factors[0].nominal", "is missing"),
+        (said(factors=[{**FACTOR, "nominal": inf}]), "factors[0].nominal", "must be finite"),
+        (said(factors=[{**FACTOR, "bounds": [1]}]), "factors[0].bounds", "two numbers"),
+        (said(factors=[{**FACTOR, "name": "a b"}]), "factors[0].name", "letters, digits"),
+        (said(factors=[FACTOR] * 1001), "factors", "at most 1000"),
+        (said(outputs=[]), "outputs", "at least one output"),
+        (said(outputs=[{"name": "y"}]), "outputs[0].unit", "is missing"),
+        (said(outputs=[{"name": "y", "unit": "m", "curve": 1}]), "outputs[0].curve", "2 to"),
+        (said(outputs=[{"name": "y", "unit": "m", "curve": True}]), "outputs[0].curve", "whole"),
+        (said(outputs=[{"name": "y", "unit": "\n"}]), "outputs[0].unit", "one line"),
+        (
+            said(outputs=[{"name": f"y{i}", "unit": "m", "curve": 9000} for i in range(2)]),
+            "outputs",
+            "18000 numbers; at most 10000",
+        ),
+    ],
+)
+def test_what_cannot_be_is_one_sentence_with_its_place(wrong: Any, field: str, words: str) -> None:
+    with pytest.raises(DescriptionError) as caught:
+        Description.from_json(wrong)
+    assert caught.value.field == field
+    assert words in caught.value.problem

@@ -1,0 +1,66 @@
+"""A model's folder is read, packed and unpacked, and what is wrong in it is one sentence."""
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from models.folder import ModelError, pack, read_folder, unpacked_into
+from tests.testbed.models import EXAMPLES, edited
+
+
+def test_a_folder_packed_and_unpacked_is_the_same_version(tmp_path: Path) -> None:
+    read = read_folder(EXAMPLES / "pendulum")
+    pack(read, tmp_path / "pendulum.zip")
+    (tmp_path / "out").mkdir()
+    again = read_folder(unpacked_into(tmp_path / "pendulum.zip", tmp_path / "out"))
+    assert again.description == read.description
+    assert again.description.version.startswith("pendulum@")
+
+
+def test_another_file_beside_it_is_another_version_and_a_cache_is_none(tmp_path: Path) -> None:
+    folder = edited("ishigami_python", tmp_path)
+    before = read_folder(folder).description.digest
+    (folder / "__pycache__").mkdir()
+    (folder / "__pycache__" / "ishigami.pyc").write_bytes(b"x")
+    assert read_folder(folder).description.digest == before
+    (folder / "data.csv").write_text("1")
+    assert read_folder(folder).description.digest != before
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('kind = "mjcf"', 'kind = "fmu"', "expected mjcf, command or umbridge"),
+        ('kind = "mjcf"', 'kind = "command"', "is unknown: expected model, factors, outputs"),
+        ("[model]", "[modell]", "must have a table [model]"),
+        ("low = 5.0", "low = 50.0", "factors[0].high: 20 must lie above low, 50"),
+        ("low = 5.0", "low = ", "is not TOML"),
+        ("[[factors]]", "[[factor]]", "is unknown"),
+    ],
+)
+def test_what_is_wrong_in_it_is_one_sentence(
+    tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    folder = edited("pendulum", tmp_path, {old: new})
+    with pytest.raises(ModelError) as caught:
+        read_folder(folder)
+    assert words in str(caught.value)
+    assert str(caught.value).startswith("model.toml: ")
+
+
+def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
+    folder = edited("pendulum", tmp_path)
+    (folder / "secret").symlink_to("/etc/passwd")
+    with pytest.raises(ModelError, match="leads out of the model's folder"):
+        read_folder(folder)
+
+
+def test_an_empty_folder_and_a_zip_without_a_model_say_what_is_missing(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=r"model\.toml: there is no such file"):
+        read_folder(tmp_path)
+    with zipfile.ZipFile(tmp_path / "m.zip", "w") as archive:
+        archive.writestr("../../model.toml", "")
+    (tmp_path / "out").mkdir()
+    with pytest.raises(ModelError, match="no path inside a model's folder"):
+        unpacked_into(tmp_path / "m.zip", tmp_path / "out")
