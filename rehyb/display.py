@@ -55,7 +55,8 @@ def progress_in_words(progress: Mapping[str, Any]) -> str:
     if progress.get("eta_high_seconds"):
         low, high = progress["eta_low_seconds"], progress["eta_high_seconds"]
         eta += f" [{duration(low)}, {duration(high)}]"
-    waits = f"waits for a worker with {progress['waits_for']}, " if progress["waits_for"] else ""
+    missing = progress.get("waits_for")
+    waits = f"waits for a worker with {missing}, " if missing else ""
     return (
         f"{waits}{done}/{progress['instances']} results, "
         f"{progress['rows_complete']}/{progress['rows']} rows, {rate:.1f}/s, "

@@ -4,11 +4,13 @@ import hashlib
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Response
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, PlainValidator, StringConstraints, WithJsonSchema, model_validator
+from pydantic_core import PydanticCustomError
 from sqlalchemy.engine import Engine
 
 from analysis.designs import DEFAULT_SAMPLING
-from server.logic.plans import FactorChoice, draw_up, refuse_dependence, with_choices_numbered
+from analysis.json_values import is_finite_number
+from server.logic.plans import FactorChoice, draw_up, refuse_dependence
 from server.logic.precision_goals import precision_goal
 from server.logic.precision_goals import shown as goal_shown
 from server.operations import models, precision_goals, reruns, studies
@@ -26,6 +28,22 @@ Title = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=P
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
 Key = Annotated[
     str | None, Header(alias="Idempotency-Key", min_length=1, max_length=255, examples=["masses-1"])
+]
+
+
+def _number_or_name(value: Any) -> float | str:
+    if isinstance(value, str):
+        return value
+    if not is_finite_number(value):
+        raise PydanticCustomError("value", "must be a finite number, or the name of a choice")
+    return float(value)
+
+
+#: A union of types would tell of two faults, in places that the request does not have.
+Value = Annotated[
+    Any,
+    PlainValidator(_number_or_name),
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
 ]
 
 
@@ -64,7 +82,7 @@ class StudyBody(Body):
     method: Name
     rows: int
     factors: list[FactorBody] | None = None
-    fixed: dict[str, float] = Field(default_factory=dict)
+    fixed: dict[str, Value] = Field(default_factory=dict)
     seed: int = Field(default=1, ge=0, le=MAX_INTEGER)
     outputs: list[Name] | None = None
     sampling: Name = DEFAULT_SAMPLING
@@ -77,7 +95,7 @@ class StudyBody(Body):
     def _independent(cls, body: Any) -> Any:
         # Else they would only be told that the key is unknown.
         refuse_dependence(body)
-        return with_choices_numbered(body)
+        return body
 
 
 class ExtensionBody(Body):

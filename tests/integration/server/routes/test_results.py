@@ -193,6 +193,7 @@ def test_progress_adds_up(client: TestClient, study: Json, lease: Json, clock: A
         "eta_low_seconds": None,
         "eta_high_seconds": None,
         "workers": 1,
+        "waits_for": None,
         "elapsed_seconds": 20.0,
         "precision": None,
     }

@@ -36,8 +36,10 @@ def test_a_study_is_created_and_found_again(client: TestClient, clock: Any) -> N
         "priority": 0,
         "tags": [],
         "precision": None,
+        "units": {f.name: f.unit for f in ELBOW.factors} | dict(ELBOW.units),
     }
     assert client.get(f"/v1/studies/{study['id']}").json() == study
+    del study["units"]
     assert client.get("/v1/studies").json() == {"studies": [study]}
 
 
