@@ -157,10 +157,7 @@ HOSTILE = {
     "a plugin": ({"<worldbody>": "<extension/><worldbody>"}, "is a plugin, which is code"),
     "a factor that leads nowhere": ({"joint.hinge.": "joint.knee."}, "there is no joint 'knee'"),
     "a range of NaN": ({"low = 5.0": "low = nan"}, "must be finite"),
-    "a program": (
-        {'kind = "mjcf"': 'kind = "command"', "[mjcf]": "[command]"},
-        "for models of kind",
-    ),
+    "a program": ({'kind = "mjcf"': 'kind = "command"'}, "[mjcf] is unknown"),
     "an endless simulation": ({"duration = 2.0": "duration = 1e12"}, "at most"),
 }
 
