@@ -100,9 +100,9 @@ ASSESSMENTS: Mapping[str, Setup] = MappingProxyType(
                 description="elbow, another device: bench-mounted, one joint",
                 device="elbow_orthosis",
             ),
-            _setup(
-                "elbow_authors",
-                "elbow, explicit contact, cuffs where the authors have them",
+            Setup(
+                name="elbow_authors",
+                description="elbow, explicit contact, cuffs where the authors have them",
                 device="nesm_authors",
             ),
             *(
