@@ -72,8 +72,8 @@ def fixed_values(model: str, texts: Iterable[str]) -> dict[str, float]:
     Raises:
         typer.BadParameter: one is no factor's value, or a name comes twice.
     """
+    from models.factors import no_factor
     from sim.models import MODELS
-    from sim.parameters.factors import no_factor
 
     known = {f.name: f for f in MODELS[model].factors} if model in MODELS else {}
     values = {}
