@@ -83,11 +83,13 @@ def main() -> None:
     if options.search:
         search(options.seeds, options.first, options.search, options.keep)
         return
-    work = [
-        draw(options.seeds, world, options.first + n)
+    # Both worlds in step, so that whatever is done so far is fair.
+    turns = sorted(
+        (n / count, world, options.first + n)
         for world, count in (("limb", options.limbs), ("arm", options.arms))
         for n in range(count)
-    ]
+    )
+    work = [draw(options.seeds, world, number) for _, world, number in turns]
     if options.only_record:
         if options.sessions is None:
             parser.error("--only-record needs --sessions FOLDER")
