@@ -54,21 +54,24 @@ def create_app(settings: Settings) -> FastAPI:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         engine = app.state.engine
-        require_current(engine)
-        now, ttl = app.state.clock(), settings.lease_seconds
-        model_operations.register_own(engine, own_models().values(), now=now)
-        lease_operations.extend_open_leases(engine, now=now, ttl=ttl)
-        reaper = asyncio.create_task(
-            _reap_for_ever(
-                engine, app.state.metrics, app.state.clock, ttl, settings.stranded_seconds
-            )
-        )
         try:
-            yield
+            require_current(engine)
+            now, ttl = app.state.clock(), settings.lease_seconds
+            model_operations.register_own(engine, own_models().values(), now=now)
+            lease_operations.extend_open_leases(engine, now=now, ttl=ttl)
+            reaper = asyncio.create_task(
+                _reap_for_ever(
+                    engine, app.state.metrics, app.state.clock, ttl, settings.stranded_seconds
+                )
+            )
+            try:
+                yield
+            finally:
+                reaper.cancel()
+                with suppress(asyncio.CancelledError):
+                    await reaper
         finally:
-            reaper.cancel()
-            with suppress(asyncio.CancelledError):
-                await reaper
+            # Also of what refuses to start.
             app.state.write.close()
             engine.dispose()
 

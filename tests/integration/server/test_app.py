@@ -5,10 +5,13 @@ from itertools import count
 from typing import Any
 
 import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
 
-from server import app
-from server.errors import NotFoundError
+from server import app as web
+from server.errors import NotFoundError, SchemaError
 from server.metrics import Metrics
+from server.store.database.engine import writing
 
 
 def test_rows_are_freed_only_by_who_has_listened_for_that_long(
@@ -29,9 +32,9 @@ def test_rows_are_freed_only_by_who_has_listened_for_that_long(
         freed_at.append(now[0])
         return 0
 
-    monkeypatch.setattr(app, "monotonic", lambda: now[0])
-    monkeypatch.setattr(app.asyncio, "sleep", sleep)
-    monkeypatch.setattr(app.asyncio, "to_thread", here)
+    monkeypatch.setattr(web, "monotonic", lambda: now[0])
+    monkeypatch.setattr(web.asyncio, "sleep", sleep)
+    monkeypatch.setattr(web.asyncio, "to_thread", here)
     asked = count(1)
 
     def reap(_engine: object, **_: float) -> int:
@@ -39,13 +42,24 @@ def test_rows_are_freed_only_by_who_has_listened_for_that_long(
             raise NotFoundError("a study was deleted meanwhile")
         return 0
 
-    monkeypatch.setattr(app.lease_operations, "reap", reap)
-    monkeypatch.setattr(app.close_loop_operations, "reap", lambda *_, **__: 0)
-    monkeypatch.setattr(app.comparisons, "give_up", lambda *_, **__: None)
-    monkeypatch.setattr(app.reruns, "free_stranded_rows", free)
+    monkeypatch.setattr(web.lease_operations, "reap", reap)
+    monkeypatch.setattr(web.close_loop_operations, "reap", lambda *_, **__: 0)
+    monkeypatch.setattr(web.comparisons, "give_up", lambda *_, **__: None)
+    monkeypatch.setattr(web.reruns, "free_stranded_rows", free)
     engine: Any = None
     with pytest.raises(asyncio.CancelledError):
         measures = Metrics(engine, lambda: now[0])
-        asyncio.run(app._reap_for_ever(engine, measures, lambda: now[0], ttl=60.0, patience=100.0))
+        asyncio.run(web._reap_for_ever(engine, measures, lambda: now[0], ttl=60.0, patience=100.0))
     # Looks every 15 s, from 1000 on; the first after 100 s is at 1105.
     assert freed_at == [1105.0, 1120.0, 1135.0, 1150.0, 1165.0, 1180.0, 1195.0]
+
+
+def test_who_refuses_to_start_leaves_no_connection_open(app: FastAPI) -> None:
+    engine = app.state.engine
+    with writing(engine) as connection:
+        connection.exec_driver_sql("UPDATE alembic_version SET version_num = '9999'")
+    pool = engine.pool
+    assert pool.checkedin() == 1
+    with pytest.raises(SchemaError), TestClient(app):
+        pass
+    assert pool.checkedin() == 0
