@@ -21,9 +21,10 @@ from analysis.closeloop.judgement.outcome import outcome_of
 from analysis.closeloop.judgement.structure import structures
 from analysis.closeloop.load import load_session
 from analysis.closeloop.report.answer import Answer
-from analysis.closeloop.report.confirmation import confirm, unconfirmed
+from analysis.closeloop.report.confirmation import confirm, simulation, unconfirmed
 from analysis.closeloop.report.json_report import json_report
 from analysis.closeloop.report.page import write_page
+from analysis.closeloop.report.plain import finite
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.report.still import still_answer
 
@@ -83,9 +84,11 @@ def close_loop(
         effect["mujoco_element"] = element
     report["warnings"] += warnings
     if report["verdict"] == Verdict.EFFECT_FOUND:
-        progress("the repaired model in closed loop")
-        report["confirmation"] = confirm(found.recording, report, xml)
-        report["warnings"] += unconfirmed(report["confirmation"])
+        progress("the repaired model in simulation")
+        confirmation = confirm(found.recording, report, xml)
+        report["warnings"] += unconfirmed(confirmation)
+        report["confirmation"] = finite(confirmation)
+        report["simulation"] = simulation(found.recording, report, xml)
     progress("report")
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out.parent, prefix=".close-loop-") as scratch:

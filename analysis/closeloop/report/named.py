@@ -190,9 +190,17 @@ def _parameters(
         unit = unit_at(effect.unit(key, theta), hinge=model.recording.is_hinge(candidate.joint))
         interval = list(fits.interval(every, float(value), lowest))
         entries[key] = {"value": value, "ci90": interval, "unit": unit}
-        if free is not None and part.candidate is not None:
+        if free is not None and part.candidate is not None and not _is_difference(model, part):
             entries[key] |= {"free": free, "limits": limits[key]}
     return entries
+
+
+def _is_difference(model: Model, part: Term | Channel) -> bool:
+    """Whether friction is declared there: then a found one is a difference of either sign."""
+    joint, device = part.at.joint, model.recording.device
+    declared = [t for t in model.terms if t.candidate is None and t.joint == joint and t.rubs]
+    native = device.friction[joint] or device.model.dof_damping[joint]
+    return part.at.effect.rubs and bool(declared or native)
 
 
 def _moved(

@@ -39,6 +39,10 @@ def test_the_same_form_fitted_has_the_published_errors_until_it_is_repaired(tmp_
     error = report["error"]["holdout"]["slide"]
     assert error["smooth_relative_before"] == pytest.approx(0.0595, abs=0.0005)
     assert error["smooth_relative_after"] <= 0.0535
+    # A found friction beside a declared one is a difference: it may have either sign, and is used.
+    simulated = report["simulation"]["joints"]["slide"]
+    assert simulated["open_loop"]["after"] < 0.010
+    assert simulated["closed_loop"]["after"] < simulated["closed_loop"]["before"]
     # What the pulses excite beyond the carriage's rigid motion has no name.
     left = report["unexplained"]["slide"]
     assert [place["file"] for place in left["mostly_in"]] == ["test_pulses.csv"]
