@@ -111,6 +111,10 @@ class PlacedPayload(Payload):
     lower = (0.0, -np.inf, -np.inf, -np.inf)
     nonlinear = ()
 
+    def limits(self, joint: RecordedJoint) -> Limits:
+        reach = joint.recording.reach(joint.number)
+        return {"mass": (0.0, np.inf), **dict.fromkeys(PLACE, (-reach, reach))}
+
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         recording = joint.recording
         body = recording.body(joint.number)

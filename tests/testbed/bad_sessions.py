@@ -119,6 +119,15 @@ BAD: dict[str, tuple[Spoil, str]] = {
         ),
         "mass_kg must be more than 0",
     ),
+    "a payload on two bodies": (
+        words(
+            trials=[
+                {"file": "a.csv", "to": 1, "payload": {"name": "tool", "body": "forearm"}},
+                {"file": "a.csv", "from": 2, "payload": {"name": "tool", "body": "upper"}},
+            ],
+        ),
+        "give a load that was moved another name",
+    ),
     "a place of two numbers": (
         words(
             trials=[

@@ -92,13 +92,15 @@ def left_out_errors(model: Model, rows: Rows) -> list[TrialError]:
         predicted = settled(model, solve(grams.sum(axis=0) - grams[number], lower))
         trials = tuple(int(t) for t in np.unique(rows.trial[fold]))
         errors = raw_errors(recording, predicted, trials)
-        if rows.grouped:
-            found += errors
-            continue
-        samples = np.concatenate(list(rows.samples.values()))[fold]
-        low, high = recording.time[samples.min()], recording.time[samples.max()]
+        samples = np.concatenate(list(rows.samples.values()))
         for error in errors:
-            inside = (error.time >= low) & (error.time <= high)
+            own = rows.trial == error.trial
+            if set(rows.fold[own]) == {number}:
+                found.append(error)
+                continue
+            # Only a part of the trial was left out.
+            clock = recording.time[samples[own & (rows.fold == number)]]
+            inside = (error.time >= clock.min()) & (error.time <= clock.max())
             found.append(error.where(inside))
     return found
 

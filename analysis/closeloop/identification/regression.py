@@ -132,6 +132,7 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
     step = max(1, int(recording.rate / (4.0 * recording.sampling.fit_cutoff)))
     edge = int(recording.rate / recording.sampling.fit_cutoff)
     groups = list(dict.fromkeys(recording.session.trials[i].group for i in trials))
+    halves = _halves(recording, trials)
     samples, fold, block, trial = {}, [], [], []
     blocks = 0
     for joint in recording.joints:
@@ -156,7 +157,8 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
             block.append(blocks + within)
             blocks += int(within.max()) + 1
             trial.append(np.full(len(rows), number))
-            fold.append(np.full(len(rows), groups.index(recording.session.trials[number].group)))
+            own = 2 * groups.index(recording.session.trials[number].group)
+            fold.append(own + (recording.time[rows] > halves.get(number, np.inf)))
         samples[joint] = np.concatenate(chosen) if chosen else np.empty(0, dtype=int)
     folds = np.concatenate(fold)
     present = np.unique(folds)
@@ -177,6 +179,24 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
         trial=np.concatenate(trial),
         grouped=grouped,
     )
+
+
+def _halves(recording: Recording, trials: tuple[int, ...]) -> dict[int, float]:
+    """Return when to halve the trials of a group that alone carries a payload, s.
+
+    Left out whole, nothing would be known of its payload. Halved, each half knows the other's.
+    """
+    carriers: dict[str, set[str]] = {}
+    for number in trials:
+        trial = recording.session.trials[number]
+        if trial.payload is not None:
+            carriers.setdefault(trial.payload.name, set()).add(trial.group)
+    alone = {group for groups in carriers.values() if len(groups) == 1 for group in groups}
+    return {
+        number: float(np.median(recording.time[recording.trial == number]))
+        for number in trials
+        if recording.session.trials[number].group in alone
+    }
 
 
 def resting(recording: Recording, joint: int, piece: slice) -> np.ndarray:

@@ -32,7 +32,13 @@ from analysis.closeloop.identification.model import (
 )
 from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.regression import Rows, Score, compare, rank_z
-from analysis.closeloop.identification.selection import LARGE_Z, MIN_TORQUE, MIN_Z
+from analysis.closeloop.identification.selection import (
+    LARGE_GAIN,
+    LARGE_Z,
+    MIN_TORQUE,
+    MIN_Z,
+    wins_in_folds,
+)
 from analysis.closeloop.identification.whole_fit import Fitted, WholeFit
 from analysis.closeloop.session.link_torque import carriers
 from sim.effects.catalogue import BY_NAME
@@ -148,7 +154,7 @@ def with_share(model: Model, rows: Rows, links: Links) -> Model:
     block_wins = shared_by_joints(alone, block, rows)
     if best is not None and shared_by_joints(alone, best, rows):
         further = best.loss - block.loss > MIN_LATER_GAIN * best.loss
-        if not (block_wins and further and _sure(best.losses, block.losses)):
+        if not (block_wins and further and _sure(best.losses, block.losses, rows.fold_of_block)):
             return _loaded(model, rows, links, best)
     return _with_links(model, links, block.links) if block_wins else model
 
@@ -157,23 +163,38 @@ def shared_by_joints(alone: Fitted, other: Fitted, rows: Rows) -> bool:
     """Whether something that joints share predicts better, and none of them worse."""
     gain = alone.loss - other.loss
     matters = MIN_TORQUE**2 * sum(rows.effort_power(joint) for joint in rows.samples)
-    if gain <= max(MIN_GAIN * alone.loss, matters) or not _sure(alone.losses, other.losses):
+    if gain <= max(MIN_GAIN * alone.loss, matters) or not _sure(
+        alone.losses, other.losses, rows.fold_of_block
+    ):
         return False
     before, after = (np.bincount(rows.joint_of_block, fit.losses) for fit in (alone, other))
     return bool(np.all(after <= (1.0 + WORSE) ** 2 * before))
 
 
-def _sure(worse: np.ndarray, better: np.ndarray) -> bool:
+def _sure(worse: np.ndarray, better: np.ndarray, folds: np.ndarray) -> bool:
+    """Whether a gain is more than luck; as for other effects, a large one may have fewer errors.
+
+    Args:
+        worse: losses of blocks, (blocks,).
+        better: the same under the other model.
+        folds: number of each block's fold.
+    """
     gain, error = compare(worse, better)
-    return gain > MIN_Z * error or (gain > LARGE_Z * error and rank_z(worse, better) > MIN_Z)
+    if gain > MIN_Z * error or (gain > LARGE_Z * error and rank_z(worse, better) > MIN_Z):
+        return True
+    return (
+        gain > LARGE_GAIN * float(worse.sum())
+        and gain > LARGE_Z * error
+        and wins_in_folds(worse, better, folds)
+    )
 
 
 def _plausible(load: Fitted, model: Model, links: Links) -> bool:
     """Whether a load has a mass, and hangs where the arm could reach."""
-    assert load.load is not None and load.place is not None
-    chain = model.recording.device.model
-    reach = float(np.linalg.norm(chain.body_pos, axis=1).sum())
-    return bool(load.load[0] > 0.0 and np.linalg.norm(load.place) <= reach)
+    assert load.load is not None and load.place is not None and load.link is not None
+    recording = model.recording
+    joint = carriers(recording.device.model, links.bodies[load.link])[0]
+    return bool(load.load[0] > 0.0 and np.linalg.norm(load.place) <= recording.reach(joint))
 
 
 def _loaded(model: Model, rows: Rows, links: Links, load: Fitted) -> Model:
@@ -260,7 +281,7 @@ def _missed(without: Fitted, whole: Fitted, joint: int, rows: Rows) -> float | N
     worse, better = without.losses[own], whole.losses[own]
     gain = float((worse - better).sum())
     least = max(MIN_GAIN * float(worse.sum()), MIN_TORQUE**2 * rows.effort_power(joint))
-    if gain > least and _sure(worse, better):
+    if gain > least and _sure(worse, better, rows.fold_of_block[own]):
         return None
     return gain / max(float(worse.sum()), 1e-300)
 

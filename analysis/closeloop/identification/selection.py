@@ -84,12 +84,31 @@ def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
         return False
     if option.z > MIN_Z:
         return True
-    folds = np.bincount(rows.fold_of_block, current.losses - option.score.losses)
-    won, lost = float(folds[folds > 0].sum()), float(-folds[folds < 0].sum())
-    if option.gain <= LARGE_GAIN * current.loss or lost >= LARGE_LOST * won:
+    worse, better = current.losses, option.score.losses
+    if option.gain <= LARGE_GAIN * current.loss:
         return False
-    several = int((folds > LARGE_LOST * won).sum()) >= LARGE_FOLDS
-    return (option.z > LARGE_Z and several) or rank_z(current.losses, option.score.losses) > MIN_Z
+    several = wins_in_folds(worse, better, rows.fold_of_block)
+    if option.z > LARGE_Z and several:
+        return True
+    return (
+        wins_in_folds(worse, better, rows.fold_of_block, least=1) and rank_z(worse, better) > MIN_Z
+    )
+
+
+def wins_in_folds(
+    worse: np.ndarray, better: np.ndarray, fold_of_block: np.ndarray, least: int = LARGE_FOLDS
+) -> bool:
+    """Whether a gain comes back in several folds, and those that lose by it lose next to nothing.
+
+    Args:
+        worse: losses of blocks, (blocks,).
+        better: the same under the other model.
+        fold_of_block: number of each block's fold.
+        least: folds that have to win.
+    """
+    folds = np.bincount(fold_of_block, worse - better)
+    won, lost = float(folds[folds > 0].sum()), float(-folds[folds < 0].sum())
+    return lost < LARGE_LOST * won and int((folds > LARGE_LOST * won).sum()) >= least
 
 
 def _nested(option: Option, taken: Option) -> bool:

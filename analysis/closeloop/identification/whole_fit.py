@@ -20,8 +20,11 @@ from analysis.closeloop.identification.model import (
     Model,
     kept_columns,
 )
-from analysis.closeloop.identification.regression import Rows
+from analysis.closeloop.identification.regression import Rows, compare
 from sim.effects.rigid import point_mass, point_mass_slopes
+
+#: How much more than one second's rows the declared links may count, firmest first.
+STRENGTHS = (100.0, 10.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,8 +73,19 @@ class WholeFit:
 
     @cached_property
     def strength(self) -> float:
-        """Rows of one second and joint: as much counts as one observation of the links."""
-        return len(self.rows.weight) / (int(self.rows.block.max()) + 1)
+        """How firmly links stay as declared: the firmest that left-out groups do not mind.
+
+        In units of the rows of one second and joint, as if these were one observation.
+        """
+        second = len(self.rows.weight) / (int(self.rows.block.max()) + 1)
+        every = np.arange(self.size)
+        tried = [self._with_links(every, second * times) for times in STRENGTHS]
+        best = min(tried, key=lambda fitted: fitted.loss)
+        for times, fitted in zip(STRENGTHS, tried, strict=True):
+            lost, error = compare(fitted.losses, best.losses)
+            if lost <= error:
+                return second * times
+        return second * STRENGTHS[-1]
 
     def columns_of(self, terms: Sequence[int]) -> np.ndarray:
         """Return the numbers of the columns of some terms."""
@@ -85,29 +99,46 @@ class WholeFit:
 
     def with_links(self, terms: Sequence[int]) -> Fitted:
         """Fit some terms and the inertial parameters of all links."""
-        index = self.columns_of(terms)
-        both = np.concatenate([index, np.arange(self.size, self.table.shape[1] - 1)])
+        return self._with_links(self.columns_of(terms), self.strength)
 
-        return self._scored(both, lambda gram: self._links(gram, index, both))
+    def _with_links(self, index: np.ndarray, strength: float) -> Fitted:
+        both = self._beside_links(index)
+        return self._scored(both, lambda gram: self._links(gram, index, strength))
 
-    def _links(self, gram: np.ndarray, index: np.ndarray, both: np.ndarray) -> np.ndarray:
+    def _beside_links(self, index: np.ndarray) -> np.ndarray:
+        return np.concatenate([index, np.arange(self.size, self.table.shape[1] - 1)])
+
+    def _links(self, gram: np.ndarray, index: np.ndarray, strength: float) -> np.ndarray:
         """Fit the columns `index` and all links to a Gram matrix."""
-        return fit_links(
-            gram[np.ix_(both, both)],
-            gram[both, -1],
-            self.links.pseudo,
-            self.strength,
-            self.lower[index],
-        )
+        both = self._beside_links(index)
+        lower = self.lower[index]
+        square, moments = gram[np.ix_(both, both)], gram[both, -1]
+        return fit_links(square, moments, self.links.pseudo, strength, lower)
 
-    def links_without(self, terms: Sequence[int], rows: np.ndarray) -> np.ndarray:
-        """Return the changes of all links as fitted without some rows, (links, 10)."""
-        index = self.columns_of(terms)
-        both = np.concatenate([index, np.arange(self.size, self.table.shape[1] - 1)])
-        part = self.table[rows]
-        return self._links(self.total - part.T @ part, index, both)[len(index) :].reshape(
-            -1, PARAMETERS
-        )
+    def left_out(self, clusters: np.ndarray, *, links: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Fit every term without each cluster of rows in turn.
+
+        Args:
+            clusters: number of each row's, (r,).
+            links: whether the links are free.
+
+        Returns:
+            Coefficients, (clusters, p), and the changes of the links, (clusters, links, 10).
+        """
+        every = np.arange(self.size)
+        both = np.append(every, self.table.shape[1] - 1)
+        coefficients, changes = [], []
+        for number in np.unique(clusters):
+            part = self.table[clusters == number]
+            gram = self.total - part.T @ part
+            if links:
+                found = self._links(gram, every, self.strength)
+            else:
+                own = solve(gram[np.ix_(both, both)], self.lower)
+                found = np.concatenate([own, np.zeros(self.table.shape[1] - 1 - self.size)])
+            coefficients.append(found[: self.size])
+            changes.append(found[self.size :].reshape(-1, PARAMETERS))
+        return np.array(coefficients), np.array(changes)
 
     def with_load(self, terms: Sequence[int], number: int) -> Fitted:
         """Fit some terms and one load on link `number`: where it hangs by all rows."""

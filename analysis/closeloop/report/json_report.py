@@ -7,7 +7,6 @@ from analysis.closeloop.identification.accuracy import rms_by_joint, smooth_rela
 from analysis.closeloop.identification.findings import Errors, Outcome, Trace
 from analysis.closeloop.report.diagnostics import diagnose
 from analysis.closeloop.report.impedance import impedance_entries, undecided
-from analysis.closeloop.report.links import link_values
 from analysis.closeloop.report.named import (
     declared_entries,
     effect_entries,
@@ -15,6 +14,7 @@ from analysis.closeloop.report.named import (
     without_value,
 )
 from analysis.closeloop.report.plain import CONVENTION, finite, session_entry
+from analysis.closeloop.report.shared import link_values, payload_entries
 from analysis.closeloop.report.unexplained import far_from_floor, floor_entries, unexplained
 
 
@@ -23,7 +23,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
     found, verdict = outcome.trace, outcome.verdict
     recording = found.rows.recording
     effects, impedance = effect_entries(found), impedance_entries(found)
-    declared = declared_entries(found)
+    declared = declared_entries(found) + payload_entries(found.fits, found.rows)
     warnings = list(found.notes)
     if outcome.left_out:
         warnings.append(

@@ -10,7 +10,7 @@ from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.identification.model import Candidate, Channel, Model, Term, gain, unfitted
 from analysis.closeloop.identification.regression import Rows
 from analysis.closeloop.identification.uncertainty import Fits, leave_out
-from analysis.closeloop.report.links import link_parameters
+from analysis.closeloop.report.shared import link_parameters
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.effect import ROUNDING, Theta
 from sim.effects.motion import RecordedJoint
@@ -95,7 +95,7 @@ def _declared_values(
             model, coefficients, fits, term
         )
         for term in model.terms
-        if term.candidate is None and term.effect not in (None, VISCOELASTIC)
+        if term.candidate is None and term.load is None and term.effect not in (None, VISCOELASTIC)
     }
 
 

@@ -23,6 +23,9 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
     spec = device.spec.copy()
     warnings: list[str] = []
     for declared in report["declared"]:
+        # A payload hangs there in some trials only: it is no part of the model.
+        if "joint" not in declared:
+            continue
         if values := {name: entry["value"] for name, entry in declared["parameters"].items()}:
             spec, _, lacking = _with_effect(spec, declared["effect"], declared["joint"], values)
             warnings += lacking

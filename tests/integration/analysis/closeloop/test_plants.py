@@ -1,5 +1,6 @@
 """Devices that MuJoCo simulates under a controller: friction sticks, loads bend the path."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -103,3 +104,26 @@ def test_links_that_are_not_as_declared_are_found_as_one(tmp_path: Path) -> None
         mujoco.mj_inverse(model, data)
         torque[:] = data.qfrc_inverse
     assert held[0] == pytest.approx(held[1], rel=0.02, abs=0.05)
+
+
+def test_a_payload_that_trials_name_is_weighed_against_the_others(tmp_path: Path) -> None:
+    write_recordings(tmp_path, ARM, 1)
+    load = '<body pos="0.25 0 0"><inertial pos="0 0 0" mass="0.5" diaginertia="1e-4 1e-4 1e-4"/>'
+    truth = ARM.changed("</body>\n    </body>", f"{load}</body></body>\n    </body>")
+    write_recordings(tmp_path / "loaded", ARM, 2, truth=truth, trials=1)
+    session = json.loads((tmp_path / "session.json").read_text())
+    name, header = "loaded.csv", (tmp_path / "trial_0.csv").read_text().split("\n")[0]
+    table = np.loadtxt(tmp_path / "loaded" / "trial_0.csv", delimiter=",", skiprows=1)
+    table[:, 0] += 1000.0
+    np.savetxt(tmp_path / name, table, delimiter=",", header=header, comments="", fmt="%.9g")
+    session["trials"].append({"file": name, "payload": {"name": "weight", "body": "fore"}})
+    (tmp_path / "session.json").write_text(json.dumps(session))
+    report = analyse(tmp_path).report
+    assert report["effects"] == []
+    (entry,) = report["declared"]
+    mass, place = entry["parameters"]["mass"], entry["parameters"]["position"]
+    assert (entry["effect"], entry["name"], entry["body"]) == ("payload", "weight", "fore")
+    assert mass["value"] == pytest.approx(0.5, rel=0.1)
+    assert mass["ci90"][0] <= 0.5 <= mass["ci90"][1]
+    assert place["value"][0] == pytest.approx(0.25, abs=0.03)
+    assert "gains" in entry["depends_on"]

@@ -165,6 +165,8 @@ def test_constant_signals_are_refused(folder: Folder, column: str) -> None:
         ("trials", [{"file": "a.csv", "role": "test"}], "fit"),
         ("trials", [{"file": "a.csv", "effort_filter_hz": "5"}], "number"),
         ("trials", [{"file": "a.csv", "added_mass": {"body": "leg", "mass_kg": 1}}], "leg"),
+        ("trials", [{"file": "a.csv", "payload": {"name": "tool", "body": "leg"}}], "leg"),
+        ("trials", [{"file": "a.csv", "payload": {"body": "forearm"}}], "payload.name"),
         ("ignored_joints", ["wrist"], "wrist"),
         ("declared_effects", [{"effect": "viscoelastic_joint", "joint": "wrist"}], "wrist"),
         ("declared_effects", [{"effect": "magic", "joint": "elbow"}], "magic"),

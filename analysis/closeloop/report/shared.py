@@ -1,0 +1,158 @@
+"""What joints share, in the contract's words: links other than declared, and declared payloads.
+
+An interval is the wider of two jackknifes: by parts of time, and by joints, since what a model
+lacks at one joint does not average out over time. The links are fitted anew each time.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import t
+
+from analysis.closeloop.identification.links import links_of
+from analysis.closeloop.identification.model import PLACED, Model, Term, unfitted
+from analysis.closeloop.identification.regression import Rows
+from analysis.closeloop.identification.uncertainty import CONFIDENCE
+from analysis.closeloop.identification.whole_fit import WholeFit
+from sim.effects.inertia import PLACE
+
+#: Parts of every trial that are left out in turn.
+PARTS = 10
+INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
+GAINS = (
+    "the mass scales with the gains that turned currents into efforts: gains that are 1 % too "
+    "large make it 1 % too large; its place does not change"
+)
+
+
+class Spread:
+    """The fits of a whole model without each part of time, and without each joint, in turn."""
+
+    def __init__(self, model: Model, rows: Rows) -> None:
+        self.links = links_of(model.recording)
+        fit = WholeFit(replace(model, given=None), rows, self.links)
+        self.owner = fit.owner
+        free = model.given is not None
+        partitions = [_times(rows), rows.joint_of_block[rows.block]]
+        self.fits = [
+            fit.left_out(clusters, links=free)
+            for clusters in partitions
+            if len(np.unique(clusters)) > 1
+        ]
+
+    def half_width(self, found: np.ndarray, every: list[np.ndarray]) -> np.ndarray:
+        """Return half of the 90 % interval of some quantities.
+
+        Args:
+            found: the quantities, any shape.
+            every: what they are without each cluster, one array of (clusters, ...) a partition.
+        """
+        half = np.zeros_like(found)
+        for without in every:
+            count = len(without)
+            variance = (count - 1) / count * ((without - found) ** 2).sum(axis=0)
+            quantile = float(t.ppf((1 + CONFIDENCE) / 2, count - 1))
+            half = np.maximum(half, quantile * np.sqrt(variance))
+        return half
+
+
+def link_parameters(model: Model, rows: Rows) -> dict[str, Any]:
+    """Return mass and centre of mass of every link that moves, with 90 % intervals."""
+    spread = Spread(model, rows)
+    links = spread.links
+    assert model.given is not None
+    found = _described(np.array([model.given.links[name] for name in links.names]))
+    every = [_described(links.declared + changes) for _, changes in spread.fits]
+    half = spread.half_width(found, every)
+    return {
+        f"{name}.{word}": {
+            "value": value,
+            "ci90": [max(value - width, 0.0) if word == "mass" else value - width, value + width],
+            "unit": "kg" if word == "mass" else "m",
+        }
+        for name, values, widths in zip(links.names, found, half, strict=True)
+        for word, value, width in zip(("mass", *PLACE), values, widths, strict=True)
+    }
+
+
+def _described(parameters: np.ndarray) -> np.ndarray:
+    """Return mass and centre of mass of inertial parameters, (..., 4)."""
+    mass = parameters[..., :1]
+    return np.concatenate([mass, parameters[..., 1:4] / mass], axis=-1)
+
+
+def _times(rows: Rows) -> np.ndarray:
+    """Return each row's part of its trial, (r,)."""
+    recording = rows.recording
+    clock = np.concatenate([recording.time[own] for own in rows.samples.values()])
+    found = np.zeros(len(clock), dtype=int)
+    for number in np.unique(rows.trial):
+        own = rows.trial == number
+        low, high = clock[own].min(), clock[own].max()
+        part = (clock[own] - low) / max(high - low, 1e-300) * PARTS
+        found[own] = np.minimum(part.astype(int), PARTS - 1)
+    return found
+
+
+def link_values(model: Model) -> dict[str, Any]:
+    """Return the inertial parameters of every link, about the origin of its frame."""
+    given = {} if model.given is None else model.given.links
+    return {
+        name: {
+            "mass": values[0],
+            "first_moments": list(values[1:4]),
+            "inertia": dict(zip(INERTIA, values[4:].tolist(), strict=True)),
+            "units": "kg, kg m and kg m2, about the origin of the body's frame",
+        }
+        for name, values in given.items()
+    }
+
+
+def payload_entries(
+    fits: tuple[tuple[Model, np.ndarray], tuple[Model, np.ndarray]], rows: Rows
+) -> list[dict[str, Any]]:
+    """Return mass and place of every payload that trials name, before and after the repair."""
+    if not any(term.load for term in fits[0][0].terms):
+        return []
+    before, after = (_payloads(model, coefficients, rows) for model, coefficients in fits)
+    entries = []
+    for (name, body), values in after.items():
+        old = before[name, body]
+        parameters = {
+            key: {**entry, "before": old[key]["value"], "ci90_before": old[key]["ci90"]}
+            for key, entry in values.items()
+        }
+        entry = {"effect": PLACED.name, "name": name, "body": body, "parameters": parameters}
+        entries.append(entry | {"depends_on": GAINS})
+    return entries
+
+
+def _payloads(
+    model: Model, coefficients: np.ndarray, rows: Rows
+) -> dict[tuple[str, str], dict[str, Any]]:
+    spread = Spread(model, rows)
+    found = {}
+    for number, (term, own) in enumerate(model.split(coefficients)):
+        if term.load is None:
+            continue
+        value = _mass_and_place(model, term, own[None])[0]
+        columns = spread.owner == number
+        every = [_mass_and_place(model, term, fits[:, columns]) for fits, _ in spread.fits]
+        half = spread.half_width(value, every)
+        low, high = value - half, value + half
+        place = {"value": value[1:].tolist(), "unit": "m"}
+        found[term.load.name, term.load.body] = {
+            "mass": {"value": value[0], "ci90": [max(low[0], 0.0), high[0]], "unit": "kg"},
+            "position": place | {"ci90": np.column_stack([low[1:], high[1:]]).tolist()},
+        }
+    return found
+
+
+def _mass_and_place(model: Model, term: Term, own: np.ndarray) -> np.ndarray:
+    """Return mass and place of a payload from some fits of its columns, (fits, 4)."""
+    values = dict(zip(term.kept, own.T, strict=True))
+    values = {number: values.get(number, np.zeros(len(own))) for number in range(4)}
+    values[0] = np.maximum(values[0], 1e-9)
+    readings = PLACED.readings(unfitted(model.recording, term.joint), term.theta)
+    return np.column_stack([np.asarray(reading.of(values)) for reading in readings.values()])
