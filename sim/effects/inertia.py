@@ -43,7 +43,7 @@ class Payload(Effect):
     twins = ("torque_gain",)
     owner = "robot"
     parameters = named(
-        mass=Parameter("kg", "mass on the robot's link", 0.0, 1.0, switches=True, floor=0.0),
+        mass=Parameter("kg", "mass on the robot's link", 0.0, 1.0, switches=True, floor=-0.45),
         distance=Parameter(
             "m",
             "its distance from the joint, towards the link's centre of mass",
@@ -55,7 +55,7 @@ class Payload(Effect):
         ),
     )
     coefficients: tuple[str, ...] = ("mass",)
-    lower: tuple[float, ...] = (0.0,)
+    lower: tuple[float, ...] = (-np.inf,)
     nonlinear: tuple[Nonlinear, ...] = (
         Nonlinear("distance", (0.4, 0.7, 1.0, 1.4, 2.0, 3.0), scaling=0.25, step=RELATIVE),
     )
@@ -65,8 +65,12 @@ class Payload(Effect):
         return recording.centre_of_mass(joint) is not None
 
     def limits(self, joint: RecordedJoint) -> Limits:
-        # No load hangs further away than the robot reaches.
-        return {"mass": (0.0, np.inf), "distance": (0.0, joint.recording.reach(joint.number))}
+        # No load hangs further away than the robot reaches. A limb's own mass is a guess from
+        # height and weight, and may be less.
+        recording, number = joint.recording, joint.number
+        limb = number in recording.limbs
+        least = -MAX_REMOVED * recording.link_mass(number) if limb else 0.0
+        return {"mass": (least, np.inf), "distance": (0.0, recording.reach(number))}
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         # The torque of one kilogram is a quadratic in its share of the lever.

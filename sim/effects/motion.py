@@ -62,6 +62,9 @@ class Recording(Protocol):
     def is_hinge(self, joint: int) -> bool:
         """Return whether the joint turns; else it slides."""
 
+    def link_mass(self, joint: int) -> float:
+        """Return the declared mass of the link that a joint moves, kg."""
+
     def reach(self, joint: int) -> float:
         """Return how far from a joint its device, with what hangs on it, can be, m."""
 

@@ -132,6 +132,10 @@ class Recording:
             return tuple(every)
         return tuple(joint for joint in every if self.name(joint) in self.session.limb_joints)
 
+    def link_mass(self, joint: int) -> float:
+        """Return the declared mass of the link that a joint moves, kg."""
+        return float(self.device.model.body_mass[self.device.body(joint)])
+
     def reach(self, joint: int) -> float:
         """Return how far from a joint its device, with what hangs on it, can be, m."""
         return self.device.reach(joint)

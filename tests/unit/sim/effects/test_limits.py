@@ -10,6 +10,7 @@ from analysis.closeloop.identification.model import unfitted
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, EFFECTS
 from sim.effects.effect import Effect
+from sim.effects.inertia import PlacedPayload
 from tests.testbed.rich_recording import ELBOW, TRUTH
 
 SHOULDER = 0
@@ -74,11 +75,24 @@ def test_a_load_hangs_where_the_robot_reaches(recording: Recording) -> None:
     assert recording.reach(SHOULDER) == pytest.approx(0.3 + 2.0 * forearm + 0.15)
 
 
-def test_only_a_limb_may_have_less_inertia_than_declared(recording: Recording) -> None:
-    inertia = BY_NAME["added_inertia"]
-    less = {0: -0.01}
-    assert inertia.beyond(unfitted(recording, ELBOW), {}, less) == ""
-    assert inertia.beyond(unfitted(robot(recording), ELBOW), {}, less) == "inertia"
+def test_only_a_limb_may_have_less_mass_and_inertia_than_declared(recording: Recording) -> None:
+    arm, machine = unfitted(recording, ELBOW), unfitted(robot(recording), ELBOW)
+    for name, theta, less, parameter in (
+        ("added_inertia", {}, -0.01, "inertia"),
+        ("payload", {"distance": 1.0}, -0.2, "mass"),
+    ):
+        effect = BY_NAME[name]
+        assert effect.beyond(arm, theta, {0: less}) == ""
+        assert effect.beyond(machine, theta, {0: less}) == parameter
+
+
+def test_a_load_with_a_place_hangs_where_the_robot_reaches(recording: Recording) -> None:
+    placed = PlacedPayload()
+    joint = unfitted(robot(recording), ELBOW)
+    here = dict.fromkeys(("position_x", "position_y", "position_z"), 0.0)
+    assert placed.limits(joint).keys() == placed.parameters.keys()
+    assert placed.beyond(joint, here, {0: 2.0, 1: 0.2, 2: 0.0, 3: 0.0}) == ""
+    assert placed.beyond(joint, here, {0: 2.0, 1: 3.7, 2: 0.0, 3: 0.0}) == "position_x"
 
 
 def test_a_slide_is_off_by_less_than_its_travel(recording: Recording) -> None:
