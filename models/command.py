@@ -6,6 +6,7 @@ of its own, which ends with the evaluation, or with the worker if the program is
 
 import json
 import os
+import resource
 import selectors
 import signal
 import subprocess
@@ -25,6 +26,8 @@ MAX_ANSWER_BYTES = 5_000_000
 #: Of what a program says on stderr, the end is kept.
 STDERR_BYTES = 4_000
 CHUNK = 65_536
+#: That a program may take unless the worker's owner says otherwise.
+MEMORY_BYTES = 4 * 2**30
 #: Seconds that a program gets to exit by itself once it has answered.
 GRACE_SECONDS = 2.0
 _TABLE = {"run", "keep"}
@@ -97,7 +100,7 @@ class _Program:
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 start_new_session=True,
-                preexec_fn=partial(die_with_parent, os.getpid(), signal.SIGKILL),
+                preexec_fn=partial(_limit, os.getpid()),
             )
         except OSError as error:
             raise ModelFailure(
@@ -218,6 +221,15 @@ class _Program:
             pass
         lines = self._complaint.decode(errors="replace").strip().splitlines()
         return f"; it said last: {lines[-1][:300]}" if lines else ""
+
+
+def _limit(parent: int) -> None:
+    """End with the worker's process, and take no more memory than is left for a program."""
+    die_with_parent(parent, signal.SIGKILL)
+    most, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    if most == resource.RLIM_INFINITY:
+        # Else the worker's owner has said (`--memory-mb`).
+        resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_BYTES, hard))
 
 
 def _outputs(answer: Any) -> Mapping[str, Any]:

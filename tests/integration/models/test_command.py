@@ -17,6 +17,7 @@ TROUBLES = {
     "hangs": ("time.sleep(60)", "timed_out", "no answer in time"),
     "floods": ("print('x' * 6_000_000)", "bad_answer", "more than 5 MB"),
     "talks": ("print('hello')", "bad_answer", "'hello', which is not one line of JSON"),
+    "hoards": ("bytearray(6 * 2**30)", "crashed", "it said last: MemoryError"),
     "exits": ("sys.exit('the disk is full')", "crashed", "said last: the disk is full"),
     "dies": ("os.kill(os.getpid(), 9)", "crashed", "ended by SIGKILL"),
     "fails": ("""print('{"outcome": "diverged", "reason": "r"}')""", "diverged", "r"),
