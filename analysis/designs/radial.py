@@ -27,27 +27,33 @@ def radial_row(point: NDArray[np.float64]) -> NDArray[np.float64]:
     Returns:
         Shape (k + 1, k).
     """
-    base, where = np.split(point, 2)
+    base, where = point[: point.size // 2], point[point.size // 2 :]
     step = SMALLEST_STEP + (1.0 - 2.0 * SMALLEST_STEP) * where
     moved = base + step
     # Around the end is a step back; rounding must not take it out of the open cube.
     moved = np.where(moved < 1.0, moved, np.maximum(base - (1.0 - step), 2.0**-53))
-    row = np.tile(base, (base.size + 1, 1))
-    np.fill_diagonal(row[1:], moved)
+    # NumPy's own tile and fill_diagonal take longer.
+    row = np.empty((base.size + 1, base.size))
+    row[:] = base
+    row[1:].reshape(-1)[:: base.size + 1] = moved
     return row
 
 
 def legs(row: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return where a row (k + 1, k), radial or a trajectory, moves each factor (Morris 1991).
+    """Return where rows (..., k + 1, k), radial or trajectories, move each factor (Morris 1991).
 
     Returns:
-        The positions before and after the move, shape (2, k), and the signed steps, shape (k,). The
-        position before is the base of a radial row, and the one just before of a trajectory.
+        The positions before and after the move, shape (2, ..., k), and the signed steps, shape
+        (..., k). The position before is the base of a radial row, and the one just before of a
+        trajectory.
     """
-    k = row.shape[1]
-    after = 1 + np.argmax(row[1:] != row[0], axis=0)
+    k = row.shape[-1]
+    after = 1 + np.argmax(row[..., 1:, :] != row[..., :1, :], axis=-2)
     # In a radial row only one factor differs from the base; along a trajectory ever more do.
-    radial = np.count_nonzero(row[-1] != row[0]) == 1 or k == 1
-    before = np.zeros_like(after) if radial else after - 1
-    factor = np.arange(k)
-    return np.stack([before, after]), row[after, factor] - row[before, factor]
+    radial = np.count_nonzero(row[..., -1, :] != row[..., 0, :], axis=-1) == 1
+    before = np.where(radial[..., None] | (k == 1), 0, after - 1)
+    ends = (
+        np.take_along_axis(row, place[..., None, :], axis=-2)[..., 0, :]
+        for place in (after, before)
+    )
+    return np.stack([before, after]), next(ends) - next(ends)

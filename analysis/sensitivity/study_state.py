@@ -67,7 +67,7 @@ class StudyState:
             if outcome is not None:
                 new += 1
                 self.evaluations[outcome] += 1
-                if not np.isinf(self._partial[result.row]).any():
+                if (self._partial[result.row][:, -1] < inf).all():
                     whole.append(result.row)
                     self._complete[result.row] = True
             if len(whole) == _ROWS_AT_ONCE:
@@ -152,7 +152,7 @@ class StudyState:
         values = self._partial.setdefault(
             result.row, np.full((width, len(self.plan.outputs) + 1), inf, dtype=np.float64)
         )
-        if not np.isinf(values[result.position]).any():
+        if values[result.position, -1] < inf:
             return None
         found = [result.outputs.get(name, nan) for name in self.plan.outputs]
         outcome = result.outcome

@@ -24,7 +24,7 @@ from analysis.sensitivity.records import StudyPlan
 from analysis.sensitivity.snapshot import new_estimator, take_snapshot
 from analysis.sensitivity.stopping import Goal, next_step
 from benchmarks.sensitivity.coverage import FIRST_SEED
-from tests.testbed.hard_functions import HARD, Hard
+from tests.testbed.hard_functions import HARD, HELD_OUT, Hard
 
 Array = NDArray[np.float64]
 
@@ -186,6 +186,8 @@ def main() -> None:
     asked = [int(one) for one in sys.argv[1:]]
     seeds, first = asked + [200, FIRST_SEED][len(asked) :]
     print_hard(range(first, first + seeds))
+    print("\nFunctions on which nothing was set")
+    print_hard(range(first, first + seeds), HELD_OUT)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri, stdtrit
 from scipy.stats import qmc
 
 from tests.testbed.functions import KNOWN
@@ -161,4 +162,41 @@ HARD: Mapping[str, Hard] = {
     ),
     "linear, 20 factors": additive(linear_20, np.linspace(2.0, 0.1, 20) ** 2, kind=True),
     "Sobol's g, 50 factors": _product_50(),
+}
+
+
+def lognormal(u: Points) -> Points:
+    """Return the exponential of 1.2 times a normal factor, and light ones beside it."""
+    return np.asarray(np.exp(1.2 * ndtri(u[..., 0])) + u[..., 1:] @ _LIGHT)
+
+
+def student(u: Points) -> Points:
+    """Return a factor of Student's t with four degrees of freedom, a product, and one alone."""
+    return np.asarray(stdtrit(4.0, u[..., 0]) + 2.0 * u[..., 1] * u[..., 2] + u[..., 3])
+
+
+def resonance(u: Points) -> Points:
+    """Return a peak of the first factor, which the second scales, and a third beside it."""
+    peak = 1.0 / ((u[..., 0] - 0.5) ** 2 + 0.01)
+    return np.asarray(peak * (1.0 + 0.5 * u[..., 1]) + 20.0 * u[..., 2])
+
+
+def cascade(u: Points) -> Points:
+    """Return one regime where the first factor is above 0.9, and another elsewhere."""
+    return np.where(u[..., 0] > 0.9, 5.0 * u[..., 1] * u[..., 2], 0.2 * u[..., 3])
+
+
+def needle(u: Points) -> Points:
+    """Return ten in a corner of 0.027 of the cube, and a wave and a slope everywhere."""
+    corner = np.all(u[..., :3] > 0.7, axis=-1)
+    return np.asarray(10.0 * corner + np.sin(2.0 * np.pi * u[..., 3]) + 0.3 * u[..., 4])
+
+
+#: On these nothing was set: they were written when all was done.
+HELD_OUT: Mapping[str, Hard] = {
+    "lognormal": additive(lognormal, [np.expm1(1.44) * np.exp(1.44), *(_LIGHT**2 / 12.0)]),
+    "Student's t": Hard(function=student, factors=6),
+    "resonance": Hard(function=resonance, factors=6),
+    "cascade": Hard(function=cascade, factors=6),
+    "needle": Hard(function=needle, factors=6),
 }

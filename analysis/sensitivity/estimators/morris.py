@@ -73,11 +73,10 @@ class MorrisEstimator(Estimator):
         }
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
-        designed = [
-            legs(unit_row(self.method, self.sampling, self.seed, row, self.factors)) for row in rows
-        ]
-        (before, after) = np.stack([places for places, _ in designed], axis=1)  # rows, factors
-        step = np.stack([step for _, step in designed])
+        designed = np.stack(
+            [unit_row(self.method, self.sampling, self.seed, row, self.factors) for row in rows]
+        )
+        (before, after), step = legs(designed)  # rows, factors
         row = np.arange(len(rows))[:, None]
         moved = np.moveaxis(values[row, after] - values[row, before], 1, 2)
         effect = moved / step[:, None, :]  # rows, outputs, factors

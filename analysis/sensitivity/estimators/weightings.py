@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 
 from analysis.designs import BLOCKS, blocks_of
 from analysis.sensitivity.estimators.bootstrap import REPLICATES, replicate_weights
-from analysis.sensitivity.estimators.exact_sum import ExactSums, Integers, divide, square
+from analysis.sensitivity.estimators.exact_sum import (
+    ExactSums,
+    Integers,
+    divide,
+    square,
+    variance_of_doubles,
+)
 
 #: The sample and what it is without each block; and how many weightings there are in all.
 FIRST = 1 + BLOCKS
@@ -120,6 +126,7 @@ class Weighted:
     ) -> None:
         self._sums, self._counts, self._places, self._stop = sums, counts[:stop], places, stop
         self._totals: dict[str, Integers] = {}
+        self._replicates: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
 
     def count(self, name: str) -> NDArray[np.int64]:
         """Return how many terms a sum has, shape (weightings, ...)."""
@@ -129,22 +136,46 @@ class Weighted:
         return counts.reshape(-1, *shape)
 
     def mean(self, name: str) -> NDArray[np.float64]:
-        """Return the mean of a sum, rounded once; nan of nothing. Shape (weightings, ...)."""
+        """Return the mean of a sum, shape (weightings, ...); nan of nothing.
+
+        Rounded once in the sample and without each block; to the last digit or two in replicates.
+        """
         total, shift = self._total(name)
-        return divide(total, self.count(name).astype(object), shift)
+        count = self.count(name)
+        some = divide(total, count[:FIRST].astype(object), shift)
+        if self._stop <= FIRST:
+            return some
+        with np.errstate(divide="ignore", invalid="ignore"):
+            high, low = self._doubles(name)
+            replicates = np.where(count[FIRST:] > 0, (high + low) / count[FIRST:], np.nan)
+        return np.concatenate([some, replicates])
 
     def variance(self, name: str, *, ddof: int) -> NDArray[np.float64]:
-        """Return the variance, rounded once, so 0 exactly if nothing varies; as `mean`."""
+        """Return the variance, 0 exactly if nothing varies; as `mean`."""
         total, shift = self._total(name)
         squares, _ = self._total(name + SQUARED)
-        n = self.count(name).astype(object)
+        count = self.count(name)
+        n = count[:FIRST].astype(object)
         numerator = n * (squares << shift) - total * total
-        return divide(numerator, np.where(n > ddof, n * (n - ddof), 0), 2 * shift)
+        some = divide(numerator, np.where(n > ddof, n * (n - ddof), 0), 2 * shift)
+        if self._stop <= FIRST:
+            return some
+        of_total, of_squares = self._doubles(name), self._doubles(name + SQUARED)
+        replicates = variance_of_doubles(of_total, of_squares, count[FIRST:], ddof)
+        return np.concatenate([some, replicates])
 
     def _total(self, name: str) -> tuple[Integers, int]:
         columns, shape = self._places[name]
         if name not in self._totals:
-            total = self._sums.integers(columns, self._stop)
-            total[1:FIRST] = total[0] - total[1:FIRST]
+            total = self._sums.integers(columns, min(self._stop, FIRST))
+            total[1:] = total[0] - total[1:]
             self._totals[name] = total.reshape(-1, *shape)
         return self._totals[name], self._sums.shift
+
+    def _doubles(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return a sum in the replicates, as `ExactSums.doubles`."""
+        columns, shape = self._places[name]
+        if name not in self._replicates:
+            high, low = self._sums.doubles(columns, FIRST, self._stop)
+            self._replicates[name] = high.reshape(-1, *shape), low.reshape(-1, *shape)
+        return self._replicates[name]
