@@ -21,6 +21,7 @@ from analysis.closeloop.identification.growing import (
     grow,
     simpler_starts,
 )
+from analysis.closeloop.identification.holdouts import not_worse
 from analysis.closeloop.identification.model import Model, declared_model, evaluate
 from analysis.closeloop.identification.noise_ceiling import noise_ceiling
 from analysis.closeloop.identification.regression import Rows, select_rows
@@ -58,18 +59,24 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     grown, refused = grow(Grown(declared, before), rows, before, progress)
     if refused is not None:
         step = replace(refused, equals=_others(refused))
-        notes = (refused.taken.refused,)
-        return replace(found, steps=(step,), verdict=Verdict.NOT_IDENTIFIABLE, notes=notes)
+        note = refused.taken.refused
+        return replace(found, steps=(step,), verdict=Verdict.NOT_IDENTIFIABLE, notes=(note,))
     for begun in simpler_starts(grown, rows, before):
         again, _ = grow(begun, rows, before, progress)
         if better(again, grown):
             grown = again
     if grown.steps and not limbs:
         grown = completed(grown, rows, before)
+    grown, notes = not_worse(grown, declared, rows)
     if grown.steps:
         ceiling = noise_ceiling(grown.model, rows)
     found = replace(
-        found, model=grown.model, score=grown.score, steps=grown.steps, ceiling_after=ceiling
+        found,
+        model=grown.model,
+        score=grown.score,
+        steps=grown.steps,
+        ceiling_after=ceiling,
+        notes=notes,
     )
     return _with_rests(_judged(found))
 
@@ -78,7 +85,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
     """Find what the declared model of a device without a limb lacks."""
     rows = weighed(declared, rows)
     before = evaluate(declared, rows)
-    grown = traced_robot(declared, rows, progress)
+    grown, notes = not_worse(traced_robot(declared, rows, progress), declared, rows)
     progress("what splines can explain")
     ceiling = whole_ceiling(declared, rows)
     return _with_rests(
@@ -93,6 +100,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
                 verdict=Verdict.ADEQUATE,
                 ceiling_before=ceiling,
                 ceiling_after=whole_ceiling(grown.model, rows) if grown.steps else ceiling,
+                notes=notes,
             )
         )
     )

@@ -1,0 +1,75 @@
+"""A repair makes no joint worse on trials that no fit has touched."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.findings import Option, Step
+from analysis.closeloop.identification.growing import Grown
+from analysis.closeloop.identification.holdouts import not_worse
+from analysis.closeloop.identification.model import (
+    Candidate,
+    Model,
+    Term,
+    evaluate,
+    unfitted,
+    with_independent,
+)
+from analysis.closeloop.identification.regression import Rows, select_rows
+from analysis.closeloop.session.contents import Trial
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
+from tests.testbed.rich_recording import ELBOW
+
+
+def halves(recording: Recording, second: float) -> Recording:
+    """Return the recording as two trials: an offset of 1 Nm to fit, and `second` held out."""
+    offset = np.where(np.arange(1000) < 500, 1.0, second)
+    effort = recording.inverse + offset[:, None] * np.array([0.0, 1.0])
+    effort = effort + 0.05 * np.random.default_rng(0).standard_normal(effort.shape)
+    parts = (slice(0, 500), slice(500, 1000))
+    trials = tuple(
+        Trial(
+            file=f"{role}.csv",
+            label=role,
+            group=role,
+            role=role,
+            time=recording.time[part],
+            columns={"elbow.effort": effort[part, ELBOW]},
+        )
+        for role, part in zip(("fit", "holdout"), parts, strict=True)
+    )
+    return replace(
+        recording,
+        joints=(ELBOW,),
+        effort=recording.filtered(effort),
+        slices=list(parts),
+        trial=np.repeat([0, 1], 500),
+        session=replace(recording.session, trials=trials),
+        cache={},
+    )
+
+
+def with_offset(recording: Recording) -> tuple[Grown, Model, Rows]:
+    """Return the model with the offset that the first trial has, the declared one, and rows."""
+    rows, declared = select_rows(recording, (0,)), Model(recording)
+    candidate = Candidate(effect=BY_NAME["torque_offset"], joint=ELBOW)
+    columns = candidate.effect.columns(unfitted(recording, ELBOW), {})
+    term = Term(effect=candidate.effect, joint=ELBOW, columns=columns, candidate=candidate)
+    model = with_independent(declared, term, rows)
+    score = evaluate(model, rows)
+    option = Option(candidate=candidate, model=model, score=score, gain=1.0, z=9.0)
+    step = Step(taken=option, equals=(), options=(), before=2.0)
+    return Grown(model, score, (step,)), declared, rows
+
+
+@pytest.mark.parametrize(("second", "stays"), [(1.0, True), (0.2, False)])
+def test_an_effect_stays_only_where_no_held_out_error_grows(
+    second: float, stays: bool, recording: Recording
+) -> None:
+    grown, declared, rows = with_offset(halves(recording, second))
+    found, notes = not_worse(grown, declared, rows)
+    assert bool(found.steps) is stays
+    assert bool(found.model.effects) is stays
+    assert ("torque_offset of elbow is not added" in " ".join(notes)) is not stays
