@@ -43,7 +43,7 @@ def run_all(
     left = [case for case in work if case.name not in done]
     started = time.perf_counter()
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=20) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
         futures = [
             pool.submit(run, case, kept_at(sessions, case) if sessions else None) for case in left
         ]

@@ -302,11 +302,15 @@ def _measured(
         if n not in measured:
             continue
         effort = trial.effort[:, n]
-        smooth = low_pass(effort, chain.filter_hz, step) if chain.filter_hz else effort
-        said_effort = smooth[held] + noise[n][first : first + len(taken)]
+        felt = effort[held]
+        if chain.filter_hz:
+            # MuJoCo's step moves the joint as if a command were there half a step before and after.
+            around = 0.5 * (effort + np.concatenate([effort[:1], effort[:-1]]))
+            felt = np.interp(taken, trial.time, low_pass(around, chain.filter_hz, step))
+        said_effort = felt + noise[n][first : first + len(taken)]
         least = chain.least_count * float(recorded.rms[n])
         said_effort = quantised(said_effort, least)
-        errors.append(float(np.sqrt(np.mean((said_effort - smooth[held]) ** 2))))
+        errors.append(float(np.sqrt(np.mean((said_effort - felt) ** 2))))
         header.append(f"actual_current_{n}" if current else f"{name}.effort")
         columns.append(said_effort / round(chain.per_ampere, 6) if current else said_effort)
     return header, logged(chain, np.stack(columns, axis=1), rng), errors
