@@ -1,5 +1,6 @@
 """XML of a model, parsed under limits: no entities, no deep nesting, not too many bodies."""
 
+import math
 import re
 from xml.etree import ElementTree
 
@@ -40,7 +41,29 @@ def parse_model(text: str, wrong: Wrong) -> ElementTree.Element:
         if depth > MAX_DEPTH:
             raise wrong(f"nests elements more than {MAX_DEPTH} deep")
         level = [child for element in level for child in element]
+    _check_numbers(root, wrong)
     count = sum(1 for tag in ("body", "link") for _ in root.iter(tag))
     if count > MAX_BODIES:
         raise wrong(f"has {count} bodies; at most {MAX_BODIES}")
     return root
+
+
+def _check_numbers(root: ElementTree.Element, wrong: Wrong) -> None:
+    """Refuse what MuJoCo would compute with, or warn of on standard output."""
+    names = {element.get("name") for element in root.iter()}
+    for element in root.iter():
+        for key, value in element.attrib.items():
+            if value not in names and "nan" in value.lower().replace("-", " ").split():
+                raise wrong(f"<{element.tag}> has {key}={value!r}; every number must be finite")
+    for option in root.iter("option"):
+        step = option.get("timestep")
+        if step is not None and not _is_step(step):
+            raise wrong(f"<option> has timestep={step!r}; it must be a finite number above 0")
+
+
+def _is_step(text: str) -> bool:
+    try:
+        return 0.0 < float(text) < math.inf
+    except ValueError:
+        # MuJoCo has its own words for it.
+        return True

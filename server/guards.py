@@ -29,7 +29,7 @@ class BearerToken:
     """Turn away who may not, before anything of the request is read.
 
     Args:
-        app: what is guarded: /v1 and /metrics.
+        app: what is guarded: /v1, /metrics and /openapi.json.
         token: the operator's own, which may do everything.
         look_up: finds the scopes of all others in the database.
     """
@@ -142,7 +142,7 @@ def upload_too_large(limit: int) -> str:
 
 
 def _guarded(path: str) -> bool:
-    return path in ("/v1", "/metrics") or path.startswith("/v1/")
+    return path in ("/v1", "/metrics", "/openapi.json") or path.startswith("/v1/")
 
 
 def _borne_by(scope: Scope) -> bytes | None:

@@ -12,20 +12,22 @@ from server.errors import ConflictError
 
 @contextmanager
 def instance_lock(url: str) -> Iterator[None]:
-    """Hold the lock file beside a SQLite database; does nothing for another.
+    """Lock a SQLite database's file, by whatever name or link; does nothing for another database.
 
-    The kernel drops the lock when the process ends, however it ends.
+    The kernel drops the lock when the process ends, however it ends. It is another kind than those
+    that SQLite takes on the file, and holds nobody else up. When the file is closed SQLite's own
+    are lost with it: in the block, and in no other process, may it be open.
 
     Raises:
-        ConflictError: another process holds it, or there is no place for it.
+        ConflictError: another process holds it, or the file cannot be opened.
     """
     database = sa.make_url(url)
     if database.get_backend_name() != "sqlite" or not database.database:
         yield
         return
-    path = Path(f"{database.database}.lock")
+    path = Path(database.database)
     try:
-        file = path.open("w")
+        file = path.open("ab")
     except OSError as error:
         raise ConflictError(f"the database cannot be used: {path}: {error.strerror}") from error
     with file:

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from itertools import pairwise
-from math import fsum, isfinite, log
+from math import fsum, log
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,6 +16,8 @@ from scipy.special import log1p, log_ndtr, logsumexp, ndtr, ndtri, ndtri_exp
 
 from analysis.json_values import is_finite_number
 
+#: Of a larger number the square, of which variances are made, is no number.
+LARGEST = 1e100
 #: Probability left out at either end of what gives a distribution its scale.
 _TAIL = 0.05
 
@@ -56,14 +58,19 @@ class Distribution(ABC):
                     f"low of a {self.kind} distribution must be below high, not {low:g} and "
                     f"{high:g}"
                 )
-            if not isfinite(high - low):
-                raise ValueError(f"low and high of a {self.kind} distribution are too far apart")
 
     def _read(self, name: str, value: Any) -> Any:
         """Return a parameter as it is kept; ValueError if it is not a finite number."""
         if not is_finite_number(value):
             raise ValueError(f"{name} of a {self.kind} distribution must be a finite number")
+        self._check_size(name, value)
         return float(value)
+
+    def _check_size(self, name: str, value: float) -> None:
+        if abs(value) > LARGEST:
+            raise ValueError(
+                f"{name} of a {self.kind} distribution must be within ±{LARGEST:g}, not {value:g}"
+            )
 
     def _check_positive(self, name: str, value: float) -> None:
         if not value > 0.0:
@@ -235,6 +242,8 @@ class Discrete(Distribution):
             or not all(map(is_finite_number, value))
         ):
             raise ValueError(f"{name} of a discrete distribution must be finite numbers")
+        for one in value:
+            self._check_size(name, one)
         return tuple(map(float, value))
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rehyb.cli.answers import Answer, answering, file_written
-from rehyb.errors import RehybError
+from rehyb.errors import RehybError, needs_extra
 
 if TYPE_CHECKING:
     from sqlalchemy.engine import Engine
@@ -55,8 +55,9 @@ def opened(*, upgraded: bool = False) -> Iterator["Engine"]:
     Raises:
         RehybError: it cannot be used, or has another version's schema and is not `upgraded` first.
     """
-    from server.settings import Settings
-    from server.store import create_engine, require_current, upgrade
+    with needs_extra("the database", "server"):
+        from server.settings import Settings
+        from server.store import create_engine, require_current, upgrade
 
     default: str = Settings.model_fields["database_url"].default
     url = os.environ.get("REHYB_DATABASE_URL", default)

@@ -4,6 +4,7 @@ import os
 import signal
 import threading
 import time
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +13,7 @@ import typer
 from rehyb.cli.answers import AsJson, print_json
 from rehyb.cli.database import in_one_sentence, opened
 from rehyb.cli.options import interruptible
-from rehyb.errors import Invalid
+from rehyb.errors import Invalid, RehybError, needs_extra
 
 SUPERVISE_SECONDS = 1.0
 #: Between two looks of the analysis for news.
@@ -45,6 +46,10 @@ def up(
     REHYB_TOKEN and REHYB_DATABASE_URL are honoured; without them a token and a SQLite database are
     kept in the directory.
     """
+    # What it starts would only say so in a log.
+    for name in ("fastapi", "uvicorn", "sqlalchemy", "alembic", "pydantic_settings"):
+        if find_spec(name) is None:
+            raise RehybError(f"rehyb up needs {name}: pip install 'rehyb[server]'")
     from rehyb.fleet import LocalFleet
     from worker.pool import available_cores
 
@@ -79,10 +84,11 @@ def coordinator() -> None:
     REHYB_STRANDED_SECONDS, REHYB_RECOMPUTE_SHARE, REHYB_RECOMPUTE_TOLERANCE, REHYB_LOG_LEVEL,
     REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY configure it.
     """
-    from pydantic import ValidationError
+    with needs_extra("rehyb coordinator", "server"):
+        from pydantic import ValidationError
 
-    from server.run import serve
-    from server.settings import Settings
+        from server.run import serve
+        from server.settings import Settings
 
     try:
         settings = Settings()
@@ -101,8 +107,9 @@ def analysis() -> None:
     Runs until SIGTERM or Ctrl-C. REHYB_DATABASE_URL names the coordinator's database. Several may
     run: whoever commits first wins, and the others carry on from there.
     """
-    from analysis.sensitivity.service import follow
-    from server.operations.result_log import StoreResultLog
+    with needs_extra("rehyb analysis", "server"):
+        from analysis.sensitivity.service import follow
+        from server.operations.result_log import StoreResultLog
 
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):

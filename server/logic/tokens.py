@@ -32,6 +32,9 @@ def scopes_needed(method: str, path: str) -> tuple[str, ...]:
     """Return the scopes any of which a request to a guarded path needs."""
     if path == "/v1/results" or path == "/v1/leases" or path.startswith("/v1/leases/"):
         return ("work",)
+    if path == "/openapi.json":
+        # Whoever may do anything may know how.
+        return SCOPES
     if method in ("GET", "HEAD", "OPTIONS"):
         return ("read", "work") if _OF_WORK.fullmatch(path) else ("read",)
     if path == "/v1/models":

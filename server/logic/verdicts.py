@@ -155,8 +155,9 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
         return "the outcome must be 'ok' or a failure in 1 to 40 lower-case letters and underscores"
     if report.outcome in RESERVED:
         return f"only the coordinator concludes {report.outcome!r}"
-    if report.wall_seconds is not None and not is_finite_number(report.wall_seconds):
-        return "wall_seconds must be a finite number or null"
+    wall = report.wall_seconds
+    if wall is not None and not (is_finite_number(wall) and wall >= 0):
+        return "wall_seconds must be a finite number, 0 or more, or null"
     if report.state is not None and (flaw := flaw_in(report.state, STATE_DEPTH)) is not None:
         return _FLAWS[flaw]
     if not ok:

@@ -170,6 +170,14 @@ BAD: dict[str, tuple[Spoil, str]] = {
         "nests elements",
     ),
     "a crowd of bodies": (model("<worldbody>", "<worldbody>" + "<body/>" * 201), "at most 200"),
+    "a time step of nothing": (
+        model("<worldbody>", '<option timestep="nan"/><worldbody>'),
+        "<option> has timestep='nan'; every number must be finite",
+    ),
+    "a time step backwards": (
+        model("<worldbody>", '<option timestep="-1"/><worldbody>'),
+        "timestep='-1'; it must be a finite number above 0",
+    ),
     "a joint without a name": (model('name="elbow"', ""), "each with a name|names it|unknown"),
     "no joint": (
         lambda p: (p / "device.xml").write_text("<mujoco><worldbody/></mujoco>") and None,

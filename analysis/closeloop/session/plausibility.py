@@ -3,7 +3,7 @@
 from collections.abc import Collection
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, detrend, sosfiltfilt
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import Trial
@@ -18,6 +18,11 @@ MAX_SPEED = 60.0
 #: Least share of samples that do.
 MAX_SPEED_SHARE = 0.01
 DEGREES = 180.0 / np.pi
+#: An encoder is stuck that shows one value over this share of a trial while the velocity adds up to
+#: so much, rad or m, and to this share of all that the joint moves. Shorter runs are stale samples.
+STUCK_RUN = 0.1
+STUCK = 0.02
+STUCK_SHARE = 0.05
 #: Share of samples at a plateau, and its shortest run, that make a saturated effort.
 SATURATED_SHARE = 0.01
 SATURATED_RUN = 10
@@ -40,14 +45,19 @@ def check_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> N
             _check_degrees(trial, device, joint, position, joint in limb_joints)
         velocity = trial.columns.get(f"{joint}.velocity")
         if velocity is not None:
+            _check_stuck(trial, joint, position, velocity)
             _check_velocity(trial, joint, position, velocity)
         if np.ptp(position) > 1e-9 * (1.0 + np.abs(position).max()):
             moving.append(joint)
     if not moving:
         why = "is constant, as is every other position; a trial needs at least one moving joint"
-        raise SessionError(
-            why, file=trial.file, column=f"{device.recorded_joints[0]}.position", line=2
+        # Whose motor works hardest should have moved.
+        still = np.zeros(1)
+        joint = max(
+            device.recorded_joints,
+            key=lambda name: float(np.ptp(trial.columns.get(f"{name}.effort", still))),
         )
+        raise SessionError(why, file=trial.file, column=f"{joint}.position", line=2)
     for joint in moving:
         effort = trial.columns.get(f"{joint}.effort")
         if effort is None:
@@ -89,6 +99,25 @@ def _check_degrees(
         "positions are in radians, and these look like degrees"
     )
     raise SessionError(why, file=trial.file, column=f"{joint}.position", line=row + 2)
+
+
+def _check_stuck(trial: Trial, joint: str, position: np.ndarray, velocity: np.ndarray) -> None:
+    """Refuse an encoder that stays at one value while the recorded velocity says it moves."""
+    step = np.diff(trial.time)
+    travelled = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * step)])
+    least = max(STUCK, STUCK_SHARE * float(np.ptp(position)))
+    edges = np.flatnonzero(np.diff(position)) + 1
+    for start, end in zip([0, *edges], [*edges, len(position)], strict=True):
+        if end - start < STUCK_RUN * len(position):
+            continue
+        # A sensor's zero is no motion.
+        way = detrend(travelled[start:end])
+        if float(np.ptp(way)) > least:
+            why = (
+                f"stays at {position[start]:g} for {end - start} samples while {joint}.velocity "
+                "says that the joint moves; look at the encoder"
+            )
+            raise SessionError(why, file=trial.file, column=f"{joint}.position", line=start + 2)
 
 
 def _check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np.ndarray) -> None:

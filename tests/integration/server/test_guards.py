@@ -38,6 +38,11 @@ def test_without_the_token_nothing_under_v1_answers(
     assert response.headers["content-type"] == "application/problem+json"
 
 
+def test_what_the_coordinator_can_do_is_told_to_those_with_a_token_only(client: TestClient) -> None:
+    assert client.get("/openapi.json").status_code == 200
+    assert client.get("/openapi.json", headers={"Authorization": ""}).status_code == 401
+
+
 def test_a_body_is_not_read_before_the_token_is(client: TestClient) -> None:
     client.headers.pop("Authorization")
     response = client.post("/v1/studies", content="not JSON", headers=JSON)

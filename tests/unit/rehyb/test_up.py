@@ -1,5 +1,6 @@
 """`rehyb up` listens where it is told to, by an option or by the environment."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -50,3 +51,17 @@ def test_a_port_that_is_none_is_refused_with_the_name_of_its_variable(
     found = CliRunner().invoke(app, ["up", "--directory", str(tmp_path)])
     assert found.exit_code == 2
     assert "REHYB_PORT" in found.output
+
+
+def test_without_the_extra_server_it_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(
+        "rehyb.cli.services.find_spec", lambda name: None if name == "uvicorn" else object()
+    )
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    for command in ("up", "coordinator"):
+        # What this process has imported before would be found.
+        monkeypatch.delitem(sys.modules, "server.run", raising=False)
+        found = CliRunner().invoke(app, [command])
+        assert str(found.exception) == f"rehyb {command} needs uvicorn: pip install 'rehyb[server]'"

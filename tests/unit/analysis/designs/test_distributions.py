@@ -97,7 +97,11 @@ def test_whole_numbers_are_read_as_numbers() -> None:
             {"kind": "uniform", "low": 1.0, "high": 1.0},
             "low of a uniform .* must be below",
         ),
-        ({"kind": "uniform", "low": -1e308, "high": 1e308}, "too far apart"),
+        ({"kind": "uniform", "low": 0.0, "high": 1e308}, "high of a uniform .* within ±1e\\+100"),
+        (
+            {"kind": "discrete", "values": [0.0, -1e200], "probabilities": [0.5, 0.5]},
+            "values of a discrete .* within ±1e\\+100",
+        ),
         (
             {"kind": "uniform", "low": float("nan"), "high": 1.0},
             "low of a uniform .* finite",

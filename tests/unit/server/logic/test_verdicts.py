@@ -141,6 +141,7 @@ INVALID: list[dict[str, Any]] = [
     {"outcome": "lost"},
     {"outcome": "invalid"},
     {"wall_seconds": nan},
+    {"wall_seconds": -5},
     {"wall_seconds": "fast"},
     {"outcome": "diverged", "state": {"q": [0.0, {"deep": nan}]}},
     {"outcome": "diverged", "state": _nested(900)},

@@ -120,6 +120,27 @@ def test_a_saturated_effort_is_refused(folder: Folder) -> None:
     assert error.line is not None and error.line >= first
 
 
+@pytest.mark.parametrize(("start", "line"), [(0, 2), (1000, 1002)])
+def test_an_encoder_that_is_stuck_is_named(folder: Folder, start: int, line: int) -> None:
+    folder.table[start:, 2] = folder.table[start, 2]
+    error = refusal(folder)
+    assert (error.column, error.line) == ("elbow.position", line)
+    assert "look at the encoder" in str(error)
+
+
+def test_of_encoders_that_are_all_stuck_the_one_of_the_motor_that_works_is_named(
+    folder: Folder,
+) -> None:
+    folder.table[:, 2] = folder.table[0, 2]
+    folder.header = folder.header.replace("elbow.velocity", "note")
+    assert refusal(folder).column == "elbow.position"
+
+
+def test_a_coarse_encoder_is_not_stuck(folder: Folder) -> None:
+    folder.table[:, 2] = np.round(folder.table[:, 2], 2)
+    load_session(folder.write())
+
+
 def test_a_quantised_effort_is_not_saturated() -> None:
     angle = np.linspace(0, 60, 5000)
     effort = np.round(np.sin(angle) / 0.05) * 0.05
