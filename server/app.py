@@ -12,6 +12,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from models.own import own_models
 from server import problems
+from server.clocks import not_before, steady
 from server.compression import Gunzip
 from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
@@ -20,6 +21,7 @@ from server.operations import close_loops as close_loop_operations
 from server.operations import comparisons, reruns, tokens
 from server.operations import leases as lease_operations
 from server.operations import models as model_operations
+from server.operations.readiness import Readiness
 from server.routes import (
     close_loop_leases,
     close_loops,
@@ -36,7 +38,6 @@ from server.routes import (
     studies,
     workers,
 )
-from server.routes.common import clock
 from server.sandbox import CHECKS
 from server.settings import Settings
 from server.store import create_engine, require_current
@@ -56,6 +57,8 @@ def create_app(settings: Settings) -> FastAPI:
         engine = app.state.engine
         try:
             require_current(engine)
+            # Set back while nobody served, it would give old leases as much longer.
+            app.state.clock = not_before(app.state.clock, lease_operations.latest(engine))
             now, ttl = app.state.clock(), settings.lease_seconds
             model_operations.register_own(engine, own_models().values(), now=now)
             lease_operations.extend_open_leases(engine, now=now, ttl=ttl)
@@ -88,7 +91,8 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.settings = settings
     app.state.engine = create_engine(settings.database_url)
     app.state.write = WriteBatches(app.state.engine)
-    app.state.clock = clock
+    app.state.clock = steady()
+    app.state.readiness = Readiness(app.state.engine)
     app.state.metrics = Metrics(app.state.engine, lambda: float(app.state.clock()))
     app.state.sweep = leases.Sweep()
     #: So many uploaded sessions are looked at at once.

@@ -47,3 +47,7 @@ class BadFileError(CoordinatorError):
 
 class SchemaError(CoordinatorError):
     """The database's schema is not the one this version works with."""
+
+
+class DamagedError(CoordinatorError):
+    """The file of the database has pages that cannot be right."""

@@ -11,11 +11,14 @@ from uvicorn.protocols.http.auto import AutoHTTPProtocol
 from server.app import create_app
 from server.instance_lock import instance_lock
 from server.logs import configure
+from server.operations.check import refuse_damage
 from server.settings import Settings
 from server.store import upgrade
 
 #: Seconds a stopping coordinator gives requests under way.
 GRACE_SECONDS = 10
+#: Seconds that a look for damage may keep a coordinator from starting; a large file takes longer.
+CHECK_SECONDS = 10.0
 
 
 def serve(settings: Settings) -> None:
@@ -26,6 +29,7 @@ def serve(settings: Settings) -> None:
     Raises:
         SchemaError: the database was made by a newer version.
         ConflictError: another coordinator serves the same SQLite file.
+        DamagedError: the SQLite file has damaged pages.
         OSError: the address cannot be listened on.
     """
     configure(settings.log_level)
@@ -34,6 +38,7 @@ def serve(settings: Settings) -> None:
 
 
 def _serve(settings: Settings) -> None:
+    refuse_damage(settings.database_url, seconds=CHECK_SECONDS)
     upgrade(settings.database_url)
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     with socket.create_server((settings.host, settings.port), family=family) as listener:

@@ -5,13 +5,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.exc import DBAPIError
 
 from analysis.closeloop.contract import REPORT_FILES
-from server.errors import ConflictError, NotFoundError
+from server.errors import ConflictError, DamagedError, NotFoundError
 from server.records import CloseLoopJob, Study
 from server.states import CloseLoopState, StudyState
 from server.store import audit, close_loops, sessions, studies
-from server.store.database.engine import reading
+from server.store.database.engine import create_engine, reading
 
 
 def faults(engine: Engine) -> list[str]:
@@ -24,6 +25,30 @@ def faults(engine: Engine) -> list[str]:
             study = studies.find(connection, study_id)
             found += [f"study {study.id}: {fault}" for fault in _study_faults(connection, study)]
     return found + list(_session_faults(engine))
+
+
+def refuse_damage(url: str, *, seconds: float) -> None:
+    """Look for damaged pages of a SQLite file, for so many seconds at most.
+
+    Raises:
+        DamagedError: there is one.
+    """
+    engine = create_engine(url)
+    try:
+        with reading(engine) as connection:
+            found = audit.damage(connection, seconds=seconds)
+    except DBAPIError as error:
+        # It is too badly damaged to be looked at.
+        found = str(error.orig)
+        if "malformed" not in found:
+            raise
+    finally:
+        engine.dispose()
+    if found is not None:
+        raise DamagedError(
+            f"the file of the database is damaged ({' '.join(found.split())}): `rehyb db check` "
+            "looks at all of it; go back to a copy made by `rehyb db backup`"
+        )
 
 
 def back_up(engine: Engine, path: Path) -> None:

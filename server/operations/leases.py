@@ -75,6 +75,12 @@ def reap(engine: Engine, *, now: float) -> int:
     return lost
 
 
+def latest(engine: Engine) -> float:
+    """Return the latest moment that the coordinator is known to have lived through."""
+    with reading(engine) as connection:
+        return workers.latest(connection)
+
+
 def extend_open_leases(engine: Engine, *, now: float, ttl: float) -> None:
     """Let every open lease, of instances and of close-loop jobs, end a ttl from now.
 

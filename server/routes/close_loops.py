@@ -15,7 +15,7 @@ from server.logic.close_loops import parsed
 from server.operations import close_loops
 from server.problems import body_of
 from server.records import CloseLoopJob
-from server.routes.common import Id, IfNoneMatch, Now, Store, as_json, clock, not_modified
+from server.routes.common import Id, IfNoneMatch, Now, Store, as_json, not_modified
 from server.routes.events import Moment, stream
 from server.states import CloseLoopState, Outcome
 
@@ -67,7 +67,7 @@ async def events(close_loop_id: Id, store: Store, request: Request) -> Streaming
     """Stream how far a job is as server-sent events, one per change, until it is done or failed."""
 
     def look() -> Moment:
-        job, able = close_loops.standing(store, close_loop_id, now=clock())
+        job, able = close_loops.standing(store, close_loop_id, now=request.app.state.clock())
         shown = _standing(job, able=able)
         return Moment(tag=_tag(job, able), content=shown, over=job.state.has_ended)
 

@@ -1,6 +1,5 @@
 """What the routes share: where they find the store and the time, and how strictly they read."""
 
-import time
 from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Annotated, Any, get_type_hints
@@ -44,11 +43,6 @@ async def _settings(request: Request) -> Settings:
 async def _metrics(request: Request) -> Metrics:
     metrics: Metrics = request.app.state.metrics
     return metrics
-
-
-def clock() -> float:
-    """Return the coordinator's time in seconds, UTC epoch."""
-    return time.time()
 
 
 async def _moment(request: Request) -> float:

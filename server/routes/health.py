@@ -1,11 +1,6 @@
 """Is the coordinator alive, and can it work? Open to whoever supervises it."""
 
-from fastapi import APIRouter, HTTPException
-from sqlalchemy.exc import SQLAlchemyError
-
-from server.errors import SchemaError
-from server.routes.common import Store
-from server.store import require_current
+from fastapi import APIRouter, HTTPException, Request
 
 router = APIRouter(tags=["health"])
 
@@ -17,10 +12,9 @@ def alive() -> dict[str, str]:
 
 
 @router.get("/readyz")
-def ready(store: Store) -> dict[str, str]:
-    """Answer 200 if the database can be reached and has this version's schema, else 503."""
-    try:
-        require_current(store)
-    except (SchemaError, SQLAlchemyError) as error:
-        raise HTTPException(503, f"the database cannot be used: {error}") from error
+def ready(request: Request) -> dict[str, str]:
+    """Answer 200 if a lease could be served, else 503: the schema is another, the disk is full."""
+    objection = request.app.state.readiness.objection()
+    if objection is not None:
+        raise HTTPException(503, f"the database cannot be used: {objection}")
     return {"status": "ready"}

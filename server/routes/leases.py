@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import sqlite3
 from functools import partial
 from http import HTTPStatus
 from math import inf
@@ -10,6 +11,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Request, Response
 from pydantic import Field, StringConstraints
 from sqlalchemy.engine import Engine
+from sqlalchemy.exc import SQLAlchemyError
 
 from server.errors import ConflictError
 from server.logic.plans import instance_id, parameters
@@ -93,7 +95,12 @@ async def lease(body: LeaseBody, request: Request) -> Response:
     now, ttl = state.clock(), state.settings.lease_seconds
     state.metrics.lost.inc(await state.sweep(state.engine, now=now))
     with state.metrics.lease_seconds.time():
-        found = await state.write(partial(leasing.grant, request=wanted, now=now, ttl=ttl))
+        try:
+            found = await state.write(partial(leasing.grant, request=wanted, now=now, ttl=ttl))
+        except (SQLAlchemyError, sqlite3.Error) as error:
+            state.readiness.failed(error)
+            raise
+    state.readiness.served()
     if isinstance(found, Ineligible):
         state.metrics.misfits.inc()
         raise ConflictError(found.why)

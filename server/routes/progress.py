@@ -11,7 +11,7 @@ from server.logic.precision_goals import shown as goal_shown
 from server.logic.progress import pace
 from server.operations import studies
 from server.operations.studies import Standing
-from server.routes.common import Id, IfNoneMatch, Now, Store, clock, not_modified
+from server.routes.common import Id, IfNoneMatch, Now, Store, not_modified
 from server.routes.events import Moment, stream
 
 router = APIRouter(prefix="/v1/studies/{study_id}", tags=["studies"])
@@ -43,7 +43,7 @@ async def events(study_id: Id, store: Store, request: Request) -> StreamingRespo
     """Stream progress as server-sent events, one per change, until the study has ended."""
 
     def look() -> Moment:
-        now = clock()
+        now = request.app.state.clock()
         standing = studies.standing(store, study_id, now=now)
         study, goal = standing.study, standing.goal
         # One with a goal may yet be extended.

@@ -7,7 +7,7 @@ from sqlalchemy.engine import Connection
 from server.records import Introduction, Worker
 from server.store.database.engine import insert
 from server.store.database.prepared import Prepared, as_text
-from server.store.database.schema import leases, loop_workers, workers
+from server.store.database.schema import leases, loop_workers, studies, workers
 
 # Built once: see `server.store.studies`.
 _HOSTS_AT_WORK = Prepared(
@@ -50,6 +50,12 @@ _HEARD_FROM = Prepared(
         instances_done=workers.c.instances_done + sa.bindparam("done"),
     )
 )
+
+
+def latest(connection: Connection) -> float:
+    """Return when the last worker was heard from or the last study made; 0 if there was none."""
+    seen = (workers.c.last_seen, loop_workers.c.last_seen, studies.c.created_at)
+    return max(connection.scalar(sa.select(sa.func.max(column))) or 0.0 for column in seen)
 
 
 def every(connection: Connection) -> list[Worker]:

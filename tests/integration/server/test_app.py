@@ -7,11 +7,14 @@ from typing import Any
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
+from pydantic import SecretStr
 
 from server import app as web
 from server.errors import NotFoundError, SchemaError
 from server.metrics import Metrics
+from server.settings import Settings
 from server.store.database.engine import writing
+from tests.testbed.clock import Clock
 
 
 def test_rows_are_freed_only_by_who_has_listened_for_that_long(
@@ -63,3 +66,29 @@ def test_who_refuses_to_start_leaves_no_connection_open(app: FastAPI) -> None:
     with pytest.raises(SchemaError), TestClient(app):
         pass
     assert pool.checkedin() == 0
+
+
+def test_leases_live_on_a_clock_that_cannot_be_set_back(
+    upgraded: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = web.create_app(Settings(database_url=upgraded, token=SecretStr("t")))
+    before = app.state.clock()
+    monkeypatch.setattr("time.time", lambda: before - 3600.0)
+    assert 0.0 <= app.state.clock() - before < 600.0
+    app.state.engine.dispose()
+
+
+def test_a_coordinator_goes_on_from_the_latest_time_that_it_knows(
+    app: FastAPI, clock: Clock
+) -> None:
+    who = {"worker": {"id": "w", "host": "h"}, "models": ["ishigami"], "max_instances": 1}
+    with TestClient(app, headers={"Authorization": "Bearer correct horse"}) as client:
+        client.post("/v1/leases", json=who)
+    last = clock.now
+    clock.advance(-3600.0)
+    again = web.create_app(app.state.settings)
+    again.state.clock = clock
+    with TestClient(again):
+        assert again.state.clock() == last
+        clock.advance(2.0)
+        assert again.state.clock() == last + 2.0

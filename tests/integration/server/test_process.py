@@ -233,6 +233,17 @@ def test_whatever_a_hostile_worker_posts_nothing_gets_in_and_the_coordinator_liv
     assert (code, err) == (0, "")
 
 
+def test_a_coordinator_refuses_a_damaged_file_and_says_where_to_look(
+    start: Start, tmp_path: Path
+) -> None:
+    start().stop()
+    with (tmp_path / "rehyb.sqlite3").open("r+b") as pages:
+        pages.seek(20 * 4096)
+        pages.write(b"\xa5" * 10 * 4096)
+    with pytest.raises(AssertionError, match=r"is damaged .*rehyb db check"):
+        start()
+
+
 def test_a_second_coordinator_on_the_same_file_refuses_to_start(
     start: Start, tmp_path: Path
 ) -> None:

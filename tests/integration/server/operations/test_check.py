@@ -1,6 +1,7 @@
 """The check finds what contradicts itself, and a backup is as good as the original."""
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,14 +10,14 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
 from rehyb.cli import main
-from server.errors import ConflictError
+from server.errors import ConflictError, DamagedError
 from server.instance_lock import instance_lock
 from server.logic.plans import instance_id
 from server.logic.verdicts import Report
 from server.operations import check, studies
 from server.operations.leasing import Grant
 from server.records import Plan
-from server.store import create_engine
+from server.store import create_engine, upgrade
 from server.store.database.engine import writing
 from tests.testbed import exchanges
 
@@ -84,6 +85,23 @@ def test_a_backup_is_a_whole_database_and_overwrites_nothing(
     copied = create_engine(f"sqlite:///{copy}")
     assert studies.get(copied, study_id) == studies.get(engine, study_id)
     copied.dispose()
+
+
+def test_a_file_with_damaged_pages_is_refused_at_start(tmp_path: Path) -> None:
+    file = tmp_path / "rehyb.sqlite3"
+    url = f"sqlite:///{file}"
+    upgrade(url)
+    # To be cut short is no damage.
+    for seconds in (60.0, -1.0):
+        check.refuse_damage(url, seconds=seconds)
+    with file.open("r+b") as pages:
+        pages.seek(0, os.SEEK_END)
+        last = pages.tell() // 4096
+        for page in range(last // 2, last):
+            pages.seek(page * 4096)
+            pages.write(b"\xa5" * 4096)
+    with pytest.raises(DamagedError, match=r"damaged \(.*rehyb db check"):
+        check.refuse_damage(url, seconds=60.0)
 
 
 def test_a_second_coordinator_on_one_file_is_refused(tmp_path: Path) -> None:

@@ -41,10 +41,16 @@ def test_results_that_find_no_room_are_taken_when_there_is_some(tmp_path: Path) 
             for instance in lease["instances"]
         ]
         body = {"lease": lease["id"], "fence": lease["fence"], "worker": "w", "results": results}
+        client.post("/v1/studies", json={**STUDY, "rows": 5000})
         room[0] = 1
         refused = client.post("/v1/results", json=body)
         assert refused.status_code == 500
         assert refused.headers["content-type"] == "application/problem+json"
+        while (answer := client.post("/v1/leases", json=ASKING)).status_code == 201:
+            pass
+        assert answer.status_code == 500
+        assert client.get("/readyz").status_code == 503
+        assert "full" in client.get("/readyz").json()["detail"]
         assert client.get(f"/v1/studies/{study}/progress").json()["leased"] == 100
         assert check.faults(app.state.engine) == []
         room[0] = 2**30
