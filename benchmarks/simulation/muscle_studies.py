@@ -1,8 +1,9 @@
 """The paper's two-phase study for each set of muscles, side by side.
 
-`python -m benchmarks.simulation.muscle_studies DIRECTORY [MODEL [N [WORKERS]]]`: r = 150 and N
-rows (default 512) of MODEL (default `elbow`, with contact; `elbow_bushing` is without). Each study
-is kept in a folder of DIRECTORY: run again, the command goes on where it was.
+`python -m benchmarks.simulation.muscle_studies DIRECTORY [MODEL [N [R]]]`: R rows of phase 1
+(default 150) and N of phase 2 (default 512) of MODEL (default `elbow`, with contact;
+`elbow_bushing` is without). Each study is kept in a folder of DIRECTORY: run again, the command
+goes on where it was.
 """
 
 import json
@@ -29,15 +30,16 @@ OUTPUTS = (
 )
 
 
-def study(directory: Path, muscles: str, model: str, rows: int, workers: int) -> dict[str, Any]:
+def study(directory: Path, muscles: str, model: str, n: int, r: int) -> dict[str, Any]:
     """Run, resume or read one study, and return its report."""
     options = {
         "--preset": "paper",
         "--model": model,
-        "--variance-rows": str(rows),
+        "--screening-rows": str(r),
+        "--variance-rows": str(n),
         "--sampling": "sobol_blocks",
         "--fix": f"muscles={muscles}",
-        "--local-workers": str(workers),
+        "--local-workers": "1",
         "--directory": str(directory / muscles),
     }
     words = [word for option in options.items() for word in option]
@@ -75,15 +77,13 @@ def print_study(muscles: str, report: dict[str, Any]) -> None:
         )
 
 
-def main(directory: Path, model: str = "elbow", rows: str = "512", workers: str = "2") -> None:
+def main(directory: Path, model: str = "elbow", n: str = "512", r: str = "150") -> None:
     print(describe_machine())
     for muscles in MUSCLES:
-        print_study(muscles, study(directory, muscles, model, int(rows), int(workers)))
+        print_study(muscles, study(directory, muscles, model, int(n), int(r)))
 
 
 if __name__ == "__main__":
     if len(sys.argv) < 2:
-        sys.exit(
-            "usage: python -m benchmarks.simulation.muscle_studies DIRECTORY [MODEL [N [WORKERS]]]"
-        )
+        sys.exit("usage: python -m benchmarks.simulation.muscle_studies DIRECTORY [MODEL [N [R]]]")
     main(Path(sys.argv[1]), *sys.argv[2:])

@@ -26,12 +26,15 @@ def _condition(unit: str, nominal: float, study: Range, bounds: Range, descripti
 class Conditions:
     """Unit, nominal value, range that a lab may meet, bounds and meaning of each condition."""
 
+    # The authors' code.
     activation: float = _condition(
         "1", 0.4, (0.2, 0.5), (0.0, 1.0), "co-contraction of the joint's muscles"
     )
+    # On living skin 0.46 with a standard deviation of 0.15 (Zhang and Mak 1999).
     cuff_friction: float = _condition(
         "1", 0.5, (0.3, 0.8), (0.0, 2.0), "Coulomb friction of cuff and strap on the arm"
     )
+    # Ours: the arm stays in its cuffs.
     strap_tension: float = _condition(
         "N", 30.0, (15.0, 60.0), (0.0, 200.0), "tension each strap is closed with"
     )
@@ -109,6 +112,7 @@ class Conditions:
         (-0.05, 0.05),
         "human elbow above the robot's axis, lengths nominal",
     )
+    # Ours: long heavy arms do not hyperextend.
     extension_stop: float = _condition(
         "Nm/rad", 30.0, (0.0, 60.0), (0.0, 1000.0), "passive stiffness of the elbow below 5 degrees"
     )
