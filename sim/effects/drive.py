@@ -36,9 +36,9 @@ GAINS = (0.33, 3.0)
 MAX_OFFSET = 0.5 * np.pi
 #: The effort reaches the joint later by no more, s; the encoder is late by no more, s.
 MAX_DELAY, MAX_LATE_ENCODER = 0.3, 0.1
-#: Share of the sampling period within which nobody knows when a sample was taken and stamped: what
-#: is late by less is no property of the drive.
-CLOCK = 0.25
+#: Share of the sampling period within which nothing is late: to hold a sample for a period is a
+#: delay of half of it, in the controller as in the log (Astrom and Wittenmark 1997).
+CLOCK = 0.5
 #: Slowest drive, s: a loop closed around a slower one cannot follow a limb. Soft tissue relaxes in
 #: 0.1 to 1 s (viscosity over stiffness, Table 1), and looks like one.
 MAX_LAG = 0.16

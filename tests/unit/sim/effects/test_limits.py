@@ -24,9 +24,9 @@ NONSENSE: list[tuple[str, dict[str, float], tuple[float, ...], str]] = [
     ("actuator_lag", {"time_constant": 0.4}, (), "time_constant"),
     ("time_delay", {"delay": 1.2}, (), "delay"),
     ("time_delay", {"delay": -0.4}, (), "delay"),
-    # A quarter of the 5 ms between two samples.
-    ("time_delay", {"delay": 0.0011}, (), "delay"),
-    ("actuator_lag", {"time_constant": 0.0011}, (), "time_constant"),
+    # Less than half of the 5 ms between two samples.
+    ("time_delay", {"delay": 0.0021}, (), "delay"),
+    ("actuator_lag", {"time_constant": 0.0021}, (), "time_constant"),
     ("torque_gain", {}, (4.0,), "gain"),
     ("load_dependent_friction", {"smooth": 0.02, "load": 0}, (0.1, 0.8), "load_share"),
     ("backlash", {"width": 0.06, "late": 0.0}, (0.4,), "gap"),
