@@ -94,7 +94,9 @@ def write_pendulum(folder: Path, source: Path) -> None:
         write_table(folder / name, names, table[np.append(True, np.diff(table[:, 0]) > 0)])
         trials.append({"file": name, "role": "fit" if number < 4 else "holdout"})
     model = "data/system_identification/identified_parameters/design_C.0/model_3.1/acrobot.urdf"
-    (folder / "pendulum.urdf").write_text((source / model).read_text())
+    # The file names its world without declaring it.
+    urdf = (source / model).read_text().replace("<joint ", '<link name="world"/><joint ', 1)
+    (folder / "pendulum.urdf").write_text(urdf)
     write_session(folder, "pendulum.urdf", trials)
 
 
