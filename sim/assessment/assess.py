@@ -182,14 +182,14 @@ def _evaluate(record: Record, diagnostics: dict[str, float]) -> dict[str, float]
         outputs[f"stiffness_{name}_r2"] = part.r_squared
     assert estimate.damping is not None and truth.damping is not None
     outputs["damping_estimate"] = estimate.damping
-    outputs["peak_contact_force"] = float(record.contact_force.max())
+    outputs["peak_contact_force"] = float(record.loads.contact_force.max())
     outputs["tracking_rmse"] = float(np.sqrt(np.mean(tracking**2)))
     diagnostics.update(
         r_squared=estimate.r_squared,
         residual_rms_nm=estimate.residual_rms,
         damping_true=truth.damping,
         largest_angle_difference_deg=degrees(np.abs(q - theta).max()),
-        largest_normal_force_n=float(record.normal_force.max()),
+        largest_normal_force_n=float(record.loads.normal_force.max()),
     )
     failure = check_outcome(tracking_rmse=outputs["tracking_rmse"], r_squared=estimate.r_squared)
     if failure:

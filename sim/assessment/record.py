@@ -38,10 +38,8 @@ class Record:
     #: What muscles do about the human joint, and what its passive stop does, shape (n,).
     muscle_torque: np.ndarray
     passive_torque: np.ndarray
-    #: Resultant force of cuff and strap on upper arm and forearm, shape (n, 2).
-    contact_force: np.ndarray
-    #: Sum of all normal forces between exoskeleton and arm, shape (n,).
-    normal_force: np.ndarray
+    #: What cuffs and straps did to the arm.
+    loads: Loads
 
     def steps_at(self, shares: Iterable[float]) -> np.ndarray:
         """Return the step at which the human joint has first made each share of its travel."""
@@ -57,8 +55,9 @@ class Record:
 
     def save(self, path: Path) -> None:
         """Write every array under its own name to a compressed `.npz` file."""
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "loads"}
         with path.open("wb") as file:
-            np.savez_compressed(file, **{f.name: getattr(self, f.name) for f in fields(self)})
+            np.savez_compressed(file, **own, **vars(self.loads))
 
 
 def record_of(
@@ -93,8 +92,7 @@ def record_of(
         q_velocity=velocity[:-1, system.human_dof],
         muscle_torque=sensed[:, motors],
         passive_torque=_stop_torque(system, q),
-        contact_force=loads.contact_force,
-        normal_force=loads.normal_force,
+        loads=loads,
     )
 
 

@@ -90,8 +90,8 @@ def follow(
         judged = slice(first, first + begun)
         found = None
         if begun:
-            pieces.append(system.interface.loads(model, sensed[judged]))
-            found = first_failure(_postures(system, states[judged], pieces[-1]))
+            pieces.append(system.interface.loads(model, states[judged], sensed[judged]))
+            found = first_failure(_postures(system, states[judged], sensed[judged], pieces[-1]))
         if found:
             mujoco.mj_setState(model, data, states[first + found[0] + 1], _STATE)
             raise FailedError(found[1], "movement")
@@ -100,13 +100,15 @@ def follow(
     return states, sensed, _joined(pieces)
 
 
-def _postures(system: System, states: np.ndarray, loads: Loads) -> Postures:
-    """Return what the detectors look at, from states before each step and loads."""
+def _postures(system: System, states: np.ndarray, sensed: np.ndarray, loads: Loads) -> Postures:
+    """Return what the detectors look at, from states before each step, its sensors and loads."""
+    torque, most = sensed[:, : len(system.motors)], system.motor_limits
     return Postures(
         exo_angle=states[:, 1 + system.exo_qpos[system.moved]],
         human_angle=states[:, 1 + system.human_qpos[system.target.joint]],
         exo_range=system.exo_range,
         human_range=system.human_range,
+        motor_share=(np.abs(torque) / most).max(axis=1),
         loads=loads,
     )
 

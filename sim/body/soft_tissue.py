@@ -75,6 +75,27 @@ class SoftTissue:
         normal = np.array([0.0, np.cos(angle), np.sin(angle)])
         return np.array([x, self.axis_y, self.axis_z]) + self.radius * normal, normal
 
+    def spring_forces(self, outwards: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        """Return what its springs and damper do to each element, N outwards, shape (n, elements).
+
+        Args:
+            outwards: each element from its rest, m, shape (n, elements), ring by ring.
+            speed: of each, m/s, of that shape.
+        """
+        stiffness, neighbours = self.share * self.elasticity, self.coupling * self.elasticity
+        rings = outwards.reshape(len(outwards), self.rings, self.per_ring)
+        pull = 2 * rings - np.roll(rings, 1, axis=2) - np.roll(rings, -1, axis=2)
+        along = np.diff(rings, axis=1)
+        pull[:, :-1] -= along
+        pull[:, 1:] += along
+        forces: np.ndarray = -(
+            stiffness * outwards * (1.0 + (outwards / HARDENING) ** 2)
+            + self.share * self.viscosity * speed
+            + neighbours * pull.reshape(outwards.shape)
+            + stiffness / len(self.places) * outwards.sum(axis=1, keepdims=True)
+        )
+        return forces
+
 
 def soft_tissues(
     wearer: Wearer,

@@ -12,7 +12,6 @@ import numpy as np
 
 from sim.body.soft_tissue import BONE_CLEARANCE, HARDENING, SoftTissue
 from sim.interface.interface import Interface, Loads
-from sim.interface.seat import seats_in_bones
 from sim.robot.cuff import Cuff
 
 #: Length of a rod, m: over 5 cm of displacement its direction turns by one degree.
@@ -40,8 +39,7 @@ class Bushings(Interface):
 
     def add(self, spec: mujoco.MjSpec) -> None:
         """Add the rods and, after what is measured already, their lengths and then their speeds."""
-        seats = seats_in_bones(self.wearer, self.tissues[1], self.cuffs, self.closed_at)
-        for cuff, tissue, seat in zip(self.cuffs, self.tissues, seats, strict=True):
+        for cuff, tissue, seat in zip(self.cuffs, self.tissues, self.seats, strict=True):
             _add_bushing(spec, cuff, tissue, *seat)
         for kind in (mujoco.mjtSensor.mjSENS_TENDONPOS, mujoco.mjtSensor.mjSENS_TENDONVEL):
             for rod in self.rods:
@@ -53,8 +51,11 @@ class Bushings(Interface):
         """Names of the rods of both bushings."""
         return [f"{cuff.name}_{rod}" for cuff in self.cuffs for rod in RODS]
 
-    def loads(self, model: mujoco.MjModel, sensed: np.ndarray) -> Loads:
-        """Return the loads in n steps; nothing slides beyond the tissue."""
+    def loads(self, model: mujoco.MjModel, states: np.ndarray, sensed: np.ndarray) -> Loads:
+        """Return the loads in n steps; there is no strap to lose, and the springs are the tissue.
+
+        An axial rod that is stretched by more than LETS_GO pushes the limb on.
+        """
         rods = [model.tendon(rod).id for rod in self.rods]
         length, speed = np.split(sensed[:, -2 * len(rods) :], 2, axis=1)
         stretch = length - ROD
@@ -66,13 +67,27 @@ class Bushings(Interface):
         # Along limb, opening and wall.
         forces = np.stack([tension[:, :, 4], opening, wall], axis=2)
         across = np.hypot(stretch[:, :, :2].mean(axis=2), stretch[:, :, 2:4].mean(axis=2))
-        room = np.array([cuff.radius - BONE_CLEARANCE for cuff in self.cuffs])
+        radius = np.array([cuff.radius for cuff in self.cuffs])
+        room = radius - BONE_CLEARANCE
         return Loads(
             contact_force=np.linalg.norm(forces, axis=2),
             normal_force=np.linalg.norm(forces[:, :, 1:], axis=2).sum(axis=1),
             penetration=across - room,
-            overhang=np.full_like(across, -np.inf),
+            overhang=self._overhang(stretch[:, :, 4]),
+            roll=np.abs(stretch[:, :, 5] - stretch[:, :, 6]) / 2 / radius,
+            slide=np.abs(stretch[:, :, 4]) / LETS_GO,
+            tissue_left=room - across,
+            tissue_share=np.ones_like(across),
+            strap_tension=np.full_like(across, np.inf),
         )
+
+    def _overhang(self, slide: np.ndarray) -> np.ndarray:
+        """Return how far each cuff's centre, `slide` (n, 2) from its seat, is off the tissue, m."""
+        place = slide + np.array([seat[0] for seat, _ in self.seats])
+        start = np.array([tissue.start for tissue in self.tissues])
+        end = np.array([tissue.end for tissue in self.tissues])
+        overhang: np.ndarray = np.maximum(start - place, place - end)
+        return overhang
 
 
 def _add_bushing(
@@ -85,7 +100,7 @@ def _add_bushing(
     pressed = engaged * tissue.elasticity
     radial = pressed * CUFF_STIFFNESS / (pressed + CUFF_STIFFNESS)
     relaxation = DAMPING_SHARE * tissue.viscosity / tissue.elasticity * radial / pressed
-    in_link = np.column_stack([cuff.along, cuff.opening, cuff.wall])
+    in_link = cuff.axes
     lever = cuff.length / 2 / np.sqrt(3.0)
     link, bone = spec.body(cuff.link), spec.body(tissue.bone)
     for name, at, towards, stiffness in (

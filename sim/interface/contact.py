@@ -19,7 +19,7 @@ from sim.body.soft_tissue import (
 )
 from sim.interface.cuffs import BOX_ANGLES, add_cuff, cuff_box_name
 from sim.interface.interface import Interface, Loads
-from sim.interface.straps import add_strap, particle_name, strap_angles
+from sim.interface.straps import add_strap, particle_name, segment_names, strap_angles
 from sim.parameters.fidelity import Fidelity
 from sim.robot.cuff import Cuff
 
@@ -27,7 +27,8 @@ from sim.robot.cuff import Cuff
 CONTACT_SECTOR = radians(80.0)
 #: Where a cuff's place on its limb is looked at: its centre and both ends, in half lengths.
 PLACES = (0.0, -1.0, 1.0)
-ALL_NORMALS = "normal_forces"
+#: Sensors of every contact of both limbs, and of the forearm alone.
+EACH_CONTACT = ("contacts", "forearm_contacts")
 _FORCE = 1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE)
 #: How a contact sensor reports: every contact, or the resultant of all in the world's frame.
 _EACH, _RESULTANT = 0, 3
@@ -53,9 +54,12 @@ class Contact(Interface):
 
     def _add_sensors(self, spec: mujoco.MjSpec) -> None:
         """Measure the contact forces on each limb, and where each cuff is on its bone."""
-        elements = sum(len(tissue.places) for tissue in self.tissues)
+        elements = [len(tissue.places) for tissue in self.tissues]
         # An element under load touches one or two faces.
-        _add_contact_sensor(spec, ALL_NORMALS, self.tissues[0].bone, _EACH, 2 * elements)
+        for name, tissue, count in zip(
+            EACH_CONTACT, self.tissues, (sum(elements), elements[1]), strict=True
+        ):
+            _add_contact_sensor(spec, name, tissue.bone, _EACH, 2 * count)
         for tissue in self.tissues:
             _add_contact_sensor(spec, f"{tissue.name}_force", tissue.bone, _RESULTANT, 1)
         for cuff, tissue in zip(self.cuffs, self.tissues, strict=True):
@@ -73,7 +77,25 @@ class Contact(Interface):
                     refname=tissue.bone,
                 )
 
-    def loads(self, model: mujoco.MjModel, sensed: np.ndarray) -> Loads:
+            # Which way the opening looks: how the cuff has turned round the limb.
+            link.add_site(name=f"{cuff.name}_turn", quat=_quat(cuff.axes), rgba=[0.0] * 4)
+            spec.add_sensor(
+                name=f"{cuff.name}_turn",
+                type=mujoco.mjtSensor.mjSENS_FRAMEYAXIS,
+                objtype=mujoco.mjtObj.mjOBJ_SITE,
+                objname=f"{cuff.name}_turn",
+                reftype=mujoco.mjtObj.mjOBJ_XBODY,
+                refname=tissue.bone,
+            )
+            for segment in segment_names(cuff, self.fidelity):
+                spec.add_sensor(
+                    name=segment,
+                    type=mujoco.mjtSensor.mjSENS_TENDONPOS,
+                    objtype=mujoco.mjtObj.mjOBJ_TENDON,
+                    objname=segment,
+                )
+
+    def loads(self, model: mujoco.MjModel, states: np.ndarray, sensed: np.ndarray) -> Loads:
         """Return the loads in n steps.
 
         Penetration is how much farther the limb's axis lies from the cuff's, at its centre or
@@ -81,19 +103,70 @@ class Contact(Interface):
         """
         # The forearm hangs on the humerus, so what is below that is both.
         both, forearm = (_columns(model, sensed, f"{tissue.name}_force") for tissue in self.tissues)
-        penetration, overhang = np.empty((len(sensed), 2)), np.empty((len(sensed), 2))
-        for i, (cuff, tissue) in enumerate(zip(self.cuffs, self.tissues, strict=True)):
-            places = (_columns(model, sensed, f"{cuff.name}_place_{n}") for n in range(len(PLACES)))
-            x, y, z = np.stack(list(places), axis=2).transpose(1, 0, 2)
-            distance = np.hypot(y - tissue.axis_y, z - tissue.axis_z)
-            penetration[:, i] = distance.max(axis=1) - (cuff.radius - BONE_CLEARANCE)
-            overhang[:, i] = np.maximum(tissue.start - x[:, 0], x[:, 0] - tissue.end)
+        normals = [_columns(model, sensed, name)[:, ::3].sum(axis=1) for name in EACH_CONTACT]
+        of_limbs = (normals[0] - normals[1], normals[1])
+        limbs = [self._of_limb(model, states, sensed, i, force) for i, force in enumerate(of_limbs)]
         return Loads(
             contact_force=np.linalg.norm(np.stack([both - forearm, forearm], axis=1), axis=2),
-            normal_force=_columns(model, sensed, ALL_NORMALS)[:, ::3].sum(axis=1),
-            penetration=penetration,
-            overhang=overhang,
+            normal_force=normals[0],
+            **{name: np.stack([limb[name] for limb in limbs], axis=1) for name in limbs[0]},
         )
+
+    def _of_limb(
+        self,
+        model: mujoco.MjModel,
+        states: np.ndarray,
+        sensed: np.ndarray,
+        number: int,
+        normal_force: np.ndarray,
+    ) -> dict[str, np.ndarray]:
+        """Return how one limb lies in its cuff: fields of `Loads`, shape (n,) each.
+
+        `normal_force` is the sum of all on it, N, shape (n,).
+        """
+        cuff, tissue, (_, axes) = self.cuffs[number], self.tissues[number], self.seats[number]
+        places = (_columns(model, sensed, f"{cuff.name}_place_{n}") for n in range(len(PLACES)))
+        x, y, z = np.stack(list(places), axis=2).transpose(1, 0, 2)
+        distance = np.hypot(y - tissue.axis_y, z - tissue.axis_z)
+        # The opening about the limb's axis, now and in the seat.
+        opening = _columns(model, sensed, f"{cuff.name}_turn")
+        turn = np.arctan2(opening[:, 2], opening[:, 1]) - np.arctan2(axes[2, 1], axes[1, 1])
+        outwards, speed = slides(model, states, tissue)
+        carried = np.maximum(0.0, tissue.spring_forces(outwards, speed)).sum(axis=1)
+        # Nothing to carry is carried.
+        share = np.full_like(carried, np.inf)
+        np.divide(carried, normal_force, out=share, where=normal_force > 0.0)
+        return {
+            "penetration": distance.max(axis=1) - (cuff.radius - BONE_CLEARANCE),
+            "overhang": np.maximum(tissue.start - x[:, 0], x[:, 0] - tissue.end),
+            "roll": np.abs(np.angle(np.exp(1j * turn))),
+            # Friction goes on holding a limb that slides, as long as there is tissue to hold.
+            "slide": np.zeros_like(normal_force),
+            "tissue_left": tissue.radius - BONE_CLEARANCE + outwards.min(axis=1),
+            "tissue_share": share,
+            "strap_tension": self._tension(model, sensed, cuff),
+        }
+
+    def _tension(self, model: mujoco.MjModel, sensed: np.ndarray, cuff: Cuff) -> np.ndarray:
+        """Return the tension of a cuff's strap: the sum of its rows, N, shape (n,)."""
+        names = segment_names(cuff, self.fidelity)
+        segments = [model.tendon(name).id for name in names]
+        length = np.concatenate([_columns(model, sensed, name) for name in names], axis=1)
+        stretch = length - model.tendon_lengthspring[segments, 0]
+        tension: np.ndarray = (model.tendon_stiffness[segments] * stretch).sum(axis=1)
+        # A row's segments carry the same.
+        return tension * self.fidelity.strap_rows / len(names)
+
+
+def slides(
+    model: mujoco.MjModel, states: np.ndarray, tissue: SoftTissue
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where each element is, outwards from rest (m), and its speed, shape (n, elements)."""
+    joints = [model.joint(element_name(tissue, *place)) for place in tissue.places]
+    return (
+        states[:, [1 + joint.qposadr[0] for joint in joints]],
+        states[:, [1 + model.nq + joint.dofadr[0] for joint in joints]],
+    )
 
 
 def _add_contacts(spec: mujoco.MjSpec, cuff: Cuff, tissue: SoftTissue, fidelity: Fidelity) -> None:
@@ -124,6 +197,13 @@ def _add_contact_sensor(
         objname=bone,
     )
     sensor.intprm[:3] = [_FORCE, reduction, slots]
+
+
+def _quat(axes: np.ndarray) -> np.ndarray:
+    """Return the quaternion of a frame whose axes are the columns of `axes`."""
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, axes.ravel())
+    return quat
 
 
 def _columns(model: mujoco.MjModel, sensed: np.ndarray, name: str) -> np.ndarray:

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from sim.body.soft_tissue import SoftTissue
-from sim.interface.seat import seated_elbow_angle
+from sim.interface.seat import seated_elbow_angle, seats_in_bones
 from sim.parameters.wearer import Wearer
 from sim.robot.cuff import Cuff
 
@@ -24,6 +24,16 @@ class Loads:
     penetration: np.ndarray
     #: Cuff centre beyond the end of the tissue, m, shape (n, 2); negative is inside.
     overhang: np.ndarray
+    #: How far the cuff has turned round the limb since its strap was closed, rad, shape (n, 2).
+    roll: np.ndarray
+    #: How far it has gone along the limb over where its hold ends; 0 if friction never ends.
+    slide: np.ndarray
+    #: Tissue left between the cuff and what remains over the bone, m, shape (n, 2).
+    tissue_left: np.ndarray
+    #: What the tissue's springs carry of the normal forces, as a share, shape (n, 2).
+    tissue_share: np.ndarray
+    #: Tension of each strap, N, shape (n, 2); infinite where there are no straps to lose it.
+    strap_tension: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,10 +52,21 @@ class Interface(ABC):
         """The human elbow's angle at that moment, rad."""
         return seated_elbow_angle(self.wearer, self.tissues[1], self.cuffs[1], self.closed_at)
 
+    @property
+    def seats(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Where each cuff's centre (m) and axes lie in its bone then: shapes (3,) and (3, 3)."""
+        return seats_in_bones(self.wearer, self.tissues[1], self.cuffs, self.closed_at)
+
     @abstractmethod
     def add(self, spec: mujoco.MjSpec) -> None:
         """Join arm and exoskeleton in a spec that has both, and add what measures the loads."""
 
     @abstractmethod
-    def loads(self, model: mujoco.MjModel, sensed: np.ndarray) -> Loads:
-        """Return the loads in n steps from their sensors, shape (n, nsensordata)."""
+    def loads(self, model: mujoco.MjModel, states: np.ndarray, sensed: np.ndarray) -> Loads:
+        """Return the loads in n steps.
+
+        Args:
+            model: the compiled one, with the straps as they are closed.
+            states: before each step, shape (n, nstate): time, positions, velocities and so on.
+            sensed: sensors of each step, shape (n, nsensordata).
+        """

@@ -65,7 +65,7 @@ def assessment_figure(assessment: Assessment, path: Path) -> Path:
     scatter.set(title=seen, xlabel="angle (degrees)", ylabel="torque (Nm)")
 
     for column, name in enumerate(("upper arm", "forearm")):
-        forces.plot(record.time, record.contact_force[:, column], label=name)
+        forces.plot(record.time, record.loads.contact_force[:, column], label=name)
     forces.set(title="Force of cuff and strap on the arm", ylabel="resultant (N)")
     for axes in (angles, torques, forces):
         axes.set_xlabel("time since the movement began (s)")

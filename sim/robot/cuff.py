@@ -31,6 +31,11 @@ class Cuff:
         (x, y, z), (u, v, w) = self.along, self.opening
         return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
 
+    @cached_property
+    def axes(self) -> np.ndarray:
+        """Along the limb, out of the opening, towards the wall: columns in the link, (3, 3)."""
+        return np.column_stack([self.along, self.opening, self.wall])
+
     def normal(self, angle: float) -> np.ndarray:
         """Unit vector out of the cuff's axis, `angle` rad from the opening to the upper wall."""
         return cos(angle) * np.array(self.opening, dtype=float) + sin(angle) * self.wall

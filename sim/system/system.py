@@ -66,6 +66,12 @@ class System:
         return np.array([self.model.actuator(f"{joint}_motor").id for joint in self.device.joints])
 
     @cached_property
+    def motor_limits(self) -> np.ndarray:
+        """Largest torque of each motor, Nm, infinite if it has no limit, shape (its joints,)."""
+        limited = self.model.actuator_forcelimited[self.motors].astype(bool)
+        return np.where(limited, self.model.actuator_forcerange[self.motors, 1], np.inf)
+
+    @cached_property
     def moved(self) -> int:
         """Which of the exoskeleton's joints is moved; of the human's it is `target.joint`."""
         return self.device.joints.index(JOINTS[self.target.joint])

@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
 from sim.assessment.assess import Assessment, assess
+from sim.assessment.donning import close_straps
 from sim.assessment.validity import FAILURES
 from sim.evaluation import evaluate
 from sim.models import ELBOW
@@ -15,6 +17,7 @@ from sim.parameters.wearer import TABLE_1
 from sim.pictures.figures import assessment_figure
 from sim.pictures.rendering import draw_system
 from sim.robot.control import DURATION
+from sim.system.system import System
 from tests.testbed.assessments import Assess
 
 
@@ -123,7 +126,7 @@ def test_wearers_and_conditions_at_the_ends_of_each_range_can_be_assessed(
 @pytest.mark.parametrize(
     ("values", "options", "outcome"),
     [
-        ({"upper_arm_length": 0.60, "cuff_friction": 0.3}, {}, "penetrated"),
+        ({"upper_arm_length": 0.22}, {}, "bottomed_out"),
         ({"forearm_length": 0.18}, {}, "slipped"),
         ({"forearm_length": 0.48, "extension_stop": 0.0}, {}, "human_joint_limit"),
         (
@@ -136,7 +139,11 @@ def test_wearers_and_conditions_at_the_ends_of_each_range_can_be_assessed(
             {},
             "jammed",
         ),
-        ({"forearm_mass": 15.0}, {}, "tracking_lost"),
+        ({"forearm_mass": 10.0}, {}, "tracking_lost"),
+        ({"forearm_mass": 15.0}, {}, "motor_limit"),
+        ({"upper_arm_elasticity": 1.0}, {}, "bottomed_out"),
+        ({"forearm_elasticity": 1.0}, {}, "bottomed_out"),
+        ({"cuff_friction": 0.0}, {}, "slipped"),
         ({"upper_arm_elasticity": 1e7}, {}, "diverged"),
         ({}, {"controller": "pd"}, "exo_joint_limit"),
     ],
@@ -176,6 +183,21 @@ def test_a_wearer_of_nominal_lengths_is_the_same_whatever_these_are(
     lengths = {"upper_arm_length": 0.3637, "forearm_length": 0.349}
     same = assessed(lengths | {f"nominal_{name}": length for name, length in lengths.items()})
     assert same.outputs == nominal.outputs
+
+
+@pytest.mark.parametrize("limb", ["upper arm", "forearm"])
+def test_an_arm_whose_strap_is_cut_is_never_a_number(
+    limb: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def close(system: System, data: mujoco.MjData, stiffness: np.ndarray) -> None:
+        close_straps(system, data, stiffness)
+        upper, fore = np.split(system.straps, 2)
+        system.model.tendon_stiffness[upper if limb == "upper arm" else fore] = 0.0
+
+    monkeypatch.setattr("sim.assessment.donning.close_straps", close)
+    cut = assess({})
+    assert cut.outcome == "strap_lost"
+    assert cut.reason.startswith(limb)
 
 
 def test_an_arm_without_a_strap_is_never_a_number(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -90,6 +90,14 @@ def test_no_corner_of_table_1_diverges(assessed: Assess) -> None:
     assert "diverged" not in outcomes
 
 
+def test_a_forearm_that_has_slid_out_of_its_bushing_is_no_number(assessed: Assess) -> None:
+    slid = assessed({"upper_arm_length": 0.40}, fidelity="bushing")
+    assert slid.outcome == "slipped"
+    assert slid.reason.startswith("forearm: it slid to 1.1")
+    soft = assessed({"forearm_elasticity": 1.0}, fidelity="bushing")
+    assert soft.outcome == "bottomed_out"
+
+
 def test_what_only_contact_has_is_refused_in_a_sentence() -> None:
     with pytest.raises(ValueError, match="the bushing has no contact"):
         assess({"cuff_friction": 0.1}, fidelity="bushing")

@@ -6,6 +6,8 @@ from numpy.typing import ArrayLike
 
 from sim.assessment.validity import (
     FAILURES,
+    HOLD,
+    Bound,
     Postures,
     check_outcome,
     check_posture,
@@ -15,7 +17,16 @@ from sim.assessment.validity import (
 from sim.interface.interface import Loads
 
 ANGLES = {"exo_angle": np.radians(60.0), "human_angle": np.radians(65.0)}
-LOADS = {"penetration": [-0.01, -0.02], "overhang": [-0.05, -0.06], "normal_force": 500.0}
+LOADS = {
+    "penetration": [-0.01, -0.02],
+    "overhang": [-0.05, -0.06],
+    "normal_force": 500.0,
+    "roll": [0.05, 0.05],
+    "slide": [0.0, 0.5],
+    "tissue_left": [0.015, 0.012],
+    "tissue_share": [0.8, 0.7],
+    "strap_tension": [30.0, 20.0],
+}
 STEPS = 10
 
 
@@ -30,6 +41,7 @@ def movement(**changes: ArrayLike) -> Postures:
         **{name: steps(name, value) for name, value in ANGLES.items()},
         exo_range=(np.radians(-20.0), np.radians(125.0)),
         human_range=(np.radians(-10.0), np.radians(145.0)),
+        motor_share=steps("motor_share", 0.5),
         loads=Loads(
             contact_force=np.zeros((STEPS, 2)),
             **{name: steps(name, value) for name, value in LOADS.items()},
@@ -49,7 +61,14 @@ def test_a_plausible_trial_passes_every_detector() -> None:
         ({"human_angle": np.radians(101.0)}, "slipped"),
         ({"overhang": np.array([-0.05, 0.021])}, "slipped"),
         ({"penetration": np.array([0.006, -0.02])}, "penetrated"),
+        ({"roll": np.radians([2.0, 21.0])}, "slipped"),
+        ({"slide": np.array([0.0, 1.16])}, "slipped"),
+        ({"strap_tension": np.array([0.9, 20.0])}, "strap_lost"),
+        ({"strap_tension": np.array([30.0, -5.0])}, "strap_lost"),
+        ({"tissue_left": np.array([0.015, 0.0019])}, "bottomed_out"),
+        ({"tissue_share": np.array([0.09, 0.8])}, "bottomed_out"),
         ({"normal_force": 2500.0}, "jammed"),
+        ({"motor_share": 1.0}, "motor_limit"),
         ({"human_angle": np.radians(-9.5), "exo_angle": 0.0}, "human_joint_limit"),
         ({"human_angle": np.radians(100), "exo_angle": np.radians(124.5)}, "exo_joint_limit"),
         ({"human_angle": float("nan")}, "diverged"),
@@ -106,12 +125,12 @@ def test_a_movement_fails_at_the_first_step_that_a_detector_fires_at() -> None:
 
 
 @pytest.mark.parametrize("limb", [0, 1])
-@pytest.mark.parametrize(
-    ("name", "outcome"), [("penetration", "penetrated"), ("overhang", "slipped")]
-)
-def test_either_limb_can_end_a_movement(limb: int, name: str, outcome: str) -> None:
-    values = np.full((10, 2), -0.02)
-    values[3, limb] = 0.03
-    found = first_failure(movement(**{name: values}))
+@pytest.mark.parametrize("bound", HOLD, ids=lambda bound: bound.quantity)
+def test_either_limb_can_end_a_movement(limb: int, bound: Bound) -> None:
+    values = np.broadcast_to(np.array(LOADS[bound.quantity]), (STEPS, 2)).copy()
+    assert first_failure(movement(**{bound.quantity: values})) is None
+    values[3, limb] = bound.limit * (1.1 if bound.which == "at most" else 0.9)
+    found = first_failure(movement(**{bound.quantity: values}))
     assert found is not None
-    assert (found[0], found[1].name) == (3, outcome)
+    assert (found[0], found[1].name) == (3, bound.outcome)
+    assert found[1].reason.startswith(("upper arm: ", "forearm: ")[limb])

@@ -4,7 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.body.soft_tissue import BONE_CLEARANCE
+from sim.body.soft_tissue import BONE_CLEARANCE, element_name
+from sim.interface.contact import slides
+from sim.interface.interface import Loads
 from sim.system.start import reset_to_start
 from sim.system.system import System
 
@@ -17,6 +19,11 @@ def loaded(nominal_system: System) -> tuple[System, mujoco.MjData]:
     mujoco.mj_step(system.model, data, 20)
     mujoco.mj_forward(system.model, data)
     return system, data
+
+
+def loads_of(system: System, data: mujoco.MjData) -> Loads:
+    states = np.concatenate([[data.time], data.qpos, data.qvel])
+    return system.interface.loads(system.model, states[None], data.sensordata[None])
 
 
 def test_the_forces_on_each_limb_are_those_of_its_contacts(
@@ -34,7 +41,7 @@ def test_the_forces_on_each_limb_are_those_of_its_contacts(
         sign = 1.0 if "_tissue_" in names[1] else -1.0
         resultant[limb] += sign * contact.frame.reshape(3, 3).T @ wrench[:3]
         normal += wrench[0]
-    loads = system.interface.loads(model, data.sensordata[None])
+    loads = loads_of(system, data)
     expected = [np.linalg.norm(resultant[name]) for name in ("upper_arm", "forearm")]
     assert loads.contact_force[0] == pytest.approx(expected, rel=1e-9)
     assert loads.normal_force[0] == pytest.approx(normal, rel=1e-9)
@@ -43,7 +50,7 @@ def test_the_forces_on_each_limb_are_those_of_its_contacts(
 
 def test_a_cuffs_place_is_seen_from_its_bone(loaded: tuple[System, mujoco.MjData]) -> None:
     system, data = loaded
-    loads = system.interface.loads(system.model, data.sensordata[None])
+    loads = loads_of(system, data)
     limbs = zip(system.interface.cuffs, system.interface.tissues, strict=True)
     for i, (cuff, tissue) in enumerate(limbs):
         link, bone = data.body(cuff.link), data.body(tissue.bone)
@@ -57,3 +64,39 @@ def test_a_cuffs_place_is_seen_from_its_bone(loaded: tuple[System, mujoco.MjData
                 assert loads.overhang[0, i] == pytest.approx(max(tissue.start - x, x - tissue.end))
         deepest = max(distance) - cuff.radius + BONE_CLEARANCE
         assert loads.penetration[0, i] == pytest.approx(deepest)
+
+
+def test_an_elements_forces_are_those_of_its_springs_in_the_engine(
+    loaded: tuple[System, mujoco.MjData],
+) -> None:
+    system, data = loaded
+    states = np.concatenate([[data.time], data.qpos, data.qvel])[None]
+    for tissue in system.interface.tissues:
+        forces = tissue.spring_forces(*slides(system.model, states, tissue))[0]
+        names = [element_name(tissue, *place) for place in tissue.places]
+        assert forces == pytest.approx(
+            [float(data.joint(name).qfrc_passive[0]) for name in names], abs=1e-9
+        )
+        assert np.abs(forces).max() > 0.1
+
+
+def test_a_cuff_that_is_turned_round_its_limb_says_by_how_much(nominal_system: System) -> None:
+    data = reset_to_start(nominal_system)
+    data.qpos[nominal_system.human_qpos[2]] += 0.2
+    mujoco.mj_forward(nominal_system.model, data)
+    # The upper arm turns about its own axis; the bent forearm is swung aside by it.
+    assert loads_of(nominal_system, data).roll[0, 0] == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_straps_tension_is_that_of_its_rows_together(nominal_system: System) -> None:
+    system, data = nominal_system, reset_to_start(nominal_system)
+    model = system.model
+    mujoco.mj_forward(model, data)
+    saved = model.tendon_lengthspring[system.straps].copy()
+    try:
+        # Ten newtons in each segment of three rows.
+        rest = data.ten_length[system.straps] - 10.0 / model.tendon_stiffness[system.straps]
+        model.tendon_lengthspring[system.straps] = rest[:, None]
+        assert loads_of(system, data).strap_tension[0] == pytest.approx([30.0, 30.0])
+    finally:
+        model.tendon_lengthspring[system.straps] = saved
