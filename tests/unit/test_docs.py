@@ -25,7 +25,7 @@ README = (ROOT / "README.md").read_text()
 DOCS = ROOT / "docs"
 REST = (DOCS / "use" / "rest.md").read_text()
 SETTINGS = (DOCS / "operate" / "settings.md").read_text()
-SIMULATION = (DOCS / "understand" / "simulation.md").read_text()
+NAMED_FAILURES = (DOCS / "understand" / "failures.md").read_text()
 INDICES = [DOCS / "README.md", *sorted(DOCS.glob("*/README.md"))]
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 #: Words of a page that is read in one sitting, without figures that a command wrote.
@@ -87,7 +87,7 @@ def test_every_output_and_failure_is_explained() -> None:
     for output in ELBOW.outputs:
         assert output.removesuffix("_paper").removesuffix("_authors") in README
     for failure in FAILURES:
-        assert f"`{failure}`" in SIMULATION
+        assert f"`{failure}`" in NAMED_FAILURES
 
 
 def test_every_condition_and_every_device_is_explained() -> None:
