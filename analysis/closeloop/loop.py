@@ -17,6 +17,7 @@ from analysis.closeloop.identification.model import Model
 from analysis.closeloop.identification.tracing import trace
 from analysis.closeloop.identification.trial_error import TrialError
 from analysis.closeloop.judgement.events import find_events, spared
+from analysis.closeloop.judgement.identified import hidden_effects
 from analysis.closeloop.judgement.outcome import outcome_of
 from analysis.closeloop.judgement.structure import structures
 from analysis.closeloop.load import load_session
@@ -48,7 +49,8 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
         found = trace(recording, progress)
     progress("errors and intervals")
     found = beyond_interface(found)
-    outcome = outcome_of(found, events, structures(found.model, found.rows))
+    hidden = hidden_effects(*found.fits[1], found.rows)
+    outcome = outcome_of(found, events, structures(found.model, found.rows), hidden)
     return Answer(
         report=json_report(outcome),
         recording=recording,

@@ -7,15 +7,17 @@ import numpy as np
 from scipy.stats import norm
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.model import Candidate, Channel, Model, Term
+from analysis.closeloop.identification.model import Candidate, Channel, Model, Term, impedances
 from analysis.closeloop.identification.regression import Rows, Score
 from analysis.closeloop.identification.spectrum import Peak
 from analysis.closeloop.identification.trial_error import TrialError
-from sim.effects.effect import Theta
+from sim.effects.effect import Effect, Theta
 
 #: An error that is so many times the floor is not at it: floors of one channel that come from
 #: repeats and from above the band differ by as much on real robots (docs/measurements).
 AT_FLOOR = 2.0
+#: Share of a stiffness by which an effect that nobody saw may move it.
+TELLING = 0.05
 #: A model and its coefficients.
 Fit = tuple[Model, np.ndarray]
 
@@ -164,6 +166,15 @@ class Structure:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Hidden:
+    """An effect that nobody saw, and how far it could move a joint's stiffness all the same."""
+
+    effect: Effect
+    #: Nm/rad or N/m.
+    by: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Errors:
     """Errors of the same trials under the declared and under the final model."""
 
@@ -190,6 +201,8 @@ class Outcome:
     #: Signals that the final residual goes with, and torque that is local in time.
     structures: Mapping[int, list[Structure]]
     events: Sequence[Event]
+    #: Per joint with a declared impedance, effects that nobody saw and could move its stiffness.
+    hidden: Mapping[int, Sequence[Hidden]]
     #: Root mean square that the final model leaves of each joint in motion below the fit's cutoff,
     #: apart from events, Nm or N.
     left: Mapping[int, float]
@@ -204,6 +217,11 @@ class Outcome:
             return None
         beyond = 1.0 - min(1.0, 2.0 * sampling.fit_cutoff / sampling.recorded)
         return float(np.sqrt((self.left[joint] / floor.value) ** 2 + beyond))
+
+    def identified(self, joint: int) -> bool:
+        """Whether no effect that nobody saw could move a stiffness by more than `TELLING` of it."""
+        stiffness = impedances(*self.trace.fits[1])[joint]["stiffness"]
+        return all(one.by <= TELLING * abs(stiffness) for one in self.hidden[joint])
 
     @property
     def recorded(self) -> Errors:

@@ -17,6 +17,7 @@ from analysis.closeloop.identification.findings import (
     Errors,
     Event,
     Floor,
+    Hidden,
     Outcome,
     Structure,
     Trace,
@@ -32,7 +33,10 @@ MIN_STRUCTURE, MIN_EFFORT = 0.25, 0.008
 
 
 def outcome_of(
-    trace: Trace, events: Sequence[Event], goes_with: Mapping[int, list[Structure]]
+    trace: Trace,
+    events: Sequence[Event],
+    goes_with: Mapping[int, list[Structure]],
+    hidden: Mapping[int, Sequence[Hidden]],
 ) -> Outcome:
     """Compare the models' predictions with the trials and settle the verdict.
 
@@ -40,6 +44,7 @@ def outcome_of(
         trace: what tracing found.
         events: torque that is local in time; the trace was spared it.
         goes_with: signals that each joint's final residual goes with.
+        hidden: effects that could move a stiffness unseen.
     """
     recording, rows = trace.rows.recording, trace.rows
     expected = [settled(*model) for model in trace.fits]
@@ -63,10 +68,15 @@ def outcome_of(
         floors=lowest,
         structures=_large(trace, goes_with, lowest),
         events=events,
+        hidden=hidden,
         left=left_in_band(recording, expected[1], rubs=rubs),
     )
     if trace.verdict == Verdict.ADEQUATE and _something_is_left(outcome):
         return replace(outcome, verdict=Verdict.UNEXPLAINED)
+    if trace.verdict == Verdict.ADEQUATE and any(
+        not outcome.identified(joint) for joint in outcome.hidden
+    ):
+        return replace(outcome, verdict=Verdict.NOT_IDENTIFIABLE)
     return outcome
 
 

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.findings import Option, Trace
+from analysis.closeloop.identification.findings import TELLING, Option, Outcome, Trace
 from analysis.closeloop.identification.model import Candidate, Model, evaluate, impedances
 from analysis.closeloop.identification.regression import Rows
 from analysis.closeloop.identification.uncertainty import leave_out
 
+#: Effects that are listed of those that could move a stiffness.
+MAX_HIDDEN = 5
 #: Stiffnesses under two names that differ by less than this are one.
 APART = 0.02
 
@@ -62,6 +64,56 @@ def impedance_entries(found: Trace) -> dict[str, Any]:
                 entry["ci90_after"] = [min(lows), max(highs)]
             entries[name][key] = entry
     return entries
+
+
+def identified_entries(outcome: Outcome) -> dict[str, Any]:
+    """Return whether each joint's stiffness is identified, and what could move it how far."""
+    recording = outcome.trace.rows.recording
+    values = impedances(*outcome.trace.fits[1])
+    entries: dict[str, Any] = {}
+    for joint, hidden in outcome.hidden.items():
+        name, stiffness = recording.name(joint), abs(values[joint]["stiffness"])
+        entries[name] = {
+            "stiffness": outcome.identified(joint),
+            "unit": f"{recording.device.unit(name)}/{recording.device.angle_unit(name)}",
+            "could_move": [
+                {
+                    "effect": one.effect.name,
+                    "by": one.by,
+                    "relative": one.by / max(stiffness, 1e-300),
+                    "separating_trial": one.effect.separating_trial,
+                }
+                for one in hidden[:MAX_HIDDEN]
+            ],
+        }
+    return entries
+
+
+def not_identified(entries: Mapping[str, Any]) -> list[str]:
+    """Return a warning for every stiffness that effects which nobody saw could move."""
+    lines = []
+    for joint, entry in entries.items():
+        if not entry["stiffness"]:
+            said = ", ".join(
+                f"{one['effect']} by {100 * one['relative']:.0f} %"
+                for one in entry["could_move"]
+                if one["relative"] > TELLING
+            )
+            lines.append(
+                f"these trials do not identify the stiffness of {joint}: unseen in them, {said} "
+                "could move it"
+            )
+    return lines
+
+
+def trials_that_tell(entries: Mapping[str, Any]) -> list[str]:
+    """Return what to record where a stiffness is not identified."""
+    return [
+        f"To tell the stiffness of {joint} from {one['effect']}: {one['separating_trial']}."
+        for joint, entry in entries.items()
+        for one in entry["could_move"]
+        if not entry["stiffness"] and one["relative"] > TELLING
+    ]
 
 
 def undecided(entries: Mapping[str, Any]) -> list[str]:

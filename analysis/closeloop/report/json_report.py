@@ -6,7 +6,13 @@ from analysis.closeloop.contract import SCHEMA, Verdict
 from analysis.closeloop.identification.accuracy import rms_by_joint, smooth_relative
 from analysis.closeloop.identification.findings import Errors, Outcome, Trace
 from analysis.closeloop.report.diagnostics import diagnose
-from analysis.closeloop.report.impedance import impedance_entries, undecided
+from analysis.closeloop.report.impedance import (
+    identified_entries,
+    impedance_entries,
+    not_identified,
+    trials_that_tell,
+    undecided,
+)
 from analysis.closeloop.report.named import (
     declared_entries,
     effect_entries,
@@ -24,6 +30,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
     recording = found.rows.recording
     effects, impedance = effect_entries(found), impedance_entries(found)
     declared = declared_entries(found) + payload_entries(found.fits, found.rows)
+    identified = identified_entries(outcome)
     warnings = list(found.notes)
     if outcome.left_out:
         warnings.append(
@@ -40,15 +47,17 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             "fit": _errors(outcome, outcome.fit, relative=False),
         },
         "impedance": impedance,
+        "identified": identified,
         "declared": declared,
         "links": link_values(found.fit_of_steps[0]),
         "unexplained": unexplained(outcome),
         "floor": floor_entries(recording, outcome.floors),
         "diagnostics": _diagnostics(found),
-        "advice": _advice(found, verdict),
+        "advice": [*_advice(found, verdict), *trials_that_tell(identified)],
         "warnings": [
             *warnings,
             *far_from_floor(outcome),
+            *not_identified(identified),
             *undecided(impedance),
             *without_value(declared),
             *refused_values(effects),

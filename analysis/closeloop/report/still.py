@@ -49,6 +49,7 @@ def still_answer(recording: Recording, events: Sequence[Event]) -> Answer:
         "effects": [],
         "error": {"holdout": entries, "fit": entries},
         "impedance": {},
+        "identified": {},
         "declared": [],
         "links": {},
         "unexplained": {

@@ -59,6 +59,8 @@ def test_nothing_missing_is_an_answer(tmp_path: Path) -> None:
     assert report["verdict"] == "adequate" and report["effects"] == []
     error = report["error"]["holdout"]["elbow"]
     assert error["after"] == error["before"] == pytest.approx(0.06, rel=0.1)
+    assert report["identified"]["elbow"]["stiffness"]
+    assert report["identified"]["elbow"]["could_move"][0]["relative"] < 0.02
     # The sensor's own noise, seen above the band of the movement.
     assert report["floor"]["elbow"]["from"] == "above the band"
     assert error["floor"] == report["floor"]["elbow"]["value"] == pytest.approx(0.06, rel=0.2)
@@ -154,6 +156,30 @@ def test_one_sweep_in_one_direction_names_nothing_and_says_what_to_record(tmp_pa
     assert any("to and fro" in line for line in report["advice"])
     error = report["error"]["fit"]["elbow"]
     assert error["after"] == error["before"]
+
+
+def test_slow_sweeps_in_one_direction_do_not_identify_a_stiffness_and_say_what_hides(
+    tmp_path: Path,
+) -> None:
+    folder = tmp_path / "session"
+    arm = write_session(
+        folder, SEED, ("torque_gain",), size=0.6, speeds=(0.35, 0.5), postures=(0.1,), holdout=False
+    )
+    for path in folder.glob("*.csv"):
+        lines = path.read_text().splitlines()
+        position = np.array([float(line.split(",")[2]) for line in lines[1:]])
+        turn = int(np.argmax(position > position.max() - 0.2))
+        path.write_text("\n".join(lines[:turn]) + "\n")
+    report = close_loop(folder, tmp_path / "out")
+    assert report["verdict"] == "not_identifiable"
+    entry = report["identified"]["elbow"]
+    assert not entry["stiffness"] and "do not identify the stiffness" in " ".join(
+        report["warnings"]
+    )
+    # As far as it says, the stiffness is off.
+    off = abs(report["impedance"]["elbow"]["stiffness"]["after"] - arm.stiffness)
+    assert off < entry["could_move"][0]["by"]
+    assert any(line.startswith("To tell the stiffness of elbow") for line in report["advice"])
 
 
 def test_the_command_prints_the_report_and_refuses_bad_input_with_2(tmp_path: Path) -> None:

@@ -1,0 +1,150 @@
+"""How far effects that the trials do not tell could move a stiffness.
+
+Each effect of the catalogue that is neither declared nor found is fitted beside the model. The
+interval that stiffness then has says how far the effect could move it without being seen: where an
+effect imitates stiffness, damping and neutral angle together, the interval is wide, however small
+the residual is. Its covariance is clustered by seconds (Liang and Zeger 1986, Longitudinal data
+analysis using generalized linear models). An effect that the declared unknowns take in whole
+wherever the joint goes (an offset, viscosity, a spring) is part of what they are called and moves
+nothing.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.stats import norm
+
+from analysis.closeloop.identification.candidates import candidates
+from analysis.closeloop.identification.findings import Hidden
+from analysis.closeloop.identification.least_squares import keep_independent
+from analysis.closeloop.identification.model import Model, estimate_of, impedances
+from analysis.closeloop.identification.regression import Rows
+from sim.effects.effect import Columns, Effect
+from sim.effects.elastic import Viscoelastic
+from sim.effects.motion import RecordedJoint
+
+#: Largest torque that an effect which nobody saw is credited with, over the joint's effort.
+MOST = 0.2
+#: Variants of an effect's non-linear parameters that are tried.
+VARIANTS = 7
+
+
+def hidden_effects(
+    model: Model, coefficients: np.ndarray, rows: Rows
+) -> dict[int, tuple[Hidden, ...]]:
+    """Return, per joint with a declared impedance, how far unseen effects could move its stiffness.
+
+    Args:
+        model: declared or repaired.
+        coefficients: its fit.
+        rows: the samples that were fitted.
+
+    Returns:
+        For every such joint the effects, the one that could move most first.
+    """
+    limbs = impedances(model, coefficients)
+    if not limbs:
+        return {}
+    declared = {(d.effect, d.joint) for d in model.recording.session.declared}
+    known = {candidate.key for candidate in model.effects}
+    estimate = estimate_of(model, coefficients)
+    found: dict[int, list[Hidden]] = {joint: [] for joint in limbs}
+    for candidate in candidates(model.recording):
+        effect, joint = candidate.effect, candidate.joint
+        named = (effect.name, model.recording.name(joint)) in declared or candidate.key in known
+        if joint not in limbs or effect.channel or named or effect.name in _covered(model, joint):
+            continue
+        stiffness = _stiffness(model, coefficients, joint)
+        if stiffness is None:
+            continue
+        recorded = RecordedJoint(model.recording, joint, estimate)
+        reaches = [
+            _reach(model, rows, stiffness, effect, columns)
+            for columns in _variants(effect, recorded)
+            if columns
+        ]
+        reach = max(reaches, default=0.0)
+        if reach > 0.0:
+            found[joint].append(Hidden(effect=effect, by=reach))
+    return {joint: tuple(sorted(own, key=lambda one: -one.by)) for joint, own in found.items()}
+
+
+def _covered(model: Model, joint: int) -> set[str]:
+    """Return the simpler effects that those of the model hold."""
+    here = [t.effect for t in model.terms if t.effect is not None and t.joint == joint]
+    return {name for effect in here for name in effect.includes}
+
+
+def _variants(effect: Effect, joint: RecordedJoint) -> Iterator[Columns]:
+    """Yield an effect's columns over its non-linear parameters, a few of them."""
+    thetas = effect.thetas(joint)
+    step = max(1, -(-len(thetas) // VARIANTS))
+    for theta in thetas[step // 2 :: step]:
+        yield effect.columns(joint, theta)
+
+
+def _reach(
+    model: Model,
+    rows: Rows,
+    stiffness: tuple[int, float],
+    effect: Effect,
+    columns: Columns,
+) -> float:
+    """Return how far an effect could move a joint's stiffness and not be seen, Nm/rad or N/m.
+
+    Args:
+        model: the effect is not in it.
+        rows: the samples that were fitted.
+        stiffness: where it is among the model's coefficients, and its value.
+        effect: in question.
+        columns: of one variant of it.
+    """
+    base, _ = model.base(rows)
+    place, value = stiffness
+    width = next(iter(columns.values())).shape[1]
+    stacked = rows.stack(model.transformed(columns), width)
+    table, kept = keep_independent(base, stacked)
+    table = np.column_stack([base, table])
+    # What a fit without a column makes of the most that it may be.
+    joint = next(iter(columns))
+    torque = MOST * float(np.sqrt(rows.effort_power(joint)))
+    size = np.maximum(np.sqrt((stacked**2).sum(axis=0)), 1e-300)
+    most = torque / size * np.abs(np.linalg.lstsq(base, stacked, rcond=None)[0][place])
+    dropped = [number for number in range(width) if number not in kept]
+    least = float(max(most[dropped], default=0.0))
+    if not kept:
+        return least
+    bread = np.linalg.pinv(table.T @ table)
+    target = model.target(rows)
+    beside = bread @ (table.T @ target)
+    _, seconds = np.unique(rows.block, return_inverse=True)
+    count = int(seconds.max()) + 1
+    largest = float(most[list(kept)].sum())
+    if count <= table.shape[1]:
+        return max(least, largest)
+    scores = np.zeros((count, table.shape[1]))
+    np.add.at(scores, seconds, table * (target - table @ beside)[:, None])
+    # A gain divides the whole balance, and with it stiffness.
+    own = slice(base.shape[1], None)
+    gain, slope = effect.gain(beside[own]), np.zeros(len(beside))
+    slope[place] = gain
+    for number in range(base.shape[1], len(beside)):
+        step = np.zeros(len(beside))
+        step[number] = 1e-6 * (1.0 + abs(beside[number]))
+        change = effect.gain((beside + step)[own]) - gain
+        slope[number] = beside[place] * change / step[number]
+    spread = slope @ bread @ scores.T
+    error = float(np.sqrt(count / (count - table.shape[1]) * (spread @ spread)))
+    moved = abs(float(beside[place]) * gain - value) + float(norm.ppf(0.95)) * error
+    return max(least, min(moved, largest) if not effect.scales_effort else moved)
+
+
+def _stiffness(model: Model, coefficients: np.ndarray, joint: int) -> tuple[int, float] | None:
+    """Return where among the model's coefficients the stiffness of a joint is, and its value."""
+    start = 0
+    for term in model.terms:
+        if isinstance(term.effect, Viscoelastic) and term.joint == joint:
+            # The first of the term's columns is the position.
+            return (start, float(coefficients[start])) if term.kept[:1] == (0,) else None
+        start += len(term.kept)
+    return None
