@@ -36,8 +36,8 @@ TARGET = {"saltelli": 0.1, "morris": None}
 #: Wanted of the coverage of 90 % intervals, or else of the share of the studies that warn.
 HONEST = (0.86, 0.94)
 WARNED, WRONGLY = 0.95, 0.02
-#: An index or effect below this is that of an idle factor, which is exactly 0.
-IDLE = 1e-9
+#: A factor of less than this share of the largest index does not matter.
+IDLE = 1e-4
 
 #: By (method, function, rows or "stop"): "low" and "high" (indices, factors), "warned", "reached".
 Found = dict[tuple[str, str, object], dict[str, Any]]
@@ -146,17 +146,24 @@ def all_seeds(method: str, seeds: range, functions: Mapping[str, Hard]) -> dict[
 
 def print_hard(seeds: range, functions: Mapping[str, Hard] = HARD) -> None:
     """Print coverage and warnings of every function, at every size and where studies stopped."""
-    for method, names in INDICES.items():
-        every = all_seeds(method, seeds, functions)
-        sizes = [*SIZES[method], "stop"]
-        print(f"\n{method}: {len(seeds)} seeds from {seeds[0]} on. Coverage, mean over the factors")
-        print("that matter (least factor), and the share of the studies that warn.\n")
-        print("| Function | N | " + " | ".join(SYMBOLS[n] for n in names) + " | warned | met |")
-        print("|---" * (4 + len(names)) + "|")
-        for name, hard in functions.items():
-            truth = truth_of(method, hard)
-            for size in sizes:
-                print(_line(every.get((method, name, size), []), name, hard, size, truth))
+    for method in INDICES:
+        print_found(method, all_seeds(method, seeds, functions), functions, seeds)
+
+
+def print_found(
+    method: str, every: Mapping[Any, list[Any]], functions: Mapping[str, Hard], seeds: range
+) -> None:
+    """Print what `all_seeds` returned."""
+    names = INDICES[method]
+    print(f"\n{method}: seeds from {seeds[0]} to {seeds[-1]} at most. Coverage, mean over the")
+    print("factors that matter (least factor), and the share of the studies that warn.\n")
+    head = ["Function", "N", "seeds", *(SYMBOLS[n] for n in names), "warned", "met"]
+    print("| " + " | ".join(head) + " |")
+    print("|---" * len(head) + "|")
+    for name, hard in functions.items():
+        truth = truth_of(method, hard)
+        for size in (*SIZES[method], "stop"):
+            print(_line(every.get((method, name, size), []), name, hard, size, truth))
 
 
 def _line(found: list[dict[str, Any]], name: str, hard: Hard, size: object, truth: Array) -> str:
@@ -168,17 +175,19 @@ def _line(found: list[dict[str, Any]], name: str, hard: Hard, size: object, trut
         rows = int(np.median([one["rows"] for one in found])) if found else 0
         label = f"stopped ({len(found) / max(of, 1):.0%}, at {rows})"
     if not found:
-        return f"| {name} | {label} |" + " – |" * (len(truth) + 1) + " yes |"
+        return f"| {name} | {label} | {of} |" + " – |" * (len(truth) + 1) + " yes |"
     low, high = (np.stack([one[end] for one in found]) for end in ("low", "high"))
-    slack = 1e-9 * np.abs(truth)
+    # An effect that is the same everywhere has a sigma of 0, and of rounding in the computer.
+    slack = 1e-9 * np.max(np.abs(truth))
     held = np.mean((low <= truth + slack) & (truth - slack <= high), axis=0)
     active = np.max(np.abs(truth), axis=0) > IDLE * np.max(np.abs(truth))
     shares = [one[active] for one in held]
     warned = float(np.mean([one["warned"] for one in studies]))
     cells = [f"{one.mean():.3f} ({one.min():.2f})" for one in shares]
     honest = all(HONEST[0] <= one.mean() <= HONEST[1] for one in shares)
-    met = (honest and not hard.kind) or warned >= WARNED or (honest and warned <= WRONGLY)
-    return f"| {name} | {label} | {' | '.join(cells)} | {warned:.2f} | {'yes' if met else 'NO'} |"
+    met = honest and warned <= WRONGLY if hard.kind else honest or warned >= WARNED
+    verdict = "yes" if met else "NO"
+    return f"| {name} | {label} | {of} | {' | '.join(cells)} | {warned:.2f} | {verdict} |"
 
 
 def main() -> None:

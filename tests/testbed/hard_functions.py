@@ -35,10 +35,10 @@ class Hard:
         """Return the true first- and total-order indices."""
         if self.first is not None and self.total is not None:
             return self.first, self.total
-        return sampled(self)
+        return sampled(self, 2**17 if self.factors < 12 else 2**14)
 
 
-def sampled(hard: Hard, rows: int = 2**17) -> tuple[Points, Points]:
+def sampled(hard: Hard, rows: int) -> tuple[Points, Points]:
     """Return S and ST from as many Sobol points (Saltelli et al. 2010; Jansen 1999)."""
     k = hard.factors
     base = qmc.Sobol(2 * k, scramble=True, rng=np.random.default_rng(1)).random(rows)
