@@ -105,7 +105,7 @@ def test_an_assessment_that_fails_has_a_reason_a_state_and_no_outputs() -> None:
     )
     assert ran.returncode == 1
     printed = json.loads(ran.stdout)
-    assert printed["outcome"] == "slipped"
+    assert printed["outcome"] == "penetrated"
     assert printed["reason"] and printed["state"]["phase"] == "movement"
     assert not set(ELBOW.outputs) & set(printed)
 
