@@ -33,6 +33,22 @@ class Factor:
     #: Names of its values if it is a choice: the value is a name's number, from 0.
     choices: tuple[str, ...] = ()
 
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Lowest and highest value that is not far outside its range.
+
+        A range may be left by its own width, but a quantity that is positive throughout may only
+        be halved or doubled. What is optional may be at its nominal value, and off (0).
+        """
+        if self.choices:
+            return self.bounds
+        width = self.high - self.low
+        low = 0.5 * self.low if self.low > 0.0 else self.low - width
+        high = 2.0 * self.high if self.low > 0.0 else self.high + width
+        if self.optional:
+            low, high = min(low, 0.0), max(high, 0.0)
+        return max(low, self.bounds[0]), min(high, self.bounds[1])
+
     def number(self, value: float | str) -> float:
         """Return a value as a number; that of a choice may be told by its name.
 

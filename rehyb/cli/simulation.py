@@ -53,6 +53,9 @@ def assess(
     target: Annotated[
         str, typer.Option(help="elbow, shoulder_flexion, shoulder_abduction or shoulder_rotation.")
     ] = "elbow",
+    outside_range: Annotated[
+        bool, typer.Option("--outside-range", help="Allow values far outside a factor's range.")
+    ] = False,
     device: Annotated[
         str, typer.Option(help="nesm, elbow_orthosis or an MJCF file (docs/devices.md).")
     ] = "nesm",
@@ -63,7 +66,7 @@ def assess(
     """
     from sim.assessment.assess import assess as simulate
 
-    values, setting = _parameters(replay, settings or ())
+    values, setting = _parameters(replay, settings or (), outside_range)
     setting = {"target": target, "fidelity": fidelity, "device": device} | setting
     try:
         film = None if video is None else _film(video)
@@ -103,7 +106,7 @@ def validate(
 
 
 def _parameters(
-    replay: str | None, settings: Sequence[str]
+    replay: str | None, settings: Sequence[str], outside_range: bool
 ) -> tuple[dict[str, float], dict[str, str]]:
     """Return every factor's value; and target, fidelity and device of what is repeated."""
     from models.factors import no_factor
@@ -111,7 +114,8 @@ def _parameters(
     from sim.parameters.effects import effect_factors
 
     values = {factor.name: factor.nominal for factor in ELBOW.factors}
-    known = {factor.name: factor for factor in (*ELBOW.factors, *effect_factors())}
+    effects = {factor.name: factor for factor in effect_factors()}
+    known = {factor.name: factor for factor in ELBOW.factors} | effects
     setting: dict[str, str] = {}
     if replay is not None:
         parameters, setting = _replayed(replay)
@@ -121,8 +125,22 @@ def _parameters(
             raise typer.BadParameter(
                 no_factor("an assessment", name, (*values, "effect.NAME.PARAMETER"))
             )
-        values[name] = _value(known[name], value)
+        given = _value(known[name], value)
+        anywhere = outside_range or name in effects
+        values[name] = given if anywhere else _in_reach(known[name], given)
     return values, setting
+
+
+def _in_reach(factor: "Factor", value: float) -> float:
+    """Return `value`; typer.BadParameter if the simulation was never validated near it."""
+    low, high = factor.reach
+    if not low <= value <= high:
+        raise typer.BadParameter(
+            f"{factor.name} is {value:g} {factor.unit}, far outside {factor.low:g} to "
+            f"{factor.high:g}, for which the simulation was validated: take {low:g} to {high:g}, "
+            "or ask for it with --outside-range"
+        )
+    return value
 
 
 def _value(factor: "Factor", text: str) -> float:

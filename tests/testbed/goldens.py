@@ -43,7 +43,7 @@ ASSESSMENTS: tuple[tuple[str, ...], ...] = (
     ("--target", "shoulder_flexion"),
     ("--device", "elbow_orthosis"),
     ("--set", "effect.coulomb_friction.torque=0.5"),
-    ("--set", "forearm_mass=10"),
+    ("--set", "forearm_mass=10", "--outside-range"),
 )
 STUDIES: dict[str, dict[str, Any]] = {
     "ishigami_morris": {"model": "ishigami", "method": "morris", "rows": 40},
