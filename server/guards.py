@@ -53,6 +53,7 @@ class BearerToken:
         """Return the answer to a request that is turned away; None if it may pass."""
         borne = _borne_by(scope)
         if borne is not None and hmac.compare_digest(borne, self._expected):
+            _let_in(scope)
             return None
         address = (scope.get("client") or ("",))[0]
         now = monotonic()
@@ -71,6 +72,7 @@ class BearerToken:
                 headers={"WWW-Authenticate": "Bearer"},
             )
         needed = scopes_needed(scope["method"], scope["path"])
+        _let_in(scope)
         if may(scopes, needed):
             return None
         has, needs = ", ".join(scopes), " or ".join(needed)
@@ -139,6 +141,13 @@ _TOO_LARGE = f"a request may have {MAX_BODY_BYTES} bytes at most: post results i
 def upload_too_large(limit: int) -> str:
     """Say that a session, what was found in one, or a model has more than `limit` bytes."""
     return f"an upload may have {limit} bytes at most (REHYB_SESSION_BYTES)"
+
+
+def _let_in(scope: Scope) -> None:
+    """Tell the connection, if there is one, that whoever is at its other end is no stranger."""
+    connection = scope.get("rehyb.connection")
+    if connection is not None:
+        connection.signed_in()
 
 
 def _guarded(path: str) -> bool:

@@ -6,9 +6,9 @@ import socket
 from typing import Any
 
 import uvicorn
-from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
 from server.app import create_app
+from server.connections import ImpatientProtocol, strangers
 from server.instance_lock import instance_lock
 from server.logs import configure
 from server.operations.check import refuse_damage
@@ -45,8 +45,10 @@ def _serve(settings: Settings) -> None:
         # Connections inherit it. Without it, Nagle's algorithm and delayed acknowledgements hold
         # every answer back for 40 ms.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        app = create_app(settings)
+        app.state.strangers = strangers()
         config = uvicorn.Config(
-            create_app(settings),
+            app,
             http=_AnsweringAtOnce,
             access_log=False,
             log_config=None,
@@ -97,12 +99,12 @@ class WholeAnswers:
             self._transport.write(held)
 
 
-class _AnsweringAtOnce(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
-    """Uvicorn's HTTP with `WholeAnswers`."""
+class _AnsweringAtOnce(ImpatientProtocol):
+    """HTTP with `WholeAnswers`."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:
         """Begin to serve a connection."""
-        super().connection_made(WholeAnswers(transport))
+        super().connection_made(WholeAnswers(transport))  # type: ignore[arg-type]
 
 
 class _AnnouncingServer(uvicorn.Server):
@@ -112,6 +114,15 @@ class _AnnouncingServer(uvicorn.Server):
         """End the streams first, which would otherwise be waited for."""
         self.config.app.state.stopping.set()  # type: ignore[union-attr]
         await super().shutdown(sockets)
+
+    async def on_tick(self, counter: int) -> bool:
+        """Close, once a second, who has kept the coordinator waiting for too long."""
+        if counter % 10 == 0:
+            now = asyncio.get_running_loop().time()
+            for connection in [*self.server_state.connections]:
+                if isinstance(connection, ImpatientProtocol) and connection.is_overdue(now):
+                    connection.transport.abort()
+        return await super().on_tick(counter)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)

@@ -2,7 +2,9 @@
 
 import os
 import re
+import select
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -15,6 +17,7 @@ import httpx2
 import pytest
 
 from rehyb import Client, Unreachable
+from server.connections import STRANGERS_PER_ADDRESS
 from tests.testbed.fleet import warm
 from tests.testbed.fleet.lab import until
 
@@ -283,6 +286,24 @@ def test_with_a_certificate_it_speaks_tls_to_those_who_trust_it(
     monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
     with Client(coordinator.url, TOKEN) as client:
         assert client.studies() == []
+
+
+def test_half_open_connections_make_room_for_those_with_a_token(start: Start) -> None:
+    coordinator = start()
+    address = (httpx2.URL(coordinator.url).host, httpx2.URL(coordinator.url).port)
+    with coordinator.client() as client:
+        assert client.get("/v1/studies").status_code == 200
+        flood = [socket.create_connection(address) for _ in range(300)]
+        for one in flood:
+            one.send(b"POST /v1/leases HTTP/1.1\r\nHost:")
+        assert client.get("/v1/studies").status_code == 200
+        with coordinator.client() as late:
+            assert late.get("/v1/studies").status_code == 200
+        gone, _, _ = select.select(flood, [], [], 5.0)
+        assert len(gone) >= 300 - STRANGERS_PER_ADDRESS
+        assert flood[-1] not in gone
+    for one in flood:
+        one.close()
 
 
 def test_a_listener_does_not_keep_a_coordinator_from_stopping(start: Start) -> None:
