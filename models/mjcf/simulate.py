@@ -16,6 +16,9 @@ from models.mjcf.factors import changes
 from models.mjcf.sensors import Array, readings
 from models.mjcf.xml import inside, read_spec
 
+# MuJoCo would write its warnings into a file in the current folder; `_run` tells of them.
+mujoco.set_mju_user_warning(lambda message: None)
+
 #: Steps of one simulation, and sensor readings of it: a minute, and 800 MB, of one core.
 MAX_STEPS, MAX_READINGS = 10_000_000, 100_000_000
 MAX_CSV_BYTES = 50_000_000
