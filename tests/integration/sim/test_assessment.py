@@ -126,6 +126,7 @@ def test_wearers_and_conditions_at_the_ends_of_each_range_can_be_assessed(
 @pytest.mark.parametrize(
     ("values", "options", "outcome"),
     [
+        ({"upper_arm_length": 0.50}, {}, "penetrated"),
         ({"upper_arm_length": 0.22}, {}, "bottomed_out"),
         ({"forearm_length": 0.18}, {}, "slipped"),
         ({"forearm_length": 0.48, "extension_stop": 0.0}, {}, "human_joint_limit"),
