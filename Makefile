@@ -6,7 +6,7 @@ READY := .venv/.ready
 PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test unit lint check goldens soak bench bench-sim bench-analysis bench-closeloop bench-closeloop-unkind curves picture \
+.PHONY: help demo test unit lint check goldens soak power-loss bench bench-sim bench-analysis bench-closeloop bench-closeloop-unkind curves picture \
 	measurement measurements-age clean
 
 help:  ## Say what each target does
@@ -35,6 +35,9 @@ goldens: $(READY)  ## Write what a user sees to DIR, to compare two trees by dif
 soak: $(READY)  ## Disturb studies in every way, twenty times over; half an hour
 	REHYB_SOAK_ROUNDS=20 $(BIN)/python -m pytest -s \
 		tests/acceptance/test_chaos.py tests/acceptance/test_acknowledged.py
+
+power-loss: $(READY)  ## Cut the power at every commit of a study, each in a hundred ways
+	REHYB_POWER_CUTS=100 $(BIN)/python -m pytest tests/integration/server/store/test_power_loss.py
 
 bench: .venv/.rivals  ## Print the figures that README and docs quote, and rivals beside them
 	$(BIN)/python -m benchmarks.simulation.table_1

@@ -89,7 +89,7 @@ def create_app(settings: Settings) -> FastAPI:
         telemetry={"tracing": False, "metrics": False, "logs": False},
     )
     app.state.settings = settings
-    app.state.engine = create_engine(settings.database_url)
+    app.state.engine = create_engine(settings.database_url, durability=settings.durability)
     app.state.write = WriteBatches(app.state.engine)
     app.state.clock = steady()
     app.state.readiness = Readiness(app.state.engine)

@@ -25,11 +25,12 @@ BUSY_SECONDS = 30
 LOG_PAGES = 10_000
 
 
-def create_engine(url: str) -> Engine:
+def create_engine(url: str, *, durability: str = "normal") -> Engine:
     """Return an engine whose transactions are opened with `reading` and `writing` only.
 
     Args:
         url: sqlite:///FILE or postgresql+psycopg://...; the file need not exist yet.
+        durability: of SQLite; "full": a commit waits until the disk has it.
     """
     engine = sa.create_engine(
         url,
@@ -42,6 +43,10 @@ def create_engine(url: str) -> Engine:
     )
     if engine.dialect.name == "sqlite":
         sa.event.listen(engine, "connect", _open_sqlite)
+        if durability == "full":
+            sa.event.listen(
+                engine, "connect", lambda driver, _: driver.execute("PRAGMA synchronous = FULL")
+            )
     return engine
 
 
