@@ -92,17 +92,21 @@ def assess(
 
 @answering
 def validate(
-    out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path("validation"),
+    out: Annotated[Path, typer.Option(help="Folder for page and pictures.")] = Path("validation"),
 ) -> Answer:
     """Repeat the paper's validation experiments and say what agrees with its figures."""
+    from analysis.reports.validation import write_validation
     from sim.validation import validate as repeat
 
     report = repeat(out)
+    rows = [asdict(row) for row in report.rows]
+    page = write_validation(out / "validation.html", rows, report.pictures)
     content = {
-        "rows": [asdict(row) for row in report.rows],
+        "rows": rows,
+        "page": str(page),
         "pictures": [str(picture) for picture in report.pictures],
     }
-    return Answer(content, partial(_print_validation, report))
+    return Answer(content, partial(_print_validation, report, page))
 
 
 def _parameters(
@@ -225,7 +229,7 @@ def _lines(assessment: "Assessment") -> Iterator[str]:
         yield no_single_stiffness(assessment.outputs["stiffness_true_r2"])
 
 
-def _print_validation(report: Any) -> None:
+def _print_validation(report: Any, page: Path) -> None:
     from rich.console import Console
 
     from rehyb.display import plain_table
@@ -241,8 +245,8 @@ def _print_validation(report: Any) -> None:
         )
     console = Console(soft_wrap=True)
     console.print(table)
-    for picture in report.pictures:
-        console.print(str(picture))
+    for file in (page, *report.pictures):
+        console.print(str(file))
 
 
 def _text(value: object) -> str:

@@ -126,3 +126,4 @@ def test_validation_prints_figures_beside_the_papers_and_where_the_pictures_are(
         assert words in ran.stdout
     assert (tmp_path / "isometric_torque.png").exists()
     assert (tmp_path / "compression.png").exists()
+    assert (tmp_path / "validation.html").exists()
