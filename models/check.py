@@ -30,7 +30,7 @@ def check(file: Path) -> dict[str, Any]:
         # MuJoCo takes a second to load: not for what is no model at all.
         from models.mjcf.simulate import Simulation
 
-        Simulation(folder)
+        Simulation(folder).check_factors()
     return folder.description.as_json()
 
 

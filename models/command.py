@@ -117,7 +117,11 @@ class _Program:
             deadline: on the monotonic clock; None: no limit.
             last: whether it may be told that no more comes, and must then exit with status 0.
         """
+        if self._pending():
+            raise ModelFailure("bad_answer", "the program printed something unasked")
         line = self._exchange(question, deadline, last=last)
+        if last:
+            self._said += self._rest(deadline)
         if self._said.strip():
             raise ModelFailure("bad_answer", "the program printed more than one line for one point")
         if last:
@@ -170,6 +174,30 @@ class _Program:
                         self._read(process.stdout)
         line, _, self._said = self._said.partition(b"\n")
         return line
+
+    def _pending(self) -> bool:
+        """Say whether a program that was kept has printed more than its last answer."""
+        assert self._process.stdout
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._process.stdout, selectors.EVENT_READ)
+            ready = bool(selector.select(0))
+        return ready and self._process.poll() is None
+
+    def _rest(self, deadline: float | None) -> bytes:
+        """Read what a program prints after its only answer, until it closes its output."""
+        assert self._process.stdout
+        until = time.monotonic() + GRACE_SECONDS
+        if deadline is not None:
+            until = min(until, deadline)
+        rest = b""
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._process.stdout, selectors.EVENT_READ)
+            while selector.select(max(0.0, until - time.monotonic())):
+                chunk = os.read(self._process.stdout.fileno(), CHUNK)
+                rest += chunk
+                if not chunk or len(rest) > MAX_ANSWER_BYTES:
+                    break
+        return rest
 
     def _write(self, question: bytes) -> bytes:
         assert self._process.stdin
@@ -233,12 +261,13 @@ def _limit(parent: int) -> None:
 
 
 def _outputs(answer: Any) -> Mapping[str, Any]:
-    if isinstance(answer, dict) and isinstance(answer.get("outputs"), dict):
-        outputs: Mapping[str, Any] = answer["outputs"]
+    said = answer if isinstance(answer, dict) else {}
+    outputs, outcome = said.get("outputs"), said.get("outcome", "ok")
+    if outcome == "ok" and isinstance(outputs, dict):
         return outputs
-    if isinstance(answer, dict) and isinstance(answer.get("outcome"), str):
+    if outcome != "ok" and outputs is None:
         try:
-            failure = ModelFailure(answer["outcome"], str(answer.get("reason", ""))[:1000])
+            failure = ModelFailure(str(outcome), str(said.get("reason", ""))[:1000])
         except ValueError as error:
             raise ModelFailure("bad_answer", str(error)) from None
         raise failure

@@ -15,7 +15,8 @@ from intake.zips import Limits, only_folder, unpack
 from models.description import Description, DescriptionError, Kind
 
 MODEL_FILE = "model.toml"
-MAX_TOML_BYTES = 1_000_000
+#: Of model.toml and of one line of it: a dotted key takes time that grows as its square.
+MAX_TOML_BYTES, MAX_LINE = 500_000, 2_000
 LIMITS = Limits(
     files=500,
     # Meshes of a whole robot, and room.
@@ -104,8 +105,13 @@ def _toml(folder: Path) -> dict[str, Any]:
     path = folder / MODEL_FILE
     try:
         if path.stat().st_size > MAX_TOML_BYTES:
-            raise ModelError(f"is larger than {MAX_TOML_BYTES // 1_000_000} MB")
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+            raise ModelError(f"is larger than {MAX_TOML_BYTES // 1000} kB")
+        text = path.read_text(encoding="utf-8")
+        if any(len(line) > MAX_LINE for line in text.splitlines()):
+            raise ModelError(f"has a line of more than {MAX_LINE} characters")
+        return tomllib.loads(text)
+    except ModelError:
+        raise
     except FileNotFoundError:
         raise ModelError(f"there is no such file in {folder}") from None
     except OSError as error:

@@ -27,7 +27,7 @@ _INERTIAL = ("mass", "inertia", "ipos", "iquat", "fullinertia")
 #: Angles of a hinge, which a file may state in degrees.
 _ANGLES = ("range", "ref", "springref")
 _PATH = re.compile(
-    r"(?P<element>[a-z]+)\.(?:(?P<name>.+)\.)?(?P<attribute>[a-z_]+)(\[(?P<index>\d+)\])?"
+    r"(?P<element>[a-z]+)\.(?:(?P<name>.+)\.)?(?P<attribute>[a-z_]+)(\[(?P<index>\d{1,6})\])?"
 )
 #: Enough for a whole robot; far beyond, a study would be about nothing.
 MAX_PATHS = 10_000
@@ -74,7 +74,11 @@ def changes(folder: ModelFolder, spec: mujoco.MjSpec) -> tuple[Change, ...]:
             raise ModelError(f"factors[{i}] {factor.name} must say what it `sets` or `scales`")
         for word, paths in said.items():
             where = f"factors[{i}].{word}"
-            if not isinstance(paths, list) or not all(isinstance(path, str) for path in paths):
+            if (
+                not isinstance(paths, list)
+                or not paths
+                or not all(isinstance(path, str) for path in paths)
+            ):
                 raise ModelError(f"{where} must be a list of texts like 'joint.hinge.stiffness'")
             for path in paths:
                 found.append(_change(spec, factor.name, path, word == "scales", where))

@@ -25,7 +25,7 @@ REDUCTIONS: Mapping[str, Callable[[Array, Array], Any]] = {
     "range": lambda t, x: np.ptp(x),
     "integral": lambda t, x: np.trapezoid(x, t),
 }
-_SENSOR = re.compile(r"(?P<name>.+?)(\[(?P<index>\d+)\])?")
+_SENSOR = re.compile(r"(?P<name>.+?)(\[(?P<index>\d{1,6})\])?")
 
 
 @dataclass(frozen=True, kw_only=True)

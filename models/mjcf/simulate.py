@@ -60,9 +60,9 @@ class Simulation:
         try:
             model = self._spec.compile()
             self._changes = changes(folder, self._spec)
-        except ValueError as error:
-            if isinstance(error, ModelError):
-                raise
+        except ModelError:
+            raise
+        except (ValueError, RuntimeError) as error:
             raise ModelError(f"MuJoCo refuses it: {_line(error)}", file=run["file"]) from None
         self._readings = readings(folder, model)
         self._keyframe = _keyframe(model, run.get("keyframe"))
@@ -87,7 +87,7 @@ class Simulation:
             change.apply(values[change.factor])
         try:
             model = self._spec.compile()
-        except ValueError as error:
+        except (ValueError, RuntimeError) as error:
             raise ModelFailure("invalid_model", f"MuJoCo refuses it: {_line(error)}") from None
         times, sensors = self._run(model)
         return columns(
@@ -95,12 +95,40 @@ class Simulation:
             {reading.output: reading.of(times, sensors) for reading in self._readings},
         )
 
+    def check_factors(self) -> None:
+        """Check that each factor changes the compiled model.
+
+        Raises:
+            ModelError: one does not: what it sets stands in the file in another form.
+        """
+        for factor in self._description.factors:
+            compiled = []
+            for value in (factor.low, factor.high):
+                for change in self._changes:
+                    if change.factor == factor.name:
+                        change.apply(value)
+                try:
+                    compiled.append(_content(self._spec.compile()))
+                except (ValueError, RuntimeError):
+                    # A corner that MuJoCo refuses is a failure of that point, not of the model.
+                    compiled.append(b"")
+            if compiled[0] == compiled[1]:
+                paths = ", ".join(c.path for c in self._changes if c.factor == factor.name)
+                raise ModelError(
+                    f"factor {factor.name} changes nothing: the file states {paths} in another "
+                    "form (euler or fromto, not quat or pos; fullinertia), or it scales 0"
+                )
+            for change in self._changes:
+                if change.factor == factor.name:
+                    change.apply(factor.nominal)
+
     def _run(self, model: mujoco.MjModel) -> tuple[Array, Array]:
         """Return times (s) and `sensordata` from `record_from` on."""
         data = mujoco.MjData(model)
         if self._keyframe is not None:
             mujoco.mj_resetDataKeyframe(model, data, self._keyframe)
-        steps = max(1, round(self._duration / model.opt.timestep))
+        # Sensors are read before a step: one more, and the last reading is of the end.
+        steps = round(self._duration / model.opt.timestep) + 1
         start = np.empty(mujoco.mj_stateSize(model, _STATE))
         mujoco.mj_getState(model, data, start, _STATE)
         times = data.time + model.opt.timestep * np.arange(steps)
@@ -181,5 +209,11 @@ def _csv(folder: ModelFolder, name: str, column: str, where: str) -> tuple[Array
     return pairs[:, 0], pairs[:, 1]
 
 
-def _line(error: ValueError) -> str:
+def _content(model: mujoco.MjModel) -> bytes:
+    content = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, content)
+    return content.tobytes()
+
+
+def _line(error: Exception) -> str:
     return " ".join(str(error).split())

@@ -54,7 +54,7 @@ def read_spec(folder: Path, name: str) -> mujoco.MjSpec:
         spec = mujoco.MjSpec.from_string(
             ElementTree.tostring(root, encoding="unicode"), assets=assets
         )
-    except ValueError as error:
+    except (ValueError, RuntimeError) as error:
         raise ModelError(f"MuJoCo refuses it: {' '.join(str(error).split())}", file=name) from None
     if root.tag == "robot":
         _add_motors_and_sensors(spec)

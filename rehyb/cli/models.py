@@ -60,6 +60,8 @@ def check(
     )
     if description.kind == Kind.UMBRIDGE and umbridge is None:
         raise Invalid("a model of kind umbridge needs its server: --umbridge URL")
+    if description.kind == Kind.MJCF:
+        _check_factors(read)
     rows = []
     pool = Pool(1, description.time_limit or CHECK_SECONDS)
     try:
@@ -184,6 +186,16 @@ def _read(folder: Path) -> "ModelFolder":
 
     try:
         return read_folder(folder)
+    except ModelError as error:
+        raise Invalid(str(error)) from None
+
+
+def _check_factors(read: "ModelFolder") -> None:
+    from models.folder import ModelError
+    from models.mjcf.simulate import Simulation
+
+    try:
+        Simulation(read).check_factors()
     except ModelError as error:
         raise Invalid(str(error)) from None
 

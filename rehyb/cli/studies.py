@@ -43,7 +43,7 @@ def submit(
         Path | None,
         typer.Argument(help="The study as JSON; - reads standard input.", show_default=False),
     ] = None,
-    model: Annotated[str | None, typer.Option(help="elbow, ishigami or sobol_g.")] = None,
+    model: Annotated[str | None, typer.Option(help="One of `rehyb model list`.")] = None,
     method: Annotated[
         str | None, typer.Option(help="morris, saltelli or saltelli_second_order.")
     ] = None,

@@ -22,6 +22,12 @@ TROUBLES = {
     "dies": ("os.kill(os.getpid(), 9)", "crashed", "ended by SIGKILL"),
     "fails": ("""print('{"outcome": "diverged", "reason": "r"}')""", "diverged", "r"),
     "misnames": ("""print('{"outcome": "Bad Name"}')""", "bad_answer", "must be 1 to 40"),
+    "says both": (
+        """print('{"outcome": "diverged", "outputs": {"y": 1}}')""",
+        "bad_answer",
+        "must print",
+    ),
+    "repeats itself": ("print('{}\\n{}')", "bad_answer", "more than one line"),
     "forgets": ("""print('{"outputs": {}}')""", "bad_answer", "output y is missing"),
     "invents": ("""print('{"outputs": {"y": 1, "z": 2}}')""", "bad_answer", "'z' is not in"),
     "worries": ("""print('{"outputs": {"y": NaN}}')""", "not_finite", "y came out as nan"),

@@ -124,6 +124,32 @@ def test_what_is_wrong_in_the_files_is_one_sentence(
     assert words in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("attribute", "stated"),
+    [("quat[1]", 'euler="30 0 0"'), ("fullinertia[1]", ""), ("pos[0]", "")],
+)
+def test_a_factor_that_arrives_nowhere_is_refused(
+    tmp_path: Path, attribute: str, stated: str
+) -> None:
+    what = "geom.g" if attribute == "pos[0]" else "body.bob"
+    changes = {
+        "joint.hinge.stiffness": f"{what}.{attribute}",
+        '<body name="bob">': f'<body name="bob" {stated}>',
+        '<geom type="capsule"': '<geom name="g" type="capsule"',
+        "low = 5.0": "low = 0.1",
+        "high = 20.0": "high = 0.4",
+        "nominal = 10.0": "nominal = 0.2",
+    }
+    with pytest.raises(ModelError, match="factor stiffness changes nothing"):
+        simulation(tmp_path, changes).check_factors()
+
+
+def test_the_last_reading_is_of_the_end(tmp_path: Path) -> None:
+    clock = {'<jointpos name="angle" joint="hinge"/>': '<clock name="angle"/>'}
+    found = simulation(tmp_path, clock | {"duration = 2.0": "duration = 0.5"})({})
+    assert found["rest_angle"] == pytest.approx(0.5, abs=1e-9)
+
+
 def test_meshes_are_found_beside_the_file_and_by_the_end_of_a_ros_path(tmp_path: Path) -> None:
     folder = edited(
         "robot",
