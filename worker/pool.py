@@ -10,9 +10,11 @@ import signal
 import time
 import traceback
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from typing import Any
 
 from models.evaluation import Evaluation, ModelFailure
@@ -188,7 +190,12 @@ class _Child:
 
     def kill(self) -> None:
         self.alive = False
+        # A model's program may have started others, which nobody else would end.
+        started = _descendants(self._process.pid) if self._process.pid else []
         self._process.kill()
+        for pid in started:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
         self._process.join(REAP_SECONDS)
         self.connection.close()
 
@@ -214,6 +221,15 @@ def _result(
         "state": state,
         "wall_seconds": wall_seconds,
     }
+
+
+def _descendants(pid: int) -> list[int]:
+    """Return the processes that a process started, and those that these started (Linux)."""
+    found: list[int] = []
+    for children in Path(f"/proc/{pid}/task").glob("*/children"):
+        with suppress(OSError):
+            found += map(int, children.read_text().split())
+    return found + [below for child in found for below in _descendants(child)]
 
 
 def _how_it_ended(code: int | None) -> str:

@@ -3,8 +3,10 @@
 import json
 import os
 import signal
+import subprocess
 import time
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,6 +26,8 @@ def behave(instance: Mapping[str, Any]) -> Evaluation:
         time.sleep(60)
     if model == "hoard":
         return Evaluation(outcome="ok", outputs={"y": len(bytearray(2**30))}, wall_seconds=0.0)
+    if model == "fork":
+        return Evaluation(outcome="ok", outputs={"y": float(_forked())}, wall_seconds=0.0)
     if model == "raise":
         raise ZeroDivisionError("the arm has no length")
     if model == "environment":
@@ -38,6 +42,14 @@ def behave(instance: Mapping[str, Any]) -> Evaluation:
             outcome="unstable", outputs={}, reason="it blew up", state=state, wall_seconds=0.1
         )
     return Evaluation(outcome="ok", outputs={"y": parameters["x"] * 2.0}, wall_seconds=0.0)
+
+
+def _forked() -> int:
+    """Start a process that starts another and stays; return the other's number."""
+    shell = ["sh", "-c", "sleep 300 & echo $!; wait"]
+    program = subprocess.Popen(shell, stdout=subprocess.PIPE, start_new_session=True)
+    assert program.stdout is not None
+    return int(program.stdout.readline())
 
 
 @pytest.fixture
@@ -164,3 +176,14 @@ def evaluate(pool: Pool, model: str) -> list[Finished]:
     while not (finished := pool.wait(1.0)):
         pass
     return finished
+
+
+def test_what_a_model_s_program_started_ends_with_its_child(pool: Pool) -> None:
+    pool.start(instance("fork"), None)
+    forked = int(finish(pool).result["outputs"]["y"])
+    os.kill(forked, 0)
+    pool.kill()
+    deadline = time.monotonic() + 10.0
+    while Path(f"/proc/{forked}").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not Path(f"/proc/{forked}").exists()
