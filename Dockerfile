@@ -2,6 +2,8 @@ FROM python:3.12-slim
 WORKDIR /app
 COPY pyproject.toml README.md LICENSE ./
 COPY rehyb rehyb
+COPY intake intake
+COPY models models
 COPY sim sim
 COPY analysis analysis
 COPY server server

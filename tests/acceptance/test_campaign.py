@@ -93,13 +93,13 @@ def test_an_interrupted_campaign_leaves_nothing_running_and_resumes_to_the_same_
 
 
 def test_a_campaign_finds_what_matters_and_says_where_it_is_written(directory: Path) -> None:
-    campaign = start(directory, "--screening-rows", "20", "--variance-rows", "64", "--json")
+    campaign = start(directory, "--screening-rows", "128", "--variance-rows", "64", "--json")
     out, words = campaign.communicate(timeout=90)
     assert campaign.returncode == 0, words
     report = json.loads(out)
     assert report["fixed"] in ("x5", "x6")
     assert report["separated"] is True
-    assert (report["failures"], report["instances"]) == ({}, 20 * 7 + 64 * 7)
+    assert (report["failures"], report["instances"]) == ({}, 128 * 7 + 64 * 7)
     factors = report["phase2"]["outputs"]["y"]["factors"]
     assert report["fixed"] not in factors
     totals = {name: entry["total_order"]["value"] for name, entry in factors.items()}

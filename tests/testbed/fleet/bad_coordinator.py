@@ -38,9 +38,9 @@ class BadMachine:
         signal.signal(signal.SIGUSR1, lambda *_: self._fill_or_free())
         signal.signal(signal.SIGUSR2, lambda *_: self._doom())
 
-    def engine(self, url: str) -> Engine:
+    def engine(self, url: str, **settings: Any) -> Engine:
         """Return an engine that suffers from it."""
-        engine = SOUND(url)
+        engine = SOUND(url, **settings)
         if engine.dialect.name == "sqlite":
             sa.event.listen(engine, "begin", self._free)
         sa.event.listen(engine, "commit", self._refuse)

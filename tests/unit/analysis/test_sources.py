@@ -13,7 +13,7 @@ ROOT = Path(str(analysis.__file__)).parent
 #: Modules that carry or show numbers, and make none.
 CARRIERS = {
     *("reports/hover.py", "reports/html.py", "reports/pictures.py", "reports/report.py"),
-    *("reports/tables.py", "reports/figures/style.py"),
+    *("reports/tables.py", "reports/validation.py", "reports/figures/style.py"),
     *("sensitivity/records.py", "sensitivity/remarks.py", "sensitivity/table.py"),
     *("files/results_csv.py", "files/netcdf.py", "files/parquet.py"),
 }

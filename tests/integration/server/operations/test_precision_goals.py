@@ -129,7 +129,8 @@ def test_events_go_on_while_a_complete_study_may_yet_be_extended(
     run(engine, study.id)
 
     async def told() -> list[Json]:
-        app = SimpleNamespace(state=SimpleNamespace(stopping=asyncio.Event()))
+        state = SimpleNamespace(stopping=asyncio.Event(), clock=lambda: 1e6)
+        app = SimpleNamespace(state=state)
         answer = await events(study.id, engine, SimpleNamespace(app=app))  # type: ignore[arg-type]
         stream: Any = answer.body_iterator
         said = [await anext(stream)]

@@ -1,6 +1,8 @@
 """What the advisor promises: rows by the square root law, and a sentence with the numbers."""
 
+from dataclasses import replace
 from itertools import pairwise
+from statistics import median
 from typing import Any
 
 import pytest
@@ -57,14 +59,20 @@ def test_there_is_no_advice_before_every_index_has_an_interval() -> None:
 
 
 def test_the_advice_holds_when_it_is_followed() -> None:
-    """Of a Latin hypercube, whose errors fall with the square root of the rows."""
-    plan = study_plan("saltelli", rows=200, sampling="latin_hypercube")
-    first = advise(analyse(plan, results_of(plan)), "y", target=0.06)
-    assert first is not None and first.more_rows > 0
-    longer = study_plan("saltelli", rows=200 + first.more_rows, sampling="latin_hypercube")
-    then = advise(analyse(longer, results_of(longer)), "y", target=0.06)
-    assert then is not None
-    assert then.half_width == pytest.approx(0.06, rel=0.25)
+    """Of Latin hypercubes, whose errors fall with the square root of the rows; by their median.
+
+    A half width is itself estimated from eight replicates: one study's may be half as wide again.
+    """
+    widths = []
+    for seed in range(1, 10):
+        plan = study_plan("saltelli", rows=200, sampling="latin_hypercube", seed=seed)
+        first = advise(analyse(plan, results_of(plan)), "y", target=0.06)
+        assert first is not None and first.more_rows > 0
+        longer = replace(plan, rows=200 + first.more_rows)
+        then = advise(analyse(longer, results_of(longer)), "y", target=0.06)
+        assert then is not None
+        widths.append(then.half_width)
+    assert median(widths) == pytest.approx(0.06, rel=0.25)
 
 
 def test_effects_are_wanted_to_a_tenth_of_the_largest() -> None:
