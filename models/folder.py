@@ -4,6 +4,7 @@ The format is docs/use/models.md's.
 """
 
 import hashlib
+import shutil
 import tomllib
 import zipfile
 from collections.abc import Mapping
@@ -82,6 +83,21 @@ def pack(folder: ModelFolder, out: Path) -> None:
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in _names(folder.path):
             archive.write(folder.path / name, name)
+
+
+def copied(folder: ModelFolder, target: Path) -> ModelFolder:
+    """Copy a model's files to the new folder `target`, where nobody changes them, and read it.
+
+    Raises:
+        ModelError: they changed meanwhile.
+    """
+    for name in _names(folder.path):
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(folder.path / name, target / name)
+    copy = read_folder(target)
+    if copy.description.digest != folder.description.digest:
+        raise ModelError(f"the files in {folder.path} change while they are copied")
+    return copy
 
 
 def unpacked_into(archive: Path, folder: Path) -> Path:

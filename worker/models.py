@@ -20,7 +20,14 @@ from typing import Any
 
 from models.description import Description, Kind
 from models.evaluation import Evaluation, Evaluator, ModelFailure
-from models.folder import MODEL_FILE, ModelError, ModelFolder, read_folder, unpacked_into
+from models.folder import (
+    MODEL_FILE,
+    ModelError,
+    ModelFolder,
+    copied,
+    read_folder,
+    unpacked_into,
+)
 from models.packages import announced
 from rehyb.client import Client
 from rehyb.errors import RehybError
@@ -38,6 +45,8 @@ class Place:
     """Where a child process finds what evaluates one model."""
 
     kind: Kind
+    #: Of the version that is meant; other code in this place is refused.
+    digest: str
     #: Of `model.toml`; the name of the entry point for a Python model.
     where: str
     #: Of the server, for a model of kind `umbridge`.
@@ -95,11 +104,14 @@ class WorkerModels:
                 url = (
                     _server_of(folder, servers) if folder.description.kind == Kind.UMBRIDGE else ""
                 )
-                self._add(folder.description, str(folder.path), url)
+                self._add(folder.description, str(self._kept(folder)), url)
         except ModelError as error:
             raise RehybError(str(error)) from None
         for name in packages:
-            self._add(described(name), name)
+            description = described(name)
+            if description.name != name:
+                raise RehybError(f"the package announces {name} and calls it {description.name}")
+            self._add(description, name)
 
     def _add(self, description: Description, where: str, url: str = "") -> None:
         if description.name in MODELS:
@@ -107,8 +119,29 @@ class WorkerModels:
         version = description.version
         self.announced[version] = description
         self.places[version] = Place(
-            kind=description.kind, where=where, url=url, time_limit=description.time_limit
+            kind=description.kind,
+            digest=description.digest,
+            where=where,
+            url=url,
+            time_limit=description.time_limit,
         )
+
+    def _kept(self, folder: ModelFolder) -> Path:
+        """Return a copy of a model's folder, which stays as it is however its owner goes on."""
+        target = self.cache / folder.description.digest
+        if not target.is_dir():
+            self.cache.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(dir=self.cache, prefix="copying-") as scratch:
+                self._moved(copied(folder, Path(scratch) / "model").path, target)
+        return target
+
+    def _moved(self, fresh: Path, target: Path) -> None:
+        try:
+            fresh.replace(target)
+        except OSError:
+            # Another worker on this machine was faster.
+            if not target.is_dir():
+                raise
 
     def announce(self) -> None:
         """Tell the coordinator of the models whose code is here.
@@ -166,14 +199,11 @@ class WorkerModels:
                     raise RehybError(f"{version} cannot be used: {error}") from None
                 if found.description.digest != digest:
                     raise RehybError(f"{version} arrived as {found.description.version}")
-                try:
-                    found.path.replace(target)
-                except OSError:
-                    # Another worker on this machine was faster.
-                    if not target.is_dir():
-                        raise
+                self._moved(found.path, target)
         description = read_folder(target).description
-        return Place(kind=Kind.MJCF, where=str(target), time_limit=description.time_limit)
+        return Place(
+            kind=Kind.MJCF, digest=digest, where=str(target), time_limit=description.time_limit
+        )
 
 
 def described(name: str) -> Description:
@@ -251,9 +281,12 @@ def evaluator(place: Place) -> Evaluator:
     """
     try:
         if place.kind == Kind.PYTHON:
-            from models.packages import PackagedModel
+            from models.packages import PackagedModel, PackageError
 
-            return PackagedModel(announced()[place.where])
+            model = PackagedModel(announced()[place.where])
+            if model.description.digest != place.digest:
+                raise PackageError(f"{place.where} has changed since this worker started")
+            return model
         folder = read_folder(Path(place.where))
         if place.kind == Kind.MJCF:
             from models.mjcf.simulate import Simulation

@@ -129,6 +129,10 @@ class Simulation:
             mujoco.mj_resetDataKeyframe(model, data, self._keyframe)
         # Sensors are read before a step: one more, and the last reading is of the end.
         steps = round(self._duration / model.opt.timestep) + 1
+        if steps * max(1, model.nsensordata, model.nu) > MAX_READINGS:
+            raise ModelFailure(
+                "invalid_model", f"a step of {model.opt.timestep:g} s makes {steps:,} steps of it"
+            )
         start = np.empty(mujoco.mj_stateSize(model, _STATE))
         mujoco.mj_getState(model, data, start, _STATE)
         times = data.time + model.opt.timestep * np.arange(steps)

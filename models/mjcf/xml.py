@@ -28,7 +28,7 @@ def read_spec(folder: Path, name: str) -> mujoco.MjSpec:
     """Read the file `name` in a model's folder, with the meshes beside it.
 
     A URDF has no sensors and no motors: every joint that moves gets a motor of its name, and the
-    sensors JOINT.position, JOINT.velocity and JOINT.torque (of the motor; SI units).
+    sensors JOINT.position, JOINT.velocity and JOINT.torque (that arrives at the joint; SI units).
 
     Raises:
         ModelError: it is not there, reaches out of the folder, or MuJoCo refuses it.
@@ -92,7 +92,7 @@ def _add_motors_and_sensors(spec: mujoco.MjSpec) -> None:
     sensors = {
         "position": (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtObj.mjOBJ_JOINT),
         "velocity": (mujoco.mjtSensor.mjSENS_JOINTVEL, mujoco.mjtObj.mjOBJ_JOINT),
-        "torque": (mujoco.mjtSensor.mjSENS_ACTUATORFRC, mujoco.mjtObj.mjOBJ_ACTUATOR),
+        "torque": (mujoco.mjtSensor.mjSENS_JOINTACTFRC, mujoco.mjtObj.mjOBJ_JOINT),
     }
     for joint in spec.joints:
         spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)

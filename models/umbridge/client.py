@@ -32,6 +32,11 @@ class Server:
             raise self._wrong(f"speaks version {info.get('protocolVersion')}, not {PROTOCOL}")
         self.models: Sequence[str] = info.get("models") or ()
 
+    def evaluates(self, name: str) -> bool:
+        """Say whether the model `name` can be evaluated."""
+        support = self._asked("POST", "ModelInfo", {"name": name}).get("support")
+        return isinstance(support, dict) and support.get("Evaluate") is True
+
     def sizes(self, name: str, config: Mapping[str, Any]) -> tuple[list[int], list[int]]:
         """Return how long the vectors are that the model `name` takes and gives."""
         asked = {"name": name, "config": config}
@@ -65,7 +70,7 @@ class Server:
             raise ModelFailure(
                 "bad_answer", f"{self.url} answered {answer.status_code} without JSON"
             ) from None
-        if not isinstance(said, dict) or "output" not in said:
+        if not isinstance(said, dict) or "output" not in said or "error" in said:
             why = said.get("error", said) if isinstance(said, dict) else said
             message = why.get("message", why) if isinstance(why, dict) else why
             raise ModelFailure("crashed", f"{self.url}: {str(message)[:500]}")
@@ -108,10 +113,12 @@ class RemoteModel:
             raise ModelError(
                 f"umbridge.name is {self._name!r}, and {server.url} has {', '.join(server.models)}"
             )
-        self._inputs, outputs = server.sizes(self._name, self._config)
+        if not server.evaluates(self._name):
+            raise ModelError(f"{self._name} of {server.url} supports no evaluation")
+        self._inputs, self._outputs = server.sizes(self._name, self._config)
         for part, here, there in (
             ("factors", len(self._description.factors), sum(self._inputs)),
-            ("outputs", len(self._description.outputs), sum(outputs)),
+            ("outputs", len(self._description.outputs), sum(self._outputs)),
         ):
             if here != there:
                 raise ModelError(
@@ -126,13 +133,15 @@ class RemoteModel:
             ModelFailure: "timed_out", "crashed", "bad_answer" or "not_finite".
         """
         values = iter(complete(self._description, parameters).values())
-        vectors = [list(islice(values, size)) for size in self._inputs]
+        asked = [list(islice(values, size)) for size in self._inputs]
         limit = self._description.time_limit
-        answer = self._server.evaluate(self._name, vectors, self._config, limit)
-        try:
-            numbers = iter([number for vector in answer for number in vector])
-        except TypeError:
-            raise ModelFailure("bad_answer", "the output must be a list of vectors") from None
+        answer = self._server.evaluate(self._name, asked, self._config, limit)
+        vectors = answer if isinstance(answer, list) else []
+        if [len(v) if isinstance(v, list) else -1 for v in vectors] != self._outputs:
+            raise ModelFailure(
+                "bad_answer", f"the output must be vectors of the lengths {self._outputs}"
+            )
+        numbers = iter([number for vector in vectors for number in vector])
         outputs: dict[str, Any] = {}
         for output in self._description.results:
             curve = output.curve

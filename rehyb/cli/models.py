@@ -54,6 +54,7 @@ def check(
     description = read.description
     place = Place(
         kind=description.kind,
+        digest=description.digest,
         where=str(read.path),
         url=umbridge or "",
         time_limit=description.time_limit,
@@ -177,8 +178,13 @@ def _served(model: str) -> "tuple[Description, Any]":
             f"there is no model {model!r}: give a folder, or one of {', '.join(own_models())}"
         )
     read = _read(Path(model))
-    kind, limit = read.description.kind, read.description.time_limit
-    return read.description, Place(kind=kind, where=str(read.path), time_limit=limit)
+    described = read.description
+    return described, Place(
+        kind=described.kind,
+        digest=described.digest,
+        where=str(read.path),
+        time_limit=described.time_limit,
+    )
 
 
 def _read(folder: Path) -> "ModelFolder":

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from models.folder import ModelError, pack, read_folder, unpacked_into
+from models.folder import ModelError, copied, pack, read_folder, unpacked_into
 from tests.testbed.models import EXAMPLES, edited
 
 
@@ -65,3 +65,15 @@ def test_an_empty_folder_and_a_zip_without_a_model_say_what_is_missing(tmp_path:
     (tmp_path / "out").mkdir()
     with pytest.raises(ModelError, match="no path inside a model's folder"):
         unpacked_into(tmp_path / "m.zip", tmp_path / "out")
+
+
+def test_a_worker_s_copy_stays_as_it_is(tmp_path: Path) -> None:
+    folder = edited("ishigami_python", tmp_path)
+    (folder / ".secret.py").write_text("changed without a word")
+    read = read_folder(folder)
+    copy = copied(read, tmp_path / "copy")
+    (folder / "ishigami.py").write_text("print(1)")
+    assert read_folder(copy.path).description == read.description
+    assert not (copy.path / ".secret.py").exists()
+    with pytest.raises(ModelError, match="change while they are copied"):
+        copied(read, tmp_path / "late")

@@ -152,7 +152,7 @@ def test_white_noise_makes_of_every_partition_what_the_columns_say(recording: Re
     found, expected = [], []
     for seed in range(DRAWS):
         noisy = base @ truth + np.random.default_rng(seed).standard_normal(len(base))
-        rows.stacked["target", ()] = noisy
+        rows.stacked["target", id(model.given), model.channel_key] = (model.given, noisy)
         fits = leave_out(model, rows, truth)
         stiffness = np.split(fits.coefficients[4:, 0], np.cumsum(fits.sizes)[:-1])
         found.append([variance(fits.coefficients[0, 0], part) for part in stiffness])

@@ -172,3 +172,11 @@ def test_meshes_are_found_beside_the_file_and_by_the_end_of_a_ros_path(tmp_path:
     )
     (folder / "meshes" / "base.stl").write_text(text + "endsolid s\n")
     assert Simulation(read_folder(folder))({})["fallen"] > 0.0
+
+
+def test_steps_too_many_to_take_are_a_failure_of_that_point(tmp_path: Path) -> None:
+    changes = {"joint.hinge.stiffness": "option.timestep", "low = 5.0": "low = 1e-12"}
+    with pytest.raises(ModelFailure) as caught:
+        simulation(tmp_path, changes)({"stiffness": 1e-9})
+    assert caught.value.outcome == "invalid_model"
+    assert "steps" in caught.value.reason
