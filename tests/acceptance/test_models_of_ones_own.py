@@ -70,6 +70,12 @@ def worker(
     shutil.move(folder / "remote" / "ishigami_python", folder / "elsewhere")
     options = ["--models", str(folder), "--allow", "decay", "--umbridge", server]
     with started(environment, "rehyb-worker", "--processes", "1", *options) as process:
+        with Client(environment["REHYB_URL"], environment["REHYB_TOKEN"]) as client:
+            deadline = time.monotonic() + 120.0
+            # A study of a model that nobody has announced yet is refused.
+            while "decay" not in {model["name"] for model in client.models()}:
+                assert process.poll() is None and time.monotonic() < deadline
+                time.sleep(0.1)
         yield
         process.terminate()
 
