@@ -144,7 +144,7 @@ def work(
         folder = spool or _default_spool(client.url)
         own = WorkerModels(client=client, cache=_state() / "models")
         own.have(models or (), allow or (), umbridge or ())
-        own.announce()
+        own.announce(worker["id"])
         agent = Agent(
             leases=Leases(
                 client=client,

@@ -143,14 +143,14 @@ class WorkerModels:
             if not target.is_dir():
                 raise
 
-    def announce(self) -> None:
-        """Tell the coordinator of the models whose code is here.
+    def announce(self, worker: str) -> None:
+        """Tell the coordinator of the models whose code is here, with `worker`.
 
         Raises:
             RehybError: it does not take one of them.
         """
         for version, description in self.announced.items():
-            self.client.announce_model(description.as_json())
+            self.client.announce_model(description.as_json(), worker)
             log.info("has the model %s", version)
 
     def names(self, now: float) -> tuple[str, ...]:

@@ -30,9 +30,14 @@ class Models(Connection):
         with archive.open("rb") as file:
             return self._post("/v1/models", content=file, params={}, headers=headers)
 
-    def announce_model(self, description: Mapping[str, Any]) -> Json:
-        """Announce a model whose code is with workers, by its description."""
-        return self._json("POST", "/v1/models", description)
+    def announce_model(self, description: Mapping[str, Any], worker: str = "") -> Json:
+        """Announce a model whose code is with workers, by its description.
+
+        Args:
+            description: as `Client.model` returns it.
+            worker: id of the worker that has it, if one announces it.
+        """
+        return self._json("POST", "/v1/models", description, {"X-Rehyb-Worker": worker})
 
     def model_archive(self, version: str, path: Path) -> None:
         """Write the zip file of an uploaded model, "name@digest", to `path`."""

@@ -99,7 +99,9 @@ def test_an_upload_can_be_had_back_and_sampled_by_its_version(
 
 
 def test_a_study_means_the_newest_version_unless_it_says_which(client: TestClient) -> None:
-    first = client.post("/v1/models", json=announced()).json()
+    by = {"X-Rehyb-Worker": "pc7-4711"}
+    first = client.post("/v1/models", json=announced(), headers=by).json()
+    assert first["announced_by"] == "pc7-4711"
     second = client.post("/v1/models", json=announced(code="2")).json()
     assert first["digest"] != second["digest"]
     assert submitted(client, "elsewhere")["model"] == f"elsewhere@{second['digest']}"
