@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
+from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.interface import beyond_interface
-from analysis.closeloop.identification.model import Model
 from analysis.closeloop.identification.tracing import trace
-from analysis.closeloop.identification.trial_error import TrialError
 from analysis.closeloop.judgement.events import find_events, spared
 from analysis.closeloop.judgement.identified import hidden_effects
 from analysis.closeloop.judgement.outcome import outcome_of

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.closeloop.identification.accuracy import TrialError, raw_errors
+from analysis.closeloop.identification.balance.accuracy import TrialError, raw_errors
 from analysis.closeloop.load import load_session
 from analysis.closeloop.loop import close_loop
 from analysis.closeloop.session.recording import Recording

@@ -16,10 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.closeloop.identification.balance.declared import declared_model
+from analysis.closeloop.identification.balance.model import evaluate, impedances
+from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.identification.interface import unique_torque
-from analysis.closeloop.identification.model import declared_model, evaluate, impedances
-from analysis.closeloop.identification.regression import select_rows
 from analysis.closeloop.identification.tracing import trace
 from analysis.closeloop.load import load_session
 from analysis.closeloop.loop import analyse

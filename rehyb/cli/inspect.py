@@ -12,7 +12,7 @@ from rehyb.client import Json
 from rehyb.errors import Invalid, RehybError
 
 if TYPE_CHECKING:
-    from analysis.closeloop.logs.inspection import Belief
+    from analysis.closeloop.logs.belief import Belief
 
 
 @answering
@@ -85,7 +85,7 @@ def _row(belief: "Belief", joints: list[str]) -> Json:
 
 def _clocks(beliefs: "list[Belief]") -> list[Json]:
     """Return each clock of the log once, with how many samples go by it."""
-    from analysis.closeloop.logs.inspection import clock_of
+    from analysis.closeloop.logs.clock import clock_of
 
     times = {
         b.channel.time.tobytes(): b.channel.time for b in beliefs if b.channel.time is not None

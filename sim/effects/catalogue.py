@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from sim.effects import drive, elastic, friction, inertia, limb, transmission
+from sim.effects import drive, elastic, friction, inertia, limb, load_friction, transmission
 from sim.effects.effect import Effect
 
 #: Candidates for a residual, simplest first.
@@ -18,7 +18,7 @@ EFFECTS: tuple[Effect, ...] = (
     drive.ActuatorLag(),
     elastic.JointStiffness(),
     inertia.Payload(),
-    friction.LoadDependent(),
+    load_friction.LoadDependent(),
     elastic.NonlinearStiffness(),
     transmission.SeriesElasticity(),
     drive.Drift(),
@@ -28,13 +28,13 @@ EFFECTS: tuple[Effect, ...] = (
     limb.CrossJointCoupling(),
     friction.Stribeck(),
     friction.Asymmetric(),
-    friction.DirectionalLoad(),
-    friction.QuadraticLoad(),
+    load_friction.DirectionalLoad(),
+    load_friction.QuadraticLoad(),
     friction.PositionDependent(),
     elastic.EndRange(),
     transmission.TorqueRipple(),
     limb.StretchReflex(),
-    friction.StribeckLoad(),
+    load_friction.StribeckLoad(),
 )
 #: Name of what all links share, which is asked of no single joint.
 LINK_INERTIA = inertia.LinkInertia.name

@@ -5,7 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from analysis.closeloop.identification.model import unfitted
+from analysis.closeloop.identification.balance.model import unfitted
 from analysis.closeloop.session.contents import Session, Trial
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.recording import Recording

@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.closeloop.identification.findings import Option
-from analysis.closeloop.identification.least_squares import keep_independent
-from analysis.closeloop.identification.model import (
+from analysis.closeloop.identification.balance.least_squares import keep_independent
+from analysis.closeloop.identification.balance.model import (
     Candidate,
     Channel,
     Model,
@@ -17,7 +16,14 @@ from analysis.closeloop.identification.model import (
     kept_columns,
     unfitted,
 )
-from analysis.closeloop.identification.regression import Rows, Score, Variant, compare, score
+from analysis.closeloop.identification.balance.regression import (
+    Rows,
+    Score,
+    Variant,
+    compare,
+    score,
+)
+from analysis.closeloop.identification.findings import Option
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Theta

@@ -1,4 +1,4 @@
-"""What is found of a session: options, steps, noise ceilings, the trace, and what it comes to."""
+"""What is found of a session: options, steps, what splines explain, the trace, its outcome."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,10 +7,16 @@ import numpy as np
 from scipy.stats import norm
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.model import Candidate, Channel, Model, Term, impedances
-from analysis.closeloop.identification.regression import Rows, Score
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Channel,
+    Model,
+    Term,
+    impedances,
+)
+from analysis.closeloop.identification.balance.regression import Rows, Score
+from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.spectrum import Peak
-from analysis.closeloop.identification.trial_error import TrialError
 from sim.effects.effect import Effect, Theta
 
 #: An error that is so many times the floor is not at it: floors of one channel that come from
@@ -23,25 +29,25 @@ Fit = tuple[Model, np.ndarray]
 
 
 @dataclass(frozen=True, kw_only=True)
-class NoiseCeiling:
+class Explainable:
     """What splines explain beyond a model."""
 
     #: Held-out loss of the model alone and with every spline, on the same scattered folds.
     model_loss: float
-    ceiling_loss: float
+    splines_loss: float
     #: Gain over its standard error.
     z: float
     #: The same by ranks, whatever share of the gain a few blocks hold.
     rank_z: float
     #: Signals that explain most of it, best first, with their share of the gain.
     depends_on: tuple[tuple[str, float], ...]
-    #: Root mean square per joint that the ceiling leaves (low-passed, in the joint's unit).
+    #: Root mean square per joint that the splines leave (low-passed, in the joint's unit).
     noise: Mapping[int, float]
 
     @property
     def remains(self) -> float:
         """Loss that the model leaves and splines explain."""
-        return self.model_loss - self.ceiling_loss
+        return self.model_loss - self.splines_loss
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,8 +108,8 @@ class Trace:
     steps: tuple[Step, ...]
     verdict: Verdict
     #: Splines beyond the declared and beyond the final model.
-    ceiling_before: NoiseCeiling
-    ceiling_after: NoiseCeiling
+    explainable_before: Explainable
+    explainable_after: Explainable
     notes: tuple[str, ...] = ()
 
     @property
@@ -130,7 +136,7 @@ class Trace:
             model=self.declared,
             score=self.declared_score,
             steps=(),
-            ceiling_after=self.ceiling_before,
+            explainable_after=self.explainable_before,
             notes=(*self.notes, note),
         )
 

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
+from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.regression import Rows, Score, compare, rank_z
 from analysis.closeloop.identification.candidates import candidates, options_beside, refined
 from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.model import Candidate, Model, evaluate
-from analysis.closeloop.identification.regression import Rows, Score, compare, rank_z
 from analysis.closeloop.identification.selection import MIN_Z, carries_more, choose
 
 #: Effects that are looked for at a time.

@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.balance.model import Model, evaluate, kept_columns
+from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.candidates import ONE_WAY
+from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Step, Trace
-from analysis.closeloop.identification.model import Model, evaluate, kept_columns
-from analysis.closeloop.identification.noise_ceiling import noise_ceiling
-from analysis.closeloop.identification.regression import Rows
 from analysis.closeloop.session.contents import NOMINAL
 
 #: Torque of an effect beyond what stiffness, damping and neutral angle absorb, Nm where it acts, up
@@ -67,7 +67,7 @@ def beyond_interface(found: Trace) -> Trace:
         model=reduced,
         score=evaluate(reduced, found.rows),
         steps=kept,
-        ceiling_after=noise_ceiling(reduced, found.rows),
+        explainable_after=explainable(reduced, found.rows),
         notes=(*found.notes, REMARK),
     )
 
@@ -84,8 +84,8 @@ def _explains_all(found: Trace, step: Step) -> bool:
     """Whether one effect of the direction alone leaves nothing that splines could explain."""
     if not step.taken.candidate.effect.directed:
         return False
-    left = noise_ceiling(step.taken.model, found.rows)
-    explained = found.ceiling_before.model_loss - left.model_loss
+    left = explainable(step.taken.model, found.rows)
+    explained = found.explainable_before.model_loss - left.model_loss
     return explained > WHOLE * (explained + left.remains)
 
 

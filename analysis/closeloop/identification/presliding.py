@@ -8,8 +8,8 @@ is largest, looks like a late motor or a little inertia.
 
 import numpy as np
 
-from analysis.closeloop.identification.model import Candidate, Model, Term, evaluate
-from analysis.closeloop.identification.regression import Rows, compare
+from analysis.closeloop.identification.balance.model import Candidate, Model, Term, evaluate
+from analysis.closeloop.identification.balance.regression import Rows, compare
 
 #: How far friction is moved and widened in time, s.
 SHIFT = 0.01

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.regression import Rows, Score, compare, rank_z
 from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.model import Model
 from analysis.closeloop.identification.presliding import only_presliding
-from analysis.closeloop.identification.regression import Rows, Score, compare, rank_z
 from sim.effects.catalogue import BY_NAME
 
 #: A gain must exceed this many of its standard errors: some 30 candidates at each of three steps.

@@ -11,8 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.arms.explainable import explainable_by_joint
+from analysis.closeloop.identification.arms.holdouts import not_worse
+from analysis.closeloop.identification.arms.robot import completed, traced_robot, weighed
+from analysis.closeloop.identification.balance.declared import declared_model
+from analysis.closeloop.identification.balance.model import Model, evaluate
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.candidates import ONE_WAY, one_way
-from analysis.closeloop.identification.ceilings import whole_ceiling
+from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Option, Step, Trace
 from analysis.closeloop.identification.growing import (
     MIN_GAIN,
@@ -21,11 +27,6 @@ from analysis.closeloop.identification.growing import (
     grow,
     simpler_starts,
 )
-from analysis.closeloop.identification.holdouts import not_worse
-from analysis.closeloop.identification.model import Model, declared_model, evaluate
-from analysis.closeloop.identification.noise_ceiling import noise_ceiling
-from analysis.closeloop.identification.regression import Rows, select_rows
-from analysis.closeloop.identification.robot import completed, traced_robot, weighed
 from analysis.closeloop.identification.selection import LARGE_GAIN, MIN_TORQUE, MIN_Z
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
@@ -42,9 +43,9 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     if len(recording.joints) > 1 and not limbs:
         return _robot(declared, rows, progress)
     progress("what splines can explain")
-    rows = rows.reweighted(noise_ceiling(declared, rows).noise)
+    rows = rows.reweighted(explainable(declared, rows).noise)
     before = evaluate(declared, rows)
-    ceiling = noise_ceiling(declared, rows)
+    beyond = explainable(declared, rows)
     found = Trace(
         rows=rows,
         declared=declared,
@@ -53,8 +54,8 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         score=before,
         steps=(),
         verdict=Verdict.ADEQUATE,
-        ceiling_before=ceiling,
-        ceiling_after=ceiling,
+        explainable_before=beyond,
+        explainable_after=beyond,
     )
     grown, refused = grow(Grown(declared, before), rows, before, progress)
     if refused is not None:
@@ -69,13 +70,13 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         grown = completed(grown, rows, before)
     grown, notes = not_worse(grown, declared, rows)
     if grown.steps:
-        ceiling = noise_ceiling(grown.model, rows)
+        beyond = explainable(grown.model, rows)
     found = replace(
         found,
         model=grown.model,
         score=grown.score,
         steps=grown.steps,
-        ceiling_after=ceiling,
+        explainable_after=beyond,
         notes=notes,
     )
     return _with_rests(_judged(found))
@@ -87,7 +88,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
     before = evaluate(declared, rows)
     grown, notes = not_worse(traced_robot(declared, rows, progress), declared, rows)
     progress("what splines can explain")
-    ceiling = whole_ceiling(declared, rows)
+    beyond = explainable_by_joint(declared, rows)
     return _with_rests(
         _judged(
             Trace(
@@ -98,8 +99,10 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
                 score=grown.score,
                 steps=grown.steps,
                 verdict=Verdict.ADEQUATE,
-                ceiling_before=ceiling,
-                ceiling_after=whole_ceiling(grown.model, rows) if grown.steps else ceiling,
+                explainable_before=beyond,
+                explainable_after=explainable_by_joint(grown.model, rows)
+                if grown.steps
+                else beyond,
                 notes=notes,
             )
         )
@@ -115,7 +118,7 @@ def _with_rests(found: Trace) -> Trace:
     if rubs or np.any(recording.device.friction) or found.verdict == Verdict.UNEXPLAINED:
         return found
     rows = select_rows(recording, recording.fit_trials, rests=True)
-    rows = rows.reweighted(found.ceiling_before.noise)
+    rows = rows.reweighted(found.explainable_before.noise)
     return replace(
         found,
         rows=rows,
@@ -126,7 +129,7 @@ def _with_rests(found: Trace) -> Trace:
 
 def _judged(found: Trace) -> Trace:
     """Give the verdict, and withhold names that leave too much of what is explainable."""
-    left, rows = found.ceiling_after, found.rows
+    left, rows = found.explainable_after, found.rows
     matters = MIN_TORQUE**2 * min(rows.effort_power(joint) for joint in rows.samples)
     steady = left.rank_z > MIN_Z and left.remains > LARGE_GAIN * left.model_loss
     real = (left.z > MIN_Z or steady) and left.remains > max(MIN_GAIN * left.model_loss, matters)
@@ -134,7 +137,7 @@ def _judged(found: Trace) -> Trace:
         return replace(found, verdict=Verdict.NOT_IDENTIFIABLE, notes=(ONE_WAY,))
     if not found.steps:
         return replace(found, verdict=Verdict.UNEXPLAINED if real else Verdict.ADEQUATE)
-    explained = found.ceiling_before.model_loss - left.model_loss
+    explained = found.explainable_before.model_loss - left.model_loss
     explainable = explained + left.remains
     if real and explained < MIN_EXPLAINED * explainable:
         names = ", ".join(step.taken.candidate.effect.name for step in found.steps)

@@ -17,15 +17,15 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial import cKDTree
 from scipy.stats import norm
 
-from analysis.closeloop.identification.findings import Event
-from analysis.closeloop.identification.least_squares import gram_matrices
-from analysis.closeloop.identification.model import Model, evaluate, kept_columns
-from analysis.closeloop.identification.noise_ceiling import (
+from analysis.closeloop.identification.balance.least_squares import gram_matrices
+from analysis.closeloop.identification.balance.model import Model, evaluate, kept_columns
+from analysis.closeloop.identification.balance.regression import Rows, resting, select_rows
+from analysis.closeloop.identification.explainable import (
     FOLDS,
     phase_groups,
     signal_groups,
 )
-from analysis.closeloop.identification.regression import Rows, resting, select_rows
+from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.session.recording import Recording
 
 #: An event's peak and its flanks, over the spread of the residual (from its median).

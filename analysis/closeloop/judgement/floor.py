@@ -13,8 +13,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.signal import medfilt, oaconvolve, welch
 
+from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import Floor
-from analysis.closeloop.identification.trial_error import TrialError
 from analysis.closeloop.session.recording import Recording
 
 #: Length of a movement that is looked for again, s, and rate at which it is looked for, Hz.

@@ -14,11 +14,11 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import norm
 
+from analysis.closeloop.identification.balance.least_squares import keep_independent
+from analysis.closeloop.identification.balance.model import Model, estimate_of, impedances
+from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.candidates import candidates
 from analysis.closeloop.identification.findings import Hidden
-from analysis.closeloop.identification.least_squares import keep_independent
-from analysis.closeloop.identification.model import Model, estimate_of, impedances
-from analysis.closeloop.identification.regression import Rows
 from sim.effects.effect import Columns, Effect
 from sim.effects.elastic import Viscoelastic
 from sim.effects.motion import RecordedJoint

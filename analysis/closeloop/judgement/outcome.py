@@ -11,7 +11,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.accuracy import left_out_errors, raw_errors, settled
+from analysis.closeloop.identification.balance.accuracy import left_out_errors, raw_errors, settled
+from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import (
     AT_FLOOR,
     Errors,
@@ -23,7 +24,6 @@ from analysis.closeloop.identification.findings import (
     Trace,
 )
 from analysis.closeloop.identification.spectrum import Peak, peaks
-from analysis.closeloop.identification.trial_error import TrialError
 from analysis.closeloop.judgement.floor import floors
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms

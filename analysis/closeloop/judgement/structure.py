@@ -11,11 +11,11 @@ it sees what is left of a shape that no spline has.
 import numpy as np
 from scipy.stats import gamma
 
+from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.explainable import phase_groups, signal_groups
 from analysis.closeloop.identification.findings import Structure
-from analysis.closeloop.identification.model import Model
-from analysis.closeloop.identification.noise_ceiling import phase_groups, signal_groups
 from analysis.closeloop.identification.presliding import with_free_presliding
-from analysis.closeloop.identification.regression import Rows
 
 #: Random signs of every second, and how rare a share has to be, over all groups of a joint.
 SIGNS, CHANCE = 400, 1e-4

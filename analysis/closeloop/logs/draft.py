@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.logs.inspection import Belief
+from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.log import Numbers
 
 SIGNALS = ("position", "velocity", "acceleration", "effort")

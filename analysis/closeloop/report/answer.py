@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from analysis.closeloop.identification.trial_error import TrialError
+from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.session.recording import Recording
 
 

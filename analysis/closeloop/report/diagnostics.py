@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from scipy.signal import coherence
 
+from analysis.closeloop.identification.balance.model import Model, prediction
+from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.hat_basis import hat_basis
-from analysis.closeloop.identification.model import Model, prediction
-from analysis.closeloop.identification.regression import Rows
 from analysis.closeloop.session.recording import Recording
 from sim.effects.motion import travel
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, impedances
+from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.findings import TELLING, Option, Outcome, Trace
-from analysis.closeloop.identification.model import Candidate, Model, evaluate, impedances
-from analysis.closeloop.identification.regression import Rows
-from analysis.closeloop.identification.uncertainty import leave_out
 
 #: Effects that are listed of those that could move a stiffness.
 MAX_HIDDEN = 5

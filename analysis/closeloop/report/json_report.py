@@ -3,7 +3,7 @@
 from typing import Any
 
 from analysis.closeloop.contract import SCHEMA, Verdict
-from analysis.closeloop.identification.accuracy import rms_by_joint, smooth_relative
+from analysis.closeloop.identification.balance.accuracy import rms_by_joint, smooth_relative
 from analysis.closeloop.identification.findings import Errors, Outcome, Trace
 from analysis.closeloop.report.diagnostics import diagnose
 from analysis.closeloop.report.impedance import (

@@ -6,10 +6,17 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Channel,
+    Model,
+    Term,
+    gain,
+    unfitted,
+)
+from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
 from analysis.closeloop.identification.findings import Trace
-from analysis.closeloop.identification.model import Candidate, Channel, Model, Term, gain, unfitted
-from analysis.closeloop.identification.regression import Rows
-from analysis.closeloop.identification.uncertainty import Fits, leave_out
 from analysis.closeloop.report.shared import link_parameters
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.effect import ROUNDING, Theta

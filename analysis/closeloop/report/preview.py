@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.closeloop.identification.regression import resting
+from analysis.closeloop.identification.balance.regression import resting
 from analysis.closeloop.session.recording import Recording
 from sim.pictures.figures import new_figure
 

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from scipy.stats import t
 
-from analysis.closeloop.identification.links import links_of
-from analysis.closeloop.identification.model import PLACED, Model, Term, unfitted
-from analysis.closeloop.identification.regression import Rows
-from analysis.closeloop.identification.uncertainty import CONFIDENCE
-from analysis.closeloop.identification.whole_fit import WholeFit
+from analysis.closeloop.identification.arms.links import links_of
+from analysis.closeloop.identification.arms.whole_fit import WholeFit
+from analysis.closeloop.identification.balance.declared import PLACED
+from analysis.closeloop.identification.balance.model import Model, Term, unfitted
+from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.uncertainty import CONFIDENCE
 from sim.effects.inertia import PLACE
 
 #: Parts of every trial that are left out in turn.

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.closeloop.contract import SCHEMA, Verdict
-from analysis.closeloop.identification.accuracy import raw_errors, rms_by_joint
+from analysis.closeloop.identification.balance.accuracy import raw_errors, rms_by_joint
+from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import Event
-from analysis.closeloop.identification.trial_error import TrialError
 from analysis.closeloop.judgement.floor import floors
 from analysis.closeloop.report.answer import Answer
 from analysis.closeloop.report.plain import CONVENTION, finite, session_entry

@@ -7,9 +7,9 @@ import numpy as np
 from scipy.signal import welch
 
 from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import AT_FLOOR, Event, Floor, Outcome, Trace
 from analysis.closeloop.identification.spectrum import Peak
-from analysis.closeloop.identification.trial_error import TrialError
 from analysis.closeloop.session.recording import Recording
 
 #: A trial or a moment whose residual is this many times the usual one stands out.
@@ -26,7 +26,7 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
     trials than in the others, or holds events.
     """
     found, beyond = outcome.trace, outcome.oscillations
-    recording, left = found.rows.recording, found.ceiling_after
+    recording, left = found.rows.recording, found.explainable_after
     entries = {}
     for joint in recording.joints:
         name = recording.name(joint)
@@ -47,7 +47,7 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
         said = depends or events or ratio > AT_FLOOR or alone
         if not said and outcome.verdict != Verdict.UNEXPLAINED:
             continue
-        share = max(0.0, 1.0 - left.ceiling_loss / max(left.model_loss, 1e-300))
+        share = max(0.0, 1.0 - left.splines_loss / max(left.model_loss, 1e-300))
         structured = share * smooth_part(found, joint)
         structured += sum(peak.rms**2 for peak in beyond.get(joint, []))
         structured = max([structured, *(_mean_square(error) - usual for error in odd)])

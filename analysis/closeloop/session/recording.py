@@ -1,4 +1,4 @@
-"""All trials as arrays at the working rate: the source of residuals, effects and noise ceiling."""
+"""All trials as arrays at the working rate: the source of residuals, effects and splines."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

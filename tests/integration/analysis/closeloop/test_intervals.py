@@ -8,9 +8,10 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from analysis.closeloop.identification.model import Model, declared_model, evaluate, impedances
-from analysis.closeloop.identification.regression import Rows, select_rows
-from analysis.closeloop.identification.uncertainty import (
+from analysis.closeloop.identification.balance.declared import declared_model
+from analysis.closeloop.identification.balance.model import Model, evaluate, impedances
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.uncertainty import (
     CUTS,
     leave_out,
     variance,

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.model import unfitted
+from analysis.closeloop.identification.balance.model import unfitted
 from analysis.closeloop.session.recording import Recording
 from sim.effects.applied import AppliedEffects
 from sim.effects.catalogue import ASSESSED, BY_NAME, EFFECTS, VISCOELASTIC

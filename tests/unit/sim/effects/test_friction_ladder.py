@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
+from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.candidates import candidates, options_beside
-from analysis.closeloop.identification.model import Model, evaluate, unfitted
-from analysis.closeloop.identification.regression import select_rows
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Law

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification.balance.model import unfitted
 from analysis.closeloop.identification.candidates import candidates
-from analysis.closeloop.identification.model import unfitted
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, EFFECTS
 from sim.effects.effect import Effect

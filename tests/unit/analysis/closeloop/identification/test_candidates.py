@@ -5,9 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Channel,
+    Model,
+    evaluate,
+    unfitted,
+)
+from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.candidates import _try, refined
-from analysis.closeloop.identification.model import Candidate, Channel, Model, evaluate, unfitted
-from analysis.closeloop.identification.regression import select_rows
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, EFFECTS
 from sim.effects.effect import Theta

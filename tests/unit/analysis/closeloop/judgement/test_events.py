@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.findings import Event
-from analysis.closeloop.identification.model import Model
-from analysis.closeloop.identification.regression import select_rows
 from analysis.closeloop.judgement.events import find_events, spared
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.trial_error import TrialError
+from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.judgement.floor import floors, passes
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import Sampling

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.draft import assigned, joint_names, write_session
-from analysis.closeloop.logs.inspection import Belief, believe
+from analysis.closeloop.logs.inspection import believe
 from analysis.closeloop.logs.log import Channel, Log
 
 TIME = np.arange(0.0, 4.0, 0.01)

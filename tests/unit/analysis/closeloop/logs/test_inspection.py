@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.closeloop.logs.inspection import Belief, believe, clock_of
+from analysis.closeloop.logs.belief import Belief
+from analysis.closeloop.logs.clock import clock_of
+from analysis.closeloop.logs.inspection import believe
 from analysis.closeloop.logs.log import Channel, Log
 from analysis.closeloop.logs.reading import read_log
 

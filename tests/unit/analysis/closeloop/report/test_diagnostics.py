@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.model import Model
-from analysis.closeloop.identification.regression import select_rows
+from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.report.diagnostics import diagnose, explained, whiteness
 from analysis.closeloop.session.recording import Recording
 

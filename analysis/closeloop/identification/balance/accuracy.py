@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.signal import decimate
 
-from analysis.closeloop.identification.least_squares import gram_matrices, solve
-from analysis.closeloop.identification.model import Model, kept_columns, prediction
-from analysis.closeloop.identification.regression import Rows, resting
-from analysis.closeloop.identification.trial_error import TrialError
+from analysis.closeloop.identification.balance.least_squares import gram_matrices, solve
+from analysis.closeloop.identification.balance.model import Model, kept_columns, prediction
+from analysis.closeloop.identification.balance.regression import Rows, resting
+from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.closeloop.identification.uncertainty import Fits, half_width, variance
+from analysis.closeloop.identification.balance.uncertainty import Fits, half_width, variance
 
 
 def test_the_interval_of_a_mean_is_students() -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import rankdata
 
-from analysis.closeloop.identification.least_squares import gram_matrices, misfit, solve
+from analysis.closeloop.identification.balance.least_squares import gram_matrices, misfit, solve
 from analysis.closeloop.session.recording import Recording
 
 #: Length over which the losses of a comparison are averaged before their spread is taken, s.

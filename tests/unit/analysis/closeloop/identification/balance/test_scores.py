@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.closeloop.identification.regression import compare, rank_z
+from analysis.closeloop.identification.balance.regression import compare, rank_z
 
 
 def test_the_rank_statistic_is_wilcoxons() -> None:

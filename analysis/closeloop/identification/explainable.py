@@ -7,12 +7,9 @@ groups: a spline may interpolate between speeds, and must not be asked to extrap
 
 import numpy as np
 
-from analysis.closeloop.identification.findings import NoiseCeiling
-from analysis.closeloop.identification.hat_basis import hat_basis
-from analysis.closeloop.identification.least_squares import keep_independent
-from analysis.closeloop.identification.model import Model, evaluate
-from analysis.closeloop.identification.presliding import with_free_presliding
-from analysis.closeloop.identification.regression import (
+from analysis.closeloop.identification.balance.least_squares import keep_independent
+from analysis.closeloop.identification.balance.model import Model, evaluate
+from analysis.closeloop.identification.balance.regression import (
     Rows,
     Score,
     Variant,
@@ -20,6 +17,9 @@ from analysis.closeloop.identification.regression import (
     rank_z,
     score,
 )
+from analysis.closeloop.identification.findings import Explainable
+from analysis.closeloop.identification.hat_basis import hat_basis
+from analysis.closeloop.identification.presliding import with_free_presliding
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
 
@@ -98,7 +98,7 @@ def scattered_folds(rows: Rows) -> list[np.ndarray]:
     return [np.flatnonzero(rows.block % FOLDS == number) for number in range(FOLDS)]
 
 
-def noise_ceiling(model: Model, rows: Rows) -> NoiseCeiling:
+def explainable(model: Model, rows: Rows) -> Explainable:
     """Fit every spline beside the model, and each signal's alone.
 
     Args:
@@ -133,9 +133,9 @@ def noise_ceiling(model: Model, rows: Rows) -> NoiseCeiling:
         spread = rms(left[part] / rows.weight[part])
         scale = rms(target[part] / rows.weight[part])
         noise[joint] = max(spread, 1e-5 * scale, 1e-9)
-    return NoiseCeiling(
+    return Explainable(
         model_loss=plain.loss,
-        ceiling_loss=min(full.loss, plain.loss),
+        splines_loss=min(full.loss, plain.loss),
         z=gain / error,
         rank_z=rank_z(plain.losses, full.losses),
         depends_on=tuple(sorted(shares, key=lambda pair: -pair[1])[:3]),

@@ -34,9 +34,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t
 
-from analysis.closeloop.identification.least_squares import solve
-from analysis.closeloop.identification.model import Channel, Model, Term, prediction, unfitted
-from analysis.closeloop.identification.regression import Rows
+from analysis.closeloop.identification.balance.least_squares import solve
+from analysis.closeloop.identification.balance.model import (
+    Channel,
+    Model,
+    Term,
+    prediction,
+    unfitted,
+)
+from analysis.closeloop.identification.balance.regression import Rows
 
 #: Confidence of every interval.
 CONFIDENCE = 0.9

@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing import Grown
-from analysis.closeloop.identification.holdouts import not_worse
-from analysis.closeloop.identification.model import (
+from analysis.closeloop.identification.arms.holdouts import not_worse
+from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
     Term,
@@ -16,7 +14,9 @@ from analysis.closeloop.identification.model import (
     unfitted,
     with_independent,
 )
-from analysis.closeloop.identification.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.findings import Option, Step
+from analysis.closeloop.identification.growing import Grown
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME

@@ -14,24 +14,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.closeloop.identification.candidates import candidates, refined
-from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing import MIN_GAIN, MIN_LATER_GAIN, Grown, grow
-from analysis.closeloop.identification.links import Links, links_of
-from analysis.closeloop.identification.model import (
-    PLACED,
+from analysis.closeloop.identification.arms.links import Links, links_of
+from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
+from analysis.closeloop.identification.balance.declared import PLACED, placed
+from analysis.closeloop.identification.balance.model import (
     Candidate,
     Given,
     Model,
     Term,
     evaluate,
     one_joint,
-    placed,
     unfitted,
     with_independent,
 )
+from analysis.closeloop.identification.balance.regression import Rows, Score, compare, rank_z
+from analysis.closeloop.identification.candidates import candidates, refined
+from analysis.closeloop.identification.findings import Option, Step
+from analysis.closeloop.identification.growing import MIN_GAIN, MIN_LATER_GAIN, Grown, grow
 from analysis.closeloop.identification.presliding import only_presliding
-from analysis.closeloop.identification.regression import Rows, Score, compare, rank_z
 from analysis.closeloop.identification.selection import (
     LARGE_GAIN,
     LARGE_Z,
@@ -39,7 +39,6 @@ from analysis.closeloop.identification.selection import (
     MIN_Z,
     wins_in_folds,
 )
-from analysis.closeloop.identification.whole_fit import Fitted, WholeFit
 from analysis.closeloop.session.link_torque import carriers
 from sim.effects.catalogue import BY_NAME
 from sim.effects.inertia import PLACE, LinkInertia

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.least_squares import keep_independent, solve
+from analysis.closeloop.identification.balance.least_squares import keep_independent, solve
 
 
 def test_columns_that_others_explain_are_dropped() -> None:

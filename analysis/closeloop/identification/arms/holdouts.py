@@ -1,10 +1,11 @@
 """What held-out trials may still refuse: a repair that makes the error of a joint worse."""
 
-from analysis.closeloop.identification.accuracy import raw_errors, rms_by_joint, settled
+from analysis.closeloop.identification.balance.accuracy import raw_errors, rms_by_joint, settled
+from analysis.closeloop.identification.balance.declared import PLACED
+from analysis.closeloop.identification.balance.model import Model, evaluate
+from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.findings import Step
 from analysis.closeloop.identification.growing import Grown
-from analysis.closeloop.identification.model import PLACED, Model, evaluate
-from analysis.closeloop.identification.regression import Rows
 from sim.effects.catalogue import LINK_INERTIA
 
 #: By how much the error of a joint may grow: what no figure of a report shows.

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.links import BASIS, PARAMETERS, fit_links
+from analysis.closeloop.identification.arms.links import BASIS, PARAMETERS, fit_links
 from sim.effects.rigid import point_mass
 
 #: Two links of 2 kg, balls of 5 cm.

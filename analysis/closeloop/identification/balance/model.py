@@ -6,21 +6,14 @@ from math import prod
 
 import numpy as np
 
-from analysis.closeloop.identification.least_squares import keep_independent
-from analysis.closeloop.identification.regression import Rows, Score, Variant, score
+from analysis.closeloop.identification.balance.least_squares import keep_independent
+from analysis.closeloop.identification.balance.regression import Rows, Score, Variant, score
 from analysis.closeloop.session.contents import HungLoad
-from analysis.closeloop.session.link_torque import carriers
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lagged
-from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Columns, Effect, Theta
 from sim.effects.elastic import Viscoelastic
-from sim.effects.inertia import PLACE, PlacedPayload, load_columns
 from sim.effects.motion import Estimate, RecordedJoint
-
-PLACED = PlacedPayload()
-#: Gauss-Newton steps that bring payloads to their places, and when that is done, m.
-PLACE_STEPS, PLACE_TOLERANCE = 12, 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,110 +193,8 @@ def one_joint(model: Model, coefficients: np.ndarray, joint: int) -> Model:
     )
 
 
-def placed(model: Model, rows: Rows) -> Model:
-    """Return the model with every payload where the fit says it hangs, by Gauss-Newton."""
-    for _ in range(PLACE_STEPS):
-        longest = 0.0
-        terms = []
-        for term, own in model.split(evaluate(model, rows).coefficients):
-            if isinstance(term.effect, PlacedPayload):
-                step = term.effect.way(dict(zip(term.kept, own.tolist(), strict=True)))
-                longest = max(longest, float(np.linalg.norm(step)))
-                term = _moved_by(model.recording, term, step)
-            terms.append(term)
-        if longest < PLACE_TOLERANCE:
-            break
-        model = replace(model, terms=tuple(terms))
-    return model
-
-
-def _moved_by(recording: Recording, term: Term, step: np.ndarray) -> Term:
-    """Return the term of a payload that hangs `step` further along, m, (3,)."""
-    assert term.effect is not None
-    theta = {name: term.theta[name] + float(way) for name, way in zip(PLACE, step, strict=True)}
-    if term.load is None:
-        columns = term.effect.columns(unfitted(recording, term.joint), theta)
-        return replace(term, theta=theta, columns=columns)
-    return replace(term, theta=theta, columns=_hung(recording, term.load, theta))
-
-
-def _hung(recording: Recording, load: HungLoad, theta: Theta) -> Columns:
-    """Return the columns of a declared load: nothing in the trials that do not name it."""
-    body = recording.device.model.body(load.body).id
-    carried = [trial.payload == load for trial in recording.session.trials]
-    there = np.array(carried)[recording.trial][:, None]
-    place = np.array([theta[name] for name in PLACE])
-    return {joint: own * there for joint, own in load_columns(recording, body, place).items()}
-
-
-def _loads(recording: Recording) -> list[Term]:
-    """Return a term for every load that trials of the session name."""
-    loads = dict.fromkeys(t.payload for t in recording.session.trials if t.payload is not None)
-    theta = dict.fromkeys(PLACE, 0.0)
-    chain = recording.device.model
-    return [
-        Term(
-            effect=PLACED,
-            joint=carriers(chain, chain.body(load.body).id)[0],
-            columns=_hung(recording, load, theta),
-            lower=PLACED.lower,
-            theta=theta,
-            load=load,
-        )
-        for load in loads
-    ]
-
-
 def kept_columns(term: Term) -> Columns:
     return {joint: columns[:, list(term.kept)] for joint, columns in term.columns.items()}
-
-
-def declared_model(recording: Recording, rows: Rows) -> Model:
-    """Return the model as declared: rigid chain and unknowns to be fitted.
-
-    Non-linear parameters of declared effects are chosen by the fit, each beside all the others.
-    """
-    choices: list[list[Term]] = []
-    for declared in recording.session.declared:
-        joint = recording.device.joints.index(declared.joint)
-        if joint not in recording.joints:
-            continue
-        effect = BY_NAME[declared.effect]
-        if not effect.channel:
-            thetas = effect.thetas(unfitted(recording, joint))
-            choices.append([_declared(recording, effect, joint, theta) for theta in thetas])
-    choices = [options for options in choices if options]
-    taken = [options[len(options) // 2] for options in choices]
-
-    for scale in (0.0, 1.0, 0.5, 0.25):
-        for number, options in enumerate(choices):
-            if scale:
-                options = [taken[number], *_nearby(recording, taken[number], scale)]
-            if len(options) > 1:
-                before, after = taken[:number], taken[number + 1 :]
-                models = [_joined(recording, [*before, o, *after], rows) for o in options]
-                misfits = [evaluate(model, rows).sse for model in models]
-                taken[number] = options[int(np.argmin(misfits))]
-    return placed(_joined(recording, [*taken, *_loads(recording)], rows), rows)
-
-
-def _nearby(recording: Recording, term: Term, scale: float) -> list[Term]:
-    """Return a declared effect with its non-linear parameters a little smaller and larger."""
-    assert term.effect is not None
-    near = term.effect.neighbours(term.theta, scale)
-    return [_declared(recording, term.effect, term.joint, theta) for theta in near]
-
-
-def _declared(recording: Recording, effect: Effect, joint: int, theta: Theta) -> Term:
-    columns = effect.columns(unfitted(recording, joint), theta)
-    return Term(effect=effect, joint=joint, columns=columns, theta=theta)
-
-
-def _joined(recording: Recording, terms: list[Term], rows: Rows) -> Model:
-    model = Model(recording)
-    for term in terms:
-        model = with_independent(model, term, rows)
-    return model
 
 
 def with_independent(model: Model, term: Term, rows: Rows) -> Model:

@@ -11,16 +11,18 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.closeloop.identification.least_squares import gram_matrices, solve
-from analysis.closeloop.identification.links import PARAMETERS, Links, fit_links
-from analysis.closeloop.identification.model import (
+from analysis.closeloop.identification.arms.links import PARAMETERS, Links, fit_links
+from analysis.closeloop.identification.balance.declared import (
     PLACE_STEPS,
     PLACE_TOLERANCE,
     PLACED,
+)
+from analysis.closeloop.identification.balance.least_squares import gram_matrices, solve
+from analysis.closeloop.identification.balance.model import (
     Model,
     kept_columns,
 )
-from analysis.closeloop.identification.regression import Rows, compare
+from analysis.closeloop.identification.balance.regression import Rows, compare
 from sim.effects.rigid import point_mass, point_mass_slopes
 
 #: How much more than one second's rows the declared links may count, firmest first.

@@ -1,0 +1,78 @@
+"""Which channel is the clock of a log, and how regular it is."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.closeloop.logs.belief import Belief
+from analysis.closeloop.logs.log import Numbers
+
+#: What a clock's median step, s, may be for a recording of joints.
+STEPS = (1e-5, 0.2)
+CLOCKS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clock:
+    """How the samples of one time channel follow each other."""
+
+    #: Median rate, Hz.
+    rate: float
+    #: Standard deviation of the steps that are no gaps over the median step.
+    jitter: float
+    #: Steps longer than five median steps, and the longest, s.
+    gaps: int
+    longest_gap: float
+    #: Stamps that do not increase.
+    repeated: int
+
+
+def clock_of(time: Numbers) -> Clock:
+    """Return how regular a clock is; `time` in s, shape (n,), n >= 2."""
+    steps = np.diff(time[np.isfinite(time)])
+    forward = steps[steps > 0]
+    median = float(np.median(forward)) if len(forward) else np.nan
+    regular = forward[forward <= 5 * median]
+    return Clock(
+        rate=1.0 / median,
+        jitter=float(np.std(regular) / median) if len(regular) else np.nan,
+        gaps=int(np.sum(forward > 5 * median)),
+        longest_gap=float(forward.max()) if len(forward) else np.nan,
+        repeated=int(np.sum(steps <= 0)),
+    )
+
+
+def find_clock(beliefs: list[Belief], group: list[int]) -> None:
+    """Find the clock of channels of one length, unless they came with one."""
+    if beliefs[group[0]].channel.time is not None:
+        return
+    for at in sorted(group, key=lambda at: beliefs[at].quantity != "time"):
+        belief = beliefs[at]
+        if belief.quantity not in ("time", "unknown"):
+            continue
+        steps = np.diff(belief.channel.values)
+        median = float(np.median(steps))
+        regular = median > 0 and np.mean((steps >= 0) & (steps < 5 * median)) > 0.98
+        units = [u for u, scale in CLOCKS.items() if STEPS[0] <= median * scale <= STEPS[1]]
+        if not regular or not units:
+            continue
+        if belief.quantity == "unknown" and np.all(steps == 1.0):
+            beliefs[at] = replace(belief, why="counts the samples, or milliseconds: say which")
+            continue
+        unit = units[0]
+        beliefs[at] = replace(
+            belief,
+            quantity="time",
+            unit=unit,
+            scale=CLOCKS[unit],
+            why=f"increases by {median:.4g} {unit} a sample",
+        )
+        time = CLOCKS[unit] * belief.channel.values
+        for other in group:
+            beliefs[other] = replace(
+                beliefs[other], channel=replace(beliefs[other].channel, time=time)
+            )
+            if other != at and beliefs[other].quantity == "time":
+                beliefs[other] = replace(beliefs[other], quantity="unknown", why="a second clock")
+        return

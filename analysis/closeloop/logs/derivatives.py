@@ -1,0 +1,129 @@
+"""Which signals of a log are derivatives of which, and the units that this tells."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from analysis.closeloop.logs.belief import CHAIN, Belief, is_nameless
+from analysis.closeloop.logs.log import Numbers
+
+#: A least correlation of a channel with the derivative of another.
+ALIKE = 0.9
+#: How far a factor between derivative and velocity may be off.
+FACTOR_TOLERANCE = 0.15
+#: What a velocity times the factor is a derivative of: position unit, velocity unit.
+FACTORS: Sequence[tuple[float, str, str]] = (
+    (1.0, "", "/s"),
+    (180 / pi, "rad", "deg/s"),
+    (pi / 180, "deg", "rad/s"),
+)
+#: Least share of numbers among a channel's samples, to compare it with others.
+MOSTLY = 0.5
+
+
+def find_derivatives(beliefs: list[Belief], group: list[int]) -> None:
+    """Find positions, velocities and accelerations: each is the derivative of the one before."""
+    moving = [
+        at
+        for at in group
+        if beliefs[at].quantity in CHAIN
+        or (beliefs[at].quantity == "unknown" and is_nameless(beliefs[at].channel))
+    ]
+    moving = [at for at in moving if np.mean(np.isfinite(beliefs[at].channel.values)) > MOSTLY]
+    time = beliefs[group[0]].channel.time
+    if time is None or len(moving) < 2 or len(time) < 50:
+        return
+    alike, factor = _compared(time, [beliefs[at].channel.values for at in moving])
+    has_derivative: set[int] = set()
+    is_derivative: set[int] = set()
+    # What was measured is closer to the derivative than what was wanted; of equals, the first.
+    for flat in np.argsort(-np.round(alike, 3), axis=None, kind="stable"):
+        i, j = divmod(int(flat), len(moving))
+        if alike[i, j] < ALIKE:
+            break
+        if i in has_derivative or j in is_derivative:
+            continue
+        if not any(abs(factor[i, j] / u[0] - 1.0) <= FACTOR_TOLERANCE for u in FACTORS):
+            continue
+        first, second = beliefs[moving[i]].quantity, beliefs[moving[j]].quantity
+        if "unknown" not in (first, second) and CHAIN.index(second) != CHAIN.index(first) + 1:
+            name = beliefs[moving[i]].channel.name
+            why = f"by its name, but it is the derivative of {name}"
+            beliefs[moving[j]] = replace(beliefs[moving[j]], why=why)
+            continue
+        has_derivative.add(i)
+        is_derivative.add(j)
+        beliefs[moving[j]] = replace(
+            beliefs[moving[j]],
+            source=moving[i],
+            why=f"{factor[i, j]:.3g} times the derivative of {beliefs[moving[i]].channel.name}",
+        )
+    for i in has_derivative - is_derivative:
+        _name_chain(beliefs, moving[i])
+
+
+def _compared(time: Numbers, values: Sequence[Numbers]) -> tuple[Numbers, Numbers]:
+    """Return how alike the derivative of each signal and every other are, and their factor.
+
+    Args:
+        time: s, shape (n,).
+        values: signals, (n,) each; NaN where a sample is missing.
+
+    Returns:
+        Correlations and factors, shape (signals, signals): row i has the derivative of signal i.
+    """
+    even = np.linspace(np.nanmin(time), np.nanmax(time), len(time))
+    order = np.argsort(time, kind="stable")
+    columns = []
+    for signal in values:
+        known = order[np.isfinite(signal[order]) & np.isfinite(time[order])]
+        columns.append(np.interp(even, time[known], signal[known]))
+    table = np.column_stack(columns)
+    smooth = savgol_filter(table, 9, 2, axis=0)
+    slopes = savgol_filter(table, 9, 2, deriv=1, delta=float(even[1] - even[0]), axis=0)
+    smooth, slopes = smooth - smooth.mean(axis=0), slopes - slopes.mean(axis=0)
+    both = slopes.T @ smooth
+    norms = np.linalg.norm(slopes, axis=0)[:, None] * np.linalg.norm(smooth, axis=0)[None, :]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        alike = np.nan_to_num(both / norms, posinf=0.0, neginf=0.0)
+        factor = np.nan_to_num(both / np.sum(slopes**2, axis=0)[:, None])
+    np.fill_diagonal(alike, 0.0)
+    return alike, factor
+
+
+def _name_chain(beliefs: list[Belief], start: int) -> None:
+    """Name a signal, its derivative and the derivative of that, and settle their units."""
+    chain = [start]
+    while later := [at for at, b in enumerate(beliefs) if b.source == chain[-1]]:
+        chain.append(later[0])
+        if len(chain) == len(CHAIN):
+            break
+    known = next((k for k, at in enumerate(chain) if beliefs[at].quantity in CHAIN), None)
+    first = 0 if known is None else CHAIN.index(beliefs[chain[known]].quantity) - known
+    for number, at in enumerate(chain):
+        belief = beliefs[at]
+        if not 0 <= first + number < len(CHAIN):
+            continue
+        why = belief.why or f"{beliefs[chain[1]].channel.name} is its derivative"
+        beliefs[at] = replace(belief, quantity=CHAIN[first + number], why=why)
+    if first == 0:
+        _settle_units(beliefs, chain)
+
+
+def _settle_units(beliefs: list[Belief], chain: list[int]) -> None:
+    """Tell degrees from radians by the factor between a position and its velocity."""
+    position, velocity = beliefs[chain[0]], beliefs[chain[1]]
+    assert position.channel.time is not None
+    pair = [position.channel.values, velocity.channel.values]
+    factor = _compared(position.channel.time, pair)[1][0, 1]
+    unit = next(u for u in FACTORS if abs(factor / u[0] - 1.0) <= FACTOR_TOLERANCE)
+    if unit[1]:
+        beliefs[chain[0]] = replace(position, unit=unit[1])
+        beliefs[chain[1]] = replace(velocity, unit=unit[2])
+    elif position.unit != "?" and velocity.unit == "?":
+        beliefs[chain[1]] = replace(velocity, unit=f"{position.unit}/s")
+    elif velocity.unit.endswith("/s") and position.unit == "?":
+        beliefs[chain[0]] = replace(position, unit=velocity.unit.removesuffix("/s"))
