@@ -37,17 +37,30 @@ class Factor:
     def reach(self) -> tuple[float, float]:
         """Lowest and highest value that is not far outside its range.
 
-        A range may be left by its own width, but a quantity that is positive throughout may only
-        be halved or doubled. What is optional may be at its nominal value, and off (0).
+        A range may be left by its own width, and a quantity that is positive throughout is at most
+        halved or doubled. It may always be nominal, and what is optional off (0).
         """
         if self.choices:
             return self.bounds
         width = self.high - self.low
-        low = 0.5 * self.low if self.low > 0.0 else self.low - width
-        high = 2.0 * self.high if self.low > 0.0 else self.high + width
+        low, high = self.low - width, self.high + width
+        if self.low > 0.0:
+            low, high = max(low, 0.5 * self.low), min(high, 2.0 * self.high)
+        low, high = min(low, self.nominal), max(high, self.nominal)
         if self.optional:
             low, high = min(low, 0.0), max(high, 0.0)
         return max(low, self.bounds[0]), min(high, self.bounds[1])
+
+    def check_reach(self, *values: float) -> None:
+        """Raise ValueError, with the range, if a value is far outside that of this factor."""
+        low, high = self.reach
+        for value in values:
+            if not low <= value <= high:
+                unit = "" if self.unit == "1" else f" {self.unit}"
+                raise ValueError(
+                    f"{self.name} is {value:g}{unit}, far outside {self.low:g} to {self.high:g}, "
+                    f"for which the model was validated: take {low:g} to {high:g}"
+                )
 
     def number(self, value: float | str) -> float:
         """Return a value as a number; that of a choice may be told by its name.

@@ -104,7 +104,8 @@ def plan_of(study: Json) -> "Plan":
 def request_of(study: Json) -> Json:
     """Return the request that submits the same study again."""
     asked = ("name", "model", "method", "sampling", "rows", "seed", "factors", "outputs", "fixed")
-    return {name: study[name] for name in asked}
+    # It was taken when it was submitted first.
+    return {**{name: study[name] for name in asked}, "outside_range": True}
 
 
 def _hashes(bundle: Bundle) -> Judgement:

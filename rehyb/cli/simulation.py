@@ -137,13 +137,10 @@ def _parameters(
 
 def _in_reach(factor: "Factor", value: float) -> float:
     """Return `value`; typer.BadParameter if the simulation was never validated near it."""
-    low, high = factor.reach
-    if not low <= value <= high:
-        raise typer.BadParameter(
-            f"{factor.name} is {value:g} {factor.unit}, far outside {factor.low:g} to "
-            f"{factor.high:g}, for which the simulation was validated: take {low:g} to {high:g}, "
-            "or ask for it with --outside-range"
-        )
+    try:
+        factor.check_reach(value)
+    except ValueError as error:
+        raise typer.BadParameter(f"{error}, or ask for it with --outside-range") from None
     return value
 
 

@@ -85,6 +85,9 @@ def submit(
     target: Annotated[
         float | None, typer.Option(help="Half width wanted of every interval of the first output.")
     ] = None,
+    outside_range: Annotated[
+        bool, typer.Option("--outside-range", help="Allow values far outside a factor's range.")
+    ] = False,
     url: Url = None,
     token: Token = None,
 ) -> Answer:
@@ -105,6 +108,7 @@ def submit(
             "factors": [_factor(text) for text in factor] if factor else None,
             "fixed": {n: _fixed(n, v) for n, v in assignments(fix).items()} if fix else None,
             "precision": None if up_to is None else {"target": target, "up_to": up_to},
+            "outside_range": True if outside_range else None,
         },
     )
     with Client(url, token) as client:

@@ -16,6 +16,9 @@ from server.records import Plan, Study
 #: Sobol points are numbered in 30 bits; a study beyond this would take a fleet a human lifetime.
 MAX_ROWS = 10_000_000
 
+#: Probability of a tail that may reach anywhere.
+TAIL = 1e-3
+
 #: How keys begin that say how factors depend on each other.
 _DEPENDENCE = ("correlat", "covarian", "copula", "depend", "joint")
 
@@ -131,6 +134,40 @@ def _factor(pointer: str, model: Description, name: str, known: Mapping[str, Fac
     if name not in known:
         raise InvalidStudyError(pointer, no_factor(model.name, name, known))
     return known[name]
+
+
+def refuse_outside_range(plan: Plan, model: Description, asked: Sequence[str]) -> None:
+    """Refuse a plan with values far outside the ranges for which its model was validated.
+
+    Args:
+        plan: as it was drawn up.
+        model: what is sampled.
+        asked: names of the factors to sample, as the request lists them.
+
+    Raises:
+        InvalidStudyError: with a pointer to the first such factor.
+    """
+    for factor in model.factors:
+        distribution = plan.distributions.get(factor.name)
+        if distribution is not None:
+            place = f"factors/{asked.index(factor.name)}" if factor.name in asked else "factors"
+            ends = _ends(distribution)
+        else:
+            place, ends = f"fixed/{factor.name}", (plan.fixed[factor.name],)
+        try:
+            factor.check_reach(*ends)
+        except ValueError as error:
+            raise InvalidStudyError(
+                f"/{place}", f'{error}, or ask for it with "outside_range": true (--outside-range)'
+            ) from None
+
+
+def _ends(distribution: Distribution) -> tuple[float, ...]:
+    """Return the lowest and the highest value; where there is none, what tails lie beyond."""
+    given = distribution.to_json()
+    if "low" in given:
+        return given["low"], given["high"]
+    return tuple(distribution.ppf([TAIL, 1.0 - TAIL]).tolist())
 
 
 def refuse_dependence(body: Any) -> None:

@@ -10,7 +10,7 @@ from sqlalchemy.engine import Engine
 
 from analysis.designs import DEFAULT_SAMPLING
 from analysis.json_values import is_finite_number
-from server.logic.plans import FactorChoice, draw_up, refuse_dependence
+from server.logic.plans import FactorChoice, draw_up, refuse_dependence, refuse_outside_range
 from server.logic.precision_goals import precision_goal
 from server.logic.precision_goals import shown as goal_shown
 from server.operations import models, precision_goals, reruns, studies
@@ -89,6 +89,8 @@ class StudyBody(Body):
     priority: Priority = 0
     tags: list[Name] = Field(default_factory=list, max_length=20)
     precision: PrecisionBody | None = None
+    #: Whether values may lie far outside the ranges for which the model was validated.
+    outside_range: bool = False
 
     @model_validator(mode="before")
     @classmethod
@@ -135,12 +137,14 @@ def submit(
         called=sampled.called,
         factors=None if factors is None else [FactorChoice(**dict(factor)) for factor in factors],
     )
+    if not body.outside_range:
+        refuse_outside_range(plan, sampled.description, [f.name for f in factors or ()])
     wanted = body.precision
     goal = None
     if wanted is not None:
         goal = precision_goal(plan, **wanted.model_dump(), pointer="/precision")
     # Who may compute it, how soon and how far it may grow makes no other study of it.
-    what = body.model_dump_json(exclude={"priority", "tags", "precision"})
+    what = body.model_dump_json(exclude={"priority", "tags", "precision", "outside_range"})
     study, new = studies.create(
         store,
         plan,

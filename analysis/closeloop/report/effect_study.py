@@ -74,6 +74,8 @@ def study_with_effects(
         "seed": seed,
         "factors": factors,
         "fixed": fixed,
+        # What was measured is where it is.
+        "outside_range": True,
         "outputs": [output for output in MODELS[model].outputs if "_authors" not in output],
     }
 

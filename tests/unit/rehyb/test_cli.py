@@ -110,8 +110,8 @@ def test_a_coordinator_that_is_not_there_fails_with_what_to_do(
         ("assess --set muscles=mine", "muscles must be paper, holzbaur2005 or physiological, not"),
         ("assess --set forearm_mass=1 --set forearm_mass=2", "forearm_mass is set twice, to 1 and"),
         ("assess --set forearm_mass=heavy", "forearm_mass must be a number, not 'heavy'"),
-        ("assess --set forearm_mass=10", "far outside 0.1 to 1.82, for which the simulation was"),
-        ("assess --set upper_arm_elasticity=1", "take 50.25 to 1948.86, or ask for it with"),
+        ("assess --set forearm_mass=10", "far outside 0.1 to 1.82, for which the model was"),
+        ("assess --set upper_arm_elasticity=1", "take 50.25 to 1848.36, or ask for it with"),
         (
             "assess --set forearm_mass=-1 --outside-range",
             "factor forearm_mass must be positive and finite",

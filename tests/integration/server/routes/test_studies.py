@@ -199,3 +199,12 @@ def test_a_failure_of_the_coordinator_is_a_problem_that_gives_nothing_away(
 
     monkeypatch.setattr(studies, "every", fail)
     assert "secret" not in is_problem(client.get("/v1/studies"), 500)["detail"]
+
+
+def test_values_far_outside_the_validated_range_must_be_asked_for(client: TestClient) -> None:
+    body = {**STUDY, "fixed": {"x2": 40.0}, "factors": [{"name": "x1"}, {"name": "x3"}]}
+    problem = is_problem(client.post("/v1/studies", json=body), 422)
+    assert problem["pointer"] == "/fixed/x2"
+    assert "x2 is 40, far outside -3.14159 to 3.14159" in problem["detail"]
+    taken = client.post("/v1/studies", json={**body, "outside_range": True})
+    assert (taken.status_code, taken.json()["fixed"]) == (201, {"x2": 40.0})

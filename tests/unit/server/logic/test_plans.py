@@ -7,7 +7,7 @@ import pytest
 
 from analysis.designs import instance_parameters
 from server.errors import InvalidStudyError
-from server.logic.plans import MAX_ROWS, FactorChoice, parameters
+from server.logic.plans import MAX_ROWS, FactorChoice, parameters, refuse_outside_range
 from server.records import Plan
 from sim.models import ELBOW
 
@@ -138,3 +138,50 @@ def test_a_request_that_makes_no_sense_is_refused_with_where_and_why(
     with pytest.raises(InvalidStudyError, match=says) as caught:
         plan(**request_)
     assert caught.value.pointer == pointer
+
+
+WIDE = {"kind": "uniform", "low": 0.3, "high": 0.45}
+TALL = {"kind": "normal", "mean": 0.32, "sd": 0.1}
+RARE = {"kind": "normal", "mean": 0.32, "sd": 0.02}
+
+
+@pytest.mark.parametrize(
+    ("request_", "pointer", "sentence"),
+    [
+        (
+            {"fixed": {"forearm_length": 0.45}},
+            "/fixed/forearm_length",
+            "forearm_length is 0.45 m, far outside 0.2827 to 0.3455, .* take 0.2199 to 0.4083",
+        ),
+        (
+            {"factors": [("forearm_mass", None), ("forearm_length", WIDE)]},
+            "/factors/1",
+            "forearm_length is 0.45 m",
+        ),
+        ({"factors": [("forearm_length", TALL)]}, "/factors/0", "forearm_length is 0.0109"),
+        ({"fixed": {"activation": 1.0}}, "/fixed/activation", "activation is 1, far outside"),
+    ],
+)
+def test_a_study_far_outside_what_its_model_was_validated_for_is_refused(
+    plan: Drawing, request_: dict[str, Any], pointer: str, sentence: str
+) -> None:
+    factors = [FactorChoice(name=n, distribution=d) for n, d in request_.get("factors", ())]
+    drawn = plan(model="elbow", **{**request_, "factors": factors or None})
+    with pytest.raises(InvalidStudyError, match=sentence) as refusal:
+        refuse_outside_range(drawn, ELBOW, [choice.name for choice in factors])
+    assert refusal.value.pointer == pointer
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        {},
+        {"fixed": {"forearm_length": 0.36, "muscles": "physiological", "cuff_compliance": 0.0}},
+        {"factors": [FactorChoice(name="forearm_length", distribution=RARE)]},
+    ],
+)
+def test_a_study_within_or_near_the_ranges_is_taken(
+    plan: Drawing, request_: dict[str, Any]
+) -> None:
+    drawn = plan(model="elbow", **request_)
+    refuse_outside_range(drawn, ELBOW, list(drawn.distributions))

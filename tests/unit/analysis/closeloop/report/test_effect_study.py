@@ -82,6 +82,7 @@ def test_an_interval_never_leaves_what_the_simulation_can_mean() -> None:
 @pytest.mark.parametrize("method", ["morris", "saltelli"])
 def test_the_coordinator_takes_the_study(found: dict[str, Any], method: str) -> None:
     drawn = study(found, method=method)
+    assert drawn.pop("outside_range")
     choices = [
         FactorChoice(name=f["name"], range=tuple(f["range"]) if "range" in f else None)
         for f in drawn["factors"]
