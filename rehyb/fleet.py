@@ -94,7 +94,7 @@ class LocalFleet:
         return {process.name: process.pid for process in self._processes}
 
     def _start(self) -> None:
-        self._lock = _locked(self.directory / "lock")
+        self._lock = locked(self.directory / "lock")
         coordinator = self._add("coordinator", "rehyb", "coordinator")
         match = coordinator.wait_for(LISTENING, START_SECONDS)
         port = match.group(2)
@@ -239,7 +239,8 @@ def _kept_token(path: Path) -> str:
     return token
 
 
-def _locked(path: Path) -> IO[str]:
+def locked(path: Path) -> IO[str]:
+    """Lock a folder by a file in it, until that is closed; FleetError if somebody else has it."""
     file = path.open("w")
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

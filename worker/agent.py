@@ -75,6 +75,9 @@ class Agent:
                 now = time.monotonic()
                 if self._stop_requests and self._draining_since is None:
                     self._drain(now)
+                if self.leases.time_is_up(now):
+                    log.info("the time is up: what still runs is given back")
+                    break
                 self._start_children()
                 if now >= self._silent_until:
                     self._talk(now)
@@ -161,6 +164,8 @@ class Agent:
         """Return why the worker leaves by itself; empty if it does not."""
         if self.leases.left == 0 and not self.leases.queue:
             return "that was the last instance asked for: leaving"
+        if self.leases.ends_too_soon(time.monotonic()):
+            return "another instance would not be finished in time: leaving"
         if self.max_idle is not None and not self._busy and idle_seconds >= self.max_idle:
             return f"no work for {self.max_idle:g} s: leaving"
         return ""

@@ -8,7 +8,10 @@ import secrets
 import signal
 import socket
 import sys
+import time
+from collections.abc import Callable
 from dataclasses import asdict
+from math import inf
 from pathlib import Path
 from random import Random
 from typing import Annotated, Any
@@ -16,7 +19,8 @@ from typing import Annotated, Any
 import typer
 
 from rehyb.client import DEFAULT_URL, Client
-from rehyb.errors import RehybError
+from rehyb.durations import seconds
+from rehyb.errors import Invalid, RehybError
 from worker.agent import Agent
 from worker.close_loop import can_close_loops, close
 from worker.close_loop_jobs import CloseLoopJobs
@@ -29,6 +33,10 @@ from worker.spool import Spool
 
 #: Seconds to wait for one answer: well under a lease's time to live, so that leases stay renewed.
 ANSWER_SECONDS = 10.0
+#: The shortest --lifetime, seconds.
+SHORTEST_LIFE = 10.0
+#: A signal that comes again within so many seconds is the same one.
+SAME_SIGNAL_SECONDS = 0.5
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
 
@@ -74,6 +82,15 @@ def work(
     max_instances: Annotated[
         int | None,
         typer.Option(min=1, help="Leave after this many. Default: never.", show_default=False),
+    ] = None,
+    lifetime: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="Be gone after this time, as 90s, 30m or 2h: nothing is begun that would last "
+            "longer. Default: stay.",
+            show_default=False,
+        ),
     ] = None,
     memory_mb: Annotated[
         int | None,
@@ -125,6 +142,7 @@ def work(
     """
     if context.invoked_subcommand is not None:
         return
+    leave_at = None if lifetime is None else time.monotonic() + _lifetime(lifetime)
     logging.basicConfig(
         level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", datefmt="%H:%M:%S"
     )
@@ -153,6 +171,7 @@ def work(
                 processes=count,
                 batch=batch,
                 left=max_instances,
+                leave_at=leave_at,
                 rng=Random(),
             ),
             pool=Pool(count, instance_seconds, memory_mb=memory_mb),
@@ -160,17 +179,46 @@ def work(
             max_idle=max_idle,
             rng=Random(),
             prepare=own.prepared,
-            close_loop_jobs=_close_loop_jobs(
+            # Nobody knows how long closing a loop takes: not where the time is limited.
+            close_loop_jobs=None
+            if leave_at is not None
+            else _close_loop_jobs(
                 second_client,
                 Pool(1, loop_seconds, evaluate=close, memory_mb=loop_memory_mb),
                 folder / "loops",
                 worker,
             ),
         )
+        stop = _once_in_a_while(agent.stop)
         for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: agent.stop())
+            signal.signal(number, stop)
         logging.info("worker %s: %d processes for %s", worker["id"], count, client.url)
         agent.run()
+
+
+def _lifetime(text: str) -> float:
+    """Return --lifetime in seconds; Invalid if it is no time, or too short to do anything in."""
+    found = seconds(text, "--lifetime")
+    if found < SHORTEST_LIFE:
+        raise Invalid(f"--lifetime {text} is too short: give it {SHORTEST_LIFE:g} s at least")
+    return found
+
+
+def _once_in_a_while(stop: Callable[[], None]) -> Callable[..., None]:
+    """Return a signal handler for which signals in quick succession are one.
+
+    A batch system may signal a worker and the shell that started it, which passes it on.
+    """
+    last = -inf
+
+    def handler(*_: object) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= SAME_SIGNAL_SECONDS:
+            stop()
+        last = now
+
+    return handler
 
 
 def _close_loop_jobs(

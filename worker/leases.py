@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from math import inf
 from random import Random
 from typing import Any
 
@@ -20,6 +21,8 @@ LeaseRequest = Mapping[str, Any]
 #: Work to ask for at once: little enough that the last rows of a study are spread over all
 #: workers, and much enough that asking does not matter.
 LEASE_SECONDS = 2.0
+#: Before a worker's time is up, it needs so long to give back what runs.
+LAST_WORDS_SECONDS = 5.0
 #: Weight of the newest instance in the running mean of how long one takes.
 NEWEST_WEIGHT = 0.2
 
@@ -61,6 +64,8 @@ class Leases:
     batch: int
     #: How many instances may still be begun; None: any number.
     left: int | None = None
+    #: When the worker must be gone, on the monotonic clock; None: it may stay.
+    leave_at: float | None = None
     #: Spreads the waits of many workers.
     rng: Random
     #: Instances that no child has begun.
@@ -68,6 +73,8 @@ class Leases:
     _held: list[Lease] = field(default_factory=list)
     _ask_at: float = 0.0
     _seconds_each: float | None = None
+    #: Of the instance that took longest here.
+    _slowest: float = 0.0
     #: Why no work fits this machine, as it was last told.
     _ineligible: str = ""
 
@@ -86,7 +93,24 @@ class Leases:
         size = lease_size(self._seconds_each, self.processes, self.batch)
         if self.left is not None:
             size = min(size, self.left)
+        if self.leave_at is not None:
+            each = self._seconds_each or 0.0
+            size = min(size, fitting(self._time_left(now), each, self._slowest, self.processes))
+            if size == 0:
+                return None
         return {"worker": self.worker, "models": self.models(now), "max_instances": size}
+
+    def ends_too_soon(self, now: float) -> bool:
+        """Say whether an instance begun now could not be finished before the worker must leave."""
+        return self.leave_at is not None and self._time_left(now) <= self._slowest
+
+    def time_is_up(self, now: float) -> bool:
+        """Say whether what still runs must be given back now."""
+        return self.leave_at is not None and self._time_left(now) <= 0.0
+
+    def _time_left(self, now: float) -> float:
+        """Return the seconds left for instances."""
+        return inf if self.leave_at is None else self.leave_at - LAST_WORDS_SECONDS - now
 
     def ask(self, request: LeaseRequest, now: float) -> None:
         """Ask for work by itself, without results."""
@@ -129,6 +153,7 @@ class Leases:
         ticket.lease.open.discard(ticket.instance["id"])
         before = seconds if self._seconds_each is None else self._seconds_each
         self._seconds_each = before + NEWEST_WEIGHT * (seconds - before)
+        self._slowest = max(self._slowest, seconds)
 
     def extend(self, lease_id: str, now: float) -> None:
         """Note that the coordinator has just extended a lease; it need not be one of these."""
@@ -178,6 +203,18 @@ def lease_size(seconds_each: float | None, processes: int, batch: int) -> int:
     if seconds_each * batch <= LEASE_SECONDS * processes:
         return batch
     return max(1, int(LEASE_SECONDS * processes / seconds_each))
+
+
+def fitting(seconds_left: float, seconds_each: float, slowest: float, processes: int) -> int:
+    """Return how many instances can be finished in the time that is left.
+
+    `seconds_each`: how long one takes, `slowest`: the one that took longest; 0 before the first.
+    """
+    if seconds_left <= slowest:
+        return 0
+    # The last of a process may be a slow one.
+    rounds = 1 + int((seconds_left - slowest) / seconds_each) if seconds_each > 0.0 else 1
+    return rounds * processes
 
 
 def renewal_time(now: float, ttl_seconds: float) -> float:

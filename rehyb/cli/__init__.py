@@ -14,6 +14,7 @@ from rehyb.cli import (
     files,
     inspect,
     models,
+    pilots,
     precision,
     reports,
     services,
@@ -45,6 +46,7 @@ app.add_typer(models.umbridge, name="umbridge")
 app.command()(services.up)
 app.command()(services.coordinator)
 app.command()(services.analysis)
+app.command()(pilots.pilots)
 app.command()(studies.workers)
 app.command()(reports.report)
 app.command()(files.bundle)

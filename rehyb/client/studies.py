@@ -38,6 +38,10 @@ class Studies(Connection):
         studies: list[Json] = self._json("GET", "/v1/studies")["studies"]
         return studies
 
+    def work(self) -> Json:
+        """Return {"waiting", "under_way"}: instances to hand out now, and those workers have."""
+        return self._json("GET", "/v1/work")
+
     def study(self, study_id: str) -> Json:
         """Return one study; NotFound if there is none."""
         return self._json("GET", f"/v1/studies/{study_id}")

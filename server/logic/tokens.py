@@ -15,7 +15,7 @@ FAILURES = 20
 FAILURE_SECONDS = 60.0
 
 #: What whoever works must have.
-_OF_WORK = re.compile(r"/v1/sessions/[^/]+/archive|/v1/models(/.*)?")
+_OF_WORK = re.compile(r"/v1/sessions/[^/]+/archive|/v1/models(/.*)?|/v1/work")
 
 
 def new_secret() -> str:

@@ -8,13 +8,13 @@ from fastapi import APIRouter
 from server.logic.comparisons import Reputation
 from server.operations import comparisons
 from server.routes.common import Store
-from server.store import workers
+from server.store import studies, workers
 from server.store.database.engine import reading
 
-router = APIRouter(prefix="/v1/workers", tags=["workers"])
+router = APIRouter(prefix="/v1", tags=["workers"])
 
 
-@router.get("")
+@router.get("/workers")
 def every(store: Store) -> dict[str, Any]:
     """List every worker that has ever asked for work, and how far its host is trusted.
 
@@ -28,3 +28,14 @@ def every(store: Store) -> dict[str, Any]:
             found = reputations.get(worker.host, Reputation())
             answer.append({**asdict(worker), **asdict(found), "trust": found.trust})
     return {"workers": answer}
+
+
+@router.get("/work")
+def work(store: Store) -> dict[str, int]:
+    """Tell how many instances could be handed out now, and how many workers have.
+
+    Those of paused studies do not wait. For whatever starts workers.
+    """
+    with reading(store) as connection:
+        waiting, under_way = studies.work(connection)
+    return {"waiting": waiting, "under_way": under_way}

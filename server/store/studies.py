@@ -49,6 +49,16 @@ _WITH_WORK = Prepared(
     )
     .order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
 )
+_WORK = sa.select(
+    sa.func.sum(
+        sa.case(
+            (studies.c.state == StudyState.RUNNING, studies.c.instances - _TAKEN),
+            (studies.c.state == StudyState.DRAINING, studies.c.handed_out - _TAKEN),
+            else_=0,
+        )
+    ),
+    sa.func.sum(studies.c.leased),
+)
 _ONE_TO_SAVE = sa.update(studies).where(studies.c.id == sa.bindparam("of_study"))
 _SAVE = Prepared(_ONE_TO_SAVE, "of_study", "rows", "instances", *_COURSE)
 _SAVE_COUNTS = Prepared(_ONE_TO_SAVE, "of_study", *_COUNTS)
@@ -120,6 +130,12 @@ def with_work(
         # Only what somebody looks at is read whole, and may be gone by then.
         elif (row := _FIND.execute(connection, study_id).fetchone()) is not None:
             yield _study(row)
+
+
+def work(connection: Connection) -> tuple[int, int]:
+    """Return how many instances could be handed out now, and how many workers have."""
+    waiting, under_way = connection.execute(_WORK).one()
+    return int(waiting or 0), int(under_way or 0)
 
 
 def save(connection: Connection, study: Study, *, counted: bool = False) -> None:

@@ -37,7 +37,7 @@ def talk_to(monkeypatch: pytest.MonkeyPatch) -> Callable[[Coordinator], None]:
 
     def talk_to(coordinator: Coordinator) -> None:
         mocked = partial(Client, transport=httpx2.MockTransport(coordinator))
-        for module in ("answers", "studies", "precision", "files", "close_loop"):
+        for module in ("answers", "studies", "precision", "files", "close_loop", "pilots"):
             monkeypatch.setattr(f"rehyb.cli.{module}.Client", mocked)
 
     return talk_to

@@ -1,5 +1,6 @@
 """What a worker promises its coordinator, whatever becomes of either."""
 
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ import pytest
 
 from rehyb.errors import Unauthorized
 from tests.testbed.fleet.fake_coordinator import Work
+from worker.leases import LAST_WORDS_SECONDS
 from worker.pool import Finished
 from worker.posting import TRIES
 
@@ -248,3 +250,13 @@ def test_a_misfit_that_comes_with_verdicts_is_logged_once(
     agent.run()
     assert set(work.coordinator.results) == {"a", "b"}
     assert caplog.text.count("begun with MuJoCo 3") == 1
+
+
+def test_a_worker_whose_time_is_up_gives_back_what_runs(tmp_path: Path) -> None:
+    work = Work(tmp_path, [["a", "b"]], processes=2, max_idle=None)
+    work.pool.endless = {"b"}
+    work.agent.leases.leave_at = time.monotonic() + LAST_WORDS_SECONDS + 0.05
+    work.agent.run()
+    assert set(work.coordinator.results) == {"a"}
+    assert work.coordinator.released == ["lease-of-a"]
+    assert work.pool.killed

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from worker.cli import _default_spool, main
+from worker.cli import _default_spool, _once_in_a_while, main
 
 
 def run(
@@ -44,7 +44,8 @@ def test_its_help_names_every_option(
     status, words = run(monkeypatch, capsys, "--help")
     assert status == 0
     options = (
-        "url token processes max-idle batch instance-seconds spool max-instances tags memory-mb"
+        "url token processes max-idle batch instance-seconds spool max-instances tags memory-mb "
+        "lifetime"
     )
     assert all(f"--{option}" in words for option in options.split())
 
@@ -57,3 +58,23 @@ def test_results_for_different_coordinators_wait_in_different_folders(
     assert first != second
     assert first == _default_spool("http://a:1")
     assert tmp_path in first.parents
+
+
+@pytest.mark.parametrize(
+    ("lifetime", "words"),
+    [("soon", "--lifetime is a time like 90s"), ("3s", "--lifetime 3s is too short: give it 10 s")],
+)
+def test_a_lifetime_that_cannot_be_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], lifetime: str, words: str
+) -> None:
+    status, said = run(monkeypatch, capsys, "--lifetime", lifetime)
+    assert status == 1
+    assert said.startswith(f"rehyb-worker: {words}")
+
+
+def test_signals_in_quick_succession_are_one() -> None:
+    stops: list[int] = []
+    handler = _once_in_a_while(lambda: stops.append(1))
+    handler()
+    handler()
+    assert len(stops) == 1

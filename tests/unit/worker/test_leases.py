@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from rehyb.errors import Conflict
-from worker.leases import Leases, lease_size
+from worker.leases import LAST_WORDS_SECONDS, Leases, fitting, lease_size
 
 
 class Coordinator:
@@ -142,3 +142,32 @@ def test_a_worker_asks_for_two_seconds_of_work(
     seconds_each: float | None, processes: int, size: int
 ) -> None:
     assert lease_size(seconds_each, processes, batch=10) == size
+
+
+@pytest.mark.parametrize(
+    ("seconds_left", "seconds_each", "slowest", "size"),
+    [
+        # Before anything is known: one for each process.
+        (100.0, 0.0, 0.0, 4),
+        (100.0, 10.0, 10.0, 40),
+        # The last one may be as slow as the slowest.
+        (100.0, 10.0, 50.0, 24),
+        (50.0, 10.0, 50.0, 0),
+        (-1.0, 0.0, 0.0, 0),
+    ],
+)
+def test_a_worker_that_must_leave_takes_what_it_can_finish(
+    seconds_left: float, seconds_each: float, slowest: float, size: int
+) -> None:
+    assert fitting(seconds_left, seconds_each, slowest, processes=4) == size
+
+
+def test_a_worker_that_must_leave_asks_for_less_and_then_for_nothing(leases: Leases) -> None:
+    leases.leave_at = 100.0 + LAST_WORDS_SECONDS
+    granted(leases)
+    while leases.queue:
+        leases.finish(leases.queue.popleft(), 40.0)
+    asked = leases.request(10.0)
+    assert asked is not None and not leases.ends_too_soon(59.0)
+    assert leases.request(60.0) is None and leases.ends_too_soon(60.0)
+    assert not leases.time_is_up(99.0) and leases.time_is_up(100.0)

@@ -219,3 +219,18 @@ def test_every_request_body_has_an_example_that_the_coordinator_understands(
             assert response.status_code not in (400, 422), (path, response.json())
             shown += 1
     assert shown >= 8
+
+
+def test_how_much_work_there_is_can_be_asked_by_whatever_starts_workers(
+    client: TestClient, study: str
+) -> None:
+    def told() -> Json:
+        return dict(client.get("/v1/work").json())
+
+    assert told() == {"waiting": 10, "under_way": 0}
+    client.post("/v1/leases", json=asking(4))
+    assert told() == {"waiting": 6, "under_way": 4}
+    client.post(f"/v1/studies/{study}/drain")
+    assert told() == {"waiting": 1, "under_way": 4}, "the row that was begun is finished"
+    client.post(f"/v1/studies/{study}/pause")
+    assert told() == {"waiting": 0, "under_way": 4}

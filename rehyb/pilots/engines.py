@@ -1,0 +1,195 @@
+"""Batch systems, through the providers of parsl: submit a job, ask how it is, cancel it."""
+
+import inspect
+import logging
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from math import ceil
+from pathlib import Path
+from typing import Any, Protocol
+
+from rehyb.errors import FleetError, Invalid, needs_extra
+
+
+class JobState(StrEnum):
+    """Where a job is, as far as it matters here."""
+
+    WAITING = "waiting"
+    RUNNING = "running"
+    ENDED = "ended"
+
+
+class Engine(Protocol):
+    """What starts pilots."""
+
+    def submit(self, command: str, name: str) -> str:
+        """Submit one job that runs a line of shell, and return its id; FleetError if refused."""
+        ...
+
+    def states(self, jobs: Sequence[str]) -> dict[str, JobState]:
+        """Return where jobs are; FleetError if the batch system does not say."""
+        ...
+
+    def cancel(self, jobs: Sequence[str]) -> None:
+        """Have jobs ended; FleetError if the batch system does not take it."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """How one batch system is reached."""
+
+    #: Of `parsl.providers`.
+    provider: str
+    #: The command that must be there.
+    command: str = ""
+    #: What the provider calls the cores of a job; empty: only `scheduler_options` can say.
+    cores: str = ""
+    #: Seconds between two questions: a batch system serves many.
+    look_seconds: float = 10.0
+    #: What this project wants otherwise than the provider.
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+
+
+#: By the name in a pilots file.
+ENGINES = {
+    "local": Kind(provider="LocalProvider", look_seconds=1.0),
+    "slurm": Kind(
+        provider="SlurmProvider",
+        command="sbatch",
+        cores="cores_per_node",
+        defaults={"exclusive": False, "cmd_timeout": 60},
+    ),
+    "pbs": Kind(provider="PBSProProvider", command="qsub", cores="cpus_per_node"),
+    "lsf": Kind(
+        provider="LSFProvider",
+        command="bsub",
+        cores="cores_per_block",
+        defaults={"request_by_nodes": False},
+    ),
+    "condor": Kind(provider="CondorProvider", command="condor_submit", cores="cores_per_slot"),
+    "sge": Kind(provider="GridEngineProvider", command="qsub"),
+}
+#: What follows from other entries of the file, or is decided by `rehyb pilots` itself.
+_OURS = {
+    "walltime",
+    "worker_init",
+    "launcher",
+    "nodes_per_block",
+    "init_blocks",
+    "min_blocks",
+    "max_blocks",
+    "parallelism",
+}
+
+
+class ParslEngine:
+    """A batch system behind a provider of parsl.
+
+    Args:
+        name: of ENGINES.
+        folder: where job scripts and what jobs print are kept; jobs must see it too.
+        walltime: seconds after which a job is ended.
+        cores: of a job.
+        before: lines of shell before the job's own.
+        options: what else the provider takes.
+
+    Raises:
+        Invalid: the provider does not take an option, or the batch system's command is not here.
+        RehybError: parsl is not installed.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        folder: Path,
+        walltime: float,
+        cores: int,
+        before: str,
+        options: Mapping[str, Any],
+    ) -> None:
+        kind = ENGINES[name]
+        if kind.command and shutil.which(kind.command) is None:
+            raise Invalid(
+                f"there is no {kind.command} on this machine, which provider = {name!r} needs: "
+                "run rehyb pilots where jobs are submitted"
+            )
+        with needs_extra("rehyb pilots", "pilots"):
+            from parsl import providers
+            from parsl.jobs.states import JobState as Parsl
+        # What it logs is said here again, in one sentence.
+        logging.getLogger("parsl").setLevel(logging.CRITICAL)
+        provider: Any = getattr(providers, kind.provider)
+        known = list(inspect.signature(provider.__init__).parameters)[1:]
+        for option in options:
+            if option not in known or option in _OURS or option == kind.cores:
+                free = [one for one in known if one not in _OURS and one != kind.cores]
+                raise Invalid(
+                    f"[options] of {name} has no {option!r}: it takes {', '.join(sorted(free))}"
+                )
+        given = {**kind.defaults, "worker_init": before, **options}
+        if "walltime" in known:
+            given["walltime"] = _clock(walltime)
+        if kind.cores:
+            given[kind.cores] = cores
+        try:
+            self._provider = provider(**given)
+        except Exception as error:
+            # Whatever parsl checks, with whatever it checks.
+            raise Invalid(f"[options] of {name}: {_first_line(error)}") from None
+        folder.mkdir(parents=True, exist_ok=True)
+        self._provider.script_dir = str(folder)
+        self._states = {
+            Parsl.PENDING: JobState.WAITING,
+            Parsl.HELD: JobState.WAITING,
+            Parsl.RUNNING: JobState.RUNNING,
+            # What nobody can name may be there.
+            Parsl.UNKNOWN: JobState.WAITING,
+        }
+
+    def submit(self, command: str, name: str) -> str:
+        """Submit one job that runs a line of shell, and return its id; FleetError if refused."""
+        try:
+            job = self._provider.submit(command, 1, name)
+        except Exception as error:
+            said = str(getattr(error, "stderr", "") or "").strip().splitlines()
+            raise FleetError(said[-1] if said else _first_line(error)) from None
+        if not job:
+            raise FleetError("the batch system gave the job no number")
+        return str(job)
+
+    def states(self, jobs: Sequence[str]) -> dict[str, JobState]:
+        """Return where jobs are; FleetError if the batch system does not say."""
+        try:
+            found = self._provider.status(list(jobs))
+        except Exception as error:
+            raise FleetError(_first_line(error)) from None
+        return {
+            job: self._states.get(status.state, JobState.ENDED)
+            for job, status in zip(jobs, found, strict=True)
+        }
+
+    def cancel(self, jobs: Sequence[str]) -> None:
+        """Have jobs ended; FleetError if the batch system does not take it."""
+        if not jobs:
+            return
+        try:
+            done = self._provider.cancel(list(jobs))
+        except Exception as error:
+            raise FleetError(_first_line(error)) from None
+        if not all(done):
+            raise FleetError(f"jobs {', '.join(jobs)} were not cancelled")
+
+
+def _clock(walltime: float) -> str:
+    """Return seconds as HH:MM:SS, of whole minutes: some batch systems know nothing smaller."""
+    minutes = ceil(walltime / 60.0)
+    return f"{minutes // 60:02}:{minutes % 60:02}:00"
+
+
+def _first_line(error: Exception) -> str:
+    lines = str(error).strip().splitlines()
+    return lines[0] if lines else type(error).__name__

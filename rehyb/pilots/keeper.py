@@ -1,0 +1,227 @@
+"""Keeps as many pilots as there is work for, until told to stop."""
+
+import logging
+import os
+import shlex
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rehyb.client import Client
+from rehyb.errors import FleetError, ServerError, Unreachable
+from rehyb.pilots.engines import Engine, JobState
+from rehyb.pilots.scaling import Work, head_start, may_start, step
+from rehyb.pilots.settings import Settings
+
+log = logging.getLogger(__name__)
+
+NO_WORK = Work(waiting=0, under_way=0)
+
+#: Seconds in which whoever drains says goodbye, after the last instance.
+FAREWELL_SECONDS = 30.0
+#: Pilots that end within so many seconds, so often in a row, will not be better for another.
+SHORT_LIFE_SECONDS, SHORT_LIVES = 10.0, 5
+#: After a batch system has refused a pilot, none is submitted for so long.
+REFUSED_SECONDS = 30.0
+#: Files of a keeper's folder.
+ENVIRONMENT, STOP, JOB = "environment", "stop", "pilot.sh"
+
+#: What a job runs. A worker is asked to drain by a file that jobs see, in every batch system alike:
+#: not each of them passes signals on, and some kill soon after.
+_JOB = """#!/bin/sh
+# Written by rehyb pilots. $1: seconds to wait; the rest: what the worker is told besides.
+cd {folder} || exit 1
+. ./{environment}
+sleep "$1"
+shift
+[ ! -e {stop} ] || exit 0
+{worker} "$@" &
+worker=$!
+leave() {{ trap '' TERM INT; kill -TERM "$worker" 2>/dev/null; wait "$worker"; exit; }}
+trap leave TERM INT
+while kill -0 "$worker" 2>/dev/null; do
+    [ ! -e {stop} ] || leave
+    sleep 1
+done
+wait "$worker"
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Status:
+    """How things stand."""
+
+    waiting: int
+    under_way: int
+    wanted: int
+    pilots_waiting: int
+    pilots_running: int
+    submitted: int
+    #: What goes wrong; empty: nothing.
+    trouble: str
+
+
+@dataclass(kw_only=True)
+class Keeper:
+    """The pilots of one coordinator in one batch system."""
+
+    settings: Settings
+    engine: Engine
+    client: Client
+    #: What pilots show the coordinator.
+    token: str
+    #: Where the jobs find what they need; made by `prepare`.
+    folder: Path
+    jobs: dict[str, JobState] = field(default_factory=dict)
+    submitted: int = 0
+    _standing: set[str] = field(default_factory=set)
+    _starts: deque[float] = field(default_factory=lambda: deque(maxlen=10_000))
+    _started_at: dict[str, float] = field(default_factory=dict)
+    _short_lives: int = 0
+    _silent_until: float = 0.0
+
+    def prepare(self) -> None:
+        """Write what pilots need to find the coordinator, for the owner's eyes only."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        (self.folder / STOP).unlink(missing_ok=True)
+        told = {"REHYB_URL": self.client.url, "REHYB_TOKEN": self.token}
+        text = "".join(f"export {name}={shlex.quote(value)}\n" for name, value in told.items())
+        path = self.folder / ENVIRONMENT
+        path.unlink(missing_ok=True)
+        with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+            file.write(text)
+        (self.folder / JOB).write_text(self._script())
+
+    def look(self, now: float) -> Status:
+        """Look at work and jobs, and do what follows.
+
+        Raises:
+            FleetError: pilots end at once, again and again.
+            Unauthorized: the coordinator refuses the token.
+        """
+        trouble = self._note_ended(now)
+        try:
+            told = self.client.work()
+        except (Unreachable, ServerError) as error:
+            # Pilots keep what they have; none is started for nobody knows what.
+            return self._status(NO_WORK, len(self.jobs), str(error))
+        work = Work(waiting=told["waiting"], under_way=told["under_way"])
+        settings = self.settings
+        room = may_start(self._starts, now=now, a_minute=settings.starts_a_minute)
+        next_step = step(
+            work,
+            self.jobs,
+            cores=settings.cores,
+            minimum=settings.minimum,
+            maximum=settings.maximum,
+            may_start=room if now >= self._silent_until else 0,
+        )
+        try:
+            self._cancel(next_step.cancel)
+            for number in range(next_step.submit):
+                self._submit(number, now)
+        except FleetError as error:
+            # A limit of the batch system, or it is away: pilots that end make room.
+            self._silent_until = now + REFUSED_SECONDS
+            trouble = f"no more pilots for now: {error}"
+        return self._status(work, next_step.wanted, trouble)
+
+    def drain(self, wait: Callable[[float], None], on_status: Callable[[Status], None]) -> None:
+        """Have every pilot finish what it runs and leave; cancel what is not gone by then.
+
+        Args:
+            wait: waits so many seconds.
+            on_status: is told how things stand after each wait.
+        """
+        (self.folder / STOP).touch()
+        left = self.settings.instance + FAREWELL_SECONDS
+        while True:
+            try:
+                self._note_ended(None)
+                self._cancel(job for job, state in self.jobs.items() if state == JobState.WAITING)
+            except FleetError as error:
+                log.warning("%s", error)
+            on_status(self._status(NO_WORK, 0, ""))
+            if not self.jobs or left <= 0.0:
+                break
+            wait(1.0)
+            left -= 1.0
+        self.end()
+
+    def end(self) -> None:
+        """Cancel every job that is left."""
+        self._cancel(list(self.jobs))
+
+    def _submit(self, number: int, now: float) -> None:
+        standing = len(self._standing) < self.settings.minimum
+        idle = "" if standing else f" --max-idle {self.settings.idle:g}"
+        script = shlex.quote(str(self.folder / JOB))
+        job = self.engine.submit(f"sh {script} {head_start(number):g}{idle}", "rehyb-pilot")
+        self.jobs[job] = JobState.WAITING
+        self.submitted += 1
+        self._starts.append(now)
+        if standing:
+            self._standing.add(job)
+        log.info("submitted pilot %s", job)
+
+    def _script(self) -> str:
+        settings = self.settings
+        worker = (
+            f"{settings.worker} --processes {settings.cores} --lifetime {settings.lifetime:g} "
+            f"--instance-seconds {settings.instance:g}"
+        )
+        folder = shlex.quote(str(self.folder))
+        return _JOB.format(folder=folder, environment=ENVIRONMENT, stop=STOP, worker=worker)
+
+    def _cancel(self, jobs: Iterable[str]) -> None:
+        chosen = list(jobs)
+        self.engine.cancel(chosen)
+        for job in chosen:
+            self._forget(job)
+
+    def _note_ended(self, now: float | None) -> str:
+        """Forget jobs that have ended; return what is wrong if the batch system does not say."""
+        try:
+            found = self.engine.states(list(self.jobs)) if self.jobs else {}
+        except FleetError as error:
+            return f"the batch system does not answer: {error}"
+        for job, state in found.items():
+            if state != JobState.ENDED:
+                self.jobs[job] = state
+                if state == JobState.RUNNING and now is not None:
+                    self._started_at.setdefault(job, now)
+                continue
+            if now is not None:
+                self._judge(job, now)
+            self._forget(job)
+        return ""
+
+    def _judge(self, job: str, now: float) -> None:
+        """Count pilots that end at once: a worker that cannot start costs allocation for ever."""
+        lived = now - self._started_at.get(job, now)
+        short = lived < min(SHORT_LIFE_SECONDS, self.settings.idle)
+        self._short_lives = self._short_lives + 1 if short else 0
+        log.info("pilot %s ended", job)
+        if self._short_lives >= SHORT_LIVES:
+            raise FleetError(
+                f"{SHORT_LIVES} pilots in a row ended as soon as they began: "
+                f"what they said is in {self.folder}"
+            )
+
+    def _forget(self, job: str) -> None:
+        self.jobs.pop(job, None)
+        self._standing.discard(job)
+        self._started_at.pop(job, None)
+
+    def _status(self, work: Work, wanted: int, trouble: str) -> Status:
+        waiting = sum(state == JobState.WAITING for state in self.jobs.values())
+        return Status(
+            waiting=work.waiting,
+            under_way=work.under_way,
+            wanted=wanted,
+            pilots_waiting=waiting,
+            pilots_running=len(self.jobs) - waiting,
+            submitted=self.submitted,
+            trouble=trouble,
+        )

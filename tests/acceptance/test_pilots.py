@@ -1,0 +1,178 @@
+"""`rehyb pilots` on the batch systems that are here: this machine, and Slurm where `sbatch` is.
+
+`scripts/slurm_one_node.sh start FOLDER` starts a Slurm of one node; SLURM_CONF names its file.
+"""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rehyb import Client
+from rehyb.client import Json
+from rehyb.fleet import LocalFleet
+from rehyb.pilots.engines import JobState, ParslEngine
+from rehyb.pilots.keeper import Keeper, Status
+from rehyb.pilots.settings import checked
+from tests.testbed.studies import computed_in_one_go
+
+#: Of instances that take no time; workers ask for one after the other, so that it lasts.
+STUDY: Json = {"name": "p", "model": "ishigami", "method": "saltelli", "rows": 200, "seed": 11}
+#: Seconds for everything that may take a while.
+PATIENCE = 120.0
+
+
+@dataclass
+class Site:
+    """A coordinator and a batch system."""
+
+    fleet: LocalFleet
+    client: Client
+    keeper: Keeper
+
+    def look_until(self, done: Callable[[Status], bool], seconds: float = PATIENCE) -> Status:
+        deadline = time.monotonic() + seconds
+        while True:
+            status = self.keeper.look(time.monotonic())
+            if done(status):
+                return status
+            assert time.monotonic() < deadline, status
+            time.sleep(0.5)
+
+    def look_until_done(self, study: Json, share: float) -> None:
+        """Look until this share of a study has results; it still runs then."""
+
+        def done(_: Status) -> bool:
+            progress = self.client.progress(study["id"])
+            assert progress["state"] == "running"
+            enough: bool = progress["ok"] >= share * study["instances"]
+            return enough
+
+        self.look_until(done)
+
+    def running(self) -> list[str]:
+        return [job for job, state in self.keeper.jobs.items() if state == JobState.RUNNING]
+
+
+@pytest.fixture(scope="module")
+def slurm() -> None:
+    if shutil.which("sbatch") is None:
+        pytest.skip("there is no sbatch here: scripts/slurm_one_node.sh start FOLDER makes one")
+    if subprocess.run(["sinfo"], capture_output=True, check=False).returncode:
+        pytest.skip("sbatch is here, but no Slurm answers: is SLURM_CONF set?")
+
+
+@pytest.fixture
+def site(
+    tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Site]:
+    said: dict[str, Any] = {
+        "provider": request.param,
+        "walltime": "2m",
+        "cores": 1,
+        "maximum": 2,
+        "starts_a_minute": 60,
+        "idle": 3,
+        "instance": 30,
+        "worker": f"{sys.executable} -m worker --batch 1",
+    }
+    if request.param == "slurm":
+        request.getfixturevalue("slurm")
+    settings = checked(said)
+    folder = tmp_path / "pilots"
+    # What a killed pilot held is given to others after this time.
+    monkeypatch.setenv("REHYB_LEASE_SECONDS", "3")
+    with LocalFleet(tmp_path / "fleet", workers=0) as fleet:
+        engine = ParslEngine(
+            settings.provider,
+            folder=folder,
+            walltime=settings.walltime,
+            cores=1,
+            before="export XDG_STATE_HOME=" + str(tmp_path / "state"),
+            options={},
+        )
+        with Client(fleet.url, fleet.token) as client:
+            keeper = Keeper(
+                settings=settings, engine=engine, client=client, token=fleet.token, folder=folder
+            )
+            keeper.prepare()
+            try:
+                yield Site(fleet=fleet, client=client, keeper=keeper)
+            finally:
+                keeper.end()
+
+
+def control(*words: str) -> None:
+    """Do what whoever looks after a Slurm does."""
+    subprocess.run(["scontrol", *words], check=True, capture_output=True)
+
+
+def finished(site: Site, study: Json) -> None:
+    """Check that a study ends, that its pilots leave, and that its indices show nothing."""
+    site.look_until(lambda _: site.client.progress(study["id"])["state"] == "complete")
+    site.look_until(lambda status: status.pilots_running + status.pilots_waiting == 0)
+    deadline = time.monotonic() + 20.0
+    while (found := site.client.indices(study["id"]))["rows_complete"] < study["rows"]:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    assert found == computed_in_one_go(study)
+
+
+@pytest.mark.parametrize("site", ["local"], indirect=True)
+def test_pilots_come_are_killed_and_leave_and_the_indices_do_not_show_it(site: Site) -> None:
+    study = site.client.submit(STUDY)
+    site.look_until(lambda status: status.pilots_running == 2)
+    site.look_until_done(study, 0.1)
+    # All of one, at once.
+    os.killpg(os.getpgid(int(site.running()[0])), signal.SIGKILL)
+    site.look_until(lambda status: status.submitted == 3 and status.pilots_running == 2)
+    site.look_until_done(study, 0.3)
+    seen: list[Status] = []
+    site.keeper.drain(time.sleep, seen.append)
+    assert seen[-1].pilots_running == 0 and len(seen) < 15
+    assert site.client.progress(study["id"])["leased"] <= 1, "of the one that was killed"
+    site.keeper.prepare()
+    finished(site, study)
+
+
+@pytest.mark.parametrize("site", ["slurm"], indirect=True)
+def test_on_slurm_a_study_outlives_scancel_walltime_and_a_drained_node(site: Site) -> None:
+    study = site.client.submit({**STUDY, "rows": 400})
+    site.look_until(lambda status: status.pilots_running == 2)
+    site.look_until_done(study, 0.1)
+    cancelled, late = site.running()
+    subprocess.run(["scancel", cancelled], check=True)
+    site.look_until(lambda status: status.submitted == 3 and status.pilots_running == 2)
+    site.look_until_done(study, 0.3)
+    node = socket.gethostname().split(".")[0]
+    control("update", f"NodeName={node}", "State=DRAIN", "Reason=test")
+    try:
+        # Out of time: Slurm itself ends it.
+        control("update", f"JobId={late}", "TimeLimit=1")
+        site.look_until(lambda status: status.pilots_waiting == 1)
+        assert late not in site.keeper.jobs
+    finally:
+        control("update", f"NodeName={node}", "State=RESUME")
+    site.look_until(lambda status: status.pilots_running == 2)
+    finished(site, study)
+
+
+@pytest.mark.parametrize("site", ["slurm"], indirect=True)
+def test_what_slurm_refuses_is_said_in_its_words(site: Site) -> None:
+    site.client.submit(STUDY)
+    control("update", "PartitionName=day", "MaxTime=1")
+    try:
+        status = site.keeper.look(time.monotonic())
+    finally:
+        control("update", "PartitionName=day", "MaxTime=24:00:00")
+    assert "time limit" in status.trouble.lower()
+    assert (status.submitted, len(status.trouble.splitlines())) == (0, 1)

@@ -1,0 +1,279 @@
+"""How many pilots there are, and what a pilots file may say."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import httpx2
+import pytest
+
+from rehyb.client import Client
+from rehyb.durations import seconds
+from rehyb.errors import FleetError, Invalid
+from rehyb.pilots.engines import JobState, ParslEngine
+from rehyb.pilots.keeper import SHORT_LIVES, STOP, Keeper
+from rehyb.pilots.scaling import Work, may_start, step
+from rehyb.pilots.settings import checked, read
+from tests.testbed.command import Run
+
+WAITING, RUNNING, ENDED = JobState.WAITING, JobState.RUNNING, JobState.ENDED
+FILE = {"provider": "local", "walltime": "1h", "cores": 4, "maximum": 3}
+
+
+class Batch:
+    """A batch system that does as it is told."""
+
+    def __init__(self) -> None:
+        self.jobs: dict[str, JobState] = {}
+        self.commands: list[str] = []
+        self.refuses = ""
+
+    def submit(self, command: str, name: str) -> str:
+        if self.refuses:
+            raise FleetError(self.refuses)
+        job = str(len(self.commands))
+        self.commands.append(command)
+        self.jobs[job] = WAITING
+        return job
+
+    def states(self, jobs: Sequence[str]) -> dict[str, JobState]:
+        return {job: self.jobs[job] for job in jobs}
+
+    def cancel(self, jobs: Sequence[str]) -> None:
+        self.jobs |= dict.fromkeys(jobs, ENDED)
+
+
+class Site:
+    """A keeper with a batch system and a coordinator that has so much work."""
+
+    def __init__(self, folder: Path, **said: Any) -> None:
+        self.work = {"waiting": 0, "under_way": 0}
+        self.batch = Batch()
+        self.keeper = Keeper(
+            settings=checked({**FILE, **said}),
+            engine=self.batch,
+            client=Client("http://c", "t", transport=httpx2.MockTransport(self.answer)),
+            token="t",
+            folder=folder,
+        )
+        self.keeper.prepare()
+
+    def answer(self, request: httpx2.Request) -> httpx2.Response:
+        if not self.work:
+            raise httpx2.ConnectError("connection refused")
+        return httpx2.Response(200, json=self.work)
+
+    def run(self) -> None:
+        self.batch.jobs = {j: RUNNING if s == WAITING else s for j, s in self.batch.jobs.items()}
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    return Site(tmp_path / "site")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("90", 90),
+        ("90s", 90),
+        ("1.5m", 90),
+        ("1h30m", 5400),
+        ("2h", 7200),
+        ("1d", 86400),
+        ("02:00:00", 7200),
+        ("1-00:00:10", 86410),
+        (" 2 H ", 7200),
+    ],
+)
+def test_a_time_is_written_as_people_do(text: str, expected: float) -> None:
+    assert seconds(text, "walltime") == expected
+
+
+@pytest.mark.parametrize("text", ["", "0", "soon", "-1h", "2 weeks", "00:99:00", "1e3", "0s", "h"])
+def test_what_is_no_time_is_refused(text: str) -> None:
+    with pytest.raises(Invalid, match="walltime is a time like 90s"):
+        seconds(text, "walltime")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"provider": "cloud"}, "there is no provider 'cloud': take local, slurm, pbs"),
+        ({"walltime": "2m"}, "too short for an instance, which may take 120 s"),
+        ({"walltime": "20s", "instance": 1}, "too short for an instance"),
+        ({"walltime": "long"}, "walltime is a time like 90s"),
+        ({"walltime": [1]}, "walltime is a time like 90"),
+        ({"cores": 0}, "cores is a whole number from 1, not 0"),
+        ({"cores": True}, "cores is a whole number from 1"),
+        ({"minimum": 4}, "minimum = 4 is more than maximum = 3"),
+        ({"minimun": 1}, "there is no entry 'minimun': the entries are provider"),
+        ({"before": 3}, "before is a text in quotes, not 3"),
+        ({"options": "x"}, r"options is a table, \[options\]"),
+    ],
+)
+def test_a_pilots_file_that_cannot_be_is_one_sentence(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(Invalid, match=words):
+        checked({**FILE, **change})
+
+
+def test_a_pilots_file_that_cannot_be_read_is_one_sentence(tmp_path: Path) -> None:
+    file = tmp_path / "site.toml"
+    with pytest.raises(Invalid, match=r"site.toml cannot be read: No such file"):
+        read(file)
+    file.write_text("provider = ")
+    with pytest.raises(Invalid, match=r"site.toml is not TOML"):
+        read(file)
+    file.write_text("cores = 1")
+    with pytest.raises(Invalid, match=r"site.toml: provider is missing"):
+        read(file)
+
+
+def test_without_the_batch_systems_command_it_says_where_to_run(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    file = tmp_path / "site.toml"
+    file.write_text('provider = "slurm"\nwalltime = "1h"\ncores = 1\nmaximum = 1\n')
+    status, _, words = run("pilots", str(file))
+    assert status == 2
+    assert words.startswith("rehyb: there is no sbatch on this machine")
+    assert len(words.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"partiton": "x"}, "has no 'partiton': it takes cmd_timeout"),
+        ({"max_blocks": 3}, "has no 'max_blocks'"),
+    ],
+)
+def test_an_option_that_a_provider_lacks_is_one_sentence(
+    tmp_path: Path, options: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(Invalid, match=words):
+        ParslEngine("local", folder=tmp_path, walltime=60.0, cores=1, before="", options=options)
+
+
+@pytest.mark.parametrize(
+    ("work", "jobs", "wanted", "submit", "cancel"),
+    [
+        ((0, 0), "", 1, 1, ""),
+        ((9, 0), "", 3, 3, ""),
+        ((1000, 0), "", 5, 4, ""),
+        ((9, 4), "RR", 4, 2, ""),
+        # Who has all there is needs no company.
+        ((0, 16), "RR", 4, 0, ""),
+        # Nothing waits: jobs that have not begun go, those that run leave by themselves.
+        ((0, 4), "RRWW", 1, 0, "32"),
+        ((0, 0), "RRR", 1, 0, ""),
+        # The last to come goes first.
+        ((8, 0), "WWW", 2, 0, "2"),
+    ],
+)
+def test_there_are_as_many_pilots_as_there_is_work_for(
+    work: tuple[int, int], jobs: str, wanted: int, submit: int, cancel: str
+) -> None:
+    there = {str(n): WAITING if letter == "W" else RUNNING for n, letter in enumerate(jobs)}
+    found = step(
+        Work(waiting=work[0], under_way=work[1]), there, cores=4, minimum=1, maximum=5, may_start=4
+    )
+    assert (found.wanted, found.submit, "".join(found.cancel)) == (wanted, submit, cancel)
+
+
+def test_no_more_are_started_within_a_minute_than_allowed() -> None:
+    assert may_start([0.0, 1.0, 50.0], now=59.0, a_minute=3) == 0
+    assert may_start([0.0, 1.0, 50.0], now=60.5, a_minute=3) == 1
+
+
+def test_pilots_come_with_work_and_those_that_wait_go_with_it(site: Site) -> None:
+    site.work = {"waiting": 8, "under_way": 0}
+    status = site.keeper.look(0.0)
+    assert (status.submitted, status.pilots_waiting) == (2, 2)
+    starts = [command.split()[2] for command in site.batch.commands]
+    assert starts == ["0", "0.2"], "they do not ask in the same moment"
+    site.work = {"waiting": 0, "under_way": 0}
+    assert site.keeper.look(1.0).pilots_waiting == 0
+    assert set(site.batch.jobs.values()) == {ENDED}
+
+
+def test_only_pilots_beyond_the_minimum_leave_when_idle(tmp_path: Path) -> None:
+    site = Site(tmp_path, minimum=1)
+    site.work = {"waiting": 8, "under_way": 0}
+    site.keeper.look(0.0)
+    standing, other = site.batch.commands
+    assert "--max-idle" not in standing and other.endswith("--max-idle 60")
+
+
+def test_a_coordinator_that_is_away_changes_nothing(site: Site) -> None:
+    site.work = {"waiting": 4, "under_way": 0}
+    site.keeper.look(0.0)
+    site.work = {}
+    status = site.keeper.look(1.0)
+    assert "no coordinator answers" in status.trouble
+    assert (status.pilots_waiting, status.submitted) == (1, 1)
+
+
+def test_a_batch_system_that_refuses_is_left_alone_for_a_while(site: Site) -> None:
+    site.work = {"waiting": 4, "under_way": 0}
+    site.batch.refuses = "AssocMaxSubmitJobLimit"
+    assert "AssocMaxSubmitJobLimit" in site.keeper.look(0.0).trouble
+    site.batch.refuses = ""
+    assert site.keeper.look(1.0).submitted == 0
+    assert site.keeper.look(31.0).submitted == 1
+
+
+def test_pilots_that_die_at_once_are_not_started_for_ever(site: Site) -> None:
+    site.work = {"waiting": 4, "under_way": 0}
+    with pytest.raises(FleetError, match="5 pilots in a row ended as soon as they began"):
+        for second in range(100 * SHORT_LIVES):
+            site.keeper.look(float(second))
+            site.batch.jobs = dict.fromkeys(site.batch.jobs, ENDED)
+    assert len(site.batch.jobs) == SHORT_LIVES
+
+
+def test_draining_lets_those_that_run_finish_and_cancels_who_stays(site: Site) -> None:
+    site.work = {"waiting": 8, "under_way": 0}
+    site.keeper.look(0.0)
+    site.run()
+    site.keeper.look(1.0)
+    waits: list[float] = []
+
+    def wait(seconds: float) -> None:
+        waits.append(seconds)
+        assert (site.keeper.folder / STOP).exists()
+        if len(waits) == 5:
+            site.batch.jobs["0"] = ENDED
+
+    site.keeper.drain(wait, lambda _: None)
+    assert sum(waits) == 150.0
+    assert set(site.batch.jobs.values()) == {ENDED}
+
+
+def test_the_token_is_for_its_owners_eyes_only(site: Site) -> None:
+    path = site.keeper.folder / "environment"
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert "export REHYB_TOKEN=t\n" in path.read_text()
+    assert "REHYB_TOKEN" not in (site.keeper.folder / "pilot.sh").read_text()
+
+
+def test_a_status_is_one_line(site: Site) -> None:
+    from rehyb.cli.pilots import line
+
+    site.work = {"waiting": 8, "under_way": 3}
+    assert line(site.keeper.look(0.0)) == (
+        "8 instances wait, 3 under way; pilots: 0 running, 3 queued, 3 wanted"
+    )
+
+
+def test_a_coordinator_that_is_not_there_is_said_before_anything_is_started(
+    run: Run, tmp_path: Path, talk_to: Callable[..., None]
+) -> None:
+    def refuse(request: httpx2.Request) -> httpx2.Response:
+        raise httpx2.ConnectError("connection refused")
+
+    talk_to(refuse)
+    file = tmp_path / "site.toml"
+    file.write_text('provider = "local"\nwalltime = "1h"\ncores = 1\nmaximum = 1\n')
+    status, _, words = run("pilots", str(file))
+    assert status == 1 and words.startswith("rehyb: no coordinator answers")
