@@ -5,8 +5,10 @@ READY := .venv/.ready
 # Tests share the cores; whoever is done first takes over half of what another has left.
 PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist worksteal
 
+BROWSER := chromium google-chrome chrome
+
 .DEFAULT_GOAL := help
-.PHONY: help demo test unit lint check goldens soak power-loss bench bench-sim bench-analysis bench-closeloop bench-closeloop-unkind curves picture \
+.PHONY: help demo test unit lint check browser goldens soak power-loss bench bench-sim bench-analysis bench-closeloop bench-closeloop-unkind curves picture \
 	measurement measurements-age clean
 
 help:  ## Say what each target does
@@ -14,6 +16,11 @@ help:  ## Say what each target does
 
 demo: $(READY)  ## Run the paper's two-phase study here, small; Ctrl-C and again resumes
 	$(BIN)/rehyb campaign run --preset demo --local-workers 2 --directory demo
+
+browser:  ## Install Chromium, in which tests look at the pages, where there is apt (once, as root)
+	@for name in $(BROWSER); do command -v $$name && exit; done; \
+	if command -v apt-get >/dev/null; then apt-get update && apt-get install --yes chromium; \
+	else echo "install Chromium or Chrome: without one the tests of the pages are skipped"; fi
 
 test: $(READY)  ## Run every test (unit, integration with real processes, acceptance)
 	$(PYTEST)

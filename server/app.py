@@ -15,7 +15,7 @@ from server import problems
 from server.clocks import not_before, steady
 from server.compression import Gunzip
 from server.errors import NotFoundError
-from server.guards import MAX_BODY_BYTES, BearerToken, BodyLimit
+from server.guards import MAX_BODY_BYTES, BodyLimit, Guard
 from server.metrics import Metrics
 from server.operations import close_loops as close_loop_operations
 from server.operations import comparisons, reruns, tokens
@@ -42,6 +42,8 @@ from server.sandbox import CHECKS
 from server.settings import Settings
 from server.store import create_engine, require_current
 from server.store.database.write_batching import WriteBatches
+from server.web import assets, pages, sign_in
+from server.web.live import Hub
 
 log = logging.getLogger(__name__)
 
@@ -99,6 +101,8 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.looks = asyncio.Semaphore(CHECKS)
     #: Set when the process is asked to stop: whoever streams must end.
     app.state.stopping = asyncio.Event()
+    app.state.hub = Hub(app.state.stopping)
+    app.state.sign_in = sign_in.SignIn(settings.token.get_secret_value())
     problems.install(app)
     # The first that fits is taken, so what workers ask all the time comes first.
     for noun in (
@@ -116,15 +120,19 @@ def create_app(settings: Settings) -> FastAPI:
         close_loops,
         metrics,
         health,
+        sign_in,
+        assets,
+        pages,
     ):
         # As they are: to include them costs every request a second search.
         app.router.routes.extend(noun.router.routes)
     app.add_middleware(Gunzip, limit=MAX_BODY_BYTES)
     app.add_middleware(BodyLimit, large=settings.session_bytes)
     app.add_middleware(
-        BearerToken,
+        Guard,
         token=settings.token.get_secret_value(),
-        look_up=lambda secret: tokens.scopes_of(app.state.engine, secret),
+        look_up=lambda secret_or_id: tokens.good(app.state.engine, secret_or_id),
+        clock=lambda: float(app.state.clock()),
     )
     return app
 

@@ -6,14 +6,21 @@ import re
 from collections.abc import Callable
 from http import HTTPStatus
 from time import monotonic
+from urllib.parse import quote
 
 from fastapi import HTTPException
 from starlette.datastructures import Headers
+from starlette.requests import cookie_parser
+from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from server.logic.signing_in import OPERATOR, READING, Seal, comes_from_here
 from server.logic.tokens import FAILURE_SECONDS, Failures, may, scopes_needed
 from server.problems import problem
+from server.records import Token
 
+#: How paths begin that anybody may ask for: they say nothing of what is stored.
+_OPEN = ("/healthz", "/readyz", "/sign-in", "/sign-out", "/static/")
 #: Largest request body taken.
 MAX_BODY_BYTES = 8 * 1024 * 1024
 #: What a form adds to the file in it.
@@ -21,29 +28,41 @@ ENVELOPE_BYTES = 10_000
 #: Seconds a token is believed after it was looked up: a revoked one is good for as long at most.
 BELIEVED_SECONDS = 5.0
 
-#: Returns the scopes of whoever knows a secret; none if it is no good.
-LookUp = Callable[[bytes], tuple[str, ...]]
+#: Returns the good token with a secret (bytes) or an id (str); None if there is none.
+LookUp = Callable[[bytes | str], Token | None]
+#: Whoever asks: a token's id, and its scopes; no scopes: a stranger.
+Asker = tuple[str, tuple[str, ...]]
+_STRANGER: Asker = ("", ())
+_OPERATOR: Asker = (OPERATOR, ("admin",))
 
 
-class BearerToken:
+class Guard:
     """Turn away who may not, before anything of the request is read.
 
+    A request bears a token in its header, or the cookie of somebody who signed in. It goes on with
+    `scope["rehyb.who"]` and `scope["rehyb.scopes"]`.
+
     Args:
-        app: what is guarded: /v1, /metrics and /openapi.json.
+        app: what is guarded: all but `_OPEN`.
         token: the operator's own, which may do everything.
-        look_up: finds the scopes of all others in the database.
+        look_up: finds all others in the database.
+        clock: seconds, UTC epoch.
     """
 
-    def __init__(self, app: ASGIApp, token: str, look_up: LookUp) -> None:
+    def __init__(
+        self, app: ASGIApp, token: str, look_up: LookUp, clock: Callable[[], float]
+    ) -> None:
         self._app = app
         self._expected = token.encode()
         self._look_up = look_up
+        self._clock = clock
+        self._seal = Seal(token)
         self._failures = Failures()
-        self._believed: dict[bytes, tuple[float, tuple[str, ...]]] = {}
+        self._believed: dict[bytes | str, tuple[float, Asker]] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request (ASGI)."""
-        if scope["type"] != "http" or not _guarded(scope["path"]):
+        if scope["type"] != "http" or scope["path"].startswith(_OPEN):
             await self._app(scope, receive, send)
             return
         refusal = await self._objection(scope)
@@ -51,28 +70,33 @@ class BearerToken:
 
     async def _objection(self, scope: Scope) -> ASGIApp | None:
         """Return the answer to a request that is turned away; None if it may pass."""
-        borne = _borne_by(scope)
-        if borne is not None and hmac.compare_digest(borne, self._expected):
-            _let_in(scope)
-            return None
+        headers = Headers(scope=scope)
+        borne, signed_in = _borne_by(headers), None
         address = (scope.get("client") or ("",))[0]
         now = monotonic()
-        scopes = await self._scopes_of(borne, address, now) if borne else ()
-        if scopes is None:
+        asker: Asker | None = _STRANGER
+        if borne is not None:
+            asker = await self._bearer(borne, address, now)
+        elif (signed_in := self._signed_in(headers)) is not None:
+            asker = _OPERATOR if signed_in == OPERATOR else await self._known(signed_in, now)
+        if asker is None:
             return problem(
                 HTTPStatus.TOO_MANY_REQUESTS,
                 "too many wrong tokens came from this address: correct the token and wait",
                 headers={"Retry-After": str(int(FAILURE_SECONDS))},
             )
+        who, scopes = asker
         if not scopes:
-            self._failures.count(address, now)
+            if borne is not None:
+                self._failures.count(address, now)
+            return _sign_in_first(scope, headers)
+        _let_in(scope)
+        if signed_in and scope["method"] not in READING and not comes_from_here(headers):
             return problem(
-                HTTPStatus.UNAUTHORIZED,
-                "send the header `Authorization: Bearer TOKEN` with the coordinator's token",
-                headers={"WWW-Authenticate": "Bearer"},
+                HTTPStatus.FORBIDDEN, "only this coordinator's own pages may ask for this"
             )
         needed = scopes_needed(scope["method"], scope["path"])
-        _let_in(scope)
+        scope["rehyb.who"], scope["rehyb.scopes"] = who, scopes
         if may(scopes, needed):
             return None
         has, needs = ", ".join(scopes), " or ".join(needed)
@@ -80,21 +104,31 @@ class BearerToken:
             HTTPStatus.FORBIDDEN, f"this needs a token with the scope {needs}; yours has {has}"
         )
 
-    async def _scopes_of(self, borne: bytes, address: str, now: float) -> tuple[str, ...] | None:
-        """Return the scopes of a secret; None if its address has failed too often to ask."""
-        until, scopes = self._believed.get(borne, (0.0, ()))
-        if now < until:
-            return scopes
+    async def _bearer(self, borne: bytes, address: str, now: float) -> Asker | None:
+        """Return who bears a token; None if its address has failed too often to ask."""
+        if hmac.compare_digest(borne, self._expected):
+            return _OPERATOR
         # A token that was good before must not suffer from what others send from its address.
         if borne not in self._believed and self._failures.too_many(address, now):
             return None
-        scopes = await asyncio.to_thread(self._look_up, borne)
+        return await self._known(borne, now) if borne else _STRANGER
+
+    async def _known(self, secret_or_id: bytes | str, now: float) -> Asker:
+        until, asker = self._believed.get(secret_or_id, (0.0, _STRANGER))
+        if now < until:
+            return asker
+        token = await asyncio.to_thread(self._look_up, secret_or_id)
         # Only good ones are remembered: wrong ones come without number.
-        if scopes:
-            self._believed[borne] = (now + BELIEVED_SECONDS, scopes)
-        else:
-            self._believed.pop(borne, None)
-        return scopes
+        if token is None:
+            self._believed.pop(secret_or_id, None)
+            return _STRANGER
+        asker = (token.id, token.scopes)
+        self._believed[secret_or_id] = (now + BELIEVED_SECONDS, asker)
+        return asker
+
+    def _signed_in(self, headers: Headers) -> str | None:
+        cookie = cookie_parser(headers.get("cookie", "")).get(self._seal.cookie)
+        return None if cookie is None else self._seal.open(cookie, now=self._clock())
 
 
 class BodyLimit:
@@ -150,12 +184,22 @@ def _let_in(scope: Scope) -> None:
         connection.signed_in()
 
 
-def _guarded(path: str) -> bool:
-    return path in ("/v1", "/metrics", "/openapi.json") or path.startswith("/v1/")
+def _sign_in_first(scope: Scope, headers: Headers) -> ASGIApp:
+    """Return the answer to a stranger: the page to sign in at to a reader, else 401."""
+    path = scope["path"]
+    if scope["method"] == "GET" and "text/html" in headers.get("accept", ""):
+        query = scope.get("query_string", b"").decode("latin-1")
+        there = quote(path) + ("?" + query if query else "")
+        return RedirectResponse(f"/sign-in?next={quote(there, safe='')}", HTTPStatus.SEE_OTHER)
+    return problem(
+        HTTPStatus.UNAUTHORIZED,
+        "send the header `Authorization: Bearer TOKEN` with the coordinator's token",
+        headers={"WWW-Authenticate": "Bearer"},
+    )
 
 
-def _borne_by(scope: Scope) -> bytes | None:
+def _borne_by(headers: Headers) -> bytes | None:
     """Return the token a request bears; None if it bears none."""
-    scheme, _, token = Headers(scope=scope).get("authorization", "").partition(" ")
+    scheme, _, token = headers.get("authorization", "").partition(" ")
     # Headers are decoded as Latin-1: encoding them so gives the bytes that were sent.
     return token.strip().encode("latin-1") if scheme.lower() == "bearer" else None

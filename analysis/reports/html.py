@@ -15,7 +15,7 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Literal
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from analysis.reports.wording import with_interval, words
@@ -41,7 +41,7 @@ def render(template: str, *, script: str = "", **content: Any) -> str:
         f"script-src 'sha256-{digest}'"
     )
     return (
-        _templates()
+        environment()
         .get_template(template)
         .render(**content, script=Markup(code), policy=policy if script else "")
     )
@@ -78,9 +78,10 @@ def cell(value: object) -> str:
 
 
 @cache
-def _templates() -> Environment:
+def environment(*packages: str) -> Environment:
+    """Return the templates of these packages and, below them, our own pieces."""
     environment = Environment(
-        loader=PackageLoader("analysis.reports"),
+        loader=ChoiceLoader([PackageLoader(name) for name in (*packages, "analysis.reports")]),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -10,9 +10,10 @@ from typing import Annotated
 
 import typer
 
-from rehyb.cli.answers import AsJson, print_json
+from rehyb.cli.answers import Answer, AsJson, answering, print_json
 from rehyb.cli.database import in_one_sentence, opened
 from rehyb.cli.options import interruptible
+from rehyb.client import Client
 from rehyb.errors import Invalid, RehybError, needs_extra
 
 SUPERVISE_SECONDS = 1.0
@@ -62,11 +63,16 @@ def up(
         database_url=os.environ.get("REHYB_DATABASE_URL"),
     )
     with interruptible(), fleet:
+        with Client(fleet.url, fleet.token) as client:
+            page = client.page_address()
         if as_json:
-            print_json({"url": fleet.url, "token": fleet.token, "logs": str(fleet.directory)})
+            said = {"url": fleet.url, "token": fleet.token, "logs": str(fleet.directory)}
+            print_json({**said, "page": page})
         else:
             typer.echo(
                 f"The coordinator listens on {fleet.url}; logs are in {fleet.directory}/logs.\n"
+                f"In a browser, once and within an hour (later: `rehyb page`):\n\n"
+                f"  {page}\n\n"
                 f"In another terminal:\n\n"
                 f"  export REHYB_URL={fleet.url} REHYB_TOKEN={fleet.token}\n"
                 f"  rehyb study submit --model ishigami --method morris --rows 100\n\n"
@@ -75,6 +81,13 @@ def up(
         while True:
             fleet.supervise()
             time.sleep(SUPERVISE_SECONDS)
+
+
+@answering
+def page(client: Client) -> Answer:
+    """Print an address of the coordinator's pages that signs a browser in, once, within an hour."""
+    address = client.page_address()
+    return Answer({"page": address}, address)
 
 
 def coordinator() -> None:

@@ -15,6 +15,11 @@ class Leases(Connection):
         workers: list[Json] = self._json("GET", "/v1/workers")["workers"]
         return workers
 
+    def page_address(self) -> str:
+        """Return an address of the coordinator's pages that signs a browser in, once."""
+        made = self._json("POST", "/v1/sign-in-codes")
+        return f"{self.url}{made['path']}"
+
     def health(self) -> Json:
         """Return {"status", "date"}: "ok" if the coordinator lives, and its clock (RFC 9110)."""
         response = self._request("GET", "/healthz")

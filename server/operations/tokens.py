@@ -43,7 +43,9 @@ def revoke(engine: Engine, token_id: str, *, now: float) -> Token:
         return tokens.revoke(connection, token_id, now=now)
 
 
-def scopes_of(engine: Engine, secret: bytes) -> tuple[str, ...]:
-    """Return the scopes of whoever knows `secret`; none if it is no good."""
+def good(engine: Engine, secret_or_id: bytes | str) -> Token | None:
+    """Return the token with this secret (bytes) or id (str), if it is good."""
     with reading(engine) as connection:
-        return tokens.scopes_of(connection, digest(secret))
+        if isinstance(secret_or_id, str):
+            return tokens.good(connection, token_id=secret_or_id)
+        return tokens.good(connection, digest=digest(secret_or_id))

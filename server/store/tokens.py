@@ -35,13 +35,13 @@ def revoke(connection: Connection, token_id: str, *, now: float) -> Token:
     return _token(row)
 
 
-def scopes_of(connection: Connection, digest: str) -> tuple[str, ...]:
-    """Return the scopes of a good token whose secret has this digest; none if there is none."""
-    query = sa.select(tokens.c.scopes).where(
-        tokens.c.digest == digest, tokens.c.revoked_at.is_(None)
-    )
-    found: Any = connection.scalar(query)
-    return tuple(found or ())
+def good(connection: Connection, *, digest: str | None = None, token_id: str = "") -> Token | None:
+    """Return a token that is not revoked, by its secret's digest or by its id; None if none is."""
+    which = tokens.c.id == token_id if digest is None else tokens.c.digest == digest
+    row = connection.execute(
+        sa.select(tokens).where(which, tokens.c.revoked_at.is_(None))
+    ).one_or_none()
+    return None if row is None else _token(row)
 
 
 def _token(row: Any) -> Token:

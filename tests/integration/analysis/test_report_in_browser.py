@@ -1,6 +1,5 @@
 """A report as a reader sees it, in a real browser: complete, quiet, and answering the pointer."""
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,9 @@ from analysis.designs import instance_parameters
 from analysis.designs.distributions import Uniform
 from analysis.reports.report import chapter, write_report
 from sim.evaluation import evaluate
+from tests.testbed.browser import launched, needs_browser
 
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on this machine")
+pytestmark = needs_browser
 
 RANGES = {f"x{i}": Uniform(low=0.0, high=1.0) for i in range(1, 7)}
 
@@ -54,12 +53,8 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def page(report: Path) -> Iterator[Any]:
     """The report in a browser that is offline; whatever it complained of must be nothing."""
-    from playwright.sync_api import sync_playwright
-
     complaints: list[str] = []
-    with sync_playwright() as playwright:
-        quiet = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=quiet)
+    with launched() as browser:
         page = browser.new_page(viewport={"width": 1100, "height": 800})
         page.context.set_offline(True)
         page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -67,7 +62,6 @@ def page(report: Path) -> Iterator[Any]:
         page.on("request", lambda request: _only_itself(request.url, complaints))
         page.goto(report.as_uri())
         yield page
-        browser.close()
     assert complaints == []
 
 

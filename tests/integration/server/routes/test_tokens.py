@@ -125,8 +125,10 @@ def test_the_database_holds_no_secret(engine: Engine) -> None:
     with reading(engine) as connection:
         stored = repr(connection.execute(sa.select(tokens_table)).all())
     assert secret not in stored
-    assert tokens.scopes_of(engine, secret.encode()) == ("work",)
-    assert tokens.scopes_of(engine, b"\xff other") == ()
+    assert tokens.good(engine, secret.encode()) == tokens.good(engine, token.id) == token
+    # Neither is taken for the other.
+    for other in (b"\xff other", secret, token.id.encode()):
+        assert tokens.good(engine, other) is None
 
 
 def test_wrong_scopes_and_ids_are_refused(engine: Engine) -> None:

@@ -1,0 +1,70 @@
+"""Cookies and codes: good for whom they name, for as long as they say."""
+
+import pytest
+
+from server.logic.signing_in import (
+    CODE_SECONDS,
+    MOST_CODES,
+    OPERATOR,
+    Codes,
+    Seal,
+    comes_from_here,
+)
+
+
+def test_a_cookie_names_who_signed_in_until_its_time_is_over() -> None:
+    cookie = Seal("token").close("3fb1c2a4", until=100.0)
+    assert Seal("token").open(cookie, now=99.0) == "3fb1c2a4"
+    assert Seal("token").open(cookie, now=100.0) is None
+
+
+def test_a_cookie_that_was_changed_or_is_another_coordinators_is_none() -> None:
+    seal = Seal("token")
+    cookie = seal.close("3fb1c2a4", until=100.0)
+    mark = cookie.rpartition(".")[2]
+    for other in (
+        "",
+        ".",
+        "..",
+        OPERATOR,
+        f"{OPERATOR}.100.{mark}",
+        f"3fb1c2a4.999.{mark}",
+        cookie + "0",
+        cookie[:-1],
+        "ä.ö.ü",
+        Seal("other").close("3fb1c2a4", until=100.0),
+    ):
+        assert seal.open(other, now=1.0) is None
+    assert Seal("other").cookie != seal.cookie
+
+
+def test_a_code_signs_in_once_and_within_the_hour() -> None:
+    codes = Codes()
+    code = codes.new("anna", now=0.0)
+    assert codes.take(code, now=1.0) == "anna"
+    assert codes.take(code, now=1.0) is None
+    assert codes.take(codes.new("anna", now=0.0), now=CODE_SECONDS) is None
+    assert codes.take("", now=0.0) is None
+
+
+def test_codes_that_nobody_uses_do_not_pile_up() -> None:
+    codes = Codes()
+    first, *others = [codes.new("anna", now=0.0) for _ in range(MOST_CODES + 1)]
+    assert codes.take(first, now=1.0) is None
+    assert all(codes.take(code, now=1.0) for code in others)
+
+
+@pytest.mark.parametrize(
+    ("headers", "here"),
+    [
+        ({"origin": "http://lab:8787", "host": "lab:8787"}, True),
+        # A proxy speaks TLS for it.
+        ({"origin": "https://lab", "host": "lab"}, True),
+        ({"origin": "http://lab:9999", "host": "lab:8787"}, False),
+        ({"origin": "http://elsewhere", "host": "lab:8787"}, False),
+        ({"origin": "null", "host": "lab:8787"}, False),
+        ({"host": "lab:8787"}, False),
+    ],
+)
+def test_only_a_page_of_the_same_host_and_port_is_here(headers: dict[str, str], here: bool) -> None:
+    assert comes_from_here(headers) is here
