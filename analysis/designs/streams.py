@@ -19,6 +19,7 @@ class Purpose(IntEnum):
     BOOTSTRAP = 2
     BLOCK = 3
     TRAJECTORY = 4
+    BAND = 5
 
 
 def bits(seed: int, purpose: Purpose, index: int, size: int) -> NDArray[np.uint64]:

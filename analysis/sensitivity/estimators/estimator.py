@@ -144,6 +144,8 @@ class Estimator(ABC):
     #: output.
     sample_sums: ClassVar[tuple[str, ...]] = ()
     sample_output_sums: ClassVar[tuple[str, ...]] = ()
+    #: How many of the weightings it keeps, the first ones.
+    weightings: ClassVar[int] = WEIGHTINGS
 
     def __init__(
         self, *, sampling: str, seed: int, factors: int, outputs: int, indicators: int = 0
@@ -166,7 +168,7 @@ class Estimator(ABC):
             **dict.fromkeys(self.output_sums, (outputs,)),
         }
         #: In every weighting of the rows, and in the sample itself.
-        self._whole = NamedSums(WEIGHTINGS, shapes)
+        self._whole = NamedSums(self.weightings, shapes)
         of_sample: dict[str, tuple[int, ...]] = {
             **dict.fromkeys(self.sample_sums, (outputs, factors)),
             **dict.fromkeys((*self.sample_output_sums, *ROW_SUMS), (outputs,)),
@@ -215,7 +217,7 @@ class Estimator(ABC):
 
     def statistics(self) -> dict[str, Statistic]:
         """Return each index in every weighting of the rows."""
-        return self._statistics(WEIGHTINGS)
+        return self._statistics(self.weightings)
 
     def indices(self, level: float = 0.9) -> dict[str, Estimate]:
         """Return each of `statistics` with its interval at `level`."""
@@ -323,8 +325,8 @@ class Estimator(ABC):
         shape = (self.factors, self.outputs, self.indicators)
         return (self.method, self.sampling, self.seed, *shape)
 
-    def _weighted(self, stop: int = WEIGHTINGS) -> Weighted:
-        return self._whole.weighted(stop)
+    def _weighted(self, stop: int | None = None) -> Weighted:
+        return self._whole.weighted(self.weightings if stop is None else stop)
 
     def _weighted_sample(self) -> Weighted:
         return self._sample.weighted(1)

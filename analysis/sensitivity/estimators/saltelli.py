@@ -6,6 +6,7 @@ of mean / standard deviation, whose signature is a negative index of an idle fac
 """
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ class SaltelliEstimator(Estimator):
     output_sums = ("value", "value_squared", "between_squared")
     sample_sums = ("difference_root", "difference_size", "difference_fourth", *martinez.SUMS)
     sample_output_sums = ("between_fourth",)
+    #: Whether it has the sums of other estimators, too (`compared`).
+    beside: ClassVar[bool] = True
 
     def independent_runs(self) -> NDArray[np.int64]:
         """Return how many A and B of each output succeeded, shape (outputs,)."""
@@ -121,7 +124,7 @@ class SaltelliEstimator(Estimator):
             "difference_root": np.sqrt(size)[None],
             "difference_size": size[None],
             "difference_fourth": ((size * size) * (size * size))[None],
-            **martinez.terms(a, b, mixed),
+            **(martinez.terms(a, b, mixed) if self.beside else {}),
         }
 
 

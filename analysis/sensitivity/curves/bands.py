@@ -1,0 +1,60 @@
+"""Bands that hold a whole curve as often as an interval holds a number.
+
+Ninety of a hundred intervals hold their point of the curve; that all points are held at once is
+rarer. How much, depends on how the points err together, and of that the bootstrap replicates tell.
+The largest of the Student's statistics of all points is drawn a thousand times, each from eight
+blocks that err together like the replicates (sup-t band: Montiel Olea and Plagborg-Moller 2019,
+Simultaneous confidence bands: theory, implementation, and an application to SVARs); the level that
+its quantile has for one point is the level of the intervals that make up the band, whatever kind of
+interval suits the index.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri, stdtr
+
+from analysis.designs.streams import Purpose, bits
+
+Array = NDArray[np.float64]
+
+#: How often the largest statistic is drawn.
+DRAWS = 1000
+
+
+def band_level(weighted: Array, blocks: int, level: float) -> float:
+    """Return the level of intervals that hold all points at once with probability `level`.
+
+    By Montiel Olea and Plagborg-Moller 2019; never beyond what Bonferroni 1936 asks for.
+
+    Args:
+        weighted: the index in the sample and its replicates, shape (1 + replicates, points); points
+            where it is undefined or does not vary are left out.
+        blocks: how many blocks of rows there are.
+        level: between 0 and 1.
+    """
+    replicates = weighted[1:]
+    known = np.isfinite(weighted).all(axis=0)
+    replicates = replicates[:, known] - replicates[:, known].mean(axis=0)
+    error = np.sqrt((replicates * replicates).mean(axis=0))
+    moves = error > 0.0
+    if blocks < 2 or not moves.any():
+        return level
+    together = replicates[:, moves] / (error[moves] * np.sqrt(len(replicates)))
+    drawn = _normal(blocks, len(replicates)) @ together
+    mean, squares = drawn.mean(axis=1), drawn.var(axis=1, ddof=1)
+    largest = np.sqrt((mean * mean / squares).max(axis=-1) * blocks)
+    single = 2.0 * float(stdtr(blocks - 1, np.quantile(largest, level))) - 1.0
+    return float(np.clip(single, level, 1.0 - (1.0 - level) / moves.sum()))
+
+
+@lru_cache(maxsize=8)
+def _normal(blocks: int, replicates: int) -> Array:
+    """Return normal numbers, always the same, shape (draws, blocks, replicates)."""
+    shape = (DRAWS, blocks, replicates)
+    words = bits(0, Purpose.BAND, blocks, int(np.prod(shape)))
+    uniform = ((words >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52
+    drawn: Array = ndtri(uniform).reshape(shape)
+    drawn.setflags(write=False)
+    return drawn
