@@ -37,9 +37,7 @@ class CurveEstimator:
         factors, points: how many.
     """
 
-    def __init__(
-        self, *, method: str, sampling: str, seed: int, factors: int, points: int
-    ) -> None:
+    def __init__(self, *, method: str, sampling: str, seed: int, factors: int, points: int) -> None:
         self.method = method
         self.points = point_estimator(
             method, sampling=sampling, seed=seed, factors=factors, outputs=points

@@ -67,10 +67,12 @@ def findings(
     lines = {n: _lines(statistics[n], level) for n in of_factors}
     of_pairs = {n: _lines(statistics[n], level) for n in OF_PAIRS if n in statistics}
     pairs = [list(pair) for pair in combinations(factors, 2)]
-    variance = moments.sd**2
-    whole = _whole(generalised(estimator, statistics), factors, pairs, level)
+    # Of the sample: what its parts are shares of.
+    variance = moments.sd**2 * (1.0 - 1.0 / np.maximum(moments.n, 1))
+    of_whole = generalised(estimator, statistics)
+    whole = _whole(of_whole, factors, pairs, level)
     by = RANKED_BY[family(points.method)]
-    ranking = rank(generalised(estimator, statistics)[by].weighted, factors)
+    ranking = rank(of_whole[by].weighted, factors)
     leading = components(estimator, float(np.nansum(variance)), level)
     known = np.where(np.isfinite(variance), variance, -1.0)
     trust = judge(points, statistics, int(np.argmax(known)), name)
@@ -176,9 +178,7 @@ def _only(found: Statistic, f: int) -> Statistic:
         present=of_one(found.present),
         tail=None
         if found.tail is None
-        else replace(
-            found.tail, stretch=of_one(found.tail.stretch), rows=of_one(found.tail.rows)
-        ),
+        else replace(found.tail, stretch=of_one(found.tail.stretch), rows=of_one(found.tail.rows)),
         whole=None if found.whole is None else of_one(found.whole),
         weighted_whole=None if found.weighted_whole is None else of_one(found.weighted_whole),
         apart=None if found.apart is None else of_one(found.apart),

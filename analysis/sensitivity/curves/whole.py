@@ -66,7 +66,7 @@ def _shares(curve: CurveEstimator, at_points: Mapping[str, Statistic]) -> dict[s
             weighted=weighted,
             n=found.n.max(axis=0),
             without=without,
-            present=found.present.any(axis=1),
+            present=np.asarray(found.present.any(axis=1)),
             power=found.power,
             whole=np.concatenate([whole[:1], less]),
             weighted_whole=whole,
@@ -115,7 +115,7 @@ def _sum(index: Statistic) -> Statistic:
         weighted=index.weighted.sum(axis=-1, keepdims=True),
         n=index.n.min(keepdims=True),
         without=index.without.sum(axis=-1, keepdims=True),
-        present=index.present.any(axis=-1, keepdims=True),
+        present=np.asarray(index.present.any(axis=-1, keepdims=True)),
         apart=None,
     )
 

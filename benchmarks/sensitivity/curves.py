@@ -1,0 +1,180 @@
+"""How often intervals and bands of curves hold the truth, and what a study of curves takes.
+
+`python -m benchmarks.sensitivity.curves [SEEDS]`. Functions are those of
+`tests.testbed.curve_functions`, which have closed forms; the truth of elementary effects comes from
+a long run on a seed of its own. Seeds begin at 1000; bands were developed on seeds below 100.
+"""
+
+import sys
+from collections.abc import Mapping
+from time import process_time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.designs import unit_row
+from analysis.sensitivity.curves.estimator import CurveEstimator
+from analysis.sensitivity.curves.findings import findings
+from benchmarks.machine import describe_machine
+from models.curves import Curve
+from tests.testbed.curve_functions import CurveFunction, ishigami_over_time, waves
+
+Array = NDArray[np.float64]
+
+SIZES = (128, 512)
+SEEDS = 300
+FIRST_SEED = 1000
+LEVEL = 0.9
+POINTS = 25
+FUNCTIONS = {"Ishigami over time": ishigami_over_time(POINTS), "waves": waves(POINTS)}
+SHARES = ("first_order", "total_order")
+#: Rows of the run whose elementary effects are taken for true.
+LONG_RUN = 2**13
+#: A point where a factor does less than this tells nothing of intervals: they may have no width.
+LEAST_SHARE = 0.005
+
+#: By what is held and the index's name: whether it was, one entry for each interval or band.
+Held = dict[tuple[str, str], list[bool]]
+
+
+def studied(
+    method: str, function: CurveFunction, seed: int, sizes: tuple[int, ...]
+) -> dict[int, dict[str, Any]]:
+    """Return the findings after each number of rows of one seed."""
+    curve = CurveEstimator(
+        method=method,
+        sampling="sobol_blocks",
+        seed=seed,
+        factors=function.factors,
+        points=POINTS,
+    )
+    found, start = {}, 0
+    for stop in sizes:
+        for first in range(start, stop, 1024):
+            rows = range(first, min(first + 1024, stop))
+            points = [unit_row(method, "sobol_blocks", seed, row, function.factors) for row in rows]
+            curve.add_rows(rows, function.values(np.stack(points)))
+        start = stop
+        names = [str(factor) for factor in range(function.factors)]
+        found[stop] = findings("y", Curve(points=POINTS, over="time"), curve, names, LEVEL)
+    return found
+
+
+def judge(found: Mapping[str, Any], truth: Mapping[str, Mapping[str, Array]], held: Held) -> None:
+    """Add whether the intervals and bands of one study hold the truth."""
+    for index, true in truth["points"].items():
+        for f, line in enumerate(found["factors"].values()):
+            low, high, band_low, band_high = (
+                np.array(line[index][end]) for end in ("low", "high", "band_low", "band_high")
+            )
+            moves = np.abs(true[:, f]) > truth["least"][index]
+            if not moves.any():
+                continue
+            inside = (low <= true[:, f]) & (true[:, f] <= high)
+            held.setdefault(("every point", index), []).extend(inside[moves].tolist())
+            # A point without any influence must be held as well, whatever its width.
+            all_in = (band_low - 1e-9 <= true[:, f]) & (true[:, f] <= band_high + 1e-9)
+            held.setdefault(("whole band", index), []).append(bool(all_in.all()))
+    parts = {"generalised": found["whole"]["factors"]}
+    for c, one in enumerate(found["components"][:2]):
+        parts[f"score {c + 1}"] = one["factors"]
+    for part, factors in parts.items():
+        for index, true_of in truth.get(part, {}).items():
+            for f, entry in enumerate(factors.values()):
+                if abs(true_of[f]) > truth["least"].get(index, LEAST_SHARE):
+                    ends = entry[index]
+                    held.setdefault((part, index), []).append(
+                        ends["low"] <= true_of[f] <= ends["high"]
+                    )
+
+
+def shares_of(function: CurveFunction) -> dict[str, dict[str, Any]]:
+    """Return the closed forms of a function's shares."""
+    of = {"first_order": function.first, "total_order": function.total}
+    return {
+        "points": {index: function.at_points(part) for index, part in of.items()},
+        "generalised": {index: function.of_whole(part) for index, part in of.items()},
+        "score 1": {index: function.of_score(part, 0) for index, part in of.items()},
+        "score 2": {index: function.of_score(part, 1) for index, part in of.items()},
+        "least": dict.fromkeys(of, LEAST_SHARE),
+    }
+
+
+def effects_of(function: CurveFunction) -> dict[str, dict[str, Any]]:
+    """Return the elementary effects of a long run."""
+    found = studied("morris", function, 7, (LONG_RUN,))[LONG_RUN]
+    factors = found["factors"].values()
+    points = {
+        index: np.array([line[index]["value"] for line in factors]).T
+        for index in ("mu", "mu_star", "sigma")
+    }
+    whole = [entry["mu_star"]["value"] for entry in found["whole"]["factors"].values()]
+    least = 0.02 * float(np.max(points["mu_star"]))
+    return {
+        "points": points,
+        "generalised": {"mu_star": np.array(whole)},
+        "least": dict.fromkeys(points, least),
+    }
+
+
+def print_coverage(seeds: int) -> None:
+    """Print how often intervals and bands hold the truth."""
+    print(f"Coverage of 90 % intervals and bands, {seeds} seeds, {POINTS} points, `sobol_blocks`\n")
+    head = " | ".join(f"N = {size}" for size in SIZES)
+    print(f"| Function | What is held | Index | {head} |\n|{'---|' * (3 + len(SIZES))}")
+    for name, function in FUNCTIONS.items():
+        for method, truth in (
+            ("saltelli", shares_of(function)),
+            ("morris", effects_of(function)),
+        ):
+            held: dict[int, Held] = {size: {} for size in SIZES}
+            for seed in range(FIRST_SEED, FIRST_SEED + seeds):
+                for size, found in studied(method, function, seed, SIZES).items():
+                    judge(found, truth, held[size])
+            for part, index in held[SIZES[0]]:
+                share = " | ".join(f"{np.mean(held[size][part, index]):.3f}" for size in SIZES)
+                print(f"| {name} | {part} | {index} | {share} |", flush=True)
+
+
+def print_cost(runs: int = 1_000_000) -> None:
+    """Print what a study of six factors and 101 points takes, by its state after many runs."""
+    curve = CurveEstimator(
+        method="saltelli", sampling="sobol_blocks", seed=1, factors=6, points=101
+    )
+    batch = 500
+    values = np.random.default_rng(1).normal(size=(batch, 8, 101)).cumsum(axis=-1)
+    rows = min(runs // 8, 20 * batch)
+    started = process_time()
+    for start in range(0, rows, batch):
+        curve.add_rows(range(start, start + batch), values)
+    rate = 8 * rows / (process_time() - started)
+    before = len(curve.to_bytes())
+    # Doubling by merging: what a million runs sum to, without the time that they take to add.
+    merged = 8 * rows
+    while merged < runs:
+        other = CurveEstimator(
+            method="saltelli", sampling="sobol_blocks", seed=1, factors=6, points=101
+        )
+        other.load_bytes(curve.to_bytes())
+        curve.merge(other)
+        merged *= 2
+    started = process_time()
+    findings("y", Curve(points=101, over="time"), curve, list("abcdef"), LEVEL)
+    taken = process_time() - started
+    print(
+        f"\nSix factors, 101 points: {rate:,.0f} runs per second of processor time; the state is "
+        f"{before / 1e6:.1f} MB after {8 * rows:,} runs and {len(curve.to_bytes()) / 1e6:.1f} MB "
+        f"after {merged:,} (the sums doubled by merging); a snapshot takes {taken:.2f} s."
+    )
+
+
+def main() -> None:
+    """Print all tables."""
+    print(describe_machine())
+    print_coverage(int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS)
+    print_cost()
+
+
+if __name__ == "__main__":
+    main()
