@@ -32,9 +32,15 @@ def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
         assessment = assess(
             values, fidelity=setup.fidelity, target=setup.target, device=setup.device
         )
+        outputs = dict(assessment.outputs)
+        if setup.records and outputs and assessment.record is not None:
+            from sim.assessment.summary import summary_of
+            from sim.parameters.conditions import split
+
+            outputs |= summary_of(assessment.record, split(values)[1])
         return Evaluation(
             outcome=assessment.outcome,
-            outputs=assessment.outputs,
+            outputs=outputs,
             reason=assessment.reason,
             state=assessment.state,
             wall_seconds=time.perf_counter() - started,

@@ -36,6 +36,22 @@ _UNITS: Mapping[str, str] = MappingProxyType(
     | {f"local_damping_{place}": "Nm s/rad" for place in _PLACES}
     | {"shoulder_to_elbow": "m", "elbow_to_wrist": "m"}
 )
+#: A recording in windows (`sim.assessment.summary`): the elbow's angle, then the torque about each
+#: of the NESM's joints that its declared model does not explain; and what regressions make of it.
+WINDOWS = 18
+CURVES = tuple(
+    f"{curve}_{window:02d}"
+    for curve in ("angle", *(f"torque_J{joint}" for joint in range(1, 5)))
+    for window in range(WINDOWS)
+)
+ESTIMATES = ("affine_stiffness", "affine_damping", "paper_stiffness", "paper_damping", "residual")
+#: K_h and D_h of the whole elbow in the restoring sense, and K_h by equation 21.
+TRUTHS = ("true_stiffness", "true_damping", "true_stiffness_paper")
+_RECORDED: Mapping[str, str] = MappingProxyType(
+    {name: "rad" if name.startswith("angle") else "Nm" for name in CURVES}
+    | dict(zip(ESTIMATES, ("Nm/rad", "Nm s/rad", "Nm/rad", "Nm s/rad", "Nm"), strict=True))
+    | dict(zip(TRUTHS, ("Nm/rad", "Nm s/rad", "Nm/rad"), strict=True))
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +65,8 @@ class Setup:
     device: str = "nesm"
     #: Whether the parameters of effects that the nominal model lacks are factors, too.
     carries_effects: bool = False
+    #: Whether what a robot records is among the results (`sim.assessment.summary`).
+    records: bool = False
 
     def describe(self) -> Description:
         """Return what a study needs to know; with effects, this loads NumPy."""
@@ -59,7 +77,10 @@ class Setup:
             description=f"Stiffness assessment in the exoskeleton: {self.description}",
             kind=Kind.PYTHON,
             factors=TABLE_1 + conditions + (effect_factors() if self.carries_effects else ()),
-            results=tuple(Output(name=name, unit=unit) for name, unit in _UNITS.items()),
+            results=tuple(
+                Output(name=name, unit=unit)
+                for name, unit in (dict(_UNITS) | dict(_RECORDED if self.records else {})).items()
+            ),
         )
 
 
@@ -84,6 +105,19 @@ ASSESSMENTS: Mapping[str, Setup] = MappingProxyType(
                 description=f"elbow, bushings, {_WITH_EFFECTS}",
                 fidelity="bushing",
                 carries_effects=True,
+            ),
+            Setup(
+                name="elbow_recording",
+                description="elbow, explicit contact, with what the robot records",
+                carries_effects=True,
+                records=True,
+            ),
+            Setup(
+                name="elbow_bushing_recording",
+                description="elbow, bushings, with what the robot records",
+                fidelity="bushing",
+                carries_effects=True,
+                records=True,
             ),
             Setup(
                 name="elbow_screening",

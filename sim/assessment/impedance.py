@@ -2,16 +2,14 @@
 
 An experimenter who defines joint stiffness holds everything else still, moves the joint a little,
 and looks at the torque that answers. Here activation and every other joint stay as they were at a
-step of the movement; muscles, the passive stop and the joint's own damping answer.
+step of the movement; muscles, passive stop and spring, and the joint's own damping answer.
 """
 
 import mujoco
 import numpy as np
 
-from sim.assessment.record import Record
+from sim.assessment.record import Record, passive_torque
 from sim.assessment.steps import activation_pattern
-from sim.body.skeleton import JOINT_DAMPING, extension_stop_torque
-from sim.parameters.target import ELBOW_TARGET
 from sim.system.system import System
 
 #: Half of a perturbation, rad and rad/s.
@@ -36,6 +34,7 @@ def local_impedance(
     angle, dof = system.human_qpos[joint], system.human_dof[joint]
     inputs = model.actuator_actadr[system.contracted]
     stiffness, damping = np.empty(len(steps)), np.empty(len(steps))
+    joint_damping = float(model.dof_damping[dof])
     for i, step in enumerate(steps):
         data.qpos[system.human_qpos] = record.q[step]
         data.qvel[system.human_dof] = record.q_velocity[step]
@@ -44,15 +43,15 @@ def local_impedance(
         answers = []
         for turn in (-TURN, TURN):
             data.qpos[angle] = q + turn
-            stop = _stop_torque(system, q + turn)
-            answers.append(_muscle_torque(model, data, dof) + stop)
+            passive = passive_torque(system, np.array([q + turn]))
+            answers.append(_muscle_torque(model, data, dof) + float(passive[0]))
         data.qpos[angle] = q
         stiffness[i] = (answers[1] - answers[0]) / (2.0 * TURN)
         answers = []
         for speed in (-SPEED, SPEED):
             data.qvel[dof] = velocity + speed
             answers.append(_muscle_torque(model, data, dof))
-        damping[i] = (answers[1] - answers[0]) / (2.0 * SPEED) - JOINT_DAMPING
+        damping[i] = (answers[1] - answers[0]) / (2.0 * SPEED) - joint_damping
     return stiffness, damping
 
 
@@ -75,9 +74,3 @@ def _muscle_torque(model: mujoco.MjModel, data: mujoco.MjData, dof: int) -> floa
     ):
         stage(model, data)
     return float(data.qfrc_actuator[dof])
-
-
-def _stop_torque(system: System, angle: float) -> float:
-    if system.target.joint != ELBOW_TARGET.joint:
-        return 0.0
-    return float(extension_stop_torque(np.array(angle), system.conditions.extension_stop))

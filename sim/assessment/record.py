@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sim.assessment.steps import Motion
-from sim.body.skeleton import extension_stop_torque
+from sim.body.skeleton import elbow_passive_torque
 from sim.interface.interface import Loads
 from sim.parameters.target import ELBOW_TARGET
 from sim.system.system import System
@@ -35,7 +35,7 @@ class Record:
     #: Human abduction, flexion, rotation and elbow angles and velocities, shape (n, 4).
     q: np.ndarray
     q_velocity: np.ndarray
-    #: What muscles do about the human joint, and what its passive stop does, shape (n,).
+    #: What muscles do about the human joint, and what its stop and spring do, shape (n,).
     muscle_torque: np.ndarray
     passive_torque: np.ndarray
     #: What cuffs and straps did to the arm.
@@ -49,7 +49,7 @@ class Record:
 
     @property
     def human_torque(self) -> np.ndarray:
-        """What muscles and stop do about the human joint together, shape (n,)."""
+        """What muscles, stop and spring do about the human joint together, shape (n,)."""
         torque: np.ndarray = self.muscle_torque + self.passive_torque
         return torque
 
@@ -91,16 +91,22 @@ def record_of(
         q=q,
         q_velocity=velocity[:-1, system.human_dof],
         muscle_torque=sensed[:, motors],
-        passive_torque=_stop_torque(system, q),
+        passive_torque=passive_torque(system, q[:, system.target.joint]),
         loads=loads,
     )
 
 
-def _stop_torque(system: System, q: np.ndarray) -> np.ndarray:
-    """Return what an extension stop adds to the moved joint's torque, Nm, shape (n,)."""
+def passive_torque(system: System, angle: np.ndarray) -> np.ndarray:
+    """Return what stop and spring do about the moved joint at its `angle` (rad), Nm, shape (n,)."""
     if system.target.joint != ELBOW_TARGET.joint:
-        return np.zeros(len(q))
-    return extension_stop_torque(q[:, system.target.joint], system.conditions.extension_stop)
+        return np.zeros(len(angle))
+    own = system.conditions
+    return elbow_passive_torque(
+        angle,
+        stop=own.extension_stop,
+        stiffness=own.passive_stiffness,
+        neutral_angle=own.neutral_angle,
+    )
 
 
 def acting_torque(system: System, torque: np.ndarray, acceleration: np.ndarray) -> np.ndarray:

@@ -78,25 +78,30 @@ def follow(
     dof = 1 + model.nq + system.human_dof[system.target.joint]
     states = np.empty((len(time) + 1, mujoco.mj_stateSize(model, _STATE)))
     sensed, pieces = np.empty((len(time), model.nsensordata)), []
-    # Who watches must see nothing beyond a failure.
-    size = 1 if mujoco.get_mjcb_control() else pattern.horizon
+    # Who watches must see nothing beyond a failure; else all parts are judged together.
+    watched = bool(mujoco.get_mjcb_control())
+    size = 1 if watched else pattern.horizon
+    judged = 0
     for first in range(0, len(time), size):
         piece = slice(first, min(first + size, len(time)))
         control[piece, system.contraction_inputs] = pattern.activations(first, piece.stop - first)
         ahead, sensed[piece], diverged = roll_out(system, data, forces, control[piece])
         states[first : piece.stop + 1] = ahead
         pattern.velocity[piece] = ahead[:-1, dof]
-        begun = len(sensed[piece]) if diverged is None else diverged[0]
-        judged = slice(first, first + begun)
+        end = piece.stop if diverged is None else first + diverged[0]
+        if not (watched or diverged or piece.stop == len(time)):
+            continue
         found = None
-        if begun:
-            pieces.append(system.interface.loads(model, states[judged], sensed[judged]))
-            found = first_failure(_postures(system, states[judged], sensed[judged], pieces[-1]))
+        if end > judged:
+            part = slice(judged, end)
+            pieces.append(system.interface.loads(model, states[part], sensed[part]))
+            found = first_failure(_postures(system, states[part], sensed[part], pieces[-1]))
         if found:
-            mujoco.mj_setState(model, data, states[first + found[0] + 1], _STATE)
+            mujoco.mj_setState(model, data, states[judged + found[0] + 1], _STATE)
             raise FailedError(found[1], "movement")
         if diverged:
             raise FailedError(diverged[1], "movement")
+        judged = end
     return states, sensed, _joined(pieces)
 
 

@@ -145,6 +145,23 @@ def add_extension_stop(spec: mujoco.MjSpec, stiffness: float) -> None:
     stop.wrap_joint(HUMAN_JOINTS[3], 1.0)
 
 
+def add_passive_impedance(
+    spec: mujoco.MjSpec, *, stiffness: float, damping: float, neutral_angle: float
+) -> None:
+    """Add a linear spring and damper to the human elbow (paper, equation 3).
+
+    Args:
+        spec: with the arm.
+        stiffness: Nm/rad; it resists.
+        damping: Nm s/rad, beside JOINT_DAMPING.
+        neutral_angle: where the spring is slack, rad.
+    """
+    elbow = spec.joint(HUMAN_JOINTS[3])
+    elbow.stiffness = [stiffness, 0.0, 0.0]
+    elbow.springref = neutral_angle
+    elbow.damping = [JOINT_DAMPING + damping, 0.0, 0.0]
+
+
 def extension_stop_torque(angle: np.ndarray, stiffness: float) -> np.ndarray:
     """Return the torque of an extension stop, Nm, flexion positive.
 
@@ -157,6 +174,20 @@ def extension_stop_torque(angle: np.ndarray, stiffness: float) -> np.ndarray:
     """
     stretch = np.maximum(0.0, STOP_ANGLE - angle)
     return np.asarray(stiffness * stretch * (1.0 + (stretch / STOP_HARDENING) ** 2))
+
+
+def elbow_passive_torque(
+    angle: np.ndarray, *, stop: float, stiffness: float, neutral_angle: float
+) -> np.ndarray:
+    """Return the torque of an extension stop and a passive spring, Nm, flexion positive.
+
+    Args:
+        angle: of the human elbow, rad, shape (n,).
+        stop: stiffness of the stop at its beginning, Nm/rad.
+        stiffness: of the spring, Nm/rad.
+        neutral_angle: where the spring is slack, rad.
+    """
+    return extension_stop_torque(angle, stop) - stiffness * (angle - neutral_angle)
 
 
 def fill_upper_arm(humerus: mujoco.MjsBody, wearer: Wearer) -> mujoco.MjsBody:

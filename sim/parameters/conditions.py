@@ -116,6 +116,20 @@ class Conditions:
     extension_stop: float = _condition(
         "Nm/rad", 30.0, (0.0, 60.0), (0.0, 1000.0), "passive stiffness of the elbow below 5 degrees"
     )
+    # What a patient's limb is beside its muscles' paths: a study of patients varies these.
+    muscle_strength: float = _condition(
+        "1", 1.0, (0.4, 1.6), (0.01, 10.0), "peak force of the elbow's muscles, over the set's own"
+    )
+    passive_stiffness: float = _condition(
+        "Nm/rad", 0.0, (0.0, 10.0), (0.0, 100.0), "spring of the human elbow beside its muscles"
+    )
+    passive_damping: float = _condition(
+        "Nm s/rad", 0.0, (0.0, 1.5), (0.0, 100.0), "damper of the human elbow beside its own"
+    )
+    # Wiegner and Watts 1986, n = 19.
+    neutral_angle: float = _condition(
+        "rad", 1.8675, (1.52, 2.22), (0.0, 3.14), "where that spring is slack"
+    )
     #: Undeclared effects that are on, with their parameters (`sim.parameters.effects`).
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 

@@ -5,7 +5,14 @@ import mujoco
 from sim.body.muscles.attach import add_muscles
 from sim.body.muscles.authors import CO_CONTRACTING, FOREARM_ROTATORS, SHOULDER_MUSCLES
 from sim.body.muscles.elbow import ELBOW_MUSCLES
-from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_extension_stop, add_torso, empty_spec
+from sim.body.skeleton import (
+    HUMAN_JOINTS,
+    add_arm,
+    add_extension_stop,
+    add_passive_impedance,
+    add_torso,
+    empty_spec,
+)
 from sim.body.soft_tissue import ABOVE_CUFF, UPPER_ARM_START, soft_tissues
 from sim.interface.bushing import Bushings
 from sim.interface.contact import Contact
@@ -97,9 +104,16 @@ def _base_spec(
     add_arm(spec, wearer, pronates=whole)
     if conditions.extension_stop > 0.0:
         add_extension_stop(spec, conditions.extension_stop)
+    if conditions.passive_stiffness > 0.0 or conditions.passive_damping > 0.0:
+        add_passive_impedance(
+            spec,
+            stiffness=conditions.passive_stiffness,
+            damping=conditions.passive_damping,
+            neutral_angle=conditions.neutral_angle,
+        )
     others = SHOULDER_MUSCLES + FOREARM_ROTATORS if whole else CO_CONTRACTING[target.muscles]
     elbow = ELBOW_MUSCLES[MUSCLES[int(conditions.muscles)]]
-    add_muscles(spec, wearer, elbow=elbow, others=others)
+    add_muscles(spec, wearer, elbow=elbow, others=others, strength=conditions.muscle_strength)
     gains, robot = device.gains.under(conditions), JOINTS[target.joint]
     human = HUMAN_JOINTS[target.joint]
     add_exoskeleton(spec, gains, friction=conditions.robot_friction, joint=robot, device=device)

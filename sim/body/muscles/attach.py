@@ -22,6 +22,7 @@ def add_muscles(
     *,
     elbow: ElbowMuscles = PAPER_MUSCLES,
     others: tuple[Muscle, ...] = SHOULDER_MUSCLES + FOREARM_ROTATORS,
+    strength: float = 1.0,
 ) -> None:
     """Add muscles to a spec that has torso and arm, 26 in all; their input is activation, 0 to 1.
 
@@ -30,16 +31,17 @@ def add_muscles(
         wearer: whose arm it is.
         elbow: the elbow's muscles.
         others: muscles beside the elbow's.
+        strength: what the peak forces of the elbow's muscles are multiplied by.
     """
     wraps = {m.wrap.name: m.wrap for m in elbow.flexors.muscles + elbow.extensors.muscles if m.wrap}
     for wrap in wraps.values():
         _add_wrap(spec, wearer, wrap)
     beside = tuple(muscle for muscle in others if muscle.length_range)
     ranges = elbow_length_ranges(wearer, elbow)
-    for group, colour in (
-        (elbow.flexors, _RED),
-        (elbow.extensors, _BLUE),
-        (MuscleGroup(muscles=beside), _PINK),
+    for group, colour, scale in (
+        (elbow.flexors, _RED, strength),
+        (elbow.extensors, _BLUE, strength),
+        (MuscleGroup(muscles=beside), _PINK, 1.0),
     ):
         for muscle in group.muscles:
             _add_path(spec, muscle, wearer, colour)
@@ -53,7 +55,7 @@ def add_muscles(
             )
             actuator.set_to_muscle(
                 tausmooth=0.0,
-                force=group.force_scale * muscle.force,
+                force=scale * group.force_scale * muscle.force,
                 range=list(operating_range(muscle, group, elbow)),
                 lmin=group.shortest_active,
                 lmax=group.longest_active,

@@ -1,0 +1,1 @@
+"""From what a robot recorded to K_h with an interval."""
