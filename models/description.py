@@ -10,7 +10,7 @@ from functools import cached_property
 from math import inf, isfinite
 from typing import Any, Self
 
-from models.factors import Factor, check_bounds, no_factor
+from models.factors import SEED, Factor, check_bounds, no_factor
 
 MAX_FACTORS = 1000
 #: Of scalars, and of points of curves, all together.
@@ -104,13 +104,18 @@ class Description:
         return tuple(self.units)
 
     @property
+    def sources(self) -> tuple[Factor, ...]:
+        """Its factors, and the seed if that decides, too."""
+        return self.factors if self.deterministic else (*self.factors, SEED)
+
+    @property
     def sampled(self) -> tuple[Factor, ...]:
-        """The factors a study samples unless it says otherwise."""
-        return tuple(factor for factor in self.factors if not factor.optional)
+        """What a study samples unless it says otherwise."""
+        return tuple(source for source in self.sources if not source.optional)
 
     def factor(self, name: str) -> Factor:
-        """Return the factor called `name`; KeyError if the model has none."""
-        for factor in self.factors:
+        """Return the factor (or the seed) called `name`; KeyError if the model has none."""
+        for factor in self.sources:
             if factor.name == name:
                 return factor
         raise KeyError(name)
@@ -307,3 +312,8 @@ def _check_names(where: str, entries: Sequence[Factor | Output], what: str) -> N
         if entry.name in seen:
             raise DescriptionError(f"{where}[{i}].name", f"{entry.name} is listed twice")
         seen.add(entry.name)
+        if entry.name == SEED.name and what == "factor":
+            raise DescriptionError(
+                f"{where}[{i}].name",
+                "seed is what every evaluation gets besides its factors: choose another name",
+            )

@@ -79,6 +79,19 @@ class Factor:
         raise ValueError(f"{self.name} must be {_one_of(self.choices)}, not {value!r}")
 
 
+#: What decides the random numbers of a model that is not deterministic: a study samples it like a
+#: factor, so that its total-order index is the share of the variance that is the model's own noise.
+SEED = Factor(
+    name="seed",
+    unit="1",
+    low=0.0,
+    high=2.0**32,
+    nominal=0.0,
+    description="decides the model's random numbers",
+    bounds=(0.0, 2.0**32),
+)
+
+
 def no_factor(whose: str, name: str, known: Iterable[str]) -> str:
     """Return the sentence for a factor that does not exist: what to write instead, or all names."""
     if name in REPLACED:

@@ -203,8 +203,8 @@ class Worker:
     host_class: str | None
     #: What it says it is good for.
     tags: Sequence[str]
-    #: The models that it can evaluate besides rehyb's own, as "name@digest".
-    models: Sequence[str] = ()
+    #: The models that it can evaluate besides rehyb's own, as "name@digest", each with its canary.
+    models: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,8 +215,8 @@ class Introduction:
     host: str
     versions: Mapping[str, str]
     tags: Sequence[str] = ()
-    #: The models that it can evaluate besides rehyb's own, as "name@digest".
-    models: Sequence[str] = ()
+    #: The models that it can evaluate besides rehyb's own, as "name@digest", each with its canary.
+    models: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,9 @@ from worker.close_loop_jobs import CloseLoopJobs
 from worker.doctor import Verdict, examine
 from worker.leases import Leases
 from worker.machine import describe
-from worker.models import WorkerModels
+from worker.models.canaries import Canaries
+from worker.models.offered import WorkerModels
+from worker.models.places import Places
 from worker.pool import Pool, available_cores
 from worker.spool import Spool
 
@@ -160,14 +162,16 @@ def work(
             "tags": [tag.strip() for tag in tags.split(",") if tag.strip()],
         }
         folder = spool or _default_spool(client.url)
-        own = WorkerModels(client=client, cache=_state() / "models")
-        own.have(models or (), allow or (), umbridge or ())
-        own.announce(worker["id"])
+        places = Places(fetch=client.model_archive, cache=_state() / "models")
+        places.have(models or (), allow or (), umbridge or ())
+        beside = Pool(1, instance_seconds, memory_mb=memory_mb)
+        offered = WorkerModels(client=client, places=places, canaries=Canaries(pool=beside))
+        offered.announce(worker["id"])
         agent = Agent(
             leases=Leases(
                 client=client,
                 worker=worker,
-                models=own.names,
+                models=offered.offered,
                 processes=count,
                 batch=batch,
                 left=max_instances,
@@ -178,7 +182,7 @@ def work(
             spool=Spool(folder, worker["id"]),
             max_idle=max_idle,
             rng=Random(),
-            prepare=own.prepared,
+            prepare=places.prepared,
             # Nobody knows how long closing a loop takes: not where the time is limited.
             close_loop_jobs=None
             if leave_at is not None
@@ -193,7 +197,10 @@ def work(
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, stop)
         logging.info("worker %s: %d processes for %s", worker["id"], count, client.url)
-        agent.run()
+        try:
+            agent.run()
+        finally:
+            beside.kill()
 
 
 def _lifetime(text: str) -> float:

@@ -2,7 +2,7 @@
 
 import logging
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf
@@ -56,8 +56,9 @@ class Leases:
     client: Client
     #: {"id", "host", "versions", "tags"} as the coordinator knows this worker.
     worker: Mapping[str, Any]
-    #: Names of the models that the children can evaluate, at a time of the monotonic clock.
-    models: Callable[[float], Sequence[str]]
+    #: The models that the children can evaluate, at a time of the monotonic clock, each with its
+    #: canary; empty where it has none.
+    models: Callable[[float], Mapping[str, str]]
     #: How many instances run at the same time.
     processes: int
     #: The most instances to ask for at once.
@@ -98,7 +99,10 @@ class Leases:
             size = min(size, fitting(self._time_left(now), each, self._slowest, self.processes))
             if size == 0:
                 return None
-        return {"worker": self.worker, "models": self.models(now), "max_instances": size}
+        models = self.models(now)
+        canaries = {name: canary for name, canary in models.items() if canary}
+        worker = {**self.worker, "canaries": canaries} if canaries else self.worker
+        return {"worker": worker, "models": list(models), "max_instances": size}
 
     def ends_too_soon(self, now: float) -> bool:
         """Say whether an instance begun now could not be finished before the worker must leave."""

@@ -48,7 +48,7 @@ def available_cores() -> int:
 
 def evaluate_model(instance: Mapping[str, Any]) -> Evaluation:
     """Evaluate an instance of any model, imported here so that only the child loads it."""
-    from worker.models import evaluate
+    from worker.models.evaluation import evaluate
 
     return evaluate(instance)
 

@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from models.evaluation import Evaluation
-from worker.models import Place
+from worker.models.evaluation import Place
 from worker.pool import Pool
 
 #: Seconds between two looks of the thread that runs the pool for what is newly asked.

@@ -9,6 +9,7 @@ from typing import Any
 from analysis.sensitivity.estimators import SYMBOLS
 from analysis.sensitivity.screening import SHARE_OF_LARGEST
 from analysis.sensitivity.stopping import advise
+from models.factors import SEED
 
 #: Intervals of an index that rests on fewer rows than this may hold the truth less often than they
 #: say: half of them, of a rare event in 64 rows (`tests/unit/analysis/sensitivity/test_tails.py`).
@@ -37,6 +38,7 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
         ValueError: as `analysis.sensitivity.stopping.advise`.
     """
     found = [str(snapshot.get("failure", {}).get("sentence", ""))]
+    found.append(_own_noise(snapshot, output))
     found.append(_worst_case(snapshot, output))
     found.append(_ranking(snapshot["outputs"].get(output, {}).get("ranking", {}), output))
     found.append(str(snapshot["outputs"].get(output, {}).get("trust", {}).get("sentence", "")))
@@ -48,6 +50,26 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
         advice = advise(snapshot, output, target)
         found.append("" if advice is None else advice.sentence)
     return [sentence for sentence in found if sentence]
+
+
+def _own_noise(snapshot: Mapping[str, Any], output: str) -> str:
+    """Return which share of the variance is the model's own noise.
+
+    The seed is sampled like a factor, and its total-order index is the mean over the factors of
+    the variance that is left when they are fixed, by the variance of the output (Marrel, Iooss,
+    Da Veiga and Ribatet 2012, Global sensitivity analysis of stochastic computer models with joint
+    metamodels, Statistics and Computing 22, 833-847). It is estimated as any other total-order
+    index (Jansen 1999): half the mean squared difference of two runs at the same point with other
+    seeds, by the variance.
+    """
+    factors = snapshot["outputs"].get(output, {}).get("factors", {})
+    share = factors.get(SEED.name, {}).get("total_order")
+    if share is None or share["value"] is None:
+        return ""
+    return (
+        f"The model's own noise is {share['value']:.1%} of the variance of {output} "
+        f"({share['low']:.1%} to {share['high']:.1%}): the total-order index of its seed."
+    )
 
 
 def _screened(screening: Mapping[str, Any] | None, output: str) -> str:

@@ -5,6 +5,8 @@
     results.csv    every result with its parameters
     indices.json   the coordinator's snapshot of exactly these results
     failures.json  the ledger: every failed instance with its reason and its worker
+    model.json     of a model that is not rehyb's own: its description
+    model.zip      ... and of an uploaded one its files, so that anyone can run it
 
 The same study gives the same bytes. Reading writes nothing to disk by a name from the archive, and
 never unpacks more than an honest bundle could hold.
@@ -34,10 +36,14 @@ MANIFEST = "manifest.json"
 RESULTS = "results.csv"
 #: Beside the manifest, in this order.
 MEMBERS = ("study.json", RESULTS, "indices.json", "failures.json")
+MODEL, MODEL_ARCHIVE = "model.json", "model.zip"
+#: After these, where the model is not rehyb's own.
+OF_MODEL = (MODEL, MODEL_ARCHIVE)
 
 #: What a bundle may unpack to. Results take about 300 bytes each.
 MOST_BYTES = 8 * 2**30
 MOST_JSON_BYTES = 2**28
+MOST_MODEL_BYTES = 2**30
 #: How much smaller than itself a member of a bundle may be: tables of numbers shrink to a third,
 #: and a ledger of equal failures to a fortieth.
 MOST_SHRUNK = 200
@@ -57,6 +63,10 @@ class Bundle:
     found: Mapping[str, str]
     #: A file with the results, for as long as the folder it was put into lasts.
     results: Path
+    #: Description of a model that is not rehyb's own.
+    model: Json | None = None
+    #: Its files, if it was uploaded.
+    model_archive: Path | None = None
 
 
 def write_bundle(client: Client, study_id: str, out: Path) -> str:
@@ -77,11 +87,18 @@ def write_bundle(client: Client, study_id: str, out: Path) -> str:
                 f"study {study_id} has {sum(outcomes.values())} results and indices of "
                 f"{sum(indices['evaluations'].values())}: wait until it is complete, or pause it"
             )
-        contents = {
+        contents: dict[str, Any] = {
             "study.json": study,
             "indices.json": indices,
             "failures.json": client.all_instances(study_id, state="failed", page=1000),
         }
+        members = [*MEMBERS]
+        if "@" in study["model"]:
+            members.append(MODEL)
+            contents[MODEL] = _described(client, study["model"])
+            if contents[MODEL]["kind"] == "mjcf":
+                members.append(MODEL_ARCHIVE)
+                client.model_archive(study["model"], folder / MODEL_ARCHIVE)
         for member, content in contents.items():
             (folder / member).write_text(_text(content))
         known = {worker["id"]: worker for worker in client.workers()}
@@ -106,12 +123,12 @@ def write_bundle(client: Client, study_id: str, out: Path) -> str:
                     "sha256": digest_of(folder / member),
                     "bytes": (folder / member).stat().st_size,
                 }
-                for member in MEMBERS
+                for member in members
             },
         }
         (folder / MANIFEST).write_text(_text(manifest))
         with whole_file(out) as partial, zipfile.ZipFile(partial, "w") as archive:
-            for member in (MANIFEST, *MEMBERS):
+            for member in (MANIFEST, *members):
                 _add(archive, member, folder / member)
     return digest_of(out)
 
@@ -128,18 +145,18 @@ def read_bundle(path: Path, folder: Path) -> Bundle:
             _inspect(path, archive)
             found = {}
             parts: dict[str, Any] = {}
-            for member in (MANIFEST, *MEMBERS):
+            for member in (MANIFEST, *MEMBERS, *_there(archive)):
                 digest = hashlib.sha256()
                 with archive.open(member) as source:
-                    if member == RESULTS:
-                        _copy(source, folder / RESULTS, digest)
+                    if member in (RESULTS, MODEL_ARCHIVE):
+                        _copy(source, folder / member, digest)
                     else:
                         parts[member] = _json(path, member, source, digest)
                 found[member] = digest.hexdigest()
     except (zipfile.BadZipFile, EOFError, NotImplementedError, zlib.error) as error:
         raise Invalid(f"{path} is no bundle, or is damaged: {error}") from None
-    for member in (MANIFEST, "study.json", "indices.json"):
-        if not isinstance(parts[member], dict):
+    for member in (MANIFEST, "study.json", "indices.json", MODEL):
+        if not isinstance(parts.get(member, {}), dict):
             raise Invalid(f"{path}: {member} is not a JSON object")
     if parts[MANIFEST].get("format") != FORMAT:
         raise Invalid(
@@ -155,6 +172,8 @@ def read_bundle(path: Path, folder: Path) -> Bundle:
         failures=ledger,
         found=found,
         results=folder / RESULTS,
+        model=parts.get(MODEL),
+        model_archive=folder / MODEL_ARCHIVE if MODEL_ARCHIVE in found else None,
     )
 
 
@@ -165,12 +184,24 @@ def versions() -> dict[str, str]:
     }
 
 
+def _there(archive: zipfile.ZipFile) -> list[str]:
+    """Return what a bundle holds of its model."""
+    names = set(archive.namelist())
+    return [member for member in OF_MODEL if member in names]
+
+
+def _described(client: Client, version: str) -> Json:
+    from rehyb.client.models import description_of
+
+    return description_of(client.model(version)).as_json()
+
+
 def _inspect(path: Path, archive: zipfile.ZipFile) -> None:
     """Refuse an archive before anything of it is unpacked."""
     members = archive.infolist()
     names = Counter(member.filename for member in members)
     wanted = {MANIFEST, *MEMBERS}
-    if strange := sorted(set(names) - wanted):
+    if strange := sorted(set(names) - wanted - {*OF_MODEL}):
         raise Invalid(f"{path} is no bundle: it holds {strange[0]!r}, which no bundle has")
     if missing := sorted(wanted - set(names)):
         raise Invalid(f"{path} is no bundle: it has no {', '.join(missing)}")
@@ -179,7 +210,9 @@ def _inspect(path: Path, archive: zipfile.ZipFile) -> None:
     if sum(member.compress_size for member in members) > path.stat().st_size:
         raise Invalid(f"{path} is no bundle: its members overlap")
     for member in members:
-        most = MOST_BYTES if member.filename == RESULTS else MOST_JSON_BYTES
+        most = {RESULTS: MOST_BYTES, MODEL_ARCHIVE: MOST_MODEL_BYTES}.get(
+            member.filename, MOST_JSON_BYTES
+        )
         if member.file_size > most or member.file_size > MOST_SHRUNK * (member.compress_size + 100):
             raise Invalid(
                 f"{path} is no bundle: {member.filename} unpacks from {member.compress_size:,} to "

@@ -1,18 +1,24 @@
 """Check a bundle without believing it: hashes, design, ledger, indices, a sample of its runs."""
 
-from collections.abc import Iterator, Mapping
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf, isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rehyb.bundle.archive import MANIFEST, MEMBERS, Bundle, versions
+from rehyb.again import Code, evaluating, not_here
+from rehyb.bundle.archive import MANIFEST, MEMBERS, OF_MODEL, Bundle, versions
 from rehyb.client import Json
-from rehyb.errors import Invalid
+from rehyb.errors import Invalid, RehybError
 
 if TYPE_CHECKING:
     from analysis.sensitivity.table import Table
+    from models.description import Description
+    from models.evaluation import Evaluation
     from server.records import Plan
 
 #: Largest share by which a recomputed parameter or index may differ where the bits do: other
@@ -38,7 +44,12 @@ class Finding:
 
 
 def check(
-    bundle: Bundle, *, sample: int = SAMPLE, seed: int = 1, tolerance: float = TOLERANCE
+    bundle: Bundle,
+    *,
+    sample: int = SAMPLE,
+    seed: int = 1,
+    tolerance: float = TOLERANCE,
+    code: Code | None = None,
 ) -> Iterator[Finding]:
     """Yield what is found, one finding per check, until nothing more can be checked.
 
@@ -46,43 +57,42 @@ def check(
         sample: how many runs to compute again.
         seed: which ones.
         tolerance: how far outputs of those may differ, in standard deviations of the output.
+        code: where the code of a model is that is neither rehyb's own nor in the bundle.
     """
     yield Finding("hashes", *_hashes(bundle))
     try:
-        plan, table = plan_of(bundle.study), _table(bundle)
+        plan, table = plan_of(bundle), _table(bundle)
     except Invalid as error:
         yield Finding("contents", False, str(error))
         return
     yield Finding("design", *_design(plan, table))
     yield Finding("failures", *_failures(bundle, table))
     yield Finding("indices", *_indices(bundle, table))
-    yield Finding(
-        "runs", *_runs(bundle, plan, table, _chosen(plan, table, sample, seed), tolerance)
-    )
+    chosen = _chosen(plan, table, sample, seed)
+    try:
+        with _evaluator(bundle, code or Code()) as evaluate:
+            judgement = _runs(bundle, plan, table, chosen, tolerance, evaluate)
+    except RehybError as error:
+        judgement = False, f"none could be computed again: {error}; --sample 0 leaves them out"
+    yield Finding("runs", *judgement)
 
 
-def plan_of(study: Json) -> "Plan":
-    """Return a study's plan, drawn up anew and checked as the coordinator would.
+def plan_of(bundle: Bundle) -> "Plan":
+    """Return its study's plan, drawn up anew and checked as the coordinator would.
 
     Raises:
         Invalid: it is no study that this version knows.
     """
-    from models.own import own_models
     from server.errors import InvalidStudyError
     from server.logic.plans import FactorChoice, draw_up
 
-    if study.get("model") not in own_models():
-        raise Invalid(
-            f"study.json is of the model {study.get('model')!r}, which does not come with rehyb: "
-            f"known are {', '.join(own_models())}"
-        )
-
+    study, model = bundle.study, model_of(bundle)
     try:
         if not 0 <= int(study["seed"]) < 2**63:
             raise ValueError(f"seed {study['seed']} is none")
         return draw_up(
             name=str(study["name"]),
-            model=own_models()[study["model"]],
+            model=model,
             called=str(study["model"]),
             method=str(study["method"]),
             sampling=str(study["sampling"]),
@@ -101,6 +111,51 @@ def plan_of(study: Json) -> "Plan":
         raise Invalid(f"study.json describes no study: it has no {error}") from None
 
 
+def model_of(bundle: Bundle) -> "Description":
+    """Return the description of a bundle's model.
+
+    Raises:
+        Invalid: it neither comes with rehyb nor is in the bundle as the study names it.
+    """
+    from models.description import Description, DescriptionError
+    from models.own import own_models
+
+    called = str(bundle.study.get("model"))
+    if called in own_models():
+        return own_models()[called]
+    if bundle.model is None:
+        raise Invalid(
+            f"study.json is of the model {called!r}, which does not come with rehyb, and there is "
+            f"no model.json; known are {', '.join(own_models())}"
+        )
+    try:
+        model = Description.from_json(bundle.model)
+    except DescriptionError as error:
+        raise Invalid(f"model.json describes no model: {error}") from None
+    if model.version != called:
+        raise Invalid(f"study.json is of the model {called!r}, and model.json of {model.version}")
+    return model
+
+
+@contextmanager
+def _evaluator(bundle: Bundle, code: Code) -> Iterator[Callable[[Json], "Evaluation"]]:
+    """Yield what evaluates an instance of the bundle's model; what is code only if named."""
+    from sim.evaluation import evaluate
+
+    model = model_of(bundle)
+    if bundle.model is None:
+        yield lambda instance: evaluate(instance["model"], instance["parameters"])
+        return
+
+    def fetch(version: str, path: Path) -> None:
+        if bundle.model_archive is None:
+            raise not_here(version, model.kind, code)
+        shutil.copyfile(bundle.model_archive, path)
+
+    with evaluating(fetch, code) as again:
+        yield again
+
+
 def request_of(study: Json) -> Json:
     """Return the request that submits the same study again."""
     asked = ("name", "model", "method", "sampling", "rows", "seed", "factors", "outputs", "fixed")
@@ -112,15 +167,16 @@ def _hashes(bundle: Bundle) -> Judgement:
     """Compare the hash of every file with the one in the manifest."""
     stated = bundle.manifest.get("files")
     stated = stated if isinstance(stated, dict) else {}
+    members = [*MEMBERS, *(member for member in OF_MODEL if member in bundle.found)]
     wrong = [
         member
-        for member in MEMBERS
+        for member in members
         if not isinstance(stated.get(member), dict)
         or stated[member].get("sha256") != bundle.found[member]
     ]
     if wrong:
         return False, f"{', '.join(wrong)}: not what {MANIFEST} states"
-    return True, f"{len(MEMBERS)} files are as {MANIFEST} states"
+    return True, f"{len(members)} files are as {MANIFEST} states"
 
 
 def _table(bundle: Bundle) -> "Table":
@@ -228,11 +284,15 @@ def _chosen(plan: "Plan", table: "Table", sample: int, seed: int) -> list[int]:
 
 
 def _runs(
-    bundle: Bundle, plan: "Plan", table: "Table", chosen: list[int], tolerance: float
+    bundle: Bundle,
+    plan: "Plan",
+    table: "Table",
+    chosen: list[int],
+    tolerance: float,
+    evaluate: "Callable[[Json], Evaluation]",
 ) -> Judgement:
     """Compute some runs again."""
-    from server.logic.plans import parameters
-    from sim.evaluation import evaluate
+    from server.logic.plans import parameters, point
 
     sd = np.array([_spread(column) for column in table.values.T])
     worst, where = 0.0, ""
@@ -240,7 +300,8 @@ def _runs(
         row, position = int(table.rows[i]), int(table.positions[i])
         name = f"row {row}, position {position}"
         try:
-            done = evaluate(plan.model, parameters(plan, row)[position])
+            asked = point(plan, row, parameters(plan, row)[position])
+            done = evaluate({"model": plan.model, **asked})
         except ValueError as error:
             return False, f"{name} cannot be computed: {error}"
         if done.outcome != table.outcomes[i]:

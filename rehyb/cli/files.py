@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rehyb.again import Code
 from rehyb.bundle.archive import Bundle, digest_of, read_bundle, write_bundle
 from rehyb.cli.answers import Answer, Token, Url, answering, file_written, study_submitted
-from rehyb.cli.options import StudyId, optional
+from rehyb.cli.options import AllowedPackages, ModelFolders, Servers, StudyId, optional
 from rehyb.client import Client
 from rehyb.files import FORMATS
 from rehyb.files import export as write
@@ -66,6 +67,9 @@ def reproduce(
             help="How far they may be off, in standard deviations of the output over the study.",
         ),
     ] = 1e-6,
+    models: ModelFolders = None,
+    allow: AllowedPackages = None,
+    umbridge: Servers = None,
     url: Url = None,
     token: Token = None,
 ) -> Answer:
@@ -80,7 +84,8 @@ def reproduce(
         if not check:
             return _submitted(read, url, token)
         findings = []
-        for finding in checks.check(read, sample=sample, seed=seed, tolerance=tolerance):
+        code = Code(folders=models or (), packages=allow or (), servers=umbridge or ())
+        for finding in checks.check(read, sample=sample, seed=seed, tolerance=tolerance, code=code):
             findings.append(finding)
             if not as_json:
                 _print(finding)
@@ -94,10 +99,14 @@ def reproduce(
 
 
 def _submitted(bundle: Bundle, url: str | None, token: str | None) -> Answer:
-    from rehyb.bundle.reproduce import plan_of, request_of
+    from rehyb.bundle.reproduce import model_of, plan_of, request_of
 
-    plan_of(bundle.study)
+    plan_of(bundle)
     with Client(url, token) as client:
+        if bundle.model_archive is not None:
+            client.add_model(bundle.model_archive)
+        elif bundle.model is not None:
+            client.announce_model(model_of(bundle).as_json())
         return study_submitted(client.submit(request_of(bundle.study)))
 
 

@@ -47,7 +47,7 @@ def check(
     Exit status 1 if an evaluation fails.
     """
     from models.description import Kind
-    from worker.models import Place
+    from worker.models.evaluation import Place
     from worker.pool import Pool
 
     read = _read(folder)
@@ -144,7 +144,7 @@ def serve(
 ) -> None:
     """Serve models to everybody who samples with an UM-Bridge client, until Ctrl-C."""
     from models.umbridge.server import serve as bound
-    from worker.models import Place
+    from worker.models.evaluation import Place
     from worker.pool import available_cores
     from worker.queue import EvaluationQueue
 
@@ -169,7 +169,7 @@ def serve(
 def _served(model: str) -> "tuple[Description, Any]":
     """Return a model's description, and where it is evaluated (None: it is rehyb's own)."""
     from models.own import own_models
-    from worker.models import Place
+    from worker.models.evaluation import Place
 
     if model in own_models():
         return own_models()[model], None

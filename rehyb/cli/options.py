@@ -25,6 +25,20 @@ Target = Annotated[
     ),
 ]
 
+#: The code of models that are not rehyb's own and not data.
+ModelFolders = Annotated[
+    list[Path] | None,
+    optional(metavar="DIR", help="A folder with a model.toml, whose program may run here; repeat."),
+]
+AllowedPackages = Annotated[
+    list[str] | None,
+    optional(metavar="NAME", help="A model that a package here announces; repeat."),
+]
+Servers = Annotated[
+    list[str] | None,
+    optional(metavar="URL", help="A server of models of kind umbridge in --models; repeat."),
+]
+
 
 def check_target(target: float | None) -> None:
     """Check a wanted half width; typer.BadParameter if it is not positive."""

@@ -7,13 +7,16 @@ from typing import Annotated
 
 import typer
 
+from rehyb.again import Code, compared, evaluating, not_here
 from rehyb.cli.answers import Answer, answering, json_text, print_rows
-from rehyb.cli.options import StudyId, optional
+from rehyb.cli.options import AllowedPackages, ModelFolders, Servers, StudyId, optional
 from rehyb.cli.studies import app
 from rehyb.client import Client, Json
 
 #: Instances asked for at a time.
 PAGE = 500
+#: Outputs shown of a replayed instance.
+SHOWN = 20
 
 
 @app.command()
@@ -121,13 +124,69 @@ def instance(
     row: Annotated[int, typer.Argument(min=0)],
     position: Annotated[int, typer.Argument(min=0)],
     out: Annotated[Path | None, optional(help="A file for `rehyb assess --replay`.")] = None,
+    replay: Annotated[
+        bool, typer.Option("--replay", help="Evaluate it here, and compare with the result.")
+    ] = False,
+    models: ModelFolders = None,
+    allow: AllowedPackages = None,
+    umbridge: Servers = None,
 ) -> Answer:
-    """Show one instance with all that it takes to replay it, as JSON."""
+    """Show one instance with all that it takes to replay it, as JSON, or replay it.
+
+    With --replay, exit status 1 if what comes out here is not what the study has.
+    """
     bundle = client.instance(study, row, position)
+    if replay:
+        code = Code(folders=models or (), packages=allow or (), servers=umbridge or ())
+        return _replayed(client, bundle, code)
     if out is None:
         return Answer(bundle, json_text(bundle))
     out.write_text(json.dumps(bundle, indent=2) + "\n")
     return Answer(bundle, str(out))
+
+
+def _replayed(client: Client, bundle: Json, code: Code) -> Answer:
+    """Evaluate an instance here."""
+    described = client.model(bundle["model"])
+
+    def fetch(version: str, path: Path) -> None:
+        if described["kind"] != "mjcf":
+            raise not_here(version, described["kind"], code)
+        client.model_archive(version, path)
+
+    with evaluating(fetch, code) as evaluate:
+        done = evaluate(bundle)
+    stored = bundle["result"]
+    agrees, sentence = (None, "the study has no result of it yet")
+    if stored is not None:
+        agrees, sentence = compared(stored, done)
+        if not agrees and not described["deterministic"]:
+            sentence += "; it says of itself that it is not deterministic"
+    answer = {
+        "id": bundle["id"],
+        "model": bundle["model"],
+        "parameters": bundle["parameters"],
+        "model_seed": bundle["model_seed"],
+        "outcome": done.outcome,
+        "outputs": dict(done.outputs),
+        "reason": done.reason,
+        "stored": stored and {name: stored[name] for name in ("outcome", "outputs", "reason")},
+        "agrees": agrees,
+    }
+    return Answer(answer, partial(_print_replayed, answer, sentence), 1 if agrees is False else 0)
+
+
+def _print_replayed(answer: Json, sentence: str) -> None:
+    said = f"{answer['outcome']} {answer['reason']}".strip()
+    typer.echo(f"{answer['id']} of {answer['model']}: {said}")
+    stored = (answer["stored"] or {}).get("outputs") or {}
+    rows = [
+        {"output": name, "here": repr(value), "study": repr(stored[name]) if name in stored else ""}
+        for name, value in answer["outputs"].items()
+    ]
+    if rows:
+        print_rows(("output", "here", "study"), rows[:SHOWN])
+    typer.echo(sentence)
 
 
 def _state(study: Json) -> Answer:

@@ -4,7 +4,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from models.description import Description
 from rehyb.client.connection import Connection, Json
+
+#: What a coordinator tells of a model beside its description.
+_BESIDE = ("own", "announced_by", "announced_at")
+
+
+def description_of(model: Json) -> Description:
+    """Return the description of a model as a coordinator shows it."""
+    return Description.from_json({k: v for k, v in model.items() if k not in _BESIDE})
 
 
 class Models(Connection):

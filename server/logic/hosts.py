@@ -26,9 +26,19 @@ def identity(versions: Mapping[str, str]) -> dict[str, str]:
     return {name: versions[name] for name in IDENTITY if name in versions}
 
 
-def host_class(versions: Mapping[str, str]) -> str:
-    """Name the class of machines that a worker belongs to, 16 hexadecimal digits."""
-    return _class_of(tuple((name, versions[name]) for name in HOST_CLASS if name in versions))
+def host_class(versions: Mapping[str, str], canary: str = "") -> str:
+    """Name the class of machines that a worker belongs to, 16 hexadecimal digits.
+
+    `canary`: what it computes at a few points of the model in question; empty for rehyb's own,
+    whose canary is among the versions, and for a model that is not deterministic.
+    """
+    known = [(name, versions[name]) for name in HOST_CLASS if name in versions]
+    return _class_of((*known, *([("model", canary)] if canary else ())))
+
+
+def classes(versions: Mapping[str, str], models: Mapping[str, str]) -> set[str]:
+    """Return every class that a worker belongs to: one for each canary of its models."""
+    return {host_class(versions, canary) for canary in {"", *models.values()}}
 
 
 @lru_cache(maxsize=1024)

@@ -1,5 +1,6 @@
 """How a study's plan is drawn up from a request, and the points that follow from it."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -9,7 +10,7 @@ from analysis.designs import METHODS, fewest_factors, instance_parameters, sampl
 from analysis.designs.distributions import Distribution, scales
 from analysis.sensitivity.records import StudyPlan
 from models.description import Description
-from models.factors import Factor, no_factor
+from models.factors import SEED, Factor, no_factor
 from server.errors import InvalidStudyError
 from server.records import Plan, Study
 
@@ -41,6 +42,24 @@ def parameters(plan: Plan, row: int) -> list[dict[str, float]]:
     """Return every factor's value for every instance of a row, in position order (SI units)."""
     points = instance_parameters(plan.method, plan.sampling, plan.seed, row, plan.distributions)
     return [{**plan.fixed, **point} for point in points]
+
+
+def point(plan: Plan, row: int, values: Mapping[str, float]) -> dict[str, Any]:
+    """Return what a model is asked at one of a row's points: its parameters, and a seed.
+
+    All of a row have the same seed, so that what differs between them is what their parameters do;
+    where the seed is sampled, too, it is another wherever its value is another.
+    """
+    value = values.get(SEED.name, 0.0)
+    if SEED.name in plan.fixed:
+        seed = int(value)
+    else:
+        said = f"{plan.seed}:{row}:{value!r}".encode()
+        seed = int.from_bytes(hashlib.blake2b(said, digest_size=4).digest(), "big")
+    return {
+        "parameters": {name: x for name, x in values.items() if name != SEED.name},
+        "model_seed": seed,
+    }
 
 
 def for_analysis(study: Study) -> StudyPlan:
@@ -86,12 +105,15 @@ def draw_up(
     _known("/sampling", "sampling", sampling, samplings(method))
     if not 1 <= rows <= MAX_ROWS:
         raise InvalidStudyError("/rows", f"rows must lie between 1 and {MAX_ROWS}, not {rows}")
-    known = [factor.name for factor in model.factors]
+    known = [source.name for source in model.sources]
     numbers = _fixed(model, fixed)
     if factors is None:
         factors = [
             FactorChoice(name=factor.name) for factor in model.sampled if factor.name not in numbers
         ]
+    elif not model.deterministic and SEED.name not in {*numbers, *(f.name for f in factors)}:
+        # Its noise is there whatever is sampled.
+        factors = [*factors, FactorChoice(name=SEED.name)]
     sampled = _sampled(model, factors, numbers)
     if len(sampled) < fewest_factors(method):
         raise InvalidStudyError(
@@ -107,7 +129,7 @@ def draw_up(
         distributions={factor: sampled[factor] for factor in known if factor in sampled},
         fixed={
             factor.name: numbers.get(factor.name, factor.nominal)
-            for factor in model.factors
+            for factor in model.sources
             if factor.name not in sampled
         },
         outputs=_outputs(model, outputs),
@@ -116,7 +138,7 @@ def draw_up(
 
 def _fixed(model: Description, fixed: Mapping[str, float | str]) -> dict[str, float]:
     """Return the fixed values as numbers; that of a choice may be its name."""
-    known = {factor.name: factor for factor in model.factors}
+    known = {source.name: source for source in model.sources}
     numbers = {}
     for name, value in fixed.items():
         pointer = f"/fixed/{name}"
@@ -127,6 +149,10 @@ def _fixed(model: Description, fixed: Mapping[str, float | str]) -> dict[str, fl
             raise InvalidStudyError(pointer, str(error)) from None
         if not isfinite(numbers[name]):
             raise InvalidStudyError(pointer, f"{name} must be finite, not {value}")
+        if factor is SEED and not (numbers[name].is_integer() and 0 <= numbers[name] < SEED.high):
+            raise InvalidStudyError(
+                pointer, f"seed must be a whole number from 0 below 2^32, not {value}"
+            )
     return numbers
 
 
@@ -213,7 +239,7 @@ def _sampled(
     """Return the distribution of every factor that `choices` asks to sample."""
     if not choices:
         raise InvalidStudyError("/factors", "a study must sample at least one factor")
-    known = {factor.name: factor for factor in model.factors}
+    known = {source.name: source for source in model.sources}
     sampled: dict[str, Distribution] = {}
     for i, choice in enumerate(choices):
         pointer = f"/factors/{i}"

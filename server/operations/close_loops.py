@@ -95,7 +95,9 @@ def grant(
     if noted and not waiting:
         return None
     with writing(engine) as connection:
-        workers.introduce(connection, worker, host_class=host_class(worker.versions), now=now)
+        # Which models it has is told where instances are asked for.
+        told = replace(worker, models=workers.models_of(connection, worker.id))
+        workers.introduce(connection, told, host_class=host_class(worker.versions), now=now)
         workers.note_close_loops(connection, worker.id, now=now)
         heard_after = now - GONE_SECONDS
         others = workers.closing_loops(connection, heard_after=heard_after, but_on=worker.host)

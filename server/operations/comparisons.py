@@ -13,7 +13,7 @@ from server.logic.plans import instance_id
 from server.logic.verdicts import Judgement, Report, as_result, fault_in
 from server.records import Lease, Result, Study
 from server.states import ComparisonState, Verdict
-from server.store import comparisons, results, studies
+from server.store import comparisons, models, results, studies
 from server.store.database.engine import reading, writing
 
 log = logging.getLogger(__name__)
@@ -28,12 +28,19 @@ def ask(
     share: float,
     now: float,
 ) -> None:
-    """Ask for second opinions on those new final results of a lease that are chosen for it."""
+    """Ask for second opinions on those new final results of a lease that are chosen for it.
+
+    None is asked for on a model that is not deterministic: two of its numbers may differ.
+    """
     chosen = [
         (result.row, result.position)
         for result in found
         if is_comparable(result) and is_chosen(study.plan.seed, result.row, result.position, share)
     ]
+    if chosen and "@" in study.plan.model:
+        model = models.find(connection, study.plan.model)
+        if model is not None and not model.description.deterministic:
+            return
     comparisons.add(connection, study.id, chosen, host=lease.host, worker=lease.worker, now=now)
 
 

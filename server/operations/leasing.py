@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from secrets import token_hex
 
 from sqlalchemy.engine import Connection
@@ -24,10 +24,9 @@ class LeaseRequest:
     models: Sequence[str]
     max_instances: int
 
-    @cached_property
-    def host_class(self) -> str:
-        """The kind of machine that asks."""
-        return host_class(self.worker.versions)
+    def host_class(self, model: str = "") -> str:
+        """The kind of machine that asks, as far as it matters to a model, "name@digest"."""
+        return host_class(self.worker.versions, self.worker.models.get(model, ""))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +94,9 @@ def grant(
         granted = lease_instances(connection, study, request, now, ttl)
         if granted is not None:
             break
-    workers.introduce(connection, request.worker, host_class=request.host_class, done=done, now=now)
+    workers.introduce(
+        connection, request.worker, host_class=request.host_class(), done=done, now=now
+    )
     if deferred:
         return Deferred()
     if granted is not None:
@@ -128,7 +129,7 @@ def _lease_instances(
     if objection_to_worker(study, request.worker) is not None:
         return None
     lease_id = _new_id(now)
-    mine = request.host_class
+    mine = request.host_class(study.plan.model)
     again = _returned(connection, study, request, now) if study.returned else []
     unbound = {one.row for one in again if one.host_class is None}
     again = [
@@ -157,7 +158,11 @@ def _returned(
     connection: Connection, study: Study, request: LeaseRequest, now: float
 ) -> list[Instance]:
     """Return instances of begun rows that wait for a machine and may go to this one."""
-    mine, host, most = request.host_class, request.worker.host, request.max_instances
+    mine, host, most = (
+        request.host_class(study.plan.model),
+        request.worker.host,
+        request.max_instances,
+    )
     at_work = workers.hosts_at_work(connection, study.id, host_class=mine, now=now)
     pending = partial(instances.pending, connection, study.id, host_class=mine, host=host)
     if not at_work - {host}:
@@ -208,7 +213,7 @@ def _granted(
         state=LeaseState.OPEN,
         expires_at=until,
         instances=tuple(places),
-        host_class=request.host_class,
+        host_class=request.host_class(study.plan.model),
         host=request.worker.host,
         compares=compares,
     )

@@ -11,11 +11,12 @@ from dataclasses import replace
 from sqlalchemy.engine import Connection, Engine
 
 from server.errors import ConflictError
+from server.logic.hosts import classes
 from server.logic.instances import reopened
 from server.logic.studies import recounted
 from server.records import Instance, Study
 from server.states import InstanceState, StudyState
-from server.store import comparisons, instances, reruns, snapshots, studies
+from server.store import comparisons, instances, reruns, snapshots, studies, workers
 from server.store.database.engine import reading, writing
 
 
@@ -60,12 +61,14 @@ def free_stranded_rows(engine: Engine, *, now: float, patience: float) -> int:
     """
     heard_after = now - patience
     with reading(engine) as connection:
-        concerned = reruns.studies_with_stranded(connection, heard_after=heard_after)
+        there = workers.heard(connection, after=heard_after)
+        alive = set[str]().union(*(classes(one.versions, one.models) for one in there))
+        concerned = reruns.studies_with_stranded(connection, alive=alive)
     freed = 0
     for study_id in concerned:
         with writing(engine) as connection:
             study = studies.find(connection, study_id, lock=True)
-            rows = reruns.stranded_rows(connection, study_id, heard_after=heard_after)
+            rows = reruns.stranded_rows(connection, study_id, alive=alive)
             again = instances.in_rows(connection, study_id, [(row, 0) for row in rows])
             if again:
                 _reopen(connection, study, [*again.values()], unbound=True, now=now, why="stranded")

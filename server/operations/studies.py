@@ -12,7 +12,7 @@ from server.logic.hosts import GONE_SECONDS
 from server.logic.progress import block_ends, window_start
 from server.records import Plan, PrecisionGoal, Study
 from server.states import StudyState
-from server.store import leases, precision_goals, results, studies, workers
+from server.store import leases, models, precision_goals, results, studies, workers
 from server.store.database.engine import alone_reading, reading, writing
 
 get = alone_reading(studies.find)
@@ -99,8 +99,13 @@ def _waits_for(connection: Connection, study: Study, now: float) -> str | None:
     # Every worker has rehyb's own models, which studies call without a digest.
     if "@" not in model or not study.state.is_served or not study.pending:
         return None
-    there = workers.any_has(connection, model, heard_after=now - GONE_SECONDS)
-    return None if there else model
+    if workers.any_has(connection, model, heard_after=now - GONE_SECONDS, now=now):
+        return None
+    found = models.find(connection, model)
+    # Every worker can have an uploaded model; one that is busy looks for new ones when it is not.
+    if found is not None and found.size and workers.any_holds_a_lease(connection, now=now):
+        return None
+    return model
 
 
 def cancel(engine: Engine, study_id: str, *, now: float) -> Study:

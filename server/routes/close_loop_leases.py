@@ -16,7 +16,6 @@ from server.logic.json_values import cut
 from server.logic.verdicts import REASON_LENGTH
 from server.operations import close_loops
 from server.operations.close_loops import Proof
-from server.records import Introduction
 from server.routes.common import (
     MAX_INTEGER,
     Body,
@@ -90,8 +89,9 @@ class LoopFailureBody(LoopFenceBody):
 def lease(body: LoopLeaseBody, store: Store, settings: Configured, now: Now) -> Response:
     """Lease a session to close the loop on; 204: nothing to do now."""
     close_loops.reap(store, now=now)
-    worker = Introduction(**dict(body.worker))
-    granted = close_loops.grant(store, worker, now=now, ttl=settings.lease_seconds)
+    granted = close_loops.grant(
+        store, body.worker.introduced(), now=now, ttl=settings.lease_seconds
+    )
     if granted is None:
         again = ask_again_in(close_loops.at_work(store, now=now))
         return Response(status_code=204, headers={"Retry-After": str(again)})

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Path, Query
 
 from server.errors import InvalidStudyError
-from server.logic.plans import instance_id, parameters
+from server.logic.plans import instance_id, parameters, point
 from server.operations import instances
 from server.routes.common import MAX_INTEGER, Id, Store
 
@@ -76,7 +76,7 @@ def bundle(study_id: Id, row: Row, position: Position, store: Store) -> dict[str
         "seed": plan.seed,
         "row": row,
         "position": position,
-        "parameters": parameters(plan, row)[position],
+        **point(plan, row, parameters(plan, row)[position]),
         **known,
     }
 

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import sqlite3
+from collections.abc import Sequence
 from functools import partial
 from http import HTTPStatus
 from math import inf
@@ -14,7 +15,7 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from server.errors import ConflictError
-from server.logic.plans import instance_id, parameters
+from server.logic.plans import instance_id, parameters, point
 from server.metrics import Metrics
 from server.operations import leases, leasing
 from server.operations.leasing import Grant, Ineligible, LeaseRequest
@@ -51,6 +52,22 @@ class WorkerBody(Body):
     host: Annotated[str, StringConstraints(max_length=255, pattern=r"^[^\x00-\x1f]*$")]
     versions: dict[Name, Name] = Field(default_factory=dict, max_length=50)
     tags: list[Name] = Field(default_factory=list, max_length=20)
+    canaries: dict[Name, Name] = Field(
+        default_factory=dict,
+        max_length=100,
+        description="Of models that are not rehyb's own: what this machine computes at a few "
+        "points, in a digest.",
+    )
+
+    def introduced(self, models: Sequence[str] = ()) -> Introduction:
+        """Return who asks, as operations know it; rehyb's own among the models are left out.
+
+        Those need no version: which code computes them is told by `versions`.
+        """
+        told = dict(self)
+        canaries = told.pop("canaries")
+        others = {model: canaries.get(model, "") for model in models if "@" in model}
+        return Introduction(**told, models=others)
 
 
 class LeaseBody(Body):
@@ -116,9 +133,7 @@ router.add_api_route(
 
 def requested(body: LeaseBody) -> LeaseRequest:
     """Return what a worker asks for as operations know it."""
-    # Rehyb's own need no version: which code computes them is told by `versions`.
-    others = [model for model in body.models if "@" in model]
-    worker = Introduction(**dict(body.worker), models=others)
+    worker = body.worker.introduced(body.models)
     return LeaseRequest(worker=worker, models=body.models, max_instances=body.max_instances)
 
 
@@ -165,7 +180,7 @@ def _instances(grant: Grant) -> list[dict[str, Any]]:
             "model": plan.model,
             "row": row,
             "position": position,
-            "parameters": rows[row][position],
+            **point(plan, row, rows[row][position]),
         }
         for row, position in grant.lease.instances
     ]

@@ -228,7 +228,7 @@ def _show(store: Engine, study: Study) -> dict[str, Any]:
     """Return a study with its goal, and the units of its factors and outputs."""
     model = models.get(store, study.plan.model).description
     outputs = {name: unit for name, unit in model.units.items() if name in study.plan.outputs}
-    units = {factor.name: factor.unit for factor in model.factors} | outputs
+    units = {source.name: source.unit for source in model.sources} | outputs
     return {**shown(study, precision_goals.of(store, study.id)), "units": units}
 
 

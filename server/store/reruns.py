@@ -13,7 +13,6 @@ from server.store.database.schema import (
     results,
     studies,
     superseded,
-    workers,
 )
 from server.store.instances import EVERY, chunks, from_row
 
@@ -35,36 +34,33 @@ def failed(connection: Connection, study_id: str, outcomes: Sequence[str] | None
     return _found(connection, sa.and_(instances.c.study_id == study_id, is_failed))
 
 
-def studies_with_stranded(connection: Connection, *, heard_after: float) -> Sequence[str]:
+def studies_with_stranded(connection: Connection, *, alive: Collection[str]) -> Sequence[str]:
     """Return the studies with rows as `stranded_rows` has them."""
     query = (
         sa.select(instances.c.study_id)
         .join(studies, studies.c.id == instances.c.study_id)
-        .where(_stranded(heard_after), studies.c.state.in_([s for s in StudyState if s.is_served]))
+        .where(_stranded(alive), studies.c.state.in_([s for s in StudyState if s.is_served]))
         .distinct()
     )
     return connection.scalars(query).all()
 
 
-def stranded_rows(connection: Connection, study_id: str, *, heard_after: float) -> set[int]:
-    """Return rows that wait for a kind of machine of which no worker was heard since then.
+def stranded_rows(connection: Connection, study_id: str, *, alive: Collection[str]) -> set[int]:
+    """Return rows that wait for a kind of machine that is none of those `alive`.
 
     Rows of which a worker still holds something are left out.
     """
     of_study = sa.select(instances.c.row).where(instances.c.study_id == study_id)
     held = of_study.where(instances.c.state == InstanceState.LEASED)
-    found = connection.scalars(of_study.where(_stranded(heard_after)))
+    found = connection.scalars(of_study.where(_stranded(alive)))
     return set(found) - set(connection.scalars(held))
 
 
-def _stranded(heard_after: float) -> sa.ColumnElement[bool]:
-    alive = sa.select(workers.c.host_class).where(
-        workers.c.last_seen > heard_after, workers.c.host_class.is_not(None)
-    )
+def _stranded(alive: Collection[str]) -> sa.ColumnElement[bool]:
     return sa.and_(
         instances.c.state == InstanceState.PENDING,
         instances.c.host_class.is_not(None),
-        instances.c.host_class.not_in(alive),
+        instances.c.host_class.not_in(sorted(alive)),
     )
 
 

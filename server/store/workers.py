@@ -1,5 +1,8 @@
 """Who works for this coordinator, and who of them can close loops."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection
@@ -18,7 +21,7 @@ _HOSTS_AT_WORK = Prepared(
         leases.c.state == sa.literal_column("'open'"),
         leases.c.study_id == sa.bindparam("of_study"),
         leases.c.expires_at > sa.bindparam("now"),
-        workers.c.host_class == sa.bindparam("of_class"),
+        leases.c.host_class == sa.bindparam("of_class"),
     )
     .distinct()
 )
@@ -61,7 +64,13 @@ def latest(connection: Connection) -> float:
 def every(connection: Connection) -> list[Worker]:
     """Return all workers ever seen, the latest first."""
     query = sa.select(workers).order_by(workers.c.last_seen.desc(), workers.c.id)
-    return [Worker(**row._mapping) for row in connection.execute(query)]
+    return [_worker(row) for row in connection.execute(query)]
+
+
+def heard(connection: Connection, *, after: float) -> list[Worker]:
+    """Return the workers that were heard from since then."""
+    query = sa.select(workers).where(workers.c.last_seen > after)
+    return [_worker(row) for row in connection.execute(query)]
 
 
 def introduce(
@@ -81,15 +90,38 @@ def introduce(
         as_text(dict(worker.versions)),
         host_class,
         as_text(list(worker.tags)),
-        as_text(list(worker.models)),
+        as_text(dict(worker.models)),
         now,
     )
 
 
-def any_has(connection: Connection, model: str, *, heard_after: float) -> bool:
-    """Say whether a worker that was heard from since then can evaluate a model, "name@digest"."""
-    query = sa.select(workers.c.models).where(workers.c.last_seen > heard_after)
-    return any(model in models for models in connection.scalars(query))
+def models_of(connection: Connection, worker: str) -> Mapping[str, str]:
+    """Return the models that a worker last said it has, with their canaries."""
+    found = connection.execute(sa.select(workers).where(workers.c.id == worker)).one_or_none()
+    return {} if found is None else _worker(found).models
+
+
+def any_has(connection: Connection, model: str, *, heard_after: float, now: float) -> bool:
+    """Say whether a worker that is there has a model, "name@digest".
+
+    A worker is there that was heard from since `heard_after`, or that holds a lease: one that is
+    busy need not say a word in between.
+    """
+    holding = sa.select(leases.c.worker_id).where(
+        leases.c.state == sa.literal_column("'open'"), leases.c.expires_at > now
+    )
+    there = sa.or_(workers.c.last_seen > heard_after, workers.c.id.in_(holding))
+    return any(
+        model in models for models in connection.scalars(sa.select(workers.c.models).where(there))
+    )
+
+
+def any_holds_a_lease(connection: Connection, *, now: float) -> bool:
+    """Say whether any worker is busy, and will look for new models when it is not."""
+    query = sa.select(leases.c.id).where(
+        leases.c.state == sa.literal_column("'open'"), leases.c.expires_at > now
+    )
+    return connection.scalar(query.limit(1)) is not None
 
 
 def hosts_at_work(
@@ -131,3 +163,12 @@ def closing_loops(connection: Connection, *, heard_after: float, but_on: str | N
     if but_on is not None:
         query = query.where(workers.c.host != but_on)
     return connection.scalar(query) or 0
+
+
+def _worker(row: sa.Row[Any]) -> Worker:
+    values = dict(row._mapping)
+    # Before there were canaries, names alone were told.
+    models = values["models"]
+    return Worker(
+        **values | {"models": models if isinstance(models, dict) else dict.fromkeys(models, "")}
+    )

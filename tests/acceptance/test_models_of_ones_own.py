@@ -54,10 +54,10 @@ def server(environment: dict[str, str]) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def worker(
     environment: dict[str, str], server: str, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[None]:
-    """A worker that has the examples."""
+) -> Iterator[list[str]]:
+    """A worker that has the examples; yields the options that say where they are."""
     folder = tmp_path_factory.mktemp("models")
-    for example in ("ishigami_awk", "ishigami_python"):
+    for example in ("ishigami_awk", "ishigami_python", "noisy_pendulum"):
         shutil.copytree(EXAMPLES / example, folder / example)
     (folder / "remote").mkdir()
     remote = {
@@ -76,7 +76,7 @@ def worker(
             while "decay" not in {model["name"] for model in client.models()}:
                 assert process.poll() is None and time.monotonic() < deadline
                 time.sleep(0.1)
-        yield
+        yield options
         process.terminate()
 
 
@@ -159,3 +159,39 @@ def test_a_package_is_a_model_where_its_owner_allowed_it(client: Client) -> None
     snapshot = finished(client, model="decay", rows=16)
     assert set(snapshot["outputs"]) == {"left", *(f"over_time[{i}]" for i in range(5))}
     assert of(snapshot, "left", "start")["total_order"]["value"] > 0.0
+
+
+def test_any_instance_and_any_bundle_is_computed_again(
+    environment: dict[str, str], client: Client, worker: list[str], tmp_path: Path
+) -> None:
+    models = ("pendulum", "ishigami_python", "decay", "remote", "noisy_pendulum")
+    ran(environment, "model", "add", str(EXAMPLES / "pendulum"))
+    for model in models:
+        study = finished(client, model=model, rows=4)["study"]
+        where = [] if model == "pendulum" else worker
+        said = ran(environment, "study", "instance", study, "2", "1", "--replay", *where)
+        assert "bit for bit" in said, said
+        if model not in ("pendulum", "decay"):
+            continue
+        bundle = str(tmp_path / f"{model}.zip")
+        ran(environment, "bundle", study, "--out", bundle)
+        said = ran(environment, "reproduce", bundle, "--check", "--sample", "3", *where)
+        assert "3 of" in said and "come out bit for bit" in said, said
+        if model == "decay":
+            # What is code runs here only where it is named.
+            with started(environment, "rehyb", "reproduce", bundle, "--check") as process:
+                said = process.communicate(timeout=120)[0]
+            assert process.returncode == 1
+            assert "name it with --allow NAME" in said
+
+
+@pytest.mark.usefixtures("worker")
+def test_a_model_with_noise_of_its_own_tells_its_share(
+    environment: dict[str, str], client: Client
+) -> None:
+    study = finished(client, model="noisy_pendulum")
+    # As tests/unit/server/logic/test_own_noise.py has it: 0.01^2 of 4.98e-4.
+    found = of(study, "rest_angle", "seed")["total_order"]
+    width = found["high"] - found["low"]
+    assert found["low"] - width / 2 <= 0.2008 <= found["high"] + width / 2
+    assert "own noise is" in ran(environment, "study", "indices", study["study"])

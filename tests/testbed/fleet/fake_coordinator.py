@@ -169,7 +169,7 @@ class Work:
         leases = Leases(
             client=Client("http://c", "t", transport=httpx2.MockTransport(self.coordinator)),
             worker={"id": name, "host": "h", "versions": {}},
-            models=lambda _: ("ishigami",),
+            models=lambda _: {"ishigami": ""},
             processes=self.pool.processes,
             batch=10,
             left=max_instances,

@@ -20,7 +20,7 @@ from typing import Any
 
 from models.evaluation import Evaluation
 from worker import cli, spool
-from worker.models import evaluate as soundly
+from worker.models.evaluation import evaluate as soundly
 from worker.pool import Pool
 
 #: One instance in so many.

@@ -43,7 +43,7 @@ def leases(coordinator: Coordinator) -> Leases:
     return Leases(
         client=client,
         worker={},
-        models=lambda _: ("m",),
+        models=lambda _: {"m": ""},
         processes=3,
         batch=10,
         left=5,

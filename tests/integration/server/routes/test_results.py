@@ -51,6 +51,8 @@ def test_a_lease_says_what_to_evaluate(client: TestClient, study: Json, clock: A
     places = [(0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (1, 0)]
     names = [f"{study['id']}:{row}:{position}" for row, position in places]
     assert [i.pop("id") for i in lease["instances"]] == names
+    # One for each row: what differs within it is what the parameters do.
+    assert len({i.pop("model_seed") for i in lease["instances"]}) == 2
     assert lease["instances"] == [
         {
             "study": study["id"],

@@ -1,0 +1,123 @@
+"""What this machine computes at a few points of a model, found out beside the work.
+
+Machines whose bits differ there are in different classes, so that no row of a study mixes them
+(docs/understand/architecture.md, "Kinds of machines").
+"""
+
+import hashlib
+import json
+import logging
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from models.description import Description
+from worker.models.evaluation import Place
+from worker.outcomes import Outcome
+from worker.pool import Pool
+
+log = logging.getLogger(__name__)
+
+#: Where in its range the second point has every factor: no round number.
+OFF_NOMINAL = 0.381966
+SEEDS = (1, 1, 2)
+
+
+def points(description: Description) -> list[dict[str, float]]:
+    """Return where a model is looked at: the nominal point, another, and the nominal one again."""
+    nominal = {factor.name: factor.nominal for factor in description.factors}
+    other = {
+        factor.name: factor.nominal
+        if factor.choices
+        else factor.low + OFF_NOMINAL * (factor.high - factor.low)
+        for factor in description.factors
+    }
+    return [nominal, other, nominal]
+
+
+def digest_of(results: list[Mapping[str, Any]]) -> str:
+    """Return a digest of the bits of some results."""
+    said = [
+        [result["outcome"], [float(value).hex() for value in result["outputs"].values()]]
+        for result in results
+    ]
+    return hashlib.sha256(json.dumps(said).encode()).hexdigest()[:16]
+
+
+@dataclass(kw_only=True)
+class Canaries:
+    """The canaries of the models that a worker has, each evaluated once."""
+
+    #: One process, beside those that work.
+    pool: Pool
+    found: dict[str, str] = field(default_factory=dict)
+    #: Models that this worker does not take.
+    refused: set[str] = field(default_factory=set)
+    _waiting: deque[tuple[Description, Place]] = field(default_factory=deque)
+    _asked: set[str] = field(default_factory=set)
+    _results: list[Mapping[str, Any]] = field(default_factory=list)
+
+    def of(self, description: Description, place: Place) -> str | None:
+        """Return a model's canary; None: not yet, or never, since the model is refused.
+
+        A model that says that it is not deterministic has an empty one.
+        """
+        if not description.deterministic:
+            return ""
+        version = description.version
+        if version not in self._asked:
+            self._asked.add(version)
+            self._waiting.append((description, place))
+        self._look()
+        return self.found.get(version)
+
+    def close(self) -> None:
+        """End what is under way."""
+        self.pool.kill()
+
+    def _look(self) -> None:
+        """Begin the next evaluation, if the one before is done."""
+        if self.pool.running:
+            for done in self.pool.wait(0.0):
+                self._results.append(done.result)
+        if self.pool.running or not self._waiting:
+            return
+        description, place = self._waiting[0]
+        if len(self._results) == len(SEEDS) or self._cannot_be_loaded():
+            self._waiting.popleft()
+            results, self._results = self._results, []
+            self._judge(description.version, results)
+            return
+        number = len(self._results)
+        self.pool.start(
+            {
+                "id": description.version,
+                "model": description.version,
+                "parameters": points(description)[number],
+                "seed": SEEDS[number],
+                "place": place,
+                "time_limit": place.time_limit,
+            },
+            None,
+        )
+
+    def _cannot_be_loaded(self) -> bool:
+        return any(result["outcome"] == Outcome.BAD_MODEL for result in self._results)
+
+    def _judge(self, version: str, results: list[Mapping[str, Any]]) -> None:
+        if bad := next((r for r in results if r["outcome"] == Outcome.BAD_MODEL), None):
+            log.error("does not take %s, which cannot be loaded here: %s", version, bad["reason"])
+            self.refused.add(version)
+            return
+        first, _, again = results
+        if first["outputs"] and again["outputs"] and digest_of([first]) != digest_of([again]):
+            log.error(
+                "does not take %s: it gives other numbers at the same point with another seed, or "
+                "the second time; write `deterministic = false` under [model]",
+                version,
+            )
+            self.refused.add(version)
+            return
+        self.found[version] = digest_of(results[:2])
+        log.info("has the model %s, canary %s", version, self.found[version])

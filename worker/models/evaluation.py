@@ -1,0 +1,84 @@
+"""What a child process does with an instance of any model."""
+
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from models.description import Kind
+from models.evaluation import Evaluation, Evaluator, ModelFailure
+from models.folder import read_folder
+from models.packages import announced
+from worker.outcomes import Outcome
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where a child process finds what evaluates one model."""
+
+    kind: Kind
+    #: Of the version that is meant; other code in this place is refused.
+    digest: str
+    #: Of `model.toml`; the name of the entry point for a Python model.
+    where: str
+    #: Of the server, for a model of kind `umbridge`.
+    url: str = ""
+    time_limit: float | None = None
+
+
+#: What this child process has loaded, by where it is.
+_LOADED: dict[Place, Evaluator] = {}
+_CLOSING = ExitStack()
+
+
+def evaluate(instance: Mapping[str, Any]) -> Evaluation:
+    """Evaluate an instance: {"model", "parameters"}, and "place" and "seed" if it is not ours.
+
+    Raises:
+        ModelFailure: the model has no answer.
+    """
+    place: Place | None = instance.get("place")
+    if place is None:
+        from sim.evaluation import evaluate as evaluate_ours
+
+        return evaluate_ours(instance["model"], instance["parameters"])
+    if place not in _LOADED:
+        _LOADED[place] = evaluator(place)
+    started = time.perf_counter()
+    outputs = _LOADED[place](instance["parameters"], instance["seed"])
+    return Evaluation(outcome="ok", outputs=outputs, wall_seconds=time.perf_counter() - started)
+
+
+def evaluator(place: Place) -> Evaluator:
+    """Load what evaluates a model; heavy libraries are imported here only.
+
+    Raises:
+        ModelFailure: "bad_model": it cannot be loaded.
+    """
+    try:
+        if place.kind == Kind.PYTHON:
+            from models.packages import PackagedModel, PackageError
+
+            model = PackagedModel(announced()[place.where])
+            if model.description.digest != place.digest:
+                raise PackageError(f"{place.where} has changed since this worker started")
+            return model
+        folder = read_folder(Path(place.where))
+        if place.kind == Kind.MJCF:
+            from models.mjcf.simulate import Simulation
+
+            return Simulation(folder)
+        if place.kind == Kind.COMMAND:
+            from models.command import Command
+
+            command = Command(folder)
+            _CLOSING.callback(command.close)
+            return command
+        from models.umbridge.client import RemoteModel, Server
+
+        return RemoteModel(folder, Server(place.url))
+    except ValueError as error:
+        # ModelError and PackageError among them.
+        raise ModelFailure(Outcome.BAD_MODEL, str(error)) from None

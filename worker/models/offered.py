@@ -1,0 +1,73 @@
+"""Which models this worker asks work for."""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from models.description import Description, Kind
+from rehyb.client import Client
+from rehyb.client.models import description_of
+from rehyb.errors import RehybError, ServerError, Unreachable
+from sim.models import MODELS
+from worker.models.canaries import Canaries
+from worker.models.places import Places
+
+log = logging.getLogger(__name__)
+
+#: Seconds between two looks at which uploaded models are wanted.
+LOOK_SECONDS = 2.0
+#: Models of open studies that one worker looks at; it tells of a hundred models at most.
+MOST_WANTED = 50
+
+
+@dataclass(kw_only=True)
+class WorkerModels:
+    """The models that this worker has: rehyb's own, those that its owner named, and uploaded ones.
+
+    One that is not rehyb's own is asked work for once its canary is known.
+    """
+
+    client: Client
+    places: Places
+    canaries: Canaries
+    _wanted: dict[str, Description] = field(default_factory=dict)
+    _look_at: float = 0.0
+
+    def __post_init__(self) -> None:
+        #: Those that its owner named.
+        self._named = dict(self.places.descriptions)
+
+    def announce(self, worker: str) -> None:
+        """Tell the coordinator of the models whose code is here, with `worker`.
+
+        Raises:
+            RehybError: it does not take one of them.
+        """
+        for description in self._named.values():
+            if description.kind != Kind.MJCF:
+                self.client.announce_model(description.as_json(), worker)
+
+    def offered(self, now: float) -> Mapping[str, str]:
+        """Return what to ask work for, each with its canary; now and then, look what is wanted."""
+        if now >= self._look_at:
+            self._look_at = now + LOOK_SECONDS
+            self._wanted = {
+                f"{model['name']}@{model['digest']}": description_of(model)
+                for model in self.client.models(wanted=True)[:MOST_WANTED]
+                if model["kind"] == Kind.MJCF
+            }
+        offered = dict.fromkeys(MODELS, "")
+        for version, description in (self._named | self._wanted).items():
+            if version in self.canaries.refused:
+                continue
+            try:
+                canary = self.canaries.of(description, self.places.place(version))
+            except (Unreachable, ServerError):
+                raise
+            except RehybError as error:
+                log.error("does not take %s: %s", version, error)
+                self.canaries.refused.add(version)
+                continue
+            if canary is not None:
+                offered[version] = canary
+        return offered
