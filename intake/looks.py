@@ -13,14 +13,15 @@ SENTENCE_LENGTH = 2000
 
 
 def look(
-    check: Callable[[Path], Any],
+    check: Callable[..., Any],
     refusal: type[Exception],
     refuse: Callable[[str, str], Exception],
 ) -> None:
     """Check the file named on the command line and print {"answer": ...} or {"error": ...}.
 
     Args:
-        check: returns what is understood of a file, as JSON.
+        check: returns what is understood of a file, as JSON; takes its path and, if the command
+            line says what is `--wanted`, that.
         refusal: what it raises if the file cannot be used; it has `file`, and may have `column`
             and `line`.
         refuse: makes one of a sentence and a file's name.
@@ -29,11 +30,13 @@ def look(
     parser.add_argument("file", type=Path)
     parser.add_argument("--memory-mb", type=int, default=4096)
     parser.add_argument("--seconds", type=int, default=300, help="of processor time")
+    parser.add_argument("--wanted", type=json.loads, help="what of it, as JSON")
     arguments = parser.parse_args()
+    wanted = () if arguments.wanted is None else (arguments.wanted,)
     # Before anything of the file is read.
     limit(arguments.memory_mb, arguments.seconds)
     try:
-        answer = {"answer": check(arguments.file)}
+        answer = {"answer": check(arguments.file, *wanted)}
     except refusal as error:
         answer = {"error": _said(error)}
     except MemoryError:

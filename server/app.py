@@ -23,6 +23,7 @@ from server.operations import leases as lease_operations
 from server.operations import models as model_operations
 from server.operations.readiness import Readiness
 from server.routes import (
+    analyses,
     close_loop_leases,
     close_loops,
     health,
@@ -112,6 +113,7 @@ def create_app(settings: Settings) -> FastAPI:
         precision_goals,
         progress,
         indices,
+        analyses,
         instances,
         workers,
         close_loop_leases,

@@ -134,7 +134,7 @@ class Guard:
 class BodyLimit:
     """Turn away requests with more than `MAX_BODY_BYTES`, announced or not.
 
-    `large`: bytes that a request may have which brings a session, or what was found in one.
+    `large`: bytes that a request may have which brings a file.
     """
 
     def __init__(self, app: ASGIApp, large: int) -> None:
@@ -168,12 +168,12 @@ class BodyLimit:
 
 
 #: Requests that bring files.
-_LARGE = re.compile(r"/v1/sessions|/v1/models|/v1/close-loops/[^/]+/report")
+_LARGE = re.compile(r"/v1/sessions|/v1/models|/v1/analyses|/v1/close-loops/[^/]+/report")
 _TOO_LARGE = f"a request may have {MAX_BODY_BYTES} bytes at most: post results in smaller batches"
 
 
 def upload_too_large(limit: int) -> str:
-    """Say that a session, what was found in one, or a model has more than `limit` bytes."""
+    """Say that a session, what was found in one, a model or a table has more than `limit` bytes."""
     return f"an upload may have {limit} bytes at most (REHYB_SESSION_BYTES)"
 
 

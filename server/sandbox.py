@@ -6,6 +6,7 @@ import os
 import sys
 import tempfile
 from asyncio.subprocess import DEVNULL, PIPE
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -21,13 +22,19 @@ CHECKS = 2
 
 
 async def check(
-    program: str, file: Path, *, seconds: int = CHECK_SECONDS, memory_mb: int = CHECK_MEMORY_MB
+    program: str,
+    file: Path,
+    *,
+    wanted: Mapping[str, Any] | None = None,
+    seconds: int = CHECK_SECONDS,
+    memory_mb: int = CHECK_MEMORY_MB,
 ) -> dict[str, Any]:
-    """Return what `program` understands of a zipped file: see `intake.looks`.
+    """Return what `program` understands of a file: see `intake.looks`.
 
     Args:
         program: the module to run, as "analysis.closeloop.check".
         file: sentences call it by its name.
+        wanted: what of it, for a program that asks.
         seconds: that it may take.
         memory_mb: that it may take.
 
@@ -38,8 +45,9 @@ async def check(
         # What it leaves behind when it is killed is in `scratch`. It needs no secrets.
         environment = {k: v for k, v in os.environ.items() if not k.startswith("REHYB_")}
         limits = ("--memory-mb", str(memory_mb), "--seconds", str(seconds))
+        asked = () if wanted is None else ("--wanted", json.dumps(wanted))
         # -P: nothing is imported from the folder that it works in.
-        command = [sys.executable, "-P", "-m", program, str(file), *limits]
+        command = [sys.executable, "-P", "-m", program, str(file), *limits, *asked]
         process = await asyncio.create_subprocess_exec(
             *command,
             stdin=DEVNULL,

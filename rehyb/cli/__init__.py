@@ -8,6 +8,7 @@ import sys
 import typer
 
 from rehyb.cli import (
+    analyses,
     campaigns,
     close_loop,
     database,
@@ -35,6 +36,7 @@ app = typer.Typer(
 )
 studies.app.command()(surrogates.surrogate)
 studies.app.command()(files.export)
+studies.app.command("analyse")(analyses.analyse_study)
 studies.app.command()(precision.watch)
 studies.app.command("with-effect")(close_loop.with_effect)
 app.add_typer(studies.app, name="study")
@@ -56,6 +58,7 @@ app.command()(simulation.assess)
 app.command()(simulation.validate)
 app.command()(close_loop.close_loop)
 app.command()(inspect.inspect)
+app.command()(analyses.analyse)
 
 
 def main() -> None:

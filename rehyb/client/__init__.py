@@ -1,5 +1,6 @@
 """Talk to a coordinator: plain dictionaries in, plain dictionaries out."""
 
+from rehyb.client.analyses import Analyses
 from rehyb.client.close_loops import CloseLoops
 from rehyb.client.connection import DEFAULT_URL as DEFAULT_URL
 from rehyb.client.connection import Json as Json
@@ -9,7 +10,7 @@ from rehyb.client.sessions import Sessions
 from rehyb.client.studies import Studies
 
 
-class Client(Studies, Models, Leases, Sessions, CloseLoops):
+class Client(Studies, Models, Leases, Sessions, CloseLoops, Analyses):
     """A connection to one coordinator.
 
     Args:

@@ -160,7 +160,7 @@ def table(study_id: Id, store: Store) -> StreamingResponse:
     study = studies.get(store, study_id)
     rows = lines(study.plan, results.in_order(store, study))
     return StreamingResponse(
-        _csv(chain([columns(study.plan.distributions, study.plan.outputs)], rows)),
+        csv_text(chain([columns(study.plan.distributions, study.plan.outputs)], rows)),
         media_type="text/csv; charset=utf-8",
         headers={"Content-Disposition": f'attachment; filename="{study.id}.csv"'},
     )
@@ -181,7 +181,7 @@ def parquet_table(study_id: Id, store: Store) -> StreamingResponse:
     )
 
 
-def _csv(rows: Iterable[Sequence[object]]) -> Iterator[str]:
+def csv_text(rows: Iterable[Sequence[object]]) -> Iterator[str]:
     """Yield rows as text, some at a time."""
     remaining = iter(rows)
     while chunk := list(islice(remaining, CHUNK)):

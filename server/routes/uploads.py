@@ -1,4 +1,4 @@
-"""Zip files that come in a request: as its body, or as the one file of a form."""
+"""Files that come in a request: as its body, or as the one file of a form."""
 
 import asyncio
 from http import HTTPStatus

@@ -72,11 +72,14 @@ class MorrisEstimator(Estimator):
             ),
         }
 
-    def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
-        designed = np.stack(
+    def _designed(self, rows: Sequence[int]) -> NDArray[np.float64]:
+        """Return the points of rows in the unit cube, shape (rows, factors + 1, factors)."""
+        return np.stack(
             [unit_row(self.method, self.sampling, self.seed, row, self.factors) for row in rows]
         )
-        (before, after), step = legs(designed)  # rows, factors
+
+    def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
+        (before, after), step = legs(self._designed(rows))  # rows, factors
         row = np.arange(len(rows))[:, None]
         moved = np.moveaxis(values[row, after] - values[row, before], 1, 2)
         effect = moved / step[:, None, :]  # rows, outputs, factors

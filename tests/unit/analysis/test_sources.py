@@ -15,6 +15,8 @@ CARRIERS = {
     *("reports/hover.py", "reports/html.py", "reports/pictures.py", "reports/report.py"),
     *("reports/tables.py", "reports/validation.py", "reports/figures/style.py"),
     *("sensitivity/records.py", "sensitivity/remarks.py", "sensitivity/table.py"),
+    *("given/answer.py", "given/check.py", "given/errors.py"),
+    *("given/reading.py", "given/sample.py"),
     *("files/results_csv.py", "files/netcdf.py", "files/parquet.py"),
 }
 

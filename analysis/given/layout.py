@@ -1,0 +1,137 @@
+"""Whether a sample is a design of Saltelli et al. 2010 or Morris 1991, and its indices then.
+
+Their rows are told by their points alone: A_B^(i) differs from A in one column, where it has B's
+value; a step of Morris's moves one factor. So it does not matter which program made them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.designs.radial import legs
+from analysis.sensitivity.estimators import Estimate, Estimator, MorrisEstimator, estimator_class
+
+Array = NDArray[np.float64]
+
+#: Rows of a design that must be there for a sample to be taken for one.
+FEWEST = 4
+#: The blocks of rows are dealt at random: of what another program drew nothing else is known.
+_SAMPLING = "latin_hypercube"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """A design that a sample is."""
+
+    #: One of `analysis.designs.METHODS`.
+    method: str
+    #: Where each point of each row is in the sample, in the order of our own designs, shape (rows,
+    #: width).
+    places: NDArray[np.intp]
+
+    @property
+    def independent(self) -> NDArray[np.intp]:
+        """Places of points that do not share a coordinate by design: A and B, or bases."""
+        kept: NDArray[np.intp] = self.places[:, : 1 if self.method == "morris" else 2].T.ravel()
+        return kept
+
+    @property
+    def sentence(self) -> str:
+        """What it is, in words."""
+        kind = "a Morris design" if self.method == "morris" else "a Saltelli design"
+        if self.method == "saltelli_second_order":
+            kind += " with pairs"
+        rows, width = self.places.shape
+        return f"The sample is {kind} of {rows} rows of {width} runs, and is analysed as one too."
+
+
+def recognise(x: Array) -> Layout | None:
+    """Return which design a sample is, in the order of its rows; None if it is no such.
+
+    Known are rows of our own, of SALib (A, the A_B^(i), B) and of designs block by block (all A,
+    all B, all A_B^(1), ...; OpenTURNS); radial rows and trajectories (Morris 1991; Campolongo et
+    al. 2011).
+    """
+    runs, k = x.shape
+    if k < 2:
+        return None
+    for method, width in (("saltelli_second_order", 2 * k + 2), ("saltelli", k + 2)):
+        if runs % width or runs // width < FEWEST:
+            continue
+        for places in _orders(runs // width, k, second_order=width > k + 2):
+            if _is_saltelli(x[places], k):
+                return Layout(method=method, places=places)
+    if runs % (k + 1) == 0 and runs // (k + 1) >= FEWEST:
+        places = np.arange(runs).reshape(-1, k + 1)
+        if _is_morris(x[places]):
+            return Layout(method="morris", places=places)
+    return None
+
+
+def indices(layout: Layout, x: Array, y: Array, level: float) -> dict[str, Estimate]:
+    """Return the indices of a design (`analysis.sensitivity.estimators`), shape (outputs, ...).
+
+    Effects are per range of the factor in the sample.
+
+    Args:
+        x, y: of the whole sample, shape (runs, factors) and (runs, outputs), nan where a run has no
+            output.
+    """
+    rows = len(layout.places)
+    estimator: Estimator
+    if layout.method == "morris":
+        low, high = x.min(axis=0), x.max(axis=0)
+        estimator = _Given(((x - low) / (high - low))[layout.places], outputs=y.shape[1])
+    else:
+        estimator = estimator_class(layout.method)(
+            sampling=_SAMPLING, seed=0, factors=x.shape[1], outputs=y.shape[1]
+        )
+    estimator.add_rows(range(rows), y[layout.places])
+    return estimator.indices(level)
+
+
+class _Given(MorrisEstimator):
+    """Elementary effects of points that are no function of a seed."""
+
+    def __init__(self, points: Array, *, outputs: int) -> None:
+        super().__init__(sampling=_SAMPLING, seed=0, factors=points.shape[-1], outputs=outputs)
+        self._points = points
+
+    def _designed(self, rows: Sequence[int]) -> Array:
+        return self._points[list(rows)]
+
+
+def _orders(rows: int, k: int, *, second_order: bool) -> list[NDArray[np.intp]]:
+    """Return where A, B, the A_B^(i) and the B_A^(i) may be."""
+    width = 2 * k + 2 if second_order else k + 2
+    by_row = np.arange(rows * width).reshape(rows, width)
+    by_block = np.arange(rows * width).reshape(width, rows).T
+    salib = [0, width - 1, *range(1, width - 1)]
+    return [by_row, by_row[:, salib], by_block]
+
+
+def _is_saltelli(points: Array, k: int) -> bool:
+    """Say whether rows (rows, width, k) are A, B, A_B^(i) and perhaps B_A^(i)."""
+    a, b = points[:, 0], points[:, 1]
+    if (a == b).all():
+        return False
+    for start, base, other in ((2, a, b), (2 + k, b, a))[: 1 + (points.shape[1] > k + 2)]:
+        for i in range(k):
+            mixed = base.copy()
+            mixed[:, i] = other[:, i]
+            if not np.array_equal(points[:, start + i], mixed):
+                return False
+    return True
+
+
+def _is_morris(points: Array) -> bool:
+    """Say whether in rows (rows, k + 1, k) every factor is moved once, alone."""
+    k = points.shape[-1]
+    (before, after), step = legs(points)
+    row = np.arange(len(points))[:, None]
+    moved = points[row, before] != points[row, after]
+    return bool((moved.sum(axis=-1) == 1).all() and (step != 0.0).all()) and all(
+        len(set(places)) == k for places in after.tolist()
+    )

@@ -1,0 +1,224 @@
+"""A CSV or Parquet file as columns of numbers, whatever its separator and its decimal sign."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.given.errors import GivenError
+
+if TYPE_CHECKING:
+    import pandas
+
+#: Between columns, as programs write them.
+_SEPARATORS = (",", ";", "\t", "|")
+#: 1.5, -2, 1e-3, .5; and with a comma.
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+#: What programs write where there is no number, besides nothing.
+_MISSING = ("", "na", "n/a", "nan", "-nan", "null", "none", "-", "?", "#n/a", "#na", "<na>")
+_INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
+#: Of a column with more than this share of text, all of it is text, and not a number gone wrong.
+_TEXT = 0.5
+#: Characters quoted of a cell.
+_QUOTED = 40
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sheet:
+    """The columns of a file."""
+
+    #: What sentences call it.
+    file: str
+    #: Names of all columns, in order.
+    columns: tuple[str, ...]
+    #: Numbers, nan where a cell is empty or infinite, shape (lines,).
+    numbers: Mapping[str, NDArray[np.float64]]
+    #: Columns without numbers, each with a text that stands in it.
+    texts: Mapping[str, str]
+    #: The first lines were numbers already: columns are called column_1, column_2, ...
+    unlabelled: bool = False
+
+
+def read_sheet(path: Path) -> Sheet:
+    """Read a table (CSV of any separator, or Parquet by its ending or its first bytes).
+
+    Raises:
+        GivenError: it is empty, has lines of different length, two columns of one name, or a column
+            of numbers with a text in it.
+        ModuleNotFoundError: a package of the extra `given` is missing.
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        start = file.read(1 << 16)
+    if start.startswith(b"PAR1"):
+        return _parquet(path)
+    if not start.strip():
+        raise GivenError("it is empty", file=path.name)
+    if b"\0" in start:
+        raise GivenError("it is neither CSV nor Parquet", file=path.name)
+    return _csv(path, start)
+
+
+def _parquet(path: Path) -> Sheet:
+    import pyarrow as pa
+    import pyarrow.parquet
+
+    try:
+        table = pyarrow.parquet.read_table(path)
+    except (pa.ArrowException, OSError) as error:
+        said = str(error).partition("\n")[0]
+        raise GivenError(f"it cannot be read as Parquet: {said}", file=path.name) from None
+    _check_names(path.name, table.column_names, line=None)
+    numbers: dict[str, NDArray[np.float64]] = {}
+    texts: dict[str, str] = {}
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        kind = column.type
+        if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind):
+            found = np.array(
+                column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=float
+            )
+            numbers[name] = np.where(np.isfinite(found), found, np.nan)
+        else:
+            texts[name] = next((str(cell) for cell in column.to_pylist() if cell is not None), "")
+    columns = tuple(table.column_names)
+    return Sheet(file=path.name, columns=columns, numbers=numbers, texts=texts)
+
+
+def _csv(path: Path, start: bytes) -> Sheet:
+    import pandas as pd
+
+    encoding = "utf-8-sig"
+    try:
+        text = start.decode(encoding, errors="strict" if len(start) < 1 << 16 else "ignore")
+    except UnicodeDecodeError:
+        encoding, text = "latin-1", start.decode("latin-1")
+    lines = [line for line in text.splitlines() if line.strip()]
+    separator = _separator(lines)
+    first = next(csv.reader([lines[0]], delimiter=separator, skipinitialspace=True))
+    # A name of a column may be a year, but not all of them.
+    unlabelled = all(_is_number(cell) or cell.strip().lower() in _MISSING for cell in first)
+    names = [cell.strip() for cell in first]
+    if unlabelled:
+        names = [f"column_{number}" for number in range(1, len(first) + 1)]
+    names = [name or f"column_{number}" for number, name in enumerate(names, 1)]
+    _check_names(path.name, names, line=1)
+    try:
+        table = pd.read_csv(
+            path,
+            sep=separator,
+            names=names,
+            skiprows=0 if unlabelled else 1 + _blank_before(text),
+            dtype=str,
+            keep_default_na=False,
+            skipinitialspace=True,
+            encoding=encoding,
+            encoding_errors="replace",
+            index_col=False,
+            on_bad_lines="error",
+            engine="c",
+            low_memory=False,
+        )
+    except pd.errors.ParserError as error:
+        found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+        if found is None:
+            raise GivenError(f"it cannot be read as CSV: {error}", file=path.name) from None
+        wanted, line, saw = map(int, found.groups())
+        raise GivenError(
+            f"line {line} has {saw} cells and not {wanted} as the lines before",
+            file=path.name,
+            line=line,
+        ) from None
+    numbers: dict[str, NDArray[np.float64]] = {}
+    texts: dict[str, str] = {}
+    for name in names:
+        found_numbers = _numbers(path.name, name, table[name], skipped=0 if unlabelled else 1)
+        if isinstance(found_numbers, str):
+            texts[name] = found_numbers
+        else:
+            numbers[name] = found_numbers
+    return Sheet(
+        file=path.name,
+        columns=tuple(names),
+        numbers=numbers,
+        texts=texts,
+        unlabelled=unlabelled,
+    )
+
+
+def _blank_before(text: str) -> int:
+    """Return how many empty lines a text begins with."""
+    lines = text.splitlines()
+    return next(number for number, line in enumerate(lines) if line.strip())
+
+
+def _separator(lines: Sequence[str]) -> str:
+    """Return what cuts the first lines into equally many cells, most of them; "," if nothing."""
+    counted = {}
+    for separator in _SEPARATORS:
+        counts = [
+            len(cells) for cells in csv.reader(lines[:20], delimiter=separator) if len(cells) > 1
+        ]
+        if len(counts) >= min(len(lines), 20):
+            usual, often = Counter(counts).most_common(1)[0]
+            # Decimal commas may cut as evenly as semicolons do: what cuts the header cuts more.
+            counted[separator] = (often == len(counts), separator != ",", usual)
+    if not counted:
+        return ","
+    return max(counted, key=lambda separator: counted[separator])
+
+
+def _is_number(cell: str) -> bool:
+    cell = cell.strip()
+    return bool(_NUMBER.fullmatch(cell) or _COMMA_NUMBER.fullmatch(cell))
+
+
+def _numbers(
+    file: str, name: str, cells: pandas.Series[Any], skipped: int
+) -> NDArray[np.float64] | str:
+    """Return a column's numbers; one of its texts if it has none but texts."""
+    import pandas as pd
+
+    stripped = cells.astype(str).str.strip()
+    numbers: NDArray[np.float64]
+    numbers = np.array(pd.to_numeric(stripped, errors="coerce"), dtype=np.float64)
+    odd = np.flatnonzero(np.isnan(numbers))
+    wrong: list[int] = []
+    for at in odd.tolist():
+        cell = stripped.iloc[at]
+        if _COMMA_NUMBER.fullmatch(cell):
+            numbers[at] = float(cell.replace(",", "."))
+        elif cell.lower() not in _MISSING and not _INFINITE.fullmatch(cell):
+            wrong.append(at)
+    if wrong and len(wrong) > _TEXT * (len(numbers) - (len(odd) - len(wrong))):
+        return str(stripped.iloc[wrong[0]])
+    if wrong:
+        cell, line = str(stripped.iloc[wrong[0]])[:_QUOTED], wrong[0] + 1 + skipped
+        raise GivenError(
+            f"line {line} of column {name} reads {cell!r}, which is no number: correct it, or "
+            "leave it empty",
+            file=file,
+            column=name,
+            line=line,
+        )
+    numbers[~np.isfinite(numbers)] = np.nan
+    return numbers
+
+
+def _check_names(file: str, names: Sequence[str], line: int | None) -> None:
+    twice = [name for name, often in Counter(names).items() if often > 1]
+    if twice:
+        raise GivenError(
+            f"two columns are called {twice[0]!r}: give each a name of its own",
+            file=file,
+            column=twice[0],
+            line=line,
+        )

@@ -1,0 +1,188 @@
+"""What is analysed of a sheet: factors, outputs, and the rows that have all of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.given.errors import GivenError
+from analysis.given.reading import Sheet
+
+Array = NDArray[np.float64]
+
+#: Fewer rows tell nothing that its interval would not take back.
+FEWEST_ROWS = 64
+#: Columns that a study's own table has besides factors and outputs, in their places.
+_OURS = ("row", "position", "outcome", "wall_seconds", "worker")
+#: Rank correlation of two factors from which the answer mentions it: beyond chance, and not small.
+CORRELATED = 0.2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample:
+    """Factors and outputs of the rows of a file, in its order; nan where there is none."""
+
+    file: str
+    factors: tuple[str, ...]
+    outputs: tuple[str, ...]
+    #: Shape (rows, factors) and (rows, outputs).
+    x: Array
+    y: Array
+    #: What was left out and what a reader should know, a sentence each.
+    remarks: tuple[str, ...]
+
+    @property
+    def complete(self) -> NDArray[np.bool_]:
+        """Which rows have all factors and outputs, shape (rows,)."""
+        return _finite(self.x) & _finite(self.y)
+
+
+def choose(
+    sheet: Sheet, outputs: Sequence[str] = (), factors: Sequence[str] | None = None
+) -> Sample:
+    """Return the sample of a sheet.
+
+    Args:
+        outputs: names of columns; of a study's own table they are known (default: all of them).
+        factors: names of columns; default: every other column of numbers that varies.
+
+    Raises:
+        GivenError: a column is missing, text, or does not vary; or too few rows have all cells.
+    """
+    known_factors, known_outputs = _of_a_study(sheet)
+    if known_outputs:
+        sheet = _in_order(sheet)
+    outputs = list(dict.fromkeys(outputs)) or known_outputs
+    if not outputs:
+        shown = ", ".join(sheet.numbers)
+        named = "its lines have no names; " if sheet.unlabelled else ""
+        raise GivenError(
+            f"{named}say which column is the output: it has {shown or 'no column of numbers'}",
+            file=sheet.file,
+        )
+    for name in outputs:
+        _check_column(sheet, name)
+    remarks: list[str] = []
+    if factors is None:
+        factors = known_factors or [name for name in sheet.numbers if name not in outputs]
+        if sheet.texts and not known_factors:
+            shown = ", ".join(f"{name} ({text[:20]!r})" for name, text in sheet.texts.items())
+            remarks.append(f"Columns of text are left out: {shown}.")
+    else:
+        factors = list(dict.fromkeys(factors))
+        for name in factors:
+            _check_column(sheet, name)
+            if name in outputs:
+                raise GivenError(
+                    f"{name} cannot be a factor and an output", file=sheet.file, column=name
+                )
+    return _sample(sheet, factors, outputs, remarks)
+
+
+def _sample(
+    sheet: Sheet, factors: Sequence[str], outputs: Sequence[str], remarks: list[str]
+) -> Sample:
+    columns = [sheet.numbers[name] for name in (*factors, *outputs)]
+    lines = len(columns[0])
+    complete = _finite(np.column_stack(columns))
+    if complete.sum() < FEWEST_ROWS:
+        least = f"and not the {FEWEST_ROWS} or more that indices need"
+        if lines < FEWEST_ROWS:
+            raise GivenError(f"it has {lines} rows, {least}", file=sheet.file)
+        emptiest = max((*factors, *outputs), key=lambda n: np.isnan(sheet.numbers[n]).sum())
+        raise GivenError(
+            f"only {complete.sum()} of its {lines} rows have all factors and outputs, {least}; "
+            f"{emptiest} has most of the empty cells",
+            file=sheet.file,
+            column=emptiest,
+        )
+    if not complete.all():
+        remarks.append(
+            f"{lines - complete.sum()} of {lines} rows lack a cell and are left out: if cells are "
+            "missing where the output is extreme, indices are too small."
+        )
+    for name in outputs:
+        if np.ptp(sheet.numbers[name][complete]) == 0.0:
+            raise GivenError(
+                f"{name} is the same in all {complete.sum()} rows: there is nothing to explain",
+                file=sheet.file,
+                column=name,
+            )
+    still = [name for name in factors if np.ptp(sheet.numbers[name][complete]) == 0.0]
+    if still:
+        remarks.append(f"Columns that do not vary are left out: {', '.join(still)}.")
+    factors = [name for name in factors if name not in still]
+    if not factors:
+        raise GivenError("it has no factor that varies", file=sheet.file)
+    x = np.column_stack([sheet.numbers[name] for name in factors])
+    remarks.extend(_related(factors, x[complete]))
+    return Sample(
+        file=sheet.file,
+        factors=tuple(factors),
+        outputs=tuple(outputs),
+        x=x,
+        y=np.column_stack([sheet.numbers[name] for name in outputs]),
+        remarks=tuple(remarks),
+    )
+
+
+def _of_a_study(sheet: Sheet) -> tuple[list[str], list[str]]:
+    """Return factors and outputs of a study's own table; nothing of any other."""
+    if not set(_OURS) <= set(sheet.columns):
+        return [], []
+    # The order of a study's columns tells factors from outputs (`analysis.files.results_csv`).
+    split = sheet.columns.index("outcome")
+    numbers = [name for name in sheet.columns if name in sheet.numbers and name not in _OURS]
+    return (
+        [name for name in numbers if name in sheet.columns[:split]],
+        [name for name in numbers if name in sheet.columns[split:]],
+    )
+
+
+def _in_order(sheet: Sheet) -> Sheet:
+    """Return a study's own table row by row, as its design is."""
+    order = np.lexsort((sheet.numbers["position"], sheet.numbers["row"]))
+    return replace(sheet, numbers={name: one[order] for name, one in sheet.numbers.items()})
+
+
+def _finite(values: Array) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(values).all(axis=1), dtype=np.bool_)
+
+
+def _check_column(sheet: Sheet, name: str) -> None:
+    if name in sheet.texts:
+        raise GivenError(
+            f"column {name} is text ({sheet.texts[name][:20]!r}): indices need numbers, such as a "
+            "code for each of its values",
+            file=sheet.file,
+            column=name,
+        )
+    if name not in sheet.numbers:
+        raise GivenError(
+            f"it has no column {name!r}: it has {', '.join(sheet.columns)}", file=sheet.file
+        )
+
+
+def _related(factors: Sequence[str], x: Array) -> list[str]:
+    """Say which factors are not independent of each other, by their ranks (Spearman 1904)."""
+    if len(factors) < 2:
+        return []
+    ranks = np.argsort(np.argsort(x, axis=0, kind="stable"), axis=0)
+    correlation: Array = np.asarray(np.corrcoef(ranks, rowvar=False))
+    # Three standard errors of two columns that have nothing to do with each other.
+    least = max(CORRELATED, 3.0 / np.sqrt(len(x)))
+    pairs = sorted(combinations(range(len(factors)), 2), key=lambda p: -abs(correlation[p]))
+    related = [(i, j) for i, j in pairs if abs(correlation[i, j]) >= least]
+    if not related:
+        return []
+    shown = ", ".join(
+        f"{factors[i]} and {factors[j]} ({correlation[i, j]:+.2f})" for i, j in related[:5]
+    )
+    more = f" and {len(related) - 5} pairs more" if len(related) > 5 else ""
+    return [
+        f"Factors depend on each other (rank correlation): {shown}{more}. What one of them "
+        "explains, the other does too: indices of factors say what a factor tells of the output, "
+        "not what it causes."
+    ]

@@ -1,0 +1,32 @@
+"""What a client can ask a coordinator about tables of runs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rehyb.client.connection import Connection, Json
+
+
+class Analyses(Connection):
+    """Indices from given samples."""
+
+    def analyse(
+        self, table: Path, outputs: Sequence[str] = (), factors: Sequence[str] | None = None
+    ) -> Json:
+        """Return what a table's rows tell of its factors.
+
+        Args:
+            table: a CSV or Parquet file; nothing of it is kept.
+            outputs: its columns that are outputs; a study's own table needs none named.
+            factors: its columns that are factors; default: every other one that has numbers.
+
+        Raises:
+            Invalid: it cannot be analysed; the message names column and line.
+        """
+        params = {"name": table.name, "output": list(outputs), "factor": list(factors or ())}
+        with table.open("rb") as file:
+            return self._post("/v1/analyses", content=file, params=params)
+
+    def analyse_study(self, study_id: str, outputs: Sequence[str] = ()) -> Json:
+        """Return the same of a study's results so far; NotFound if there is no such study."""
+        params = {"output": list(outputs)}
+        return self._post(f"/v1/studies/{study_id}/analyses", params=params)

@@ -1,0 +1,255 @@
+"""What rows that somebody else sampled tell."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from SALib.analyze import delta as salib_delta
+from SALib.analyze import pawn as salib_pawn
+from SALib.analyze import rbd_fast as salib_rbd_fast
+
+from analysis.designs import unit_row
+from analysis.given import layout, measures
+from analysis.given.answer import analyse, answer
+from analysis.given.errors import GivenError
+from analysis.given.hsic import hsic
+from analysis.given.intervals import by_halves
+from analysis.given.reading import read_sheet
+from analysis.given.sample import choose
+from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
+
+ROWS = 80
+
+
+def ishigami(u: Any) -> Any:
+    x = (2.0 * u - 1.0) * np.pi
+    return np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+
+
+@pytest.fixture(scope="module")
+def points() -> Any:
+    return np.random.default_rng(5).random((ROWS, 3))
+
+
+def written(path: Path, table: Any, names: str = "a,b,c,y", cell: str = "{:.17g}") -> Path:
+    separator = ";" if ";" in names else ","
+    lines = [separator.join(cell.format(value) for value in row) for row in table]
+    path.write_text("\n".join([names, *lines] if names != ";" else lines))
+    return path
+
+
+@pytest.fixture(scope="module")
+def table(points: Any) -> Any:
+    return np.column_stack([points, ishigami(points)])
+
+
+@pytest.fixture(scope="module")
+def answered(tmp_path_factory: pytest.TempPathFactory, table: Any) -> Any:
+    path = written(tmp_path_factory.mktemp("given") / "runs.csv", table)
+    return analyse(path, ["y"])
+
+
+def test_each_index_is_that_of_salib(points: Any) -> None:
+    y = ishigami(points)
+    problem = {"num_vars": 3, "names": ["a", "b", "c"], "bounds": [[0, 1]] * 3}
+    first = salib_rbd_fast.analyze(problem, points, y, num_resamples=2)["S1"]
+    assert measures.rbd_fast(points, y) == pytest.approx(np.array(first), abs=1e-6)
+    ranks = np.argsort(np.argsort(points, axis=0), axis=0).astype(float)
+    median = salib_pawn.analyze(problem, ranks, y)["median"]
+    assert measures.pawn(points, y) == pytest.approx(np.array(median), abs=1e-6)
+    power = 2.0 / (7.0 + np.tanh((1500.0 - ROWS) / 500.0))
+    edges = np.linspace(0, ROWS, int(np.ceil(ROWS**power)) + 1)
+    grid = np.linspace(y.min(), y.max(), 100)
+    found = [salib_delta.calc_delta(y, grid, column, edges) for column in points.T]
+    assert measures.delta(points, y) == pytest.approx(np.array(found), abs=1e-6)
+
+
+def test_hsic_and_its_test_are_those_of_openturns(points: Any) -> None:
+    ot = pytest.importorskip("openturns")
+    x, y = points[:40], ishigami(points[:40])
+    kernels = []
+    for column in (*x.T, y):
+        kernel = ot.SquaredExponential(1)
+        kernel.setScale([float(column.std(ddof=1))])
+        kernels.append(kernel)
+    theirs = ot.HSICEstimatorGlobalSensitivity(
+        kernels, ot.Sample(x), ot.Sample(y[:, None]), ot.HSICUStat()
+    )
+    ours = hsic(x, y)
+    assert ours.r2 == pytest.approx(np.array(theirs.getR2HSICIndices()), abs=1e-6)
+    assert ours.p_value == pytest.approx(np.array(theirs.getPValuesAsymptotic()), abs=1e-6)
+
+
+def test_halves_of_a_mean_give_its_standard_error() -> None:
+    rng = np.random.default_rng(1)
+    y = rng.normal(size=4000)
+
+    def mean(x: Any, y: Any) -> Any:
+        return np.array([y.mean()])
+
+    half = by_halves(mean, np.zeros((4000, 1)), y, 0.9, rng)
+    assert half[0] == pytest.approx(1.746 / np.sqrt(4000.0), rel=0.5)
+
+
+def test_every_measure_has_an_interval_and_says_what_it_assumes(answered: Any) -> None:
+    assert list(answered["measures"]) == ["rbd_fast", "delta", "pawn", "hsic"]
+    for name, about in answered["measures"].items():
+        assert about["assumes"] and about["source"] and about["rows"] == ROWS
+        for entry in answered["outputs"]["y"]["measures"][name].values():
+            assert entry["low"] <= entry["value"] <= entry["high"]
+
+
+def test_the_test_of_independence_finds_what_the_variance_misses(points: Any) -> None:
+    rng = np.random.default_rng(2)
+    x = rng.random((400, 2))
+    # The mean does not depend on the first factor, the spread does; nothing on the second.
+    y = (0.1 + x[:, 0]) * rng.normal(size=400)
+    found = hsic(x, y)
+    assert found.p_value[0] < 1e-4 < 0.05 < found.p_value[1]
+    assert abs(measures.rbd_fast(x, y)[0]) < 0.1
+
+
+def test_units_do_not_matter(tmp_path: Path, table: Any, answered: Any) -> None:
+    scaled = table * [1e9, 1e-9, 1.0, 1e80] + [1e5, 0.0, 3.0, 0.0]
+    found = analyse(written(tmp_path / "runs.csv", scaled), ["y"])["outputs"]["y"]["measures"]
+    for name, of_factors in answered["outputs"]["y"]["measures"].items():
+        for factor, entry in of_factors.items():
+            assert found[name][factor] == pytest.approx(entry, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("names", "cell"),
+    [("a;b;c;y", "{:.17g}"), ("a; b;c ;y", "{:.17g}"), ("a,b,c,y", '"{:.17g}"')],
+)
+def test_separators_and_quotes_are_understood(
+    tmp_path: Path, table: Any, names: str, cell: str
+) -> None:
+    sheet = read_sheet(written(tmp_path / "runs.csv", table, names, cell))
+    assert sheet.columns == ("a", "b", "c", "y")
+    assert np.array_equal(np.column_stack(list(sheet.numbers.values())), table)
+
+
+def test_decimal_commas_byte_order_marks_and_tabs_are_understood(
+    tmp_path: Path, table: Any
+) -> None:
+    path = tmp_path / "excel.csv"
+    for separator in (";", "\t"):
+        lines = [separator.join(f"{v:.17g}".replace(".", ",") for v in row) for row in table]
+        text = separator.join("abcy") + "\r\n" + "\r\n".join(lines) + "\r\n"
+        path.write_text("\ufeff" + text, newline="")
+        sheet = read_sheet(path)
+        assert np.array_equal(np.column_stack(list(sheet.numbers.values())), table)
+
+
+def test_a_table_without_names_has_numbered_columns(tmp_path: Path, table: Any) -> None:
+    path = tmp_path / "plain.csv"
+    np.savetxt(path, table, delimiter=",")
+    assert read_sheet(path).columns == ("column_1", "column_2", "column_3", "column_4")
+    with pytest.raises(GivenError, match="have no names; say which column is the output"):
+        choose(read_sheet(path))
+    assert choose(read_sheet(path), ["column_4"]).factors == ("column_1", "column_2", "column_3")
+
+
+def test_parquet_is_read_as_csv_is(tmp_path: Path, table: Any) -> None:
+    pa = pytest.importorskip("pyarrow")
+    from pyarrow.parquet import write_table
+
+    columns = {name: list(column) for name, column in zip("abcy", table.T, strict=True)}
+    columns["a"][3] = None
+    write_table(pa.table({**columns, "who": ["anna"] * ROWS}), tmp_path / "runs.parquet")
+    sheet = read_sheet(tmp_path / "runs.parquet")
+    assert sheet.texts == {"who": "anna"}
+    assert np.isnan(sheet.numbers["a"][3]) and sheet.numbers["y"][4] == table[4, 3]
+
+
+def test_what_is_left_out_is_said(tmp_path: Path, table: Any) -> None:
+    path = tmp_path / "messy.csv"
+    lines = [
+        f"{a},{b},{'' if r < 3 else c},7,{'inf' if r == 5 else a},anna,{y}"
+        for r, (a, b, c, y) in enumerate(table)
+    ]
+    path.write_text("\n".join(["a,b,c,still,a2,who,y", *lines]))
+    sample = choose(read_sheet(path), ["y"])
+    said = " ".join(sample.remarks)
+    assert sample.factors == ("a", "b", "c", "a2")
+    assert sample.complete.sum() == ROWS - 4
+    assert "Columns of text are left out: who ('anna')" in said
+    assert "Columns that do not vary are left out: still" in said
+    assert "4 of 80 rows lack a cell" in said
+    assert "a and a2 (+1.00)" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "outputs", "sentence"),
+    [
+        (lambda t: "", ["y"], "it is empty"),
+        (lambda t: t[:4], ["y"], "it has 3 rows, and not the 64 or more that indices need"),
+        (lambda t: t, [], "say which column is the output: it has a, b, c, y"),
+        (lambda t: t, ["z"], "it has no column 'z': it has a, b, c, y"),
+        (lambda t: ["a,b,a,y", *t[1:]], ["y"], "two columns are called 'a'"),
+        (lambda t: [*t[:6], "12 kg,1,2,3", *t[7:]], ["y"], "line 7 of column a reads '12 kg'"),
+        (lambda t: [*t[:6], "1,2,3,4,5", *t[7:]], ["y"], "line 7 has 5 cells and not 4"),
+        (lambda t: [t[0], *(r.rpartition(",")[0] + ",2" for r in t[1:])], ["y"], "y is the same"),
+        (lambda t: [t[0], *("x" + r for r in t[1:])], ["a"], "column a is text ('x0."),
+        (lambda t: [t[0], *(r + "\0" for r in t[1:])], ["y"], "neither CSV nor Parquet"),
+        (lambda t: [t[0], *(",,," + r.rpartition(",")[2] for r in t[1:])], ["y"], "only 0 of its"),
+    ],
+)
+def test_what_cannot_be_analysed_is_one_sentence(
+    tmp_path: Path, table: Any, change: Any, outputs: list[str], sentence: str
+) -> None:
+    path = written(tmp_path / "runs.csv", table)
+    path.write_text("\n".join(change(path.read_text().splitlines())))
+    with pytest.raises(GivenError) as caught:
+        choose(read_sheet(path), outputs)
+    assert sentence in str(caught.value)
+    assert str(caught.value).startswith("runs.csv: ") and "\n" not in str(caught.value)
+
+
+def saltelli(rows: int, k: int = 3) -> Any:
+    return np.stack([unit_row("saltelli", "sobol_blocks", 4, row, k) for row in range(rows)])
+
+
+def test_a_saltelli_design_of_any_order_is_recognised_and_estimated() -> None:
+    design = saltelli(8)
+    ours = SaltelliEstimator(sampling="latin_hypercube", seed=0, factors=3, outputs=1)
+    ours.add_rows(range(8), ishigami(design.reshape(-1, 3)).reshape(8, 5, 1))
+    for arranged in (design, design[:, [0, 2, 3, 4, 1]], design.swapaxes(0, 1)):
+        x = arranged.reshape(-1, 3)
+        found = layout.recognise(x)
+        assert found is not None and found.method == "saltelli"
+        indices = layout.indices(found, x, ishigami(x)[:, None], 0.9)
+        for name, index in ours.indices(0.9).items():
+            assert np.array_equal(indices[name].value, index.value)
+        independent = x[found.independent].reshape(2, 8, 3)
+        assert np.array_equal(independent, design[:, :2].swapaxes(0, 1))
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "trajectories"])
+def test_a_morris_design_is_recognised_and_estimated(sampling: str) -> None:
+    x = np.concatenate([unit_row("morris", sampling, 4, row, 3) for row in range(12)])
+    found = layout.recognise(x)
+    assert found is not None and found.method == "morris"
+    y = np.stack([2.0 * x[:, 0] - x[:, 1], x[:, 2] ** 2], axis=1)
+    reach = np.ptp(x, axis=0)
+    effects = layout.indices(found, x, y, 0.9)["mu"].value
+    assert effects[0] == pytest.approx([2.0 * reach[0], -reach[1], 0.0])
+    ours = MorrisEstimator(sampling=sampling, seed=4, factors=3, outputs=2)
+    ours.add_rows(range(12), y.reshape(12, 4, 2))
+    assert effects == pytest.approx(ours.indices(0.9)["mu"].value * reach)
+
+
+def test_no_design_is_seen_in_random_points(points: Any) -> None:
+    assert layout.recognise(points) is None
+    x = saltelli(8).reshape(-1, 3)
+    assert layout.recognise(np.roll(x, 1, axis=0)) is None
+
+
+def test_of_a_design_only_points_that_share_nothing_count_as_a_sample(tmp_path: Path) -> None:
+    x = saltelli(40).reshape(-1, 3)
+    path = written(tmp_path / "design.csv", np.column_stack([x, ishigami(x)]))
+    found = answer(choose(read_sheet(path), ["y"]))
+    assert found["design"] == {"method": "saltelli", "rows": 40, "width": 5}
+    assert found["measures"]["pawn"]["rows"] == 80
+    assert set(found["outputs"]["y"]["design"]) == {"first_order", "total_order"}
