@@ -70,7 +70,7 @@ def options_beside(
         joint_name = model.recording.device.joints[candidate.joint]
         if candidate.key in active | covered or (candidate.effect.name, joint_name) in declared:
             continue
-        if not _has_ground(candidate, active | known):
+        if not has_ground(candidate, active | known):
             continue
         rest = _without_included(model, candidate)
         option = _try(rest, rows, candidate, estimate, current)
@@ -81,7 +81,7 @@ def options_beside(
     return _sharpened(options, rows, current)
 
 
-def _has_ground(candidate: Candidate, present: set[tuple[str, int]]) -> bool:
+def has_ground(candidate: Candidate, present: set[tuple[str, int]]) -> bool:
     """Whether one of the simpler effects that a candidate grows from is there."""
     grows_from = candidate.effect.grows_from
     return not grows_from or any((name, candidate.joint) in present for name in grows_from)

@@ -27,6 +27,7 @@ from analysis.closeloop.identification.growing import (
     grow,
     simpler_starts,
 )
+from analysis.closeloop.identification.holding import held_in_octaves
 from analysis.closeloop.identification.selection import LARGE_GAIN, MIN_TORQUE, MIN_Z
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
@@ -68,6 +69,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
             grown = again
     if grown.steps and not limbs:
         grown = completed(grown, rows, before)
+    grown, refusals = held_in_octaves(grown, rows)
     grown, notes = not_worse(grown, declared, rows)
     if grown.steps:
         beyond = explainable(grown.model, rows)
@@ -77,7 +79,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         score=grown.score,
         steps=grown.steps,
         explainable_after=beyond,
-        notes=notes,
+        notes=(*refusals, *notes),
     )
     return _with_rests(_judged(found))
 
@@ -86,7 +88,8 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
     """Find what the declared model of a device without a limb lacks."""
     rows = weighed(declared, rows)
     before = evaluate(declared, rows)
-    grown, notes = not_worse(traced_robot(declared, rows, progress), declared, rows)
+    grown, refusals = held_in_octaves(traced_robot(declared, rows, progress), rows)
+    grown, notes = not_worse(grown, declared, rows)
     progress("what splines can explain")
     beyond = explainable_by_joint(declared, rows)
     return _with_rests(
@@ -103,7 +106,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
                 explainable_after=explainable_by_joint(grown.model, rows)
                 if grown.steps
                 else beyond,
-                notes=notes,
+                notes=(*refusals, *notes),
             )
         )
     )

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import maximum_filter1d, median_filter, uniform_filter1d
 from scipy.spatial import cKDTree
 from scipy.stats import norm
 
@@ -27,6 +27,7 @@ from analysis.closeloop.identification.explainable import (
 )
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import lowpass
 
 #: An event's peak and its flanks, over the spread of the residual (from its median).
 PEAK, FLANK = 6.0, 2.5
@@ -44,6 +45,12 @@ COURSE = 4.0
 SHORTEST, OFTEN = 0.08, 0.15
 #: What takes a larger share of the time than this is not local.
 LOCAL = 0.25
+#: An event's peak over what the fit's upper octave holds of the torque that the motion needs: where
+#: a motion starts at once, filters and the time of a sample are wrong by a share of that. Set on
+#: four sessions of the unkind bench (tuning seeds): 0.04 to 0.3 without an event, 10 at a push.
+ABRUPT = 0.5
+#: Time around a start at which filters still feel it, s.
+AROUND = 0.1
 #: How near another pass is (in deviations of place, speed and acceleration), and which share of
 #: the residual makes it the same.
 NEAR, ALIKE = 0.3, 0.4
@@ -169,10 +176,13 @@ def _moving(rows: Rows, joint: int, left: np.ndarray, residual: np.ndarray) -> I
     motion = [x[samples, joint] for x in (recording.velocity, recording.acceleration)]
     places = [recording.position[samples, joint], np.sign(turned) * np.log(np.abs(turned) + 0.02)]
     ways = [_Way(recording.time[samples], [place, *motion]) for place in places]
+    abrupt = ABRUPT * upper_octave(recording, joint)[samples]
     for seconds in SCALES:
-        smooth = np.array(residual)
+        smooth, excused = np.array(residual), np.array(abrupt)
         for piece in pieces:
-            smooth[piece] = uniform_filter1d(residual[piece], max(1, round(seconds / step)))
+            width = max(1, round(seconds / step))
+            smooth[piece] = uniform_filter1d(residual[piece], width)
+            excused[piece] = uniform_filter1d(abrupt[piece], width)
         usual = spread(smooth)
         outlying = np.abs(smooth) > FLANK * usual
         if np.mean(np.abs(smooth) > PEAK * usual) > LOCAL:
@@ -181,7 +191,7 @@ def _moving(rows: Rows, joint: int, left: np.ndarray, residual: np.ndarray) -> I
             for run in runs(outlying[piece]):
                 own = piece[run]
                 top = own[np.argmax(np.abs(smooth[own]))]
-                if abs(smooth[top]) <= PEAK * usual:
+                if abs(smooth[top]) <= max(PEAK * usual, excused[top]):
                     continue
                 if any(way.comes_back(smooth, int(top)) for way in ways):
                     continue
@@ -193,6 +203,16 @@ def _moving(rows: Rows, joint: int, left: np.ndarray, residual: np.ndarray) -> I
                     end=float(recording.time[samples[own[-1]]]),
                     peak=float(left[peak]),
                 )
+
+
+def upper_octave(recording: Recording, joint: int) -> np.ndarray:
+    """Return how much torque near each sample the motion needs in the fit's upper octave, (n,)."""
+    torque, cutoff = recording.inverse[:, joint], recording.sampling.fit_cutoff
+    found = np.empty(len(torque))
+    for piece in recording.slices:
+        low, high = (lowpass(torque[piece], share * cutoff, recording.rate) for share in (0.5, 1.0))
+        found[piece] = maximum_filter1d(np.abs(high - low), int(AROUND * recording.rate) | 1)
+    return found
 
 
 def samples_step(samples: np.ndarray) -> int:

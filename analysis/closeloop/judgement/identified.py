@@ -17,7 +17,7 @@ from scipy.stats import norm
 from analysis.closeloop.identification.balance.least_squares import keep_independent
 from analysis.closeloop.identification.balance.model import Model, estimate_of, impedances
 from analysis.closeloop.identification.balance.regression import Rows
-from analysis.closeloop.identification.candidates import candidates
+from analysis.closeloop.identification.candidates import candidates, has_ground
 from analysis.closeloop.identification.findings import Hidden
 from sim.effects.effect import Columns, Effect
 from sim.effects.elastic import Viscoelastic
@@ -47,12 +47,15 @@ def hidden_effects(
         return {}
     declared = {(d.effect, d.joint) for d in model.recording.session.declared}
     known = {candidate.key for candidate in model.effects}
+    ground = known | {term.at.key for term in model.terms if term.effect is not None}
     estimate = estimate_of(model, coefficients)
     found: dict[int, list[Hidden]] = {joint: [] for joint in limbs}
     for candidate in candidates(model.recording):
         effect, joint = candidate.effect, candidate.joint
         named = (effect.name, model.recording.name(joint)) in declared or candidate.key in known
         if joint not in limbs or effect.channel or named or effect.name in _covered(model, joint):
+            continue
+        if not has_ground(candidate, ground):
             continue
         stiffness = _stiffness(model, coefficients, joint)
         if stiffness is None:

@@ -1,11 +1,13 @@
 """What held-out trials may still refuse: a repair that makes the error of a joint worse."""
 
-from analysis.closeloop.identification.balance.accuracy import raw_errors, rms_by_joint, settled
+import numpy as np
+
 from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import Model, evaluate
-from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.findings import Step
 from analysis.closeloop.identification.growing import Grown
+from analysis.closeloop.session.signals import rms
 from sim.effects.catalogue import LINK_INERTIA
 
 #: By how much the error of a joint may grow: what no figure of a report shows.
@@ -29,10 +31,16 @@ def not_worse(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[s
     holdouts = tuple(number for number, trial in enumerate(trials) if trial.role == "holdout")
     if not holdouts or not grown.steps:
         return grown, ()
-    before = _errors(declared, rows, holdouts)
+    # Where the joint rests, the motion does not say what friction is: no model is right there.
+    models = (declared, grown.model)
+    rubs = any(term.rubs for model in models for term in model.terms)
+    held = select_rows(
+        rows.recording, holdouts, rests=not rubs and not np.any(rows.recording.device.friction)
+    )
+    before = _errors(declared, rows, held)
     notes = []
     while grown.steps:
-        after = _errors(grown.model, rows, holdouts)
+        after = _errors(grown.model, rows, held)
         worse = [joint for joint in after if after[joint] > (1.0 + ROUNDING) * before[joint]]
         gone = _least(grown, worse)
         if gone is None:
@@ -49,11 +57,10 @@ def not_worse(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[s
     return grown, tuple(notes)
 
 
-def _errors(model: Model, rows: Rows, trials: tuple[int, ...]) -> dict[int, float]:
-    """Return the error of every joint in some trials, root mean square."""
-    predicted = settled(model, evaluate(model, rows).coefficients)
-    errors = raw_errors(rows.recording, predicted, trials)
-    return {joint: error for joint, (error, _) in rms_by_joint(errors).items()}
+def _errors(model: Model, rows: Rows, held: Rows) -> dict[int, float]:
+    """Return the error of every joint in rows that no fit has seen, root mean square."""
+    left = model.target(held) - model.base(held)[0] @ evaluate(model, rows).coefficients
+    return {joint: rms(left[part]) for joint, part in held.parts.items() if part.stop > part.start}
 
 
 def _least(grown: Grown, worse: list[int]) -> Step | None:

@@ -115,3 +115,20 @@ def test_stiction_that_creeps_is_no_event_and_a_push_is(swinging: Recording) -> 
     held = still(swinging, creep + pushed(25.0, 1.5, 2.0))
     (event,) = find_events(Model(held), held)
     assert 24.9 < event.begin < event.end < 26.6 and event.peak == pytest.approx(2.0, rel=0.15)
+
+
+def test_a_motion_that_starts_at_once_makes_no_event(swinging: Recording) -> None:
+    acceleration = np.array(swinging.acceleration)
+    acceleration[:, 1] += 60.0 * np.sin(2 * np.pi * 1.3 * TIME + np.sin(TIME))
+    swinging = replace(swinging, acceleration=acceleration, cache={})
+    acceleration = np.array(acceleration)
+    for begin in range(100, 2900, 140):
+        acceleration[begin : begin + 4, 1] += 40.0
+    abrupt = replace(swinging, acceleration=acceleration, cache={})
+    # Of one stroke the filters make a little less than it needs.
+    needed = abrupt.inverse[:, 1] - swinging.inverse[:, 1]
+    missed = -0.2 * needed * (np.abs(TIME - TIME[1502]) < 1.0)
+    found = with_effort(abrupt, missed)
+    assert find_events(Model(found), found) == ()
+    # The same where nothing starts is somebody's push.
+    assert find_events(Model(swinging), with_effort(swinging, missed)) != ()

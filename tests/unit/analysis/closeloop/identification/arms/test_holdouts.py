@@ -51,11 +51,11 @@ def halves(recording: Recording, second: float) -> Recording:
     )
 
 
-def with_offset(recording: Recording) -> tuple[Grown, Model, Rows]:
-    """Return the model with the offset that the first trial has, the declared one, and rows."""
+def with_effect(recording: Recording, name: str, **theta: float) -> tuple[Grown, Model, Rows]:
+    """Return the model with an effect that the first trial has, the declared one, and rows."""
     rows, declared = select_rows(recording, (0,)), Model(recording)
-    candidate = Candidate(effect=BY_NAME["torque_offset"], joint=ELBOW)
-    columns = candidate.effect.columns(unfitted(recording, ELBOW), {})
+    candidate = Candidate(effect=BY_NAME[name], joint=ELBOW)
+    columns = candidate.effect.columns(unfitted(recording, ELBOW), theta)
     term = Term(effect=candidate.effect, joint=ELBOW, columns=columns, candidate=candidate)
     model = with_independent(declared, term, rows)
     score = evaluate(model, rows)
@@ -68,8 +68,23 @@ def with_offset(recording: Recording) -> tuple[Grown, Model, Rows]:
 def test_an_effect_stays_only_where_no_held_out_error_grows(
     second: float, stays: bool, recording: Recording
 ) -> None:
-    grown, declared, rows = with_offset(halves(recording, second))
+    grown, declared, rows = with_effect(halves(recording, second), "torque_offset")
     found, notes = not_worse(grown, declared, rows)
     assert bool(found.steps) is stays
     assert bool(found.model.effects) is stays
     assert ("torque_offset of elbow is not added" in " ".join(notes)) is not stays
+
+
+def test_friction_stays_though_nobody_knows_what_it_is_at_rest(recording: Recording) -> None:
+    velocity = np.array(recording.velocity)
+    velocity[620:970] = 0.0
+    resting = replace(recording, velocity=velocity, cache={})
+    split = halves(resting, 0.0)
+    # Nothing holds the resting joint, where the model's friction ends over some samples.
+    friction = 0.5 * np.tanh(velocity[:, ELBOW] / (0.02 * resting.top_speed[ELBOW]))
+    effort = np.full_like(split.effort, np.nan)
+    effort[:, ELBOW] = resting.inverse[:, ELBOW] + friction
+    effort[620:970, ELBOW] += 0.4
+    split = replace(split, effort=split.filtered(effort), cache={})
+    found, notes = not_worse(*with_effect(split, "coulomb_friction", smooth=0.02))
+    assert found.steps and not notes
