@@ -1,14 +1,15 @@
 """What the coordinator makes of a posted result."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf, nan
 from typing import Any
 
 import pytest
 
-from server.logic.verdicts import REASON_LENGTH, Judgement, Report, judge
+from server.logic.verdicts import REASON_LENGTH, Judgement, Report, fault_in, judge, judge_all
 from server.records import Instance, Lease, Result
-from server.states import REFUSALS
+from server.states import REFUSALS, InstanceState
 
 Reporting = Callable[..., Report]
 
@@ -172,3 +173,159 @@ def test_a_reason_is_cut_to_what_somebody_reads(report: Reporting) -> None:
     judgement = judged(report("i", outcome="stuck", reason="\0" + "x" * 10_000))
     assert judgement.result is not None
     assert judgement.result.reason == "x" * REASON_LENGTH
+
+
+FULL = Instance(
+    row=0,
+    position=2,
+    state=InstanceState.LEASED,
+    lease="mine",
+    attempts={"lost": 1},
+    host_class="kind",
+    avoid="a",
+    hosts={"lost": ("a",)},
+)
+ON_B = replace(MINE, host="b", host_class="kind")
+
+
+def test_what_is_said_names_the_instance_and_the_reason(report: Reporting) -> None:
+    unknown = judged(report("i"), None)
+    assert (unknown.about, unknown.detail) == ("i", "the lease never held this instance")
+    assert (unknown.result, unknown.conflict) == (None, None)
+    late = judged(report("i", outcome="crashed"), ELSEWHERE)
+    assert (late.about, late.detail) == ("i", "this attempt no longer counts")
+    again = judged(report("i"), DONE, STORED)
+    assert (again.about, again.detail) == ("i", "")
+    other = judged(report("i", outcome="stuck", reason="r"), DONE, STORED)
+    assert other.detail == "the instance already has another result, ok"
+    assert other.conflict is not None and other.conflict.outcome == "stuck"
+    taken = judged(report("i"))
+    assert (taken.about, taken.detail, taken.conflict) == ("i", "", None)
+
+
+def test_a_result_is_kept_with_its_place_and_all_that_was_said(report: Reporting) -> None:
+    said = report("i", outputs={"y": 2}, reason="fine", state={"t": 1.0}, wall_seconds=3)
+    taken = judged(said, FULL)
+    assert taken.result == Result(
+        row=0,
+        position=2,
+        outcome="ok",
+        outputs={"y": 2.0},
+        reason="fine",
+        state={"t": 1.0},
+        wall_seconds=3.0,
+    )
+    assert taken.instance == replace(FULL, state="done", lease=None)
+    assert judged(report("i", reason=None, wall_seconds=None)).result == replace(
+        STORED, wall_seconds=None
+    )
+
+
+def test_a_row_given_to_another_kind_of_machine_takes_no_bits_of_this_one(
+    report: Reporting,
+) -> None:
+    moved = replace(FULL, lease="other", host_class="other kind")
+    verdict = judge(report("i"), instance=moved, stored=None, lease=ON_B, outputs=["y"])
+    assert (verdict.verdict, verdict.detail) == (
+        "conflict",
+        "the row was given to another kind of machine meanwhile",
+    )
+    assert verdict.conflict is not None and verdict.result is None
+    kept = replace(moved, lease="mine")
+    assert (
+        judge(report("i"), instance=kept, stored=None, lease=ON_B, outputs=["y"]).verdict
+        == "accepted"
+    )
+
+
+@pytest.mark.parametrize("changes", [{"outcome": "crashed", "outputs": None}, {"outputs": {}}])
+def test_an_attempt_that_failed_is_counted_on_its_host_among_those_at_work(
+    changes: dict[str, Any], report: Reporting
+) -> None:
+    cause = changes.get("outcome", "invalid")
+    twice = replace(FULL, attempts={cause: 2}, hosts={cause: ("b",)})
+    asked = {"instance": twice, "stored": None, "lease": ON_B, "outputs": ["y"]}
+    others = judge(report("i", **changes), **asked, at_work=lambda: ("b", "c"))
+    assert others.about == "i" and others.result is None
+    assert others.instance is not None
+    assert (others.instance.attempts, others.instance.hosts) == ({cause: 3}, {cause: ("b",)})
+    alone = judge(report("i", **changes), **asked, at_work=lambda: ("b",))
+    assert alone.result is not None and alone.result.outcome == cause
+    if cause == "crashed":
+        assert (others.detail, alone.detail) == ("attempt 3 of 3",) * 2
+    else:
+        assert alone.detail == alone.result.reason == "output y is missing"
+
+
+def test_attempts_beyond_the_budget_are_counted_as_they_are(report: Reporting) -> None:
+    often = replace(FULL, attempts={"crashed": 3}, hosts={"crashed": ("b",)})
+    said = report("i", outcome="crashed", state={"t": 1.0}, wall_seconds=2, reason="r")
+    asked = {"instance": often, "stored": None, "lease": ON_B, "outputs": ["y"]}
+    assert judge(said, **asked, at_work=lambda: ("b", "c")).detail == "attempt 4 of 4"
+    final = judge(said, **asked, at_work=lambda: ("b",)).result
+    assert final is not None
+    assert (final.state, final.wall_seconds, final.reason) == ({"t": 1.0}, 2.0, "r")
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"outcome": "Bad"}, "the outcome must be 'ok' or a failure in 1 to 40 lower-case"),
+        ({"outcome": "lost"}, "only the coordinator concludes 'lost'"),
+        ({"wall_seconds": -1e-9}, "wall_seconds must be a finite number, 0 or more, or null"),
+        ({"state": _nested(33)}, "the state is nested more than 32 deep"),
+        ({"state": {"q": inf}}, "the state holds a number that is not finite: send null"),
+        ({"outputs": None}, "output y is missing"),
+        ({"outputs": {"y": "a"}}, "output y must be a finite number"),
+        ({"outputs": {"y": -1.1e100}}, "output y must be within ±1e+100"),
+    ],
+)
+def test_a_fault_is_said_in_a_sentence(
+    changes: dict[str, Any], says: str, report: Reporting
+) -> None:
+    fault = fault_in(report("i", **changes), ["y"])
+    assert fault is not None and fault.startswith(says)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"outcome": "d" * 40},
+        {"outcome": "a_b"},
+        {"wall_seconds": 0},
+        {"wall_seconds": None},
+        {"state": _nested(31)},
+        {"outputs": {"y": 1e100}},
+        {"outputs": {"y": -1e100}},
+    ],
+)
+def test_what_is_at_the_edge_is_taken(changes: dict[str, Any], report: Reporting) -> None:
+    assert fault_in(report("i", **changes), ["y"]) is None
+
+
+def test_reports_of_one_request_are_judged_in_the_light_of_those_before(report: Reporting) -> None:
+    reports = [
+        report("i"),
+        report("i"),
+        report("i", outputs={"y": 2.0}),
+        report("j", outcome="crashed"),
+        report("j", outcome="crashed"),
+        report("stranger"),
+    ]
+    judgements = judge_all(
+        reports,
+        places={"i": (0, 2), "j": (0, 3)},
+        instances={(0, 2): HELD, (0, 3): replace(HELD, position=3)},
+        stored={},
+        lease=MINE,
+        outputs=["y"],
+    )
+    assert [one.verdict for one in judgements] == [
+        "accepted",
+        "duplicate",
+        "conflict",
+        "accepted",
+        "duplicate",
+        "unknown",
+    ]
+    assert [one.about for one in judgements] == ["i", "i", "i", "j", "j", "stranger"]
