@@ -21,6 +21,7 @@ from server.operations import close_loops as close_loop_operations
 from server.operations import comparisons, reruns, tokens
 from server.operations import leases as lease_operations
 from server.operations import models as model_operations
+from server.operations.exchanges import Exchanges
 from server.operations.readiness import Readiness
 from server.routes import (
     analyses,
@@ -78,6 +79,7 @@ def create_app(settings: Settings) -> FastAPI:
                     await reaper
         finally:
             # Also of what refuses to start.
+            app.state.exchange.close()
             app.state.write.close()
             engine.dispose()
 
@@ -94,6 +96,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.settings = settings
     app.state.engine = create_engine(settings.database_url, durability=settings.durability)
     app.state.write = WriteBatches(app.state.engine)
+    app.state.exchange = Exchanges(app.state.engine, app.state.write)
     app.state.clock = steady()
     app.state.readiness = Readiness(app.state.engine)
     app.state.metrics = Metrics(app.state.engine, lambda: float(app.state.clock()))

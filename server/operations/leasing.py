@@ -128,7 +128,7 @@ def _lease_instances(
         return None
     if objection_to_worker(study, request.worker) is not None:
         return None
-    lease_id = _new_id(now)
+    lease_id = new_id(now)
     mine = request.host_class(study.plan.model)
     again = _returned(connection, study, request, now) if study.returned else []
     unbound = {one.row for one in again if one.host_class is None}
@@ -151,7 +151,7 @@ def _lease_instances(
     )
     studies.save(connection, updated, counted=study.identity is not None)
     places = [*((one.row, one.position) for one in again), *begun[:fresh]]
-    return _granted(updated, lease_id, request, places, expiry(now, ttl))
+    return as_granted(updated, lease_id, request, places, expiry(now, ttl))
 
 
 def _returned(
@@ -178,16 +178,16 @@ def _lease_comparisons(
     connection: Connection, study: Study, request: LeaseRequest, now: float, ttl: float
 ) -> Grant | None:
     """Hand out a locked study's results to be computed again; None if somebody was faster."""
-    lease_id = _new_id(now)
+    lease_id = new_id(now)
     places = comparisons.hand_out(
         connection, study.id, host=request.worker.host, lease=lease_id, limit=request.max_instances
     )
     if not places:
         return None
-    return _granted(study, lease_id, request, places, expiry(now, ttl), compares=True)
+    return as_granted(study, lease_id, request, places, expiry(now, ttl), compares=True)
 
 
-def _new_id(now: float) -> str:
+def new_id(now: float) -> str:
     """Return a lease's id that nobody guesses and that sorts after those of earlier leases.
 
     So an index has the leases of today on a few pages, which are at hand, and not on any of them.
@@ -195,7 +195,7 @@ def _new_id(now: float) -> str:
     return f"{int(now * 1e6):016x}{token_hex(8)}"
 
 
-def _granted(
+def as_granted(
     study: Study,
     lease_id: str,
     request: LeaseRequest,

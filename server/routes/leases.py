@@ -4,7 +4,6 @@ import asyncio
 import logging
 import sqlite3
 from collections.abc import Sequence
-from functools import partial
 from http import HTTPStatus
 from math import inf
 from typing import Annotated, Any
@@ -17,8 +16,9 @@ from sqlalchemy.exc import SQLAlchemyError
 from server.errors import ConflictError
 from server.logic.plans import instance_id, parameters, point
 from server.metrics import Metrics
-from server.operations import leases, leasing
+from server.operations import leases
 from server.operations.leasing import Grant, Ineligible, LeaseRequest
+from server.operations.turns import Exchange
 from server.records import Introduction
 from server.routes.common import (
     MAX_INTEGER,
@@ -113,7 +113,7 @@ async def lease(body: LeaseBody, request: Request) -> Response:
     state.metrics.lost.inc(await state.sweep(state.engine, now=now))
     with state.metrics.lease_seconds.time():
         try:
-            found = await state.write(partial(leasing.grant, request=wanted, now=now, ttl=ttl))
+            _, found = await state.exchange(Exchange(request=wanted, now=now, ttl=ttl))
         except (SQLAlchemyError, sqlite3.Error) as error:
             state.readiness.failed(error)
             raise

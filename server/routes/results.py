@@ -23,6 +23,7 @@ from server.metrics import Metrics
 from server.operations import leasing, results, studies
 from server.operations.leasing import Deferred, Grant, Ineligible
 from server.operations.results import Post
+from server.operations.turns import Exchange
 from server.routes.common import Body, Direct, Id, Name, Store, as_json, example
 from server.routes.leases import RETRY_AFTER_SECONDS, Fence, LeaseBody, granted, requested
 from server.routes.studies import show
@@ -95,14 +96,16 @@ async def post(body: ResultsBody, request: Request) -> Response:
     answer: dict[str, Any] = {}
     headers: dict[str, str] = {}
     if body.next is None:
-        judgements = await state.write(partial(results.take, posted=posted, now=now, ttl=ttl))
+        judgements, _ = await state.exchange(Exchange(posted=posted, now=now, ttl=ttl))
     else:
-        asked = {"request": requested(body.next), "now": now, "ttl": ttl}
+        asked = requested(body.next)
         measures.lost.inc(await state.sweep(state.engine, now=now))
         with measures.lease_seconds.time():
-            judgements, found = await state.write(partial(results.exchange, posted=posted, **asked))
+            both = Exchange(posted=posted, request=asked, now=now, ttl=ttl)
+            judgements, found = await state.exchange(both)
             if isinstance(found, Deferred):
-                found = await state.write(partial(leasing.grant, **asked))
+                grant = partial(leasing.grant, request=asked, now=now, ttl=ttl)
+                found = await state.write(grant)
         misfit = found.why if isinstance(found, Ineligible) else None
         measures.misfits.inc(misfit is not None)
         answer["misfit"] = misfit

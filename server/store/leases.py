@@ -6,6 +6,7 @@ from typing import Any
 
 import sqlalchemy as sa
 from pydantic_core import from_json
+from sqlalchemy.dialects.postgresql import ARRAY
 from sqlalchemy.engine import Connection
 
 from server.records import Lease
@@ -27,6 +28,12 @@ _EVERY = sa.select(
 ).join(workers, workers.c.id == leases.c.worker_id)
 _ONE = _EVERY.where(leases.c.id == sa.bindparam("of_lease"))
 _FIND = Prepared(_ONE)
+#: Those of several ids, on PostgreSQL.
+FIND_ANY = Prepared(
+    _EVERY.where(
+        leases.c.id == sa.any_(sa.cast(sa.bindparam("ids", type_=sa.Text), ARRAY(sa.Text)))
+    )
+)
 _FIND_LOCKED = Prepared(_ONE.with_for_update(of=leases))
 _IS_OPEN = leases.c.state == LeaseState.OPEN
 _EXTEND = Prepared(
@@ -69,7 +76,7 @@ def find(connection: Connection, lease_id: str, *, lock: bool = False) -> Lease 
     """Return a lease; None if there is none of that id."""
     query = _FIND_LOCKED if lock else _FIND
     row = query.execute(connection, lease_id).fetchone()
-    return None if row is None else _lease(row)
+    return None if row is None else lease_of(row)
 
 
 def extend(connection: Connection, lease: Lease, *, now: float, until: float) -> None:
@@ -97,7 +104,7 @@ def expired(connection: Connection, study_id: str, *, now: float) -> list[Lease]
     """Return, locked, the leases of a study that have run out, in the order they were granted."""
     query = _EVERY.where(_IS_OPEN, leases.c.expires_at <= now, leases.c.study_id == study_id)
     query = query.order_by(leases.c.fence).with_for_update(of=leases)
-    return [_lease(row) for row in connection.execute(query).all()]
+    return [lease_of(row) for row in connection.execute(query).all()]
 
 
 def workers_of(connection: Connection, study_id: str, *, now: float) -> int:
@@ -108,7 +115,7 @@ def workers_of(connection: Connection, study_id: str, *, now: float) -> int:
     return connection.scalar(query) or 0
 
 
-def _lease(row: Sequence[Any]) -> Lease:
+def lease_of(row: Sequence[Any]) -> Lease:
     """Return the lease that a row of `_EVERY` holds."""
     lease_id, fence, worker, study, state, expires_at, instances, host_class, host, compares = row
     return Lease(

@@ -37,7 +37,7 @@ _EVERY = sa.select(
     )
 )
 _ONE = _EVERY.where(studies.c.id == sa.bindparam("of_study"))
-_FIND, _FIND_LOCKED = Prepared(_ONE), Prepared(_ONE.with_for_update())
+_FIND, FIND_LOCKED = Prepared(_ONE), Prepared(_ONE.with_for_update())
 _TAKEN = studies.c.result_count + studies.c.leased
 _WITH_WORK = Prepared(
     sa.select(studies.c.id, studies.c.model)
@@ -86,13 +86,13 @@ def of_key(connection: Connection, key: str | None) -> tuple[Study, str]:
     """Return the study with an idempotency key, and the digest of its request."""
     query = _EVERY.add_columns(studies.c.request_digest)
     *row, digest = connection.execute(query.where(studies.c.idempotency_key == key)).one()
-    return _study(row), digest
+    return study_of(row), digest
 
 
 def every(connection: Connection) -> list[Study]:
     """Return all studies, oldest first."""
     found = connection.execute(_EVERY.order_by(studies.c.created_at, studies.c.id))
-    return [_study(row) for row in found]
+    return [study_of(row) for row in found]
 
 
 def find(connection: Connection, study_id: str, *, lock: bool = False) -> Study:
@@ -100,11 +100,11 @@ def find(connection: Connection, study_id: str, *, lock: bool = False) -> Study:
 
     `lock`: every other transaction that locks this study waits until this one ends.
     """
-    query = _FIND_LOCKED if lock else _FIND
+    query = FIND_LOCKED if lock else _FIND
     row = query.execute(connection, study_id).fetchone()
     if row is None:
         raise NotFoundError(f"there is no study {study_id!r}")
-    return _study(row)
+    return study_of(row)
 
 
 def locked(connection: Connection, study: Study) -> Study:
@@ -129,7 +129,7 @@ def with_work(
             yield known
         # Only what somebody looks at is read whole, and may be gone by then.
         elif (row := _FIND.execute(connection, study_id).fetchone()) is not None:
-            yield _study(row)
+            yield study_of(row)
 
 
 def work(connection: Connection) -> tuple[int, int]:
@@ -144,14 +144,18 @@ def save(connection: Connection, study: Study, *, counted: bool = False) -> None
     `counted`: that nothing has changed but how many of its instances are where. What is the same is
     not written then, least of all its state, for which an index is written too.
     """
+    statement, values = saving(study, counted=counted)
+    statement.execute(connection, *values)
+
+
+def saving(study: Study, *, counted: bool) -> tuple[Prepared, tuple[Any, ...]]:
+    """Return the statement of `save`, and its values."""
     if counted:
-        _SAVE_COUNTS.execute(connection, study.id, *_COUNTS_OF(study))
-        return
+        return _SAVE_COUNTS, (study.id, *_COUNTS_OF(study))
     course = {name: getattr(study, name) for name in _COURSE}
     for name in ("failures", "identity"):
         course[name] = None if course[name] is None else as_text(course[name])
-    plan = study.plan
-    _SAVE.execute(connection, study.id, plan.rows, plan.instances, *course.values())
+    return _SAVE, (study.id, study.plan.rows, study.plan.instances, *course.values())
 
 
 def delete(connection: Connection, study_id: str) -> None:
@@ -162,7 +166,7 @@ def delete(connection: Connection, study_id: str) -> None:
     connection.execute(sa.delete(studies).where(studies.c.id == study_id))
 
 
-def _study(row: Sequence[Any]) -> Study:
+def study_of(row: Sequence[Any]) -> Study:
     """Return the study that a row of `_EVERY` holds."""
     own = dict(zip(_OWN, row[len(_OF_PLAN) :], strict=True))
     own["state"] = _STATES[own["state"]]

@@ -87,6 +87,11 @@ class Prepared:
         except connection.dialect.loaded_dbapi.Error as error:
             raise _failure(error, connection.dialect, known.text, arranged) from error
 
+    def words(self, dialect: Dialect, *values: Any) -> tuple[str, tuple[Any, ...]]:
+        """Return it as the driver takes it, with the values in their places."""
+        known = self._in_words_of(dialect)
+        return known.text, known.arrange(values)
+
     def _in_words_of(self, dialect: Dialect) -> _Compiled:
         return self._compiled.get(dialect.name) or self._compile(dialect)
 
