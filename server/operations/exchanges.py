@@ -9,7 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 from sqlalchemy.engine import Engine
 
-from server.operations.turns import Answer, Exchange, Turn, take_turn
+from server.operations.exchange import Answer, Exchange
+from server.operations.turns import Turn, take_turn
 from server.store.database.write_batching import WriteBatches
 from server.store.turns import TurnConnection
 

@@ -10,8 +10,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from sqlalchemy.engine import Connection
-
 from server.logic import studies as life
 from server.logic.comparisons import is_chosen, is_comparable
 from server.logic.hosts import identity, objection_to_worker
@@ -19,40 +17,13 @@ from server.logic.leases import expiry, objection_to_results
 from server.logic.plans import instance_id
 from server.logic.studies import handed_out, new_rows
 from server.logic.verdicts import Judgement, judge_all
-from server.operations import leasing, results
+from server.operations import leasing
+from server.operations.exchange import Answer, Exchange
 from server.operations.leasing import Deferred, Grant, Ineligible, LeaseRequest
 from server.operations.results import Post
 from server.records import Instance, Lease, Place, Result, Study, record
 from server.states import InstanceState, StudyState, Verdict
 from server.store.turns import Changes, Seen, Slots, TurnConnection
-
-#: What a worker is told: a judgement of each result, and its next lease or why there is none.
-Answer = tuple[list[Judgement], Grant | Ineligible | Deferred | None]
-
-
-@record
-class Exchange:
-    """Results that a worker posts, its request for the next lease, or both."""
-
-    now: float
-    ttl: float
-    posted: Post | None = None
-    request: LeaseRequest | None = None
-
-    @property
-    def study(self) -> str:
-        """Id of the study that its results are about, as they say; empty if it brings none."""
-        return self.posted.reports[0].instance.partition(":")[0] if self.posted else ""
-
-    def alone(self, connection: Connection) -> Answer:
-        """Deal with it in a transaction of its own."""
-        now, ttl = self.now, self.ttl
-        if self.posted is None:
-            assert self.request is not None
-            return [], leasing.grant(connection, self.request, now=now, ttl=ttl)
-        if self.request is None:
-            return results.take(connection, self.posted, now=now, ttl=ttl), None
-        return results.exchange(connection, self.posted, self.request, now=now, ttl=ttl)
 
 
 class _UnusualError(Exception):
@@ -86,7 +57,9 @@ def take_turn(
         seen = turn.look([post.lease for post in posts], hosts)
         served = _Served(study, seen)
         if study is not None:
-            served.fill(turn.slots(study, served.rows_of(posts), _wanted(exchanges, study.plan.model)))
+            served.fill(
+                turn.slots(study, served.rows_of(posts), _wanted(exchanges, study.plan.model))
+            )
         answers = [(one, served.serve(one)) for one in exchanges]
         changes = served.changes()
         fences = {} if changes is None else turn.write(changes)

@@ -17,8 +17,8 @@ from server.errors import ConflictError
 from server.logic.plans import instance_id, parameters, point
 from server.metrics import Metrics
 from server.operations import leases
+from server.operations.exchange import Exchange
 from server.operations.leasing import Grant, Ineligible, LeaseRequest
-from server.operations.turns import Exchange
 from server.records import Introduction
 from server.routes.common import (
     MAX_INTEGER,

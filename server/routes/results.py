@@ -21,9 +21,9 @@ from server.logic.table import lines
 from server.logic.verdicts import Judgement, Report
 from server.metrics import Metrics
 from server.operations import leasing, results, studies
+from server.operations.exchange import Exchange
 from server.operations.leasing import Deferred, Grant, Ineligible
 from server.operations.results import Post
-from server.operations.turns import Exchange
 from server.routes.common import Body, Direct, Id, Name, Store, as_json, example
 from server.routes.leases import RETRY_AFTER_SECONDS, Fence, LeaseBody, granted, requested
 from server.routes.studies import show

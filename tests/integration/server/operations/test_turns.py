@@ -13,9 +13,10 @@ from sqlalchemy.engine import Engine
 
 from server.logic.plans import instance_id
 from server.operations import check, leases, studies
+from server.operations.exchange import Answer, Exchange
 from server.operations.leasing import Deferred, Grant, LeaseRequest
 from server.operations.results import Post
-from server.operations.turns import Answer, Exchange, take_turn
+from server.operations.turns import take_turn
 from server.records import Introduction, Plan
 from server.states import StudyState
 from server.store import create_engine
