@@ -12,15 +12,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from analysis.designs import family
 from analysis.files.results_csv import read_table
 from analysis.reports import hover, tables
 from analysis.reports.html import render
 from analysis.reports.pictures import Picture, Subject, pictures
 from analysis.reports.tables import Grid
-from analysis.reports.wording import words
 from analysis.sensitivity.estimators import Estimator
 from analysis.sensitivity.estimators.uncentred import uncentred
 from analysis.sensitivity.records import plan_of
@@ -165,13 +162,7 @@ def _section(
         "pictures": drawn,
         "behind": {title: blocks for title, blocks in behind.items() if blocks},
         "facts": _facts(chapter),
-        "sampled": Grid(
-            head=["sampled factor", "distribution", "unit"],
-            rows=[
-                [factor["name"], _distribution(factor["distribution"]), own[factor["name"]]]
-                for factor in chapter.study["factors"]
-            ],
-        ),
+        "sampled": tables.sampled(chapter.study["factors"], own),
         "runs": hover.runs_table(chapter.table, output),
     }
 
@@ -208,12 +199,3 @@ def _surrogate(chapter: Chapter, output: str) -> list[Grid | str]:
         return tables.surrogate(chapter.snapshot, answer(chapter.table, output))
     except ValueError as error:
         return [f"There is no surrogate: {error}."]
-
-
-def _distribution(described: Mapping[str, Any]) -> str:
-    parameters = ", ".join(
-        f"{name} {' '.join(f'{number:g}' for number in np.atleast_1d(value))}"
-        for name, value in described.items()
-        if name != "kind"
-    )
-    return f"{words(described['kind'])}: {parameters}"

@@ -170,6 +170,31 @@ def failures(snapshot: Mapping[str, Any]) -> list[Grid | str]:
     ]
 
 
+def sampled(factors: Sequence[Mapping[str, Any]], units: Mapping[str, str]) -> Grid:
+    """Return what a study's factors are sampled from.
+
+    Args:
+        factors: {"name", "distribution"}, as `GET /v1/studies/{id}` describes them.
+        units: of factors by name.
+    """
+    return Grid(
+        head=["sampled factor", "distribution", "unit"],
+        rows=[
+            [factor["name"], _distribution(factor["distribution"]), units.get(factor["name"], "")]
+            for factor in factors
+        ],
+    )
+
+
+def _distribution(described: Mapping[str, Any]) -> str:
+    parameters = ", ".join(
+        f"{name} {' '.join(f'{n:g}' for n in (value if isinstance(value, list) else [value]))}"
+        for name, value in described.items()
+        if name != "kind"
+    )
+    return f"{words(described['kind'])}: {parameters}"
+
+
 def _indices(snapshot: Mapping[str, Any], entry: Mapping[str, Any], title: str, note: str) -> Grid:
     kind = family(snapshot["method"])
     columns, by = _COLUMNS[kind], RANKED_BY[kind]

@@ -98,6 +98,16 @@ def arrivals(connection: Connection, study_id: str, numbers: Collection[int]) ->
     return {row.seq: row.received_at for row in connection.execute(query)}
 
 
+def first_of_rows(
+    connection: Connection, study_id: str, *, rows: int
+) -> dict[int, tuple[str, Mapping[str, float] | None]]:
+    """Return outcome and outputs at position 0 of the first rows, by row, where there are any."""
+    query = sa.select(results.c.row, results.c.outcome, results.c.outputs).where(
+        results.c.study_id == study_id, results.c.row < rows, results.c.position == 0
+    )
+    return {row.row: (row.outcome, row.outputs) for row in connection.execute(query)}
+
+
 def logged(
     connection: Connection, study_id: str, *, after: int, limit: int
 ) -> list[tuple[int, int, int, str, Mapping[str, float] | None]]:

@@ -1,22 +1,21 @@
 """Pages that stay up to date: one look at the store for all tabs that show the same."""
 
 import asyncio
-import json
 import logging
 from collections.abc import AsyncIterator, Callable, Mapping
-from time import monotonic
+from json import dumps
+from time import monotonic, thread_time
 from typing import Any
-
-from sqlalchemy.exc import SQLAlchemyError
 
 from server.errors import NotFoundError
 
 log = logging.getLogger(__name__)
 
-#: Seconds between two looks, and how many times as long as a look takes the next one waits: a page
-#: is never worth more than a hundredth of a core.
+#: Seconds between two looks, and how many times the processor's time that a look takes the next
+#: one waits, but no longer than so many seconds: a page is not worth more than 1 % of a core.
 LOOK_SECONDS = 1.0
 PATIENCE = 100.0
+LONGEST_SECONDS = 30.0
 KEEPALIVE_SECONDS = 15.0
 #: A stream ends after so long, and its tab comes back: whose token was revoked does not.
 STREAM_SECONDS = 300.0
@@ -25,35 +24,41 @@ STREAM_SECONDS = 300.0
 Parts = Mapping[str, Any]
 
 
+def _measured(look: Callable[[], Parts]) -> tuple[dict[str, str], float]:
+    """Return the parts as JSON, and how many seconds of this thread they took."""
+    began = thread_time()
+    parts = {name: dumps(content) for name, content in look().items()}
+    return parts, thread_time() - began
+
+
 class Topic:
-    """One page as several tabs show it: its parts, and the number of the look that changed each."""
+    """One page as several tabs show it: its parts, and the edition in which each last changed."""
 
     def __init__(self) -> None:
         self.listeners = 0
-        self.looks = 0
+        self.edition = 0
         self.gone = False
         self.news = asyncio.Condition()
         self._parts: dict[str, tuple[int, str]] = {}
 
-    def take(self, parts: Parts) -> bool:
-        """Note what a look saw; return whether any part differs."""
-        self.looks += 1
-        before = self._parts
-        self._parts = {}
-        for name, content in parts.items():
-            text = json.dumps(content, separators=(",", ":"))
+    def take(self, parts: Mapping[str, str]) -> bool:
+        """Note what a look saw, each part as JSON; return whether any differs."""
+        before, self._parts, new = self._parts, {}, self.edition + 1
+        for name, text in parts.items():
             seen, known = before.get(name, (0, ""))
-            self._parts[name] = (seen, known) if text == known else (self.looks, text)
-        return any(seen == self.looks for seen, _ in self._parts.values())
+            self._parts[name] = (seen, known) if text == known else (new, text)
+            if text != known:
+                self.edition = new
+        return self.edition == new
 
     async def tell(self) -> None:
         """Wake whoever waits for news."""
         async with self.news:
             self.news.notify_all()
 
-    def since(self, look: int) -> str:
-        """Return the parts that changed after a look, as a JSON object."""
-        new = [f"{json.dumps(n)}:{text}" for n, (seen, text) in self._parts.items() if seen > look]
+    def since(self, edition: int) -> str:
+        """Return the parts that changed after an edition, as a JSON object."""
+        new = [f"{dumps(n)}:{text}" for n, (seen, text) in self._parts.items() if seen > edition]
         return "{" + ",".join(new) + "}"
 
 
@@ -90,16 +95,15 @@ class Hub:
             yield "retry: 1000\n\n"
             told, until = 0, monotonic() + seconds
             while monotonic() < until and not self._stopping.is_set():
-                if topic.looks > told:
-                    news, told = topic.since(told), topic.looks
-                    if news != "{}":
-                        yield f"event: parts\ndata: {news}\n\n"
+                if topic.edition > told:
+                    news, told = topic.since(told), topic.edition
+                    yield f"event: parts\ndata: {news}\n\n"
                 if topic.gone:
                     yield "event: gone\ndata: {}\n\n"
                     return
                 try:
-                    async with topic.news:
-                        await asyncio.wait_for(topic.news.wait(), KEEPALIVE_SECONDS)
+                    # What came while this was sent was told to nobody.
+                    await asyncio.wait_for(self._news(topic, told), KEEPALIVE_SECONDS)
                 except TimeoutError:
                     yield ": still here\n\n"
         finally:
@@ -107,20 +111,30 @@ class Hub:
             if not topic.listeners and self._topics.get(key) is topic:
                 del self._topics[key]
 
+    async def _news(self, topic: Topic, told: int) -> None:
+        async with topic.news:
+            await topic.news.wait_for(
+                lambda: topic.edition > told or topic.gone or self._stopping.is_set()
+            )
+
     async def _keep_looking(self, key: object, topic: Topic, look: Callable[[], Parts]) -> None:
+        before = 0.0
         while self._topics.get(key) is topic and not topic.gone:
-            began = monotonic()
-            changed = False
+            changed, cost = False, 0.0
             try:
-                changed = topic.take(await asyncio.to_thread(look))
+                parts, cost = await asyncio.to_thread(_measured, look)
+                changed = topic.take(parts)
             except NotFoundError:
                 topic.gone = True
-            except SQLAlchemyError:
+            except Exception:
+                # Whatever it is, another look may go well; a page that stands still says nothing.
                 log.exception("a page could not be looked at; trying again")
-            took = monotonic() - began
             if changed or topic.gone:
                 await topic.tell()
-            if await self._stops_within(max(LOOK_SECONDS, PATIENCE * took)):
+            # What a look costs but once, as the first one does, need not be waited for.
+            seconds = max(LOOK_SECONDS, PATIENCE * min(cost, before))
+            before = cost
+            if await self._stops_within(min(seconds, LONGEST_SECONDS)):
                 await topic.tell()
                 return
 

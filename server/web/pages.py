@@ -8,13 +8,13 @@ from starlette.concurrency import run_in_threadpool
 
 from server.errors import NotFoundError
 from server.logic.tokens import may
-from server.web import studies
+from server.web import studies, study
 from server.web.assets import page_headers, render
 from server.web.page import Look, Page
 
 router = APIRouter(include_in_schema=False)
 
-PAGES = (studies.PAGE,)
+PAGES = (studies.PAGE, study.PAGE)
 
 _NO_BUFFER = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 
@@ -67,6 +67,7 @@ def _followed(page: Page) -> Callable[[Request], Awaitable[Response]]:
     return follow
 
 
+router.routes.extend(study.router.routes)
 for _page in PAGES:
     router.add_api_route(_page.path, _shown(_page), response_model=None)
     router.add_api_route(f"/live{_page.path}", _followed(_page), response_model=None)

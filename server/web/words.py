@@ -5,6 +5,8 @@ from datetime import UTC, datetime
 
 from markupsafe import Markup
 
+from analysis.reports.wording import words
+
 _UNITS = (("d", 86400), ("h", 3600), ("min", 60), ("s", 1))
 
 
@@ -61,6 +63,11 @@ def pair(name: str) -> tuple[str, str]:
     return name, name
 
 
+def label(name: str) -> tuple[str, str]:
+    """Return a choice that reads as its name in words."""
+    return name, words(name)
+
+
 FILTERS: dict[str, Callable[..., object]] = {
     "duration": duration,
     "moment": moment,
@@ -68,4 +75,5 @@ FILTERS: dict[str, Callable[..., object]] = {
     "rate": rate,
     "percent": percent,
     "pair": pair,
+    "label": label,
 }

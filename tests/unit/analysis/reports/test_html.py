@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.reports.figures import distribution_figure
-from analysis.reports.html import _templates, cell, data_uri
+from analysis.reports.html import cell, data_uri, environment
 from analysis.reports.tables import Grid
 
 
@@ -27,7 +27,7 @@ def test_a_cell_shows_a_value_with_the_digits_that_it_has(value: object, shown: 
 
 def test_names_from_outside_stay_text() -> None:
     grid = Grid(head=["<th>"], rows=[["<i>", {"value": 1.0, "low": 0.5, "high": 1.5}]], title="<&>")
-    pieces = _templates().get_template("macros.html").module
+    pieces = environment().get_template("macros.html").module
     text = pieces.grid(grid)  # type: ignore[attr-defined]
     assert "<h3>&lt;&amp;&gt;</h3>" in text and "<td>&lt;i&gt;</td>" in text
     assert "<th>&lt;th&gt;</th>" in text and "<td>1.00 <small>[0.50, 1.50]</small></td>" in text

@@ -23,9 +23,9 @@ def test_a_topic_tells_each_listener_what_changed_since_its_last_look() -> None:
     assert topic.take({"a": "1", "b": "1"})
     assert not topic.take({"a": "1", "b": "1"})
     assert topic.take({"a": "2", "b": "1"})
-    assert json.loads(topic.since(0)) == {"a": "2", "b": "1"}
-    assert json.loads(topic.since(1)) == {"a": "2"}
-    assert topic.since(3) == "{}"
+    assert json.loads(topic.since(0)) == {"a": 2, "b": 1}
+    assert json.loads(topic.since(1)) == {"a": 2}
+    assert topic.since(2) == "{}"
 
 
 def parts_of(event: str) -> Any:
@@ -63,6 +63,20 @@ def test_fifty_tabs_share_one_look_and_the_last_one_ends_it() -> None:
     asyncio.run(run())
 
 
+def test_what_changes_while_a_slow_tab_is_served_is_not_forgotten() -> None:
+    now = {"n": 0}
+
+    async def run() -> None:
+        tab = Hub(asyncio.Event()).follow("page", lambda: dict(now))
+        await heard(tab, 2)
+        now["n"] = 1
+        # Looked at, and told, while this tab waits for nothing.
+        await asyncio.sleep(0.03)
+        assert await asyncio.wait_for(heard(tab, 1), 1.0) == [{"n": 1}]
+
+    asyncio.run(run())
+
+
 def test_a_tab_that_comes_back_is_sent_everything_as_it_is_now() -> None:
     now = {"n": 0}
 
@@ -75,6 +89,23 @@ def test_a_tab_that_comes_back_is_sent_everything_as_it_is_now() -> None:
         assert (await heard(hub.follow("page", lambda: dict(now)), 2))[1] == {"n": 7}
 
     asyncio.run(run())
+
+
+def test_a_look_that_goes_wrong_is_repeated(caplog: pytest.LogCaptureFixture) -> None:
+    looks = iter([{"n": 0}, None, {"n": 2}])
+
+    def look() -> dict[str, Any]:
+        found = next(looks, {"n": 2})
+        if found is None:
+            raise RuntimeError("the database is away")
+        return found
+
+    async def run() -> None:
+        tab = Hub(asyncio.Event()).follow("page", look)
+        assert (await heard(tab, 3))[1:] == [{"n": 0}, {"n": 2}]
+
+    asyncio.run(run())
+    assert "trying again" in caplog.text
 
 
 def test_a_stream_ends_with_its_page_its_time_and_the_coordinator() -> None:

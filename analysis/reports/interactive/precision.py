@@ -1,0 +1,99 @@
+"""How wide the intervals are, how wide they should be, and when they will be (Sarrazin 2016)."""
+
+from collections.abc import Mapping
+from math import log10
+from typing import Any
+
+from analysis.designs import family
+from analysis.reports.figures.style import INDICES
+from analysis.reports.interactive.convergence import OCTAVE, series
+from analysis.reports.interactive.shared import MOST_LINES, Figure, colour, layout, ranked
+from analysis.reports.wording import words
+from analysis.sensitivity.stopping import Advice
+
+GOOD = "#009E73"
+
+
+def precision(snapshot: Mapping[str, Any], output: str, advice: Advice | None) -> Figure | None:
+    """Draw the widest half width of each factor's indices over the rows; None if none is known.
+
+    Args:
+        advice: how wide they should be, which is drawn as a band, and from when on they will be
+            (`analysis.sensitivity.stopping.advise`).
+    """
+    if advice is None or not advice.target > 0.0:
+        return None
+    data: list[dict[str, Any]] = []
+    table: list[tuple[str, int, float]] = []
+    wanted = [i for i in INDICES[family(snapshot["method"])] if i != "sigma"]
+    for name in ranked(snapshot, output)[:MOST_LINES]:
+        widths: dict[int, float] = {}
+        for index in wanted:
+            for row, point in series(snapshot, output, name, index):
+                half = 0.5 * (point["high"] - point["low"])
+                widths[row] = max(half, widths.get(row, 0.0))
+        if not widths:
+            continue
+        own = colour(snapshot, output, name)
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "lines+markers",
+                "name": words(name),
+                "x": list(widths),
+                "y": list(widths.values()),
+                "customdata": [name] * len(widths),
+                "line": {"color": own, "width": 1.6},
+                "marker": {"color": own, "size": 5},
+                "hovertemplate": f"{words(name)}, %{{x:,}} rows: ±%{{y:.2g}}<extra></extra>",
+            }
+        )
+        table += [(name, row, half) for row, half in widths.items()]
+    if not data:
+        return None
+    now, then = snapshot["rows_complete"], snapshot["rows_complete"] + advice.more_rows
+    if advice.more_rows:
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "lines+markers+text",
+                "name": "expected",
+                "x": [now, then],
+                "y": [advice.half_width, advice.target],
+                "line": {"dash": "dash", "width": 1.5, "color": "#8C8C8C"},
+                "marker": {"size": [0, 11], "symbol": "diamond", "color": GOOD},
+                "text": ["", f"about {then:,} rows"],
+                "textposition": "bottom center",
+                "hovertemplate": "%{x:,} rows: ±%{y:.2g}<extra>expected</extra>",
+            }
+        )
+    values = [advice.target, *(half for *_, half in table)]
+    bottom, top = 0.6 * min(value for value in values if value > 0.0), 1.4 * max(values)
+    band = {"type": "rect", "xref": "paper", "x0": 0, "x1": 1, "y0": bottom, "y1": advice.target}
+    return {
+        "data": data,
+        "layout": layout(
+            380,
+            xaxis={"title": {"text": "rows of the design"}, "type": "log", "dtick": OCTAVE},
+            yaxis={
+                "title": {"text": "half width of the interval, ±"},
+                "type": "log",
+                "range": [log10(bottom), log10(top)],
+                "dtick": "D2",
+                "automargin": True,
+            },
+            shapes=[{**band, "fillcolor": GOOD, "opacity": 0.16, "line": {"width": 0}}],
+            annotations=[
+                {
+                    "xref": "paper",
+                    "x": 0.01,
+                    "y": log10(advice.target),
+                    "yanchor": "top",
+                    "xanchor": "left",
+                    "showarrow": False,
+                    "text": f"wanted: ±{advice.target:.2g}",
+                }
+            ],
+        ),
+        "table": {"head": ["factor", "rows", "half width"], "rows": table},
+    }

@@ -1,0 +1,146 @@
+"""One study: its indices as results arrive, how sure they are, and what its runs look like."""
+
+from collections.abc import Callable
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+
+from analysis.reports import tables
+from analysis.reports.interactive import bars, convergence, plane, precision
+from analysis.sensitivity.records import StudyPlan
+from analysis.sensitivity.remarks import remarks, warning
+from analysis.sensitivity.snapshot import empty_snapshot
+from analysis.sensitivity.stopping import advise
+from server.errors import NotFoundError
+from server.logic.plans import for_analysis
+from server.operations import models, precision_goals, studies
+from server.operations.result_log import StoreResultLog
+from server.records import Study
+from server.routes.common import Id, Store
+from server.web import sample
+from server.web.page import Look, Page
+from server.web.studies import detail
+
+router = APIRouter(include_in_schema=False)
+
+#: How outputs end that are another form of the regression (`sim.models`), and what it is called.
+FORMS = {"": "affine", "_paper": "through the origin", "_authors": "the authors' own"}
+
+
+def look(asked: Look) -> dict[str, Any]:
+    """Return a study as it stands."""
+    study = studies.get(asked.engine, asked.names["study_id"])
+    goal = precision_goals.of(asked.engine, study.id)
+    output, name, form = chosen(study, asked.choices, goal.output if goal else None)
+    snapshot = _snapshot(asked, study)
+    units = units_of(asked, study)
+    unit = units.get(output, "")
+    target = goal.target if goal and goal.output == output else None
+    advice = advise(snapshot, output, target)
+    alarm = warning(snapshot)
+    return {
+        "study": study,
+        "detail": detail(asked.engine, study, goal, asked.now),
+        "output": output,
+        "names": names_of(study),
+        "name": name,
+        "forms": forms_of(study, name),
+        "form": form,
+        "unit": unit,
+        "units": units,
+        "warning": alarm,
+        "remarks": [said for said in remarks(snapshot, output, target) if said != alarm],
+        "advice": advice,
+        "goal": goal,
+        "snapshot": snapshot,
+        "indices": tables.indices(snapshot, output, unit),
+        "pairs": tables.pairs(snapshot, output)
+        if "second_order" in snapshot["outputs"][output]
+        else None,
+        "sampled": tables.sampled(
+            [
+                {"name": name, "distribution": distribution.to_json()}
+                for name, distribution in study.plan.distributions.items()
+            ],
+            units,
+        ),
+        "figures": {
+            "bars": bars(snapshot, output, unit),
+            "plane": plane(snapshot, output, unit),
+            "convergence": convergence(snapshot, output, unit),
+            "precision": precision(snapshot, output, advice),
+            "sample": {"version": sample.version(study), "output": output},
+        },
+    }
+
+
+PAGE = Page(path="/studies/{study_id}", template="study.html", look=look)
+
+
+@router.get("/studies/{study_id}/sample")
+def runs(study_id: Id, store: Store, request: Request) -> Response:
+    """Return some runs of a study, of which a page draws what the pointer touches."""
+    study = studies.get(store, study_id)
+    output, _, _ = chosen(study, request.query_params, None)
+    content = sample.runs(store, study, output)
+    return Response(content, media_type="application/json", headers={"Cache-Control": "no-store"})
+
+
+def chosen(study: Study, choices: Any, default: str | None) -> tuple[str, str, str]:
+    """Return the output that is asked for, its name without its form, and the form."""
+    outputs = study.plan.outputs
+    wanted = choices.get("output") or default or outputs[0]
+    if wanted not in outputs and wanted not in names_of(study):
+        raise NotFoundError(f"study {study.id} has no output {wanted!r}")
+    name, form = _split(outputs, wanted)
+    form = choices.get("form", form)
+    found = name + form if name + form in outputs else wanted
+    return found, name, found.removeprefix(name)
+
+
+def names_of(study: Study) -> list[str]:
+    """Return the outputs, those in several forms once."""
+    outputs = study.plan.outputs
+    return list(dict.fromkeys(_split(outputs, output)[0] for output in outputs))
+
+
+def forms_of(study: Study, name: str) -> list[tuple[str, str]]:
+    """Return the forms that an output has."""
+    return [(end, said) for end, said in FORMS.items() if name + end in study.plan.outputs]
+
+
+def units_of(asked: Look, study: Study) -> dict[str, str]:
+    """Return the units of a study's factors and outputs; none where the model is not known."""
+    try:
+        model = models.get(asked.engine, study.plan.model).description
+    except NotFoundError:
+        return {}
+    found = {factor.name: factor.unit for factor in model.factors} | dict(model.units)
+    return {name: "" if unit == "1" else unit for name, unit in found.items()}
+
+
+def _empty(study_id: str, edition: int, plan: Callable[[], StudyPlan]) -> dict[str, Any]:
+    """Return an empty snapshot: to say that nothing is known takes longer than to say what is."""
+    key = (study_id, edition)
+    if key not in _EMPTY:
+        if len(_EMPTY) > 32:
+            _EMPTY.clear()
+        _EMPTY[key] = empty_snapshot(plan())
+    return _EMPTY[key]
+
+
+_EMPTY: dict[tuple[str, int], dict[str, Any]] = {}
+
+
+def _split(outputs: tuple[str, ...], output: str) -> tuple[str, str]:
+    for end in FORMS:
+        if end and output.endswith(end) and output.removesuffix(end) in outputs:
+            return output.removesuffix(end), end
+    return output, ""
+
+
+def _snapshot(asked: Look, study: Study) -> dict[str, Any]:
+    found = StoreResultLog(asked.engine).snapshot(study.id)
+    if found is None:
+        return _empty(study.id, study.edition, lambda: for_analysis(study))
+    return {"sampling": study.plan.sampling, **found}

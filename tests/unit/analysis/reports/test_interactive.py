@@ -1,0 +1,90 @@
+"""Figures for plotly.js: JSON of the study's own numbers, and nothing of its names as markup."""
+
+import json
+from typing import Any
+
+import pytest
+
+from analysis.reports.figures.style import COLOURS
+from analysis.reports.interactive import bars, convergence, plane, precision
+from analysis.reports.interactive.shared import plain
+from analysis.sensitivity.service import analyse
+from analysis.sensitivity.snapshot import empty_snapshot
+from analysis.sensitivity.stopping import advise
+from tests.testbed.studies import results_of, study_plan
+
+
+@pytest.fixture(scope="module", params=["morris", "saltelli"])
+def snapshot(request: pytest.FixtureRequest) -> dict[str, Any]:
+    plan = study_plan(request.param, 32)
+    return analyse(plan, results_of(plan))
+
+
+def figures(snapshot: dict[str, Any]) -> dict[str, Any]:
+    advice = advise(snapshot, "y")
+    return {
+        "bars": bars(snapshot, "y", "m"),
+        "plane": plane(snapshot, "y", "m"),
+        "convergence": convergence(snapshot, "y", "m"),
+        "precision": precision(snapshot, "y", advice),
+    }
+
+
+def test_every_figure_is_plain_json_and_has_its_numbers_as_a_table(
+    snapshot: dict[str, Any],
+) -> None:
+    drawn = figures(snapshot)
+    assert (drawn.pop("plane") is None) == (snapshot["method"] != "morris")
+    for name, figure in drawn.items():
+        assert json.loads(json.dumps(figure, allow_nan=False)) == json.loads(json.dumps(figure))
+        head, rows = figure["table"]["head"], figure["table"]["rows"]
+        assert rows and {len(row) for row in rows} == {len(head)}, name
+
+
+def test_bars_are_the_snapshot_s_indices_the_most_influential_first(
+    snapshot: dict[str, Any],
+) -> None:
+    figure = bars(snapshot, "y", "m")
+    assert figure is not None
+    first, second = figure["data"]
+    index = {"morris": "mu_star", "saltelli": "total_order"}[snapshot["method"]]
+    shown = first if index == "mu_star" else second
+    factors = snapshot["outputs"]["y"]["factors"]
+    assert shown["x"] == [factors[name][index]["value"] for name in shown["customdata"]]
+    assert shown["x"] == sorted(shown["x"], reverse=True)
+    low = factors[shown["customdata"][0]][index]["low"]
+    assert shown["x"][0] - shown["error_x"]["arrayminus"][0] == pytest.approx(low)
+
+
+def test_the_precision_has_the_wanted_one_and_the_rows_at_which_it_is_expected(
+    snapshot: dict[str, Any],
+) -> None:
+    advice = advise(snapshot, "y", 0.01)
+    assert advice is not None and advice.more_rows
+    figure = precision(snapshot, "y", advice)
+    assert figure is not None
+    expected = figure["data"][-1]
+    assert expected["x"] == [32, 32 + advice.more_rows]
+    assert expected["y"] == [advice.half_width, 0.01]
+    assert figure["layout"]["shapes"][0]["y1"] == 0.01
+
+
+def test_a_factor_has_one_colour_in_all_figures(snapshot: dict[str, Any]) -> None:
+    drawn = figures(snapshot)
+    for name in ("convergence", "precision"):
+        lines = {t["name"]: t["line"]["color"] for t in drawn[name]["data"] if "customdata" in t}
+        assert lines == dict(zip("abc", COLOURS, strict=False)), name
+
+
+@pytest.mark.parametrize("method", ["morris", "saltelli"])
+def test_before_there_is_anything_there_is_no_figure(method: str) -> None:
+    empty = empty_snapshot(study_plan(method, 4))
+    assert set(figures(empty).values()) == {None}
+
+
+def test_a_unit_is_no_markup() -> None:
+    plan = study_plan("morris", 8)
+    unit = '<a href="x">&lt;'
+    text = json.dumps(bars(analyse(plan, results_of(plan)), "y", unit))
+    assert "<a" not in text and "&lt;a href" in text
+    assert plain("&lt;") == "&amp;lt;"
