@@ -52,6 +52,20 @@ _RECORDED: Mapping[str, str] = MappingProxyType(
     | dict(zip(ESTIMATES, ("Nm/rad", "Nm s/rad", "Nm/rad", "Nm s/rad", "Nm"), strict=True))
     | dict(zip(TRUTHS, ("Nm/rad", "Nm s/rad", "Nm/rad"), strict=True))
 )
+#: What only elements of tissue can tell (`docs/understand/skin.md`).
+_OF_SKIN: Mapping[str, str] = MappingProxyType(
+    {
+        name: unit
+        for limb in ("upper_arm", "forearm")
+        for name, unit in (
+            (f"peak_pressure_{limb}", "kPa"),
+            (f"mean_pressure_{limb}", "kPa"),
+            (f"peak_shear_{limb}", "kPa"),
+            (f"mean_shear_{limb}", "kPa"),
+            (f"tissue_strain_{limb}", "1"),
+        )
+    }
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,15 +86,17 @@ class Setup:
         """Return what a study needs to know; with effects, this loads NumPy."""
         contact = FIDELITIES[self.fidelity].contact
         conditions = tuple(f for f in CONDITIONS if contact or f.name not in CONTACT_ONLY)
+        units = {
+            **_UNITS,
+            **(_OF_SKIN if contact else {}),
+            **(_RECORDED if self.records else {}),
+        }
         return Description(
             name=self.name,
             description=f"Stiffness assessment in the exoskeleton: {self.description}",
             kind=Kind.PYTHON,
             factors=TABLE_1 + conditions + (effect_factors() if self.carries_effects else ()),
-            results=tuple(
-                Output(name=name, unit=unit)
-                for name, unit in (dict(_UNITS) | dict(_RECORDED if self.records else {})).items()
-            ),
+            results=tuple(Output(name=name, unit=unit) for name, unit in units.items()),
         )
 
 

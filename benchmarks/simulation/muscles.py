@@ -30,11 +30,10 @@ from sim.validation.isometric import (
     co_contraction_stiffness,
     run_isometric_test,
 )
+from sim.validation.moment_arms import PIGEON
 
 #: Lengths at which curves are compared, in optimal ones.
 LENGTHS = np.linspace(0.5, 1.6, 111)
-#: Pigeon, Yahia and Feldman 1996: the triceps' lever, mm, a polynomial of the angle in degrees.
-PIGEON = (-3.5171e-9, 1.3277e-6, -1.9092e-4, 1.2886e-2, -3.0284e-1, -23.287)
 #: Sugisaki et al. 2010, by magnetic resonance: degrees, mean and standard deviation, mm.
 SUGISAKI = ((30.0, 23.9, 1.4), (110.0, 17.4, 1.3))
 #: Wiegner and Watts 1986: stiffness of relaxed elbows, Nm/rad, from 20 to 107 degrees.
@@ -100,7 +99,7 @@ def lever(wrap: Wrap, degrees: np.ndarray) -> np.ndarray:
 
 def print_trochlea() -> None:
     degrees = np.arange(5.0, 116.0, 5.0)
-    measured = -np.polyval(PIGEON, degrees)
+    measured = -np.polyval(PIGEON["triceps"], degrees)
 
     def gap(place: np.ndarray) -> np.ndarray:
         wrap = replace(TROCHLEA, centre=near_elbow(place[0], 0.0054, place[1]))

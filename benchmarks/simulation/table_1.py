@@ -16,6 +16,7 @@ from sim.assessment.assess import assess
 from sim.body.muscles.elbow import ELBOW_MUSCLES
 from sim.body.skeleton import AUTHORS_ELBOW_OFFSET
 from sim.parameters.wearer import NOMINAL, TABLE_1
+from sim.validation import AUTHORS
 from sim.validation.isometric import (
     ANGLES_DEG,
     COMMON_DEG,
@@ -26,8 +27,6 @@ from sim.validation.isometric import (
 )
 
 SEED = 7
-#: Estimate and truth of the authors' nominal trial, Nm/rad (their model, each form's regression).
-AUTHORS = {"affine": (4.54, 6.0), "paper": (8.47, 9.68), "authors": (6.20, 6.10)}
 
 
 def print_nominal() -> None:

@@ -18,6 +18,7 @@ from sim.assessment.impedance import bone_length, local_impedance
 from sim.assessment.nominal import nominal_model
 from sim.assessment.protocol import run_protocol
 from sim.assessment.record import Record
+from sim.assessment.skin import on_skin
 from sim.assessment.validity import FailedError, Failure, check_outcome
 from sim.parameters.conditions import split
 from sim.parameters.fidelity import CAMPAIGN, Fidelity, fidelity_of
@@ -96,6 +97,8 @@ def assess(
             record = run_protocol(system, data)
         outputs = _evaluate(record, diagnostics)
         outputs |= _local(system, record) | _bones(system)
+        if system.fidelity.contact:
+            outputs |= on_skin(record.loads, system.fidelity.step)
     except FailedError as failed:
         return Assessment(
             outcome=failed.failure.name,

@@ -17,9 +17,9 @@ from sim.system.system import System
 DONNING = 0.3
 #: If the straps were closed elsewhere, the robot has moved to the start after so long, s.
 SEATED = 1.0
-#: The movement begins after so long, s; after 1.2 s one corner of Table 1 still moved. Where the arm
-#: moves even then (a heavy one, stiff to the touch, that creeps over the edge of its cuff until a
-#: ring of tissue lets go), it is waited for until it rests: LONGEST, s, at most.
+#: The movement begins after so long, s; after 1.2 s one corner of Table 1 still moved. Where the
+#: arm moves even then (a heavy one, stiff to the touch, that creeps over the edge of its cuff until
+#: a ring of tissue lets go), it is waited for until it rests: LONGEST, s, at most.
 HOLD, LONGEST = 1.5, 3.0
 #: Steps over which the locks' torque is averaged to start the controllers' integrals.
 LOCK_AVERAGE = 5

@@ -68,6 +68,11 @@ class SoftTissue:
         """Ring and index of every element."""
         return [(ring, i) for ring in range(self.rings) for i in range(self.per_ring)]
 
+    @property
+    def element_area(self) -> float:
+        """The skin that one element stands for, m2."""
+        return 2 * pi * self.radius * (self.end - self.start) / len(self.places)
+
     def element(self, ring: int, index: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the skin point (m) of an element and the outward normal there."""
         x = self.start + (ring + 0.5) * (self.end - self.start) / self.rings

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from sim.body.soft_tissue import BONE_CLEARANCE, HARDENING, SoftTissue
-from sim.interface.interface import Interface, Loads
+from sim.interface.interface import OF_ELEMENTS, Interface, Loads
 from sim.robot.cuff import Cuff
 
 #: Length of a rod, m: over 5 cm of displacement its direction turns by one degree.
@@ -79,6 +79,7 @@ class Bushings(Interface):
             tissue_left=room - across,
             tissue_share=np.ones_like(across),
             strap_tension=np.full_like(across, np.inf),
+            **dict.fromkeys(OF_ELEMENTS, np.full_like(across, np.nan)),
         )
 
     def _overhang(self, slide: np.ndarray) -> np.ndarray:

@@ -27,6 +27,8 @@ from sim.robot.cuff import Cuff
 CONTACT_SECTOR = radians(80.0)
 #: Where a cuff's place on its limb is looked at: its centre and both ends, in half lengths.
 PLACES = (0.0, -1.0, 1.0)
+#: What an element's springs carry if something touches it, N.
+TOUCHED = 0.1
 #: Sensors of every contact of both limbs, and of the forearm alone.
 EACH_CONTACT = ("contacts", "forearm_contacts")
 _FORCE = 1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE)
@@ -62,6 +64,16 @@ class Contact(Interface):
             _add_contact_sensor(spec, name, tissue.bone, _EACH, 2 * count)
         for tissue in self.tissues:
             _add_contact_sensor(spec, f"{tissue.name}_force", tissue.bone, _RESULTANT, 1)
+            for place in tissue.places:
+                sensor = spec.add_sensor(
+                    type=mujoco.mjtSensor.mjSENS_CONTACT,
+                    objtype=mujoco.mjtObj.mjOBJ_GEOM,
+                    objname=element_name(tissue, *place),
+                )
+                sensor.intprm[:3] = [_FORCE, _RESULTANT, 1]
+                if place == tissue.places[0]:
+                    # The others follow it; to keep a name costs more than to measure.
+                    sensor.name = _first_element(tissue)
         for cuff, tissue in zip(self.cuffs, self.tissues, strict=True):
             link = spec.body(cuff.link)
             for number, share in enumerate(PLACES):
@@ -132,7 +144,13 @@ class Contact(Interface):
         opening = _columns(model, sensed, f"{cuff.name}_turn")
         turn = np.arctan2(opening[:, 2], opening[:, 1]) - np.arctan2(axes[2, 1], axes[1, 1])
         outwards, speed = slides(model, states, tissue)
-        carried = np.maximum(0.0, tissue.spring_forces(outwards, speed)).sum(axis=1)
+        pressing = np.maximum(0.0, tissue.spring_forces(outwards, speed))
+        carried = pressing.sum(axis=1)
+        # What cuff and strap do to an element altogether, less what its springs bear of it.
+        first = model.sensor(_first_element(tissue)).adr[0]
+        on_each = sensed[:, first : first + 3 * len(tissue.places)].reshape(*pressing.shape, 3)
+        along = np.sqrt(np.maximum(0.0, np.square(on_each).sum(axis=2) - np.square(pressing)))
+        area = tissue.element_area * np.maximum(1, (pressing > TOUCHED).sum(axis=1))
         # Nothing to carry is carried.
         share = np.full_like(carried, np.inf)
         np.divide(carried, normal_force, out=share, where=normal_force > 0.0)
@@ -145,6 +163,11 @@ class Contact(Interface):
             "tissue_left": tissue.radius - BONE_CLEARANCE + outwards.min(axis=1),
             "tissue_share": share,
             "strap_tension": self._tension(model, sensed, cuff),
+            "peak_pressure": pressing.max(axis=1) / tissue.element_area,
+            "mean_pressure": carried / area,
+            "peak_shear": along.max(axis=1) / tissue.element_area,
+            "mean_shear": along.sum(axis=1) / area,
+            "strain": -outwards.min(axis=1) / (tissue.radius - BONE_CLEARANCE),
         }
 
     def _tension(self, model: mujoco.MjModel, sensed: np.ndarray, cuff: Cuff) -> np.ndarray:
@@ -184,6 +207,11 @@ def _add_contacts(spec: mujoco.MjSpec, cuff: Cuff, tissue: SoftTissue, fidelity:
             if normal[1] * cos(angle) + normal[2] * sin(angle) <= cos(CONTACT_SECTOR):
                 continue
             spec.add_pair(geomname1=element_name(tissue, ring, index), geomname2=box)
+
+
+def _first_element(tissue: SoftTissue) -> str:
+    """Return the name of the sensor of all forces on the first element."""
+    return f"{tissue.name}_elements"
 
 
 def _add_contact_sensor(

@@ -34,6 +34,18 @@ class Loads:
     tissue_share: np.ndarray
     #: Tension of each strap, N, shape (n, 2); infinite where there are no straps to lose it.
     strap_tension: np.ndarray
+    #: What presses on the skin and what pulls along it, Pa, shape (n, 2): the most on any element,
+    #: and over all that are touched. NaN, like the strain, where there are no elements.
+    peak_pressure: np.ndarray
+    mean_pressure: np.ndarray
+    peak_shear: np.ndarray
+    mean_shear: np.ndarray
+    #: Largest compression of the tissue over its thickness on the bone, shape (n, 2).
+    strain: np.ndarray
+
+
+#: The fields of `Loads` that only elements of tissue can tell.
+OF_ELEMENTS = ("peak_pressure", "mean_pressure", "peak_shear", "mean_shear", "strain")
 
 
 @dataclass(frozen=True, kw_only=True)

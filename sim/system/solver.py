@@ -14,8 +14,8 @@ def set_solver(spec: mujoco.MjSpec, step: float) -> None:
     option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = 1.0
-    # Noise of an assessment is this: with 1e-8 it is 0.2 % of what the error varies by over Table 1,
-    # with this the fifth decimal; 5 to 10 % more time.
+    # Noise of an assessment is this: with 1e-8 it is 0.2 % of what the error varies by over Table
+    # 1, with this the fifth decimal; 5 to 10 % more time.
     option.tolerance = 1e-10
     option.iterations = 50
     # On a NaN MuJoCo would reset state and time and go on; a failure must stay visible.

@@ -8,6 +8,8 @@ import numpy as np
 from sim.pictures.figures import new_figure
 from sim.validation.compression import OGNEVA_CONTRACTED, OGNEVA_RELAXED, CompressionTest
 from sim.validation.isometric import ANGLES_DEG, MEASURED, IsometricTest
+from sim.validation.moment_arms import ANGLES_DEG as MOVED_DEG
+from sim.validation.moment_arms import PIGEON, measured_mm
 
 #: Colour and place of the peak's label of each set of muscles.
 _STYLES = (("tab:orange", -48), ("tab:green", 0), ("tab:blue", 48))
@@ -50,6 +52,26 @@ def isometric_figure(tests: Mapping[str, IsometricTest], path: Path) -> Path:
         flexion, torque_label = "elbow flexion (degrees)", "torque about the elbow (Nm)"
         axes.set(title=f"Isometric {title.lower()}", xlabel=flexion, ylabel=torque_label)
         axes.legend(frameon=False, fontsize=8)
+    figure.savefig(path)
+    return path
+
+
+def moment_arm_figure(arms: Mapping[str, Mapping[str, np.ndarray]], path: Path) -> Path:
+    """Draw the moment arm of each muscle over the elbow angle beside the measured; return `path`.
+
+    Args:
+        arms: by set of muscles and by muscle, mm over `moment_arms.ANGLES_DEG`.
+        path: the picture.
+    """
+    figure = new_figure(width=9.0, height=6.0)
+    for number, muscle in enumerate(PIGEON, start=1):
+        axes = figure.add_subplot(2, 2, number)
+        for (name, ours), (colour, _) in zip(arms.items(), _STYLES, strict=True):
+            axes.plot(MOVED_DEG, ours[muscle], color=colour, linewidth=2, label=name)
+        axes.plot(MOVED_DEG, measured_mm(muscle), "--", color="0.4", label="Pigeon et al. 1996")
+        axes.set(title=muscle, xlabel="elbow flexion (degrees)", ylabel="moment arm (mm)")
+        if number == 1:
+            axes.legend(frameon=False, fontsize=8)
     figure.savefig(path)
     return path
 

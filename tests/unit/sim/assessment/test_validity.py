@@ -14,7 +14,7 @@ from sim.assessment.validity import (
     check_start,
     first_failure,
 )
-from sim.interface.interface import Loads
+from sim.interface.interface import OF_ELEMENTS, Loads
 
 ANGLES = {"exo_angle": np.radians(60.0), "human_angle": np.radians(65.0)}
 LOADS = {
@@ -45,6 +45,7 @@ def movement(**changes: ArrayLike) -> Postures:
         loads=Loads(
             contact_force=np.zeros((STEPS, 2)),
             **{name: steps(name, value) for name, value in LOADS.items()},
+            **dict.fromkeys(OF_ELEMENTS, np.zeros((STEPS, 2))),
         ),
     )
 

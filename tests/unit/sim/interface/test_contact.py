@@ -100,3 +100,31 @@ def test_a_straps_tension_is_that_of_its_rows_together(nominal_system: System) -
         assert loads_of(system, data).strap_tension[0] == pytest.approx([30.0, 30.0])
     finally:
         model.tendon_lengthspring[system.straps] = saved
+
+
+def test_pressure_and_shear_are_of_the_forces_on_each_element(
+    loaded: tuple[System, mujoco.MjData],
+) -> None:
+    system, data = loaded
+    model, wrench = system.model, np.empty(6)
+    on_each: dict[str, np.ndarray] = {}
+    for number in range(data.ncon):
+        contact = data.contact[number]
+        mujoco.mj_contactForce(model, data, number, wrench)
+        names = [model.geom(geom).name for geom in contact.geom]
+        element = next(name for name in names if "_tissue_" in name)
+        force = (1.0 if element == names[1] else -1.0) * contact.frame.reshape(3, 3).T @ wrench[:3]
+        on_each[element] = on_each.get(element, np.zeros(3)) + force
+    states = np.concatenate([[data.time], data.qpos, data.qvel])[None]
+    loads = loads_of(system, data)
+    for limb, tissue in enumerate(system.interface.tissues):
+        pressing = np.maximum(0.0, tissue.spring_forces(*slides(model, states, tissue))[0])
+        names = [element_name(tissue, *place) for place in tissue.places]
+        whole = [float(np.linalg.norm(on_each.get(name, np.zeros(3)))) for name in names]
+        along = np.sqrt(np.maximum(0.0, np.square(whole) - np.square(pressing)))
+        skin = 2 * np.pi * tissue.radius * (tissue.end - tissue.start)
+        assert len(names) * tissue.element_area == pytest.approx(skin)
+        assert loads.peak_pressure[0, limb] * tissue.element_area == pytest.approx(pressing.max())
+        assert loads.peak_shear[0, limb] * tissue.element_area == pytest.approx(along.max())
+        assert 0.0 < loads.mean_pressure[0, limb] < loads.peak_pressure[0, limb]
+        assert 0.0 < loads.strain[0, limb] < 0.5
