@@ -7,11 +7,11 @@ doubles in base64, which is a third of the JSON.
 
 import binascii
 from base64 import b64decode, b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from struct import error as struct_error
+from struct import pack, unpack
 from typing import Any, Self
-
-import numpy as np
 
 #: Of one curve, and of all numbers of a model together.
 MAX_POINTS = 10_000
@@ -58,6 +58,20 @@ def columns(name: str, points: int) -> tuple[str, ...]:
     return tuple(f"{name}[{i}]" for i in range(points))
 
 
+def names_of(outputs: Iterable[str], curves: Mapping[str, Curve]) -> list[str]:
+    """Return the names of outputs, each of `curves` once in the place of its points."""
+    return list(folded(dict.fromkeys(outputs, 0.0), curves))
+
+
+def columns_of(names: Iterable[str], curves: Mapping[str, Curve]) -> tuple[str, ...]:
+    """Return the names of all numbers of outputs: the inverse of `names_of`."""
+    return tuple(
+        column
+        for name in names
+        for column in (columns(name, curves[name].points) if name in curves else (name,))
+    )
+
+
 def folded(outputs: Mapping[str, float], curves: Mapping[str, Curve]) -> dict[str, Any]:
     """Return outputs with the points of each of `curves` as one list under its name.
 
@@ -99,6 +113,9 @@ def unfolded(outputs: Mapping[str, Any], curves: Mapping[str, Curve]) -> dict[st
 
 def packed(outputs: Mapping[str, float]) -> dict[str, Any]:
     """Return outputs with each run of points `name[0]`, `name[1]`, ... as one text."""
+    # Most outputs are no curves, and a coordinator stores thousands of them in a second.
+    if not any(name.endswith("]") for name in outputs):
+        return dict(outputs)
     found: dict[str, Any] = {}
     names = list(outputs)
     at = 0
@@ -108,8 +125,8 @@ def packed(outputs: Mapping[str, float]) -> dict[str, Any]:
         while stop < len(names) and names[stop] == f"{name}[{stop - at}]":
             stop += 1
         if stop - at > 1:
-            points = np.array([outputs[column] for column in names[at:stop]], dtype="<f8")
-            found[name] = _START + b64encode(points.tobytes()).decode()
+            points = pack(f"<{stop - at}d", *(outputs[column] for column in names[at:stop]))
+            found[name] = _START + b64encode(points).decode()
             at = stop
         else:
             found[names[at]] = outputs[names[at]]
@@ -123,14 +140,17 @@ def unpacked(stored: Mapping[str, Any]) -> dict[str, float]:
     Raises:
         CurveError: a text in them is not one of `packed`.
     """
+    if not any(isinstance(value, str) for value in stored.values()):
+        return dict(stored)
     found: dict[str, float] = {}
     for name, value in stored.items():
         if not isinstance(value, str):
             found[name] = value
             continue
         try:
-            points = np.frombuffer(b64decode(value.removeprefix(_START), validate=True), "<f8")
-        except (binascii.Error, ValueError):
+            data = b64decode(value.removeprefix(_START), validate=True)
+            points = unpack(f"<{len(data) // 8}d", data)
+        except (binascii.Error, struct_error):
             raise CurveError(f"output {name} is stored as no curve") from None
-        found |= zip(columns(name, len(points)), points.tolist(), strict=True)
+        found |= zip(columns(name, len(points)), points, strict=True)
     return found

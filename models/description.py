@@ -10,6 +10,7 @@ from functools import cached_property
 from math import inf, isfinite
 from typing import Any, Self
 
+from models.curves import MAX_POINTS, Curve, columns
 from models.factors import SEED, Factor, check_bounds, no_factor
 
 MAX_FACTORS = 1000
@@ -22,6 +23,9 @@ DIGEST_LENGTH = 16
 _MODEL_NAME = re.compile(r"[a-z0-9_]{1,40}")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]{0,63}")
 _MAX_TEXT = 500
+
+#: Entries of an output that say how to show it or when to ask for it, not what it is.
+_AXIS = ("over", "over_unit", "low", "high", "optional")
 
 
 class DescriptionError(ValueError):
@@ -54,13 +58,30 @@ class Output:
     #: SI unit symbol; "1" if dimensionless.
     unit: str
     curve: int | None = None
+    #: The axis of a curve, along which its points lie evenly: its name, unit and ends.
+    over: str = ""
+    over_unit: str = "1"
+    low: float = 0.0
+    high: float = 1.0
+    #: Whether a study leaves it out unless it names it.
+    optional: bool = False
+
+    @property
+    def axis(self) -> Curve | None:
+        """The axis of a curve; None of a number."""
+        if self.curve is None:
+            return None
+        over = self.over or "point"
+        return Curve(
+            points=self.curve, over=over, unit=self.over_unit, low=self.low, high=self.high
+        )
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of its numbers: its own, or one for each point of the curve."""
         if self.curve is None:
             return (self.name,)
-        return tuple(f"{self.name}[{i}]" for i in range(self.curve))
+        return columns(self.name, self.curve)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +106,9 @@ class Description:
         said = self._entries()
         for entry in (said, *said["factors"]):
             del entry["description"]
+        for output in said["outputs"]:
+            for name in _AXIS:
+                output.pop(name, None)
         canonical = json.dumps(said, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()[:DIGEST_LENGTH]
 
@@ -95,8 +119,16 @@ class Description:
 
     @cached_property
     def units(self) -> Mapping[str, str]:
-        """Every number that a successful evaluation gives, in their order, and its unit."""
-        return {column: output.unit for output in self.results for column in output.columns}
+        """Every number that a successful evaluation gives, in their order, and its unit.
+
+        Unless it is asked for more: for optional outputs.
+        """
+        return {
+            column: output.unit
+            for output in self.results
+            if not output.optional
+            for column in output.columns
+        }
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -113,6 +145,11 @@ class Description:
         """What a study samples unless it says otherwise."""
         return tuple(source for source in self.sources if not source.optional)
 
+    @property
+    def curves(self) -> Mapping[str, Curve]:
+        """The outputs that are curves, optional ones too, by name."""
+        return {output.name: output.axis for output in self.results if output.axis is not None}
+
     def factor(self, name: str) -> Factor:
         """Return the factor (or the seed) called `name`; KeyError if the model has none."""
         for factor in self.sources:
@@ -126,7 +163,7 @@ class Description:
 
     def _entries(self) -> dict[str, Any]:
         said = asdict(self)
-        outputs = said.pop("results")
+        outputs = [_without_defaults(output) for output in said.pop("results")]
         for factor in said["factors"]:
             factor["choices"] = list(factor["choices"])
             factor["bounds"] = [bound if isfinite(bound) else None for bound in factor["bounds"]]
@@ -134,7 +171,7 @@ class Description:
             **said,
             "kind": str(self.kind),
             "factors": list(said["factors"]),
-            "outputs": list(outputs),
+            "outputs": outputs,
         }
 
     @classmethod
@@ -250,11 +287,29 @@ def _bounds(where: str, said: Sequence[Any]) -> tuple[float, float]:
 
 
 def _output(where: str, said: Any) -> Output:
-    fields = _fields(where, said, needed={"name": str, "unit": str}, optional={"curve": int})
+    axis = {"over": str, "over_unit": str, "low": float, "high": float, "optional": bool}
+    fields = _fields(
+        where, said, needed={"name": str, "unit": str}, optional={"curve": int, **axis}
+    )
     curve = fields.get("curve")
-    if curve is not None and not 2 <= curve <= MAX_OUTPUTS:
-        raise DescriptionError(f"{where}.curve", f"must be 2 to {MAX_OUTPUTS} points, not {curve}")
-    return Output(**fields)
+    if curve is None:
+        for name in ("over", "over_unit", "low", "high"):
+            if name in fields:
+                raise DescriptionError(f"{where}.{name}", "is for a curve only")
+    elif not 2 <= curve <= MAX_POINTS:
+        raise DescriptionError(f"{where}.curve", f"must be 2 to {MAX_POINTS} points, not {curve}")
+    output = Output(**fields)
+    if not -inf < output.low < output.high < inf:
+        raise DescriptionError(
+            f"{where}.high", f"{output.high:g} must lie above low, {output.low:g}"
+        )
+    return output
+
+
+def _without_defaults(output: dict[str, Any]) -> dict[str, Any]:
+    """Return an output's entries without what is said of few."""
+    default = Output(name="", unit="")
+    return {n: v for n, v in output.items() if n not in _AXIS or v != getattr(default, n)}
 
 
 def _fields(

@@ -71,6 +71,10 @@ def read_folder(path: Path) -> ModelFolder:
     for part, entries in MJCF_ENTRIES.items():
         tables[part], of_mjcf = _split(said.get(part), part, entries, kind)
         mjcf |= of_mjcf
+    if kind == Kind.MJCF:
+        for output in tables["outputs"]:
+            if "curve" in output:
+                output |= _axis(mjcf[str(output.get("name"))], said.get(kind))
     try:
         description = Description.from_json({**model, **tables, "code": _digest(path)})
     except DescriptionError as error:
@@ -157,12 +161,26 @@ def _split(
     described: list[Any] = []
     of_mjcf: dict[str, Mapping[str, Any]] = {}
     for i, table in enumerate(said):
-        own = {name: table[name] for name in entries if name in table}
+        # What a curve is over, others say of it, too.
+        shared = () if kind == Kind.MJCF else ("over",)
+        own = {name: table[name] for name in entries if name in table and name not in shared}
         if own and kind != Kind.MJCF:
             raise ModelError(f"{part}[{i}].{next(iter(own))} is for models of kind mjcf only")
         described.append({name: value for name, value in table.items() if name not in own})
         of_mjcf[str(table.get("name"))] = own
     return described, of_mjcf
+
+
+def _axis(read: Mapping[str, Any], run: Any) -> dict[str, Any]:
+    """Return the axis of a curve that a sensor makes: time, or the share of a sensor's travel."""
+    over = read.get("over", "time")
+    if over != "time" or not isinstance(run, dict):
+        return {"over": str(over)}
+    first, last = run.get("record_from", 0.0), run.get("duration")
+    if not isinstance(first, int | float) or not isinstance(last, int | float) or last <= first:
+        # Whoever reads the table says what is wrong with it.
+        return {"over": "time"}
+    return {"over": "time", "over_unit": "s", "low": float(first), "high": float(last)}
 
 
 def _names(folder: Path) -> list[str]:

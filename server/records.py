@@ -11,6 +11,7 @@ from typing import Any, TypeVar, dataclass_transform
 from analysis.designs import row_width
 from analysis.designs.distributions import Distribution
 from analysis.sensitivity.stopping import Goal
+from models.curves import Curve
 from models.description import Description
 from server.states import CloseLoopState, ComparisonState, InstanceState, StudyState
 
@@ -44,8 +45,10 @@ class Plan:
     distributions: Mapping[str, Distribution]
     #: Every other factor of the model, with the value it keeps (SI units).
     fixed: Mapping[str, float]
-    #: Outputs kept, in the model's order.
+    #: Outputs kept, in the model's order; of a curve, every point.
     outputs: tuple[str, ...]
+    #: Those that are curves, by name.
+    curves: Mapping[str, Curve] = field(default_factory=dict)
 
     @cached_property
     def width(self) -> int:

@@ -1,7 +1,7 @@
 """Evaluate one point of a model: what a worker does with an instance."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from importlib import metadata
 from math import sin
 from platform import machine, python_version
@@ -15,11 +15,15 @@ from sim.models import ASSESSMENTS, ISHIGAMI, MODELS, SOBOL_G
 G_COEFFICIENTS = (0.0, 1.0, 4.5, 9.0, 99.0, 99.0)
 
 
-def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
+def evaluate(
+    model: str, parameters: Mapping[str, float], curves: Collection[str] = ()
+) -> Evaluation:
     """Evaluate `model` at `parameters` (SI units; a factor left out takes its nominal value).
 
+    `curves`: the optional outputs that are wanted, too.
+
     Raises:
-        ValueError: the model, or a parameter of it, is unknown, or a value is not finite.
+        ValueError: the model, a parameter or a curve of it is unknown, or a value is not finite.
     """
     if model not in MODELS:
         raise ValueError(f"unknown model {model!r}: expected one of {', '.join(MODELS)}")
@@ -30,7 +34,11 @@ def evaluate(model: str, parameters: Mapping[str, float]) -> Evaluation:
 
         setup = ASSESSMENTS[model]
         assessment = assess(
-            values, fidelity=setup.fidelity, target=setup.target, device=setup.device
+            values,
+            fidelity=setup.fidelity,
+            target=setup.target,
+            device=setup.device,
+            curves=curves,
         )
         outputs = dict(assessment.outputs)
         if setup.records and outputs and assessment.record is not None:

@@ -12,6 +12,7 @@ from types import MappingProxyType
 from models.description import Description, Kind, Output
 from models.factors import Factor
 from sim.parameters.conditions import CONDITIONS, CONTACT_ONLY
+from sim.parameters.curves import OVER_PHASE, UNITS
 from sim.parameters.effects import effect_factors
 from sim.parameters.fidelity import FIDELITIES
 from sim.parameters.target import ELBOW_TARGET, TARGETS
@@ -96,7 +97,13 @@ class Setup:
             description=f"Stiffness assessment in the exoskeleton: {self.description}",
             kind=Kind.PYTHON,
             factors=TABLE_1 + conditions + (effect_factors() if self.carries_effects else ()),
-            results=tuple(Output(name=name, unit=unit) for name, unit in units.items()),
+            results=(
+                *(Output(name=name, unit=unit) for name, unit in units.items()),
+                *(
+                    Output(name=name, unit=UNITS[name], curve=c.points, over=c.over, optional=True)
+                    for name, c in OVER_PHASE.items()
+                ),
+            ),
         )
 
 

@@ -17,6 +17,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
+from models.curves import Curve, folded
 from models.evaluation import Evaluation, ModelFailure
 from models.parent_death import die_with_parent
 from worker.outcomes import Outcome
@@ -281,7 +282,9 @@ def _report(evaluate: Evaluate, instance: Mapping[str, Any]) -> Result:
         if not isfinite(value):
             reason = f"{name} came out as {value}"
             return _result(Outcome.NOT_FINITE, done.wall_seconds, reason, state)
-    return _result(done.outcome, done.wall_seconds, done.reason, state, outputs)
+    asked = instance.get("curves", {})
+    sent = folded(outputs, {name: Curve.from_json(said) for name, said in asked.items()})
+    return _result(done.outcome, done.wall_seconds, done.reason, state, sent)
 
 
 def _as_json(value: Any) -> Any:

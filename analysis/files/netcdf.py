@@ -16,6 +16,7 @@ from scipy.io import netcdf_file
 
 from analysis.designs import row_width
 from analysis.sensitivity.table import Table
+from models.curves import Curve, columns, names_of
 
 #: In `outcome`, where there is no result; in any other variable that is NaN.
 MISSING = -1
@@ -24,7 +25,7 @@ MISSING = -1
 def write_netcdf(
     path: Path, study: Mapping[str, Any], table: Table, units: Mapping[str, str]
 ) -> None:
-    """Write factors, outputs and outcomes, each of shape (row, position).
+    """Write factors, outputs and outcomes, each of shape (row, position), curves with an axis.
 
     `outcome` holds whole numbers whose names are in its attribute `flag_meanings`, ok first. Who
     computed a result, and how long it took, is in the CSV and Parquet files only.
@@ -42,23 +43,23 @@ def write_netcdf(
         for dimension, size in zip(("row", "position"), shape, strict=True):
             file.createDimension(dimension, size)
             _put(file, dimension, np.arange(size, dtype=np.int32), (dimension,))
-        for kind, columns, values in (
-            ("factor", plan.factors, table.points),
-            ("output", plan.outputs, table.values),
-        ):
-            for i, name in enumerate(columns):
-                grid = np.full(shape, nan)
-                grid[table.rows, table.positions] = values[:, i]
-                _put(
-                    file,
-                    name,
-                    grid,
-                    ("row", "position"),
-                    long_name=name.replace("_", " "),
-                    units=units.get(name, "1"),
-                    kind=kind,
-                    _FillValue=np.float64(nan),
-                )
+        written = {name: table.points[:, i] for i, name in enumerate(plan.factors)}
+        for name, values in (written | _outputs(table)).items():
+            dimensions: tuple[str, ...] = ("row", "position")
+            if name in plan.curves:
+                dimensions = (*dimensions, _put_axis(file, name, plan.curves[name]))
+            grid = np.full((*shape, *values.shape[1:]), nan)
+            grid[table.rows, table.positions] = values
+            _put(
+                file,
+                name,
+                grid,
+                dimensions,
+                long_name=name.replace("_", " "),
+                units=units.get(name, "1"),
+                kind="factor" if name in plan.factors else "output",
+                _FillValue=np.float64(nan),
+            )
         _put(
             file,
             "outcome",
@@ -74,6 +75,34 @@ def write_netcdf(
         file.study = json.dumps(study, sort_keys=True).encode()
     finally:
         file.close()
+
+
+def _outputs(table: Table) -> dict[str, NDArray[np.float64]]:
+    """Return the values of outputs by name, shape (lines,), or (lines, points) of a curve."""
+    place = {column: o for o, column in enumerate(table.plan.outputs)}
+    curves = table.plan.curves
+    found = {}
+    for name in names_of(table.plan.outputs, curves):
+        if name in curves:
+            found[name] = table.values[:, [place[p] for p in columns(name, curves[name].points)]]
+        else:
+            found[name] = table.values[:, place[name]]
+    return found
+
+
+def _put_axis(file: Any, name: str, curve: Curve) -> str:
+    """Write the axis of a curve and return the name of its dimension."""
+    dimension = f"{name}_axis"
+    file.createDimension(dimension, curve.points)
+    _put(
+        file,
+        dimension,
+        np.array(curve.axis()),
+        (dimension,),
+        long_name=curve.over.replace("_", " "),
+        units=curve.unit,
+    )
+    return dimension
 
 
 def _put(

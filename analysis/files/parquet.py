@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from analysis.files.results_csv import columns
+from analysis.sensitivity.records import curves_of
+from models.curves import columns_of
 
 if TYPE_CHECKING:
     import pyarrow
@@ -33,7 +35,7 @@ def parquet(
     """Yield a Parquet file piece by piece; memory does not grow with the number of lines.
 
     Columns are `row`, `position`, the factors, `outcome`, the outputs, `wall_seconds` and `worker`;
-    an output of a failed run is null.
+    an output of a failed run is null. A curve is one column of lists.
 
     Args:
         study: as `GET /v1/studies/{id}` describes it; goes into the file's metadata.
@@ -54,11 +56,12 @@ def parquet(
     ) as writer:
         remaining = iter(lines)
         while group := list(islice(remaining, GROUP)):
-            columns = [
-                pa.array(column, field.type)
-                for column, field in zip(zip(*group, strict=True), schema, strict=True)
-            ]
-            writer.write_table(pa.Table.from_arrays(columns, schema=schema))
+            columns = zip(*group, strict=True)
+            writer.write_table(
+                pa.Table.from_arrays(
+                    [_array(field.type, columns) for field in schema], schema=schema
+                )
+            )
             yield pieces.take()
     yield pieces.take()
 
@@ -77,8 +80,20 @@ def write_parquet(
             file.write(piece)
 
 
+def _array(kind: pyarrow.DataType, columns: Iterator[Sequence[Any]]) -> pyarrow.Array:
+    """Return the next column, or the next ones as lists, which a failed run has none of."""
+    import pyarrow as pa
+
+    if not pa.types.is_fixed_size_list(kind):
+        return pa.array(next(columns), kind)
+    points = zip(*(next(columns) for _ in range(kind.list_size)), strict=True)
+    return pa.array([None if point[0] is None else list(point) for point in points], kind)
+
+
 def _columns(study: Mapping[str, Any]) -> list[str]:
-    return columns((factor["name"] for factor in study["factors"]), study["outputs"])
+    """Return the columns of the study's `results.csv`."""
+    outputs = columns_of(study["outputs"], curves_of(study))
+    return columns((factor["name"] for factor in study["factors"]), outputs)
 
 
 def _lines(study: Mapping[str, Any], results: Path) -> Iterator[Line]:
@@ -105,13 +120,15 @@ def _schema(study: Mapping[str, Any], units: Mapping[str, str]) -> pyarrow.Schem
 
     text = pa.dictionary(pa.int32(), pa.string())
     kinds = {"row": pa.int64(), "position": pa.int32(), "outcome": text, "worker": text}
+    for name, curve in curves_of(study).items():
+        kinds[name] = pa.list_(pa.float64(), curve.points)
     fields = [
         pa.field(
             name,
             kinds.get(name, pa.float64()),
             metadata={"unit": units[name]} if name in units else None,
         )
-        for name in _columns(study)
+        for name in columns((factor["name"] for factor in study["factors"]), study["outputs"])
     ]
     return pa.schema(fields, metadata={STUDY_KEY: json.dumps(study, sort_keys=True).encode()})
 

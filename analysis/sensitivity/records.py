@@ -5,9 +5,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from analysis.designs.distributions import Distribution, Scale, scales
+from models.curves import Curve, columns_of
 
 #: An output of larger magnitude is no result: its square has no exact sum.
 LARGEST_OUTPUT = 1e100
+
+
+#: What is said of a curve as of any output, beside its generalised indices.
+_OF_WHOLE = ("trust", "ranking", "screening")
 
 
 class NoSuchStudyError(LookupError):
@@ -28,7 +33,10 @@ class StudyPlan:
     rows: int
     #: The sampled factors, in the order of the design's columns.
     factors: tuple[str, ...]
+    #: Of a curve, every point.
     outputs: tuple[str, ...]
+    #: The outputs that are curves, by name.
+    curves: Mapping[str, Curve] = field(default_factory=dict)
     #: Width of every factor's distribution, in its unit: what turns an effect per range into one
     #: per unit. No index depends on it.
     scales: Mapping[str, Scale] = field(default_factory=dict)
@@ -36,6 +44,7 @@ class StudyPlan:
 
 def plan_of(study: Mapping[str, Any]) -> StudyPlan:
     """Return what a study set out to do, from what `GET /v1/studies/{id}` says of it."""
+    curves = curves_of(study)
     return StudyPlan(
         id=study["id"],
         method=study["method"],
@@ -43,7 +52,8 @@ def plan_of(study: Mapping[str, Any]) -> StudyPlan:
         sampling=study["sampling"],
         rows=study["rows"],
         factors=tuple(factor["name"] for factor in study["factors"]),
-        outputs=tuple(study["outputs"]),
+        outputs=columns_of(study["outputs"], curves),
+        curves=curves,
         scales=scales(
             {
                 factor["name"]: Distribution.from_json(factor["distribution"])
@@ -53,10 +63,23 @@ def plan_of(study: Mapping[str, Any]) -> StudyPlan:
     )
 
 
+def curves_of(study: Mapping[str, Any]) -> dict[str, Curve]:
+    """Return the curves among a study's outputs, from what `GET /v1/studies/{id}` says of it."""
+    # Studies of before there were any have no entry.
+    return {name: Curve.from_json(said) for name, said in study.get("curves", {}).items()}
+
+
 def output_of(snapshot: Mapping[str, Any], output: str) -> Mapping[str, Any]:
-    """Return what a snapshot says of an output; ValueError if the study has none of that name."""
+    """Return what a snapshot says of an output; ValueError if the study has none of that name.
+
+    Of a curve, what it says of the whole.
+    """
+    curves = snapshot.get("curves", {})
+    if output in curves:
+        said = curves[output]
+        return {**said["whole"], **{name: said[name] for name in _OF_WHOLE}}
     if output not in snapshot["outputs"]:
-        known = ", ".join(snapshot["outputs"])
+        known = ", ".join((*snapshot["outputs"], *curves))
         raise ValueError(f"the study has no output {output!r}: it has {known}")
     found: Mapping[str, Any] = snapshot["outputs"][output]
     return found

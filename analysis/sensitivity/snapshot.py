@@ -4,6 +4,7 @@
      "evaluations": {outcome: number},
      "outputs": {output: OUTPUT},
      "sampling",
+     "curves": {output: CURVE},
      "failure": {"failed", "runs", "depends_on_factors", "caused_by": [factor],
                  "goes_with": [output], "detectable", "sentence",
                  **OUTPUT}}
@@ -23,6 +24,9 @@
              "convergence": {"rows": [number],
                              "factors": {factor: {index: {"value": [], "low": [], "high": []}}},
                              "second_order": [{"factors": [factor, factor], "value": [], ...}]}}
+
+"curves", if the study has any, are described in `analysis.sensitivity.curves.findings`; their
+points are no "outputs".
 
 Indices are "mu", "mu_star" and "sigma" (method morris, in the output's unit per whole range of the
 factor, so that factors can be compared; under "per_unit" the same per unit of the factor, divided
@@ -48,10 +52,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from itertools import combinations
 from math import isfinite
+from types import MappingProxyType
 from typing import Any
 
 from analysis.designs import family
 from analysis.sensitivity.convergence import GrowingEstimator, Point
+from analysis.sensitivity.curves.estimator import CurveEstimator
+from analysis.sensitivity.curves.findings import findings
+from analysis.sensitivity.curves.points import looked_at
 from analysis.sensitivity.estimators import (
     OF_PAIRS,
     Estimate,
@@ -65,6 +73,7 @@ from analysis.sensitivity.records import StudyPlan
 from analysis.sensitivity.screening import influence
 from analysis.sensitivity.trust import judge as judge_trust
 from analysis.sensitivity.worst_case import worst_case
+from models.curves import columns_of
 
 #: Of the confidence intervals (paper, figure 10).
 LEVEL = 0.9
@@ -78,6 +87,7 @@ def take_snapshot(
     cursor: int,
     rows_complete: int,
     evaluations: Mapping[str, int],
+    curves: Mapping[str, CurveEstimator] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Return the snapshot of a study (module docstring).
 
@@ -88,10 +98,17 @@ def take_snapshot(
         cursor: sequence number of the last result taken in.
         rows_complete: rows of which every result is in.
         evaluations: number of results by outcome.
+        curves: what was made of the rows of each curve.
     """
     failed = sum(evaluations.values()) > evaluations.get("ok", 0)
     found = _Findings(plan, estimator, series, failed=failed)
-    shown = [found.output(o) for o in range(len(plan.outputs) + 1)]
+    names = scalars(plan)
+    shown = [found.output(o) for o in range(len(names) + 1)]
+    used = [estimator.rows_used, *(curve.points.rows_used for curve in curves.values())]
+    along = {
+        name: findings(name, plan.curves[name], curve, plan.factors, LEVEL)
+        for name, curve in curves.items()
+    }
     return {
         "study": plan.id,
         "method": plan.method,
@@ -99,10 +116,11 @@ def take_snapshot(
         "cursor": cursor,
         "rows": plan.rows,
         "rows_complete": rows_complete,
-        "rows_used": estimator.rows_used,
+        "rows_used": max(used),
         "level": LEVEL,
         "evaluations": dict(sorted(evaluations.items())),
-        "outputs": dict(zip(plan.outputs, shown, strict=False)),
+        "outputs": dict(zip(names, shown, strict=False)),
+        **({"curves": along} if along else {}),
         "sampling": plan.sampling,
         "failure": _failure(plan, estimator, found.statistics, evaluations) | shown[-1],
     }
@@ -110,19 +128,48 @@ def take_snapshot(
 
 def empty_snapshot(plan: StudyPlan) -> dict[str, Any]:
     """Return the snapshot of a study that has no result yet."""
-    return take_snapshot(plan, new_estimator(plan), [], cursor=0, rows_complete=0, evaluations={})
+    return take_snapshot(
+        plan,
+        new_estimator(plan),
+        [],
+        cursor=0,
+        rows_complete=0,
+        evaluations={},
+        curves=new_curves(plan),
+    )
+
+
+def scalars(plan: StudyPlan) -> tuple[str, ...]:
+    """Return the outputs that are no points of curves."""
+    inside = set(columns_of(plan.curves, plan.curves))
+    return tuple(output for output in plan.outputs if output not in inside)
+
+
+def new_curves(plan: StudyPlan) -> dict[str, CurveEstimator]:
+    """Return the estimators of a study's curves without results, by name."""
+    factors = len(plan.factors)
+    return {
+        name: CurveEstimator(
+            method=plan.method,
+            sampling=plan.sampling,
+            seed=plan.seed,
+            factors=factors,
+            points=len(looked_at(curve.points, factors)),
+        )
+        for name, curve in plan.curves.items()
+    }
 
 
 def new_estimator(plan: StudyPlan) -> Estimator:
     """Return the estimator of a study without results; ValueError if its method is unknown.
 
-    Its outputs are the study's and, last, the indicator of failure.
+    Its outputs are the study's without its curves and, last, the indicator of failure.
     """
     return estimator_class(plan.method)(
         sampling=plan.sampling,
         seed=plan.seed,
         factors=len(plan.factors),
-        outputs=len(plan.outputs) + 1,
+        outputs=len(scalars(plan)) + 1,
         indicators=1,
     )
 
@@ -140,7 +187,7 @@ class _Findings:
     ) -> None:
         self.statistics = estimator.statistics()
         self._estimator = estimator
-        self._plan, self._series = plan, series
+        self._plan, self._series, self._names = plan, series, scalars(plan)
         self._indices = {name: found.estimate(LEVEL) for name, found in self.statistics.items()}
         self._worst = worst_case(estimator, self.statistics, LEVEL) if failed else None
         self._compared = estimator.compared(LEVEL)
@@ -159,7 +206,7 @@ class _Findings:
         by = RANKED_BY[family(plan.method)]
         ranking = rank(self.statistics[by].weighted[:, o], plan.factors)
         unknown = dict.fromkeys(field.name for field in fields(Ranking))
-        name = plan.outputs[o] if o < len(plan.outputs) else "failure"
+        name = self._names[o] if o < len(self._names) else "failure"
         trust = judge_trust(self._estimator, self.statistics, o, name)
         return {
             "mean": _number(self._moments.mean[o]),
@@ -211,7 +258,7 @@ class _Findings:
         if total is not None and total.tail is not None:
             found["rests_on"] = _number(total.tail.rows[at])
         # Of every run it is known whether it failed.
-        worst = self._worst if at[0] < len(self._plan.outputs) else None
+        worst = self._worst if at[0] < len(self._names) else None
         found["worst_case"] = worst and {name: _interval(worst[name], at) for name in worst}
         for who, compared in self._compared.items():
             found[who] = {name: _interval(index, at) for name, index in compared.items()}
@@ -236,9 +283,9 @@ def _failure(
 ) -> dict[str, Any]:
     runs = sum(evaluations.values())
     failed = runs - evaluations.get("ok", 0)
-    column = len(plan.outputs)
+    names = scalars(plan)
     verdict = judge(
-        estimator, statistics, column, plan.factors, plan.outputs, failed=failed, runs=runs
+        estimator, statistics, len(names), plan.factors, names, failed=failed, runs=runs
     )
     return {"failed": failed, "runs": runs, **_plain(verdict)}
 

@@ -143,7 +143,7 @@ def next_step(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step | None
     if advice is None:
         why = f"After {rows:,} rows {goal.output} has no intervals: see why its runs failed."
         return Step(rows=None, reached=False, sentence=why)
-    trust = snapshot["outputs"][goal.output].get("trust", {})
+    trust = output_of(snapshot, goal.output).get("trust", {})
     doubt = _doubt(trust, rows)
     if advice.more_rows == 0 and not doubt:
         seen = trust.get("unseen")

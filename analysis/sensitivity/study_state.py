@@ -14,9 +14,15 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.sensitivity.curves.points import looked_at
 from analysis.sensitivity.estimators import Estimator
 from analysis.sensitivity.records import LARGEST_OUTPUT, LoggedResult, StudyPlan
-from analysis.sensitivity.snapshot import new_growing_estimator, take_snapshot
+from analysis.sensitivity.snapshot import (
+    new_curves,
+    new_growing_estimator,
+    scalars,
+    take_snapshot,
+)
 
 #: Changes whenever the meaning of the bytes does.
 FORMAT = 5
@@ -45,6 +51,16 @@ class StudyState:
         self.cursor = 0
         self.evaluations: Counter[str] = Counter()
         self._estimator = new_growing_estimator(plan)
+        self._curves = new_curves(plan)
+        #: Columns of `_partial` for the estimator, and for each curve those that are looked at.
+        inside = {name: plan.outputs.index(f"{name}[0]") for name in plan.curves}
+        self._at = {
+            name: inside[name] + looked_at(plan.curves[name].points, len(plan.factors))
+            for name in inside
+        }
+        own = set(scalars(plan))
+        self._own = [o for o, name in enumerate(plan.outputs) if name in own]
+        self._own.append(len(plan.outputs))
         #: Values (width, outputs + 1) of incomplete rows; inf where no result came yet, nan where
         #: the run failed. The last column is 1 for a failed run and 0 for any other.
         self._partial: dict[int, NDArray[np.float64]] = {}
@@ -85,6 +101,7 @@ class StudyState:
             cursor=self.cursor,
             rows_complete=int(self._complete.sum()),
             evaluations=self.evaluations,
+            curves=self._curves,
         )
 
     def estimator(self) -> Estimator:
@@ -94,6 +111,9 @@ class StudyState:
     def to_bytes(self) -> bytes:
         """Return the state as a compressed NPZ file without pickles."""
         rows = sorted(self._partial)
+        curves: dict[str, Any] = {
+            f"curve_{name}": _bytes(curve.to_bytes()) for name, curve in self._curves.items()
+        }
         buffer = io.BytesIO()
         np.savez(
             buffer,
@@ -105,6 +125,7 @@ class StudyState:
             partial_rows=np.array(rows, dtype=np.int64),
             partial_values=np.array([self._partial[row] for row in rows], dtype=np.float64),
             estimator=_bytes(self._estimator.to_bytes()),
+            **curves,
         )
         # The fastest level already shrinks it to a third.
         return zlib.compress(buffer.getvalue(), level=1)
@@ -131,13 +152,17 @@ class StudyState:
                 for row, values in zip(saved["partial_rows"], saved["partial_values"], strict=True)
             }
             state._estimator.load_bytes(saved["estimator"].tobytes())
+            for name, curve in state._curves.items():
+                curve.load_bytes(saved[f"curve_{name}"].tobytes())
         return state
 
     def _add(self, rows: list[int]) -> None:
         """Hand complete rows over to the estimator."""
         if rows:
             values = np.stack([self._partial.pop(row) for row in rows])
-            self._estimator.add_rows(rows, values)
+            self._estimator.add_rows(rows, values[:, :, self._own])
+            for name, curve in self._curves.items():
+                curve.add_rows(rows, values[:, :, self._at[name]])
 
     def _place(self, result: LoggedResult) -> str | None:
         """Put a result in its row and return how it counts; None if its place is taken."""
@@ -165,7 +190,8 @@ class StudyState:
 
 def _identity(plan: StudyPlan) -> list[Any]:
     """Return what a state depends on, as JSON; not the number of rows, which may grow."""
-    return [plan.id, plan.method, plan.seed, plan.sampling, list(plan.factors), list(plan.outputs)]
+    about = [plan.id, plan.method, plan.seed, plan.sampling, list(plan.factors), list(plan.outputs)]
+    return [*about, list(plan.curves)] if plan.curves else about
 
 
 def _bytes(data: bytes) -> NDArray[np.uint8]:

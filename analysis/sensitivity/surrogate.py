@@ -20,6 +20,7 @@ from scipy.stats import sobol_indices, uniform
 
 from analysis.designs import family, unit_row
 from analysis.sensitivity.table import Table
+from models.curves import names_of
 
 #: Runs a fit uses at most: its cost grows with their cube, 400 take some seconds.
 MOST_RUNS = 400
@@ -112,7 +113,8 @@ def answer(table: Table, output: str) -> Answer:
     """
     plan = table.plan
     if output not in plan.outputs:
-        raise ValueError(f"the study has no output {output!r}: it has {', '.join(plan.outputs)}")
+        known = ", ".join(names_of(plan.outputs, plan.curves))
+        raise ValueError(f"the study has no output {output!r}: it has {known}")
     values = table.values[:, plan.outputs.index(output)]
     lines = _lines(table, np.isfinite(values))
     wanted = FEWEST_PER_FACTOR * len(plan.factors)

@@ -301,7 +301,7 @@ def _runs(
         name = f"row {row}, position {position}"
         try:
             asked = point(plan, row, parameters(plan, row)[position])
-            done = evaluate({"model": plan.model, **asked})
+            done = evaluate({"model": plan.model, "curves": plan.curves, **asked})
         except ValueError as error:
             return False, f"{name} cannot be computed: {error}"
         if done.outcome != table.outcomes[i]:

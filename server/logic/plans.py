@@ -9,6 +9,7 @@ from typing import Any
 from analysis.designs import METHODS, fewest_factors, instance_parameters, samplings
 from analysis.designs.distributions import Distribution, scales
 from analysis.sensitivity.records import StudyPlan
+from models.curves import columns_of
 from models.description import Description
 from models.factors import SEED, Factor, no_factor
 from server.errors import InvalidStudyError
@@ -72,6 +73,7 @@ def for_analysis(study: Study) -> StudyPlan:
         rows=study.plan.rows,
         factors=tuple(study.plan.distributions),
         outputs=study.plan.outputs,
+        curves=study.plan.curves,
         scales=scales(study.plan.distributions),
     )
 
@@ -115,6 +117,7 @@ def draw_up(
         # Its noise is there whatever is sampled.
         factors = [*factors, FactorChoice(name=SEED.name)]
     sampled = _sampled(model, factors, numbers)
+    kept = _outputs(model, outputs)
     if len(sampled) < fewest_factors(method):
         raise InvalidStudyError(
             "/factors", f"{method} looks at pairs: it needs two factors or more"
@@ -132,7 +135,8 @@ def draw_up(
             for factor in model.sources
             if factor.name not in sampled
         },
-        outputs=_outputs(model, outputs),
+        outputs=columns_of(kept, model.curves),
+        curves={name: curve for name, curve in model.curves.items() if name in kept},
     )
 
 
@@ -283,13 +287,25 @@ def _distribution(factor: Factor, choice: FactorChoice, pointer: str) -> Distrib
 
 
 def _outputs(model: Description, wanted: Sequence[str] | None) -> tuple[str, ...]:
-    """Return the outputs to keep, in the model's order."""
+    """Return the outputs to keep, in the model's order; a curve is one, and so is a point of it."""
     if wanted is None:
-        return model.outputs
+        return tuple(output.name for output in model.results if not output.optional)
     if not wanted:
         raise InvalidStudyError("/outputs", "a study must keep at least one output")
+    names = [output.name for output in model.results]
+    points = {
+        column: output.name
+        for output in model.results
+        if output.curve is not None and not output.optional
+        for column in output.columns
+    }
     for i, output in enumerate(wanted):
-        _known(f"/outputs/{i}", f"output of {model.name}", output, model.outputs)
+        if output not in points:
+            _known(f"/outputs/{i}", f"output of {model.name}", output, names)
         if output in wanted[:i]:
             raise InvalidStudyError(f"/outputs/{i}", f"{output} is listed twice")
-    return tuple(output for output in model.outputs if output in wanted)
+        if points.get(output) in wanted:
+            raise InvalidStudyError(
+                f"/outputs/{i}", f"{output} is a point of {points[output]}, which is kept whole"
+            )
+    return tuple(output for output in (*names, *points) if output in wanted)

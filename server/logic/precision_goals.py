@@ -6,6 +6,7 @@ from math import inf
 from typing import Any
 
 from analysis.sensitivity.stopping import next_step
+from models.curves import names_of
 from server.errors import InvalidStudyError
 from server.logic.plans import MAX_ROWS
 from server.logic.studies import extended
@@ -33,9 +34,10 @@ def precision_goal(
     Raises:
         InvalidStudyError: with a pointer to what is wrong and a sentence saying what is right.
     """
-    output = plan.outputs[0] if output is None else output
-    if output not in plan.outputs:
-        known = ", ".join(plan.outputs)
+    names = names_of(plan.outputs, plan.curves)
+    output = names[0] if output is None else output
+    if output not in names:
+        known = ", ".join(names)
         raise InvalidStudyError(
             f"{pointer}/output", f"the study has no output {output!r}: it has {known}"
         )

@@ -2,10 +2,12 @@
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from analysis.json_values import is_finite_number
 from analysis.sensitivity.records import LARGEST_OUTPUT
+from models.curves import Curve, CurveError, unfolded
 from server.logic.instances import BUDGETS, RESERVED, RETRIED, after_attempt, settled
 from server.logic.json_values import cut, flaw_in
 from server.records import Instance, Lease, Place, Result, record
@@ -16,6 +18,7 @@ REASON_LENGTH = 4000
 #: Levels of nesting a state may have.
 STATE_DEPTH = 32
 
+_NONE: Mapping[str, Curve] = MappingProxyType({})
 _OUTCOME = re.compile(r"[a-z_]{1,40}")
 
 # Looked up once: in Python 3.11 a member of an enum takes as long as a call.
@@ -65,7 +68,7 @@ def judge_all(
         places: of the instances that the lease was given.
         instances: those that are named, as they stand.
         stored: the final results of those that are done.
-        known: lease, outputs and at_work as in `judge`.
+        known: lease, outputs, curves and at_work as in `judge`.
     """
     instances, stored = dict(instances), dict(stored)
     judgements = []
@@ -87,6 +90,7 @@ def judge(
     stored: Result | None,
     lease: Lease,
     outputs: Sequence[str],
+    curves: Mapping[str, Curve] = _NONE,
     at_work: Callable[[], Collection[str]] = tuple,
 ) -> Judgement:
     """Judge one report on an instance.
@@ -94,7 +98,8 @@ def judge(
     Args:
         instance: where the instance stands; None if the lease never held it.
         stored: its final result; None unless it is done.
-        outputs: the outputs an "ok" result must carry.
+        outputs: the outputs an "ok" result must carry; of a curve, every point.
+        curves: those that it must carry as lists, by name.
         at_work: returns the hosts of the lease's class that work on the study now.
     """
 
@@ -104,7 +109,7 @@ def judge(
     if instance is None:
         return say(Verdict.UNKNOWN, "the lease never held this instance")
     held = instance.state == _LEASED and instance.lease == lease.id
-    fault = fault_in(report, outputs)
+    fault = fault_in(report, outputs, curves)
     if fault is not None:
         if not held:
             return say(Verdict.INVALID, fault)
@@ -113,7 +118,7 @@ def judge(
             instance, cause=Outcome.INVALID, reason=fault, host=lease.host, at_work=at_work()
         )
         return say(Verdict.INVALID, fault, instance=counted, result=final)
-    result = as_result(report, instance.row, instance.position, outputs)
+    result = as_result(report, instance.row, instance.position, outputs, curves)
     if result.outcome in RETRIED and not held:
         return say(Verdict.DUPLICATE, "this attempt no longer counts")
     if stored is not None:
@@ -145,7 +150,9 @@ def judge(
     )
 
 
-def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
+def fault_in(
+    report: Report, outputs: Sequence[str], curves: Mapping[str, Curve] = _NONE
+) -> str | None:
     """Say in a sentence what is wrong with a report; None if it can be taken.
 
     The outputs of a failure are ignored: they are not numbers anybody may use.
@@ -163,6 +170,14 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
     if not ok:
         return None
     given = report.outputs or {}
+    if curves:
+        for name in curves:
+            if name not in given:
+                return f"output {name} is missing"
+        try:
+            given = unfolded(given, curves)
+        except CurveError as error:
+            return str(error)
     for name in outputs:
         if name not in given:
             return f"output {name} is missing"
@@ -173,10 +188,18 @@ def fault_in(report: Report, outputs: Sequence[str]) -> str | None:
     return None
 
 
-def as_result(report: Report, row: int, position: int, outputs: Sequence[str]) -> Result:
+def as_result(
+    report: Report,
+    row: int,
+    position: int,
+    outputs: Sequence[str],
+    curves: Mapping[str, Curve] = _NONE,
+) -> Result:
     """Return a faultless report as a result of the instance at `row` and `position`."""
     ok = report.outcome == _OK
     wall, given = report.wall_seconds, report.outputs or {}
+    if ok and curves:
+        given = unfolded(given, curves)
     return Result(
         row=row,
         position=position,

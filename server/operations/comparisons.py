@@ -74,12 +74,12 @@ def judge(
             verdict, detail = Verdict.UNKNOWN, "the lease does not hold this instance"
         elif report.instance not in open_ones:
             verdict, detail = Verdict.DUPLICATE, ""
-        elif (fault := fault_in(report, study.plan.outputs)) is not None:
+        elif (fault := fault_in(report, study.plan.outputs, study.plan.curves)) is not None:
             verdict, detail = Verdict.INVALID, fault
             comparisons.save(connection, put_back(one))
         else:
             verdict, detail = Verdict.ACCEPTED, "a second opinion"
-            second = as_result(report, one.row, one.position, study.plan.outputs)
+            second = as_result(report, one.row, one.position, study.plan.outputs, study.plan.curves)
             first = stored.get((one.row, one.position))
             if first is None or not is_comparable(second):
                 after = put_back(one)

@@ -121,6 +121,7 @@ def _file(
         stored=results.at(connection, study.id, done),
         lease=lease,
         outputs=study.plan.outputs,
+        curves=study.plan.curves,
         at_work=at_work,
     )
     final = [j.result for j in judgements if j.result is not None]

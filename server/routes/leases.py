@@ -173,6 +173,8 @@ def _instances(grant: Grant) -> list[dict[str, Any]]:
     """Return the leased instances with their parameters, which no table holds."""
     plan = grant.study.plan
     rows = {row: parameters(plan, row) for row in {row for row, _ in grant.lease.instances}}
+    # What a worker gives as lists, and what it leaves out unless it is asked.
+    curves = {"curves": {name: c.as_json() for name, c in plan.curves.items()}}
     return [
         {
             "id": instance_id(grant.study.id, row, position),
@@ -181,6 +183,7 @@ def _instances(grant: Grant) -> list[dict[str, Any]]:
             "row": row,
             "position": position,
             **point(plan, row, rows[row][position]),
+            **(curves if plan.curves else {}),
         }
         for row, position in grant.lease.instances
     ]

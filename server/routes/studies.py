@@ -10,6 +10,7 @@ from sqlalchemy.engine import Engine
 
 from analysis.designs import DEFAULT_SAMPLING
 from analysis.json_values import is_finite_number
+from models.curves import names_of
 from server.logic.plans import FactorChoice, draw_up, refuse_dependence, refuse_outside_range
 from server.logic.precision_goals import precision_goal
 from server.logic.precision_goals import shown as goal_shown
@@ -227,7 +228,9 @@ def delete(study_id: Id, store: Store) -> None:
 def _show(store: Engine, study: Study) -> dict[str, Any]:
     """Return a study with its goal, and the units of its factors and outputs."""
     model = models.get(store, study.plan.model).description
-    outputs = {name: unit for name, unit in model.units.items() if name in study.plan.outputs}
+    kept = set(shown(study, None)["outputs"])
+    outputs = {output.name: output.unit for output in model.results if output.name in kept}
+    outputs |= {name: unit for name, unit in model.units.items() if name in kept}
     units = {source.name: source.unit for source in model.sources} | outputs
     return {**shown(study, precision_goals.of(store, study.id)), "units": units}
 
@@ -248,7 +251,8 @@ def shown(study: Study, goal: PrecisionGoal | None) -> dict[str, Any]:
             for name, distribution in plan.distributions.items()
         ],
         "fixed": dict(plan.fixed),
-        "outputs": list(plan.outputs),
+        "outputs": names_of(plan.outputs, plan.curves),
+        "curves": {name: curve.as_json() for name, curve in plan.curves.items()},
         "state": study.state,
         "instances": plan.instances,
         "created_at": study.created_at,

@@ -7,6 +7,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection
 
+from models.curves import packed
 from server.records import Place, Result
 from server.store.database.prepared import Rows, as_text
 from server.store.database.schema import conflicts, results
@@ -39,7 +40,7 @@ def append(
                 result.row,
                 result.position,
                 result.outcome,
-                None if result.outputs is None else as_text(result.outputs),
+                None if result.outputs is None else as_text(packed(result.outputs)),
                 result.reason,
                 None if result.state is None else as_text(result.state),
                 result.wall_seconds,

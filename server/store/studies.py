@@ -12,6 +12,7 @@ from pydantic_core import from_json
 from sqlalchemy.engine import Connection
 
 from analysis.designs.distributions import Distribution
+from models.curves import Curve
 from server.errors import NotFoundError
 from server.records import Plan, Study
 from server.states import StudyState
@@ -71,6 +72,7 @@ def add(connection: Connection, study: Study, *, key: str | None, digest: str) -
         **{name: getattr(plan, name) for name in _OF_PLAN},
         **{name: getattr(study, name) for name in _OWN},
         # A list, because the order of the factors is the order of the design's columns.
+        "curves": {name: curve.as_json() for name, curve in plan.curves.items()},
         "distributions": [[name, d.to_json()] for name, d in plan.distributions.items()],
         "instances": plan.instances,
         "idempotency_key": key,
@@ -185,4 +187,6 @@ def _plan(*row: Any) -> Plan:
     plan["distributions"] = {name: Distribution.from_json(d) for name, d in distributions}
     plan["fixed"] = json.loads(plan["fixed"])
     plan["outputs"] = tuple(json.loads(plan["outputs"]))
+    curves = json.loads(plan["curves"])
+    plan["curves"] = {name: Curve.from_json(curve) for name, curve in curves.items()}
     return Plan(**plan)

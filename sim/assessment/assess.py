@@ -4,7 +4,7 @@
 named outcome with the state it happened in, never a number.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import degrees
@@ -13,6 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from models.curves import columns
 from sim.assessment.estimation import Fit, IllConditionedError, estimate_forms, truth_in_parts
 from sim.assessment.impedance import bone_length, local_impedance
 from sim.assessment.nominal import nominal_model
@@ -21,6 +22,7 @@ from sim.assessment.record import Record
 from sim.assessment.skin import on_skin
 from sim.assessment.validity import FailedError, Failure, check_outcome
 from sim.parameters.conditions import split
+from sim.parameters.curves import OVER_PHASE
 from sim.parameters.fidelity import CAMPAIGN, Fidelity, fidelity_of
 from sim.parameters.target import ELBOW_TARGET, TARGETS
 from sim.robot.control import CONTROLLERS
@@ -61,6 +63,7 @@ def assess(
     target: str = ELBOW_TARGET.name,
     device: str = NESM.name,
     watch: Watch | None = None,
+    curves: Collection[str] = (),
 ) -> Assessment:
     """Assess one joint of one wearer.
 
@@ -73,11 +76,14 @@ def assess(
         device: one of `sim.robot.device.DEVICES`, or the path of an MJCF file
             (`docs/use/devices.md`).
         watch: sees every step, for a film (`sim.pictures.film`).
+        curves: which of `sim.parameters.curves.OVER_PHASE` to give, too, point by point.
 
     Raises:
-        ValueError: a factor, controller, fidelity, target or device is unknown, a value means
-            nothing, or the device cannot assess the target.
+        ValueError: a factor, controller, fidelity, target, device or curve is unknown, a value
+            means nothing, or the device cannot assess the target.
     """
+    if unknown := set(curves) - set(OVER_PHASE):
+        raise ValueError(f"unknown curve {min(unknown)!r}: expected one of {', '.join(OVER_PHASE)}")
     if controller not in CONTROLLERS:
         raise ValueError(
             f"unknown controller {controller!r}: expected one of {', '.join(CONTROLLERS)}"
@@ -96,7 +102,7 @@ def assess(
         with _watched(system, watch):
             record = run_protocol(system, data)
         outputs = _evaluate(record, diagnostics)
-        outputs |= _local(system, record) | _bones(system)
+        outputs |= _local(system, record) | _bones(system) | _over_phase(record, curves)
         if system.fidelity.contact:
             outputs |= on_skin(record.loads, system.fidelity.step)
     except FailedError as failed:
@@ -208,6 +214,25 @@ def _local(system: System, record: Record) -> dict[str, float]:
         for quantity, values in zip(("stiffness", "damping"), found, strict=True)
         for place, value in zip(PLACES, values, strict=True)
     }
+
+
+def _over_phase(record: Record, wanted: Collection[str]) -> dict[str, float]:
+    """Return curves over the movement's phase, the share of its time that has passed."""
+    found: dict[str, float] = {}
+    for name, curve in OVER_PHASE.items():
+        if name in wanted:
+            points = record.over_phase(_CURVES[name](record), curve.points)
+            found |= zip(columns(name, curve.points), points.tolist(), strict=True)
+    return found
+
+
+_CURVES: Mapping[str, Callable[[Record], np.ndarray]] = {
+    "torque_over_phase": lambda record: inferred_torques(record)[0],
+    "angle_error_over_phase": lambda record: (
+        record.theta[:, record.exo_joint] - record.q[:, record.joint]
+    ),
+    "contact_force_over_phase": lambda record: record.loads.contact_force.max(axis=-1),
+}
 
 
 def _bones(system: System) -> dict[str, float]:

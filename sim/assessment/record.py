@@ -47,6 +47,12 @@ class Record:
         travelled: np.ndarray = (q - q[0]) / (q[-1] - q[0])
         return np.array([int(np.argmax(travelled >= share)) for share in shares])
 
+    def over_phase(self, values: np.ndarray, points: int) -> np.ndarray:
+        """Return values (n,) at evenly spaced times from the first step to the last."""
+        at = np.linspace(self.time[0], self.time[-1], points)
+        curve: np.ndarray = np.interp(at, self.time, values)
+        return curve
+
     @property
     def human_torque(self) -> np.ndarray:
         """What muscles, stop and spring do about the human joint together, shape (n,)."""

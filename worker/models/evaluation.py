@@ -43,7 +43,7 @@ def evaluate(instance: Mapping[str, Any]) -> Evaluation:
     if place is None:
         from sim.evaluation import evaluate as evaluate_ours
 
-        return evaluate_ours(instance["model"], instance["parameters"])
+        return evaluate_ours(instance["model"], instance["parameters"], instance.get("curves", ()))
     if place not in _LOADED:
         _LOADED[place] = evaluator(place)
     started = time.perf_counter()

@@ -7,7 +7,24 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from models.curves import packed, unpacked
+
 metadata = sa.MetaData()
+
+
+class Outputs(sa.types.TypeDecorator[Any]):
+    """Outputs as JSON, the points of each curve as one text (`models.curves.packed`)."""
+
+    impl = sa.JSON(none_as_null=True)
+    cache_ok = True
+
+    def process_bind_param(self, value: Any, dialect: sa.Dialect) -> Any:
+        """Return what is stored."""
+        return None if value is None else packed(value)
+
+    def process_result_value(self, value: Any, dialect: sa.Dialect) -> Any:
+        """Return what was given."""
+        return None if value is None else unpacked(value)
 
 
 def _reported() -> list[sa.Column[Any]]:
@@ -18,7 +35,7 @@ def _reported() -> list[sa.Column[Any]]:
         sa.Column("row", sa.BigInteger, nullable=False),
         sa.Column("position", sa.Integer, nullable=False),
         sa.Column("outcome", sa.String(40), nullable=False),
-        sa.Column("outputs", sa.JSON(none_as_null=True)),
+        sa.Column("outputs", Outputs),
         sa.Column("reason", sa.Text, nullable=False),
         sa.Column("worker_id", sa.ForeignKey("workers.id"), nullable=False),
         sa.Column("received_at", sa.Double, nullable=False),
@@ -40,6 +57,7 @@ studies = sa.Table(
     sa.Column("distributions", sa.JSON, nullable=False),
     sa.Column("fixed", sa.JSON, nullable=False),
     sa.Column("outputs", sa.JSON, nullable=False),
+    sa.Column("curves", sa.JSON, nullable=False, server_default="{}"),
     sa.Column("state", sa.String(16), nullable=False),
     sa.Column("created_at", sa.Double, nullable=False),
     sa.Column("finished_at", sa.Double),
@@ -116,7 +134,7 @@ results = sa.Table(
     sa.Column("row", sa.BigInteger, nullable=False),
     sa.Column("position", sa.Integer, nullable=False),
     sa.Column("outcome", sa.String(40), nullable=False),
-    sa.Column("outputs", sa.JSON(none_as_null=True)),
+    sa.Column("outputs", Outputs),
     sa.Column("reason", sa.Text, nullable=False),
     sa.Column("state", sa.JSON(none_as_null=True)),
     sa.Column("wall_seconds", sa.Double),
@@ -167,7 +185,7 @@ comparisons = sa.Table(
     sa.Column("second_host", sa.String(255)),
     sa.Column("second_worker_id", sa.ForeignKey("workers.id")),
     sa.Column("outcome", sa.String(40)),
-    sa.Column("outputs", sa.JSON(none_as_null=True)),
+    sa.Column("outputs", Outputs),
     sa.Column("difference", sa.Double),
     sa.Index("comparisons_by_state", "state", "first_host"),
     sa.Index("comparisons_by_instance", "study_id", "row", "position"),

@@ -7,11 +7,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.assessment.assess import Assessment, assess
+from models.curves import columns
+from sim.assessment.assess import Assessment, assess, inferred_torques
 from sim.assessment.donning import close_straps
 from sim.assessment.validity import FAILURES
 from sim.evaluation import evaluate
 from sim.models import ELBOW
+from sim.parameters.curves import OVER_PHASE
 from sim.parameters.fidelity import CAMPAIGN, FIDELITIES
 from sim.parameters.wearer import TABLE_1
 from sim.pictures.figures import assessment_figure
@@ -380,3 +382,27 @@ def test_straps_closed_elsewhere_move_to_the_start_and_leave_a_mark(
     assert seated.record is not None and nominal.record is not None
     assert seated.record.theta[0, 3] == pytest.approx(nominal.record.theta[0, 3], abs=1e-3)
     assert seated.outputs["stiffness_error"] < nominal.outputs["stiffness_error"] - 0.05
+
+
+def test_curves_over_the_phase_come_when_they_are_asked_for_and_change_no_other_output(
+    nominal: Assessment,
+) -> None:
+    asked = assess({}, curves=OVER_PHASE)
+    curves = {
+        name: np.array([asked.outputs[column] for column in columns(name, 101)])
+        for name in OVER_PHASE
+    }
+    rest = {name: value for name, value in asked.outputs.items() if not name.endswith("]")}
+    assert rest == nominal.outputs and len(asked.outputs) == len(rest) + 303
+    record = asked.record
+    assert record is not None
+    assert curves["contact_force_over_phase"].max() <= rest["peak_contact_force"]
+    assert curves["contact_force_over_phase"].max() > 0.9 * rest["peak_contact_force"]
+    gap = record.theta[:, record.exo_joint] - record.q[:, record.joint]
+    assert (curves["angle_error_over_phase"][0], curves["angle_error_over_phase"][-1]) == (
+        gap[0],
+        gap[-1],
+    )
+    assert inferred_torques(record)[0][-1] == curves["torque_over_phase"][-1]
+    with pytest.raises(ValueError, match="unknown curve 'speed': expected one of torque_over"):
+        assess({}, curves=["speed"])

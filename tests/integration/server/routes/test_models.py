@@ -1,19 +1,24 @@
 """Models come to a coordinator by upload or by announcement, and studies keep their version."""
 
+import csv
 import io
+import json
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import sqlalchemy as sa
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
+from analysis.sensitivity.service import catch_up
 from models.folder import pack, read_folder
 from server.app import create_app
 from server.operations import tokens
+from server.operations.result_log import StoreResultLog
 from server.settings import Settings
 from server.store import upgrade
 from sim.models import MODELS
@@ -190,3 +195,45 @@ def test_ten_thousand_factors_are_refused(client: TestClient) -> None:
     answer = client.post("/v1/models", json=announced(factors=factors))
     assert (answer.status_code, "at most 1000" in answer.json()["detail"]) == (422, True)
     assert client.post("/v1/models", content=b"{", headers={"Content-Type": "application/json"})
+
+
+def test_a_curve_is_asked_for_sent_stored_and_read_as_one(client: TestClient, app: FastAPI) -> None:
+    wave = {"name": "wave", "unit": "Nm", "curve": 3, "over": "time", "over_unit": "s", "high": 2.0}
+    model = announced(outputs=[{"name": "y", "unit": "1"}, wave])
+    version = f"elsewhere@{client.post('/v1/models', json=model).json()['digest']}"
+    study = submitted(client, version)
+    assert study["outputs"] == ["y", "wave"] and study["units"]["wave"] == "Nm"
+    axis = {"points": 3, "over": "time", "unit": "s", "low": 0.0, "high": 2.0}
+    assert study["curves"] == {"wave": axis}
+    worker = {"id": "w", "host": "h", "versions": {}}
+    asked = {"worker": worker, "models": [version], "max_instances": 4}
+    lease = client.post("/v1/leases", json=asked).json()
+    assert lease["instances"][0]["curves"] == {"wave": axis}
+    sent = [[0.1, 1e-300, -3.5], [0.2, 0.25, 1 / 3], [1.0, 2.0], [1.0, 2.0, 3.0]]
+    answer = client.post(
+        "/v1/results",
+        json={
+            "lease": lease["id"],
+            "fence": lease["fence"],
+            "worker": "w",
+            "results": [
+                {"instance": one["id"], "outcome": "ok", "outputs": {"y": 1.0, "wave": curve}}
+                for one, curve in zip(lease["instances"], sent, strict=True)
+            ],
+        },
+    )
+    assert answer.json()["verdicts"][2] == {
+        "instance": lease["instances"][2]["id"],
+        "verdict": "invalid",
+        "detail": "output wave must have 3 points, not 2",
+    }
+    with app.state.engine.connect() as connection:
+        query = sa.text("select outputs from results order by row, position")
+        stored = json.loads(connection.scalars(query).first())
+    assert isinstance(stored["wave"], str)
+    lines = list(csv.DictReader(client.get(f"/v1/studies/{study['id']}/results.csv").text.split()))
+    assert [[float(line[f"wave[{i}]"]) for i in range(3)] for line in lines] == sent[:2] + sent[3:]
+    catch_up(StoreResultLog(app.state.engine), study["id"])
+    indices = client.get(f"/v1/studies/{study['id']}/indices").json()
+    assert indices["curves"]["wave"]["axis"] == [0.0, 1.0, 2.0]
+    assert list(indices["outputs"]) == ["y"]

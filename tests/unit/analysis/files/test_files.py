@@ -3,6 +3,7 @@
 import io
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from analysis.files.netcdf import write_netcdf
 from analysis.files.parquet import GROUP, STUDY_KEY, parquet, write_parquet
 from analysis.files.results_csv import columns, read_table
 from analysis.sensitivity.records import StudyPlan
+from models.curves import Curve
 from tests.testbed.studies import FACTORS, results_of, study_plan
 
 UNITS = {"a": "m", "y": "Nm/rad"}
@@ -127,3 +129,27 @@ def test_netcdf_holds_rows_and_positions_for_an_independent_reader(
             for name in (*FACTORS, *plan.outputs):
                 found = np.ma.filled(file[name][at], math.nan)
                 assert found == named[name] or (named[name] is None and math.isnan(found))
+
+
+def test_a_curve_is_one_column_of_lists_and_one_variable_with_an_axis(tmp_path: Path) -> None:
+    # Of the testbed's two outputs: the points of a curve of two.
+    made = study_plan("saltelli", rows=4)
+    curve = Curve(points=2, over="time", unit="s", low=0.5, high=2.0)
+    lines = lines_of(made)
+    plan = replace(made, outputs=("w[0]", "w[1]"), curves={"w": curve})
+    study = described(plan) | {"outputs": ["w"], "curves": {"w": curve.as_json()}}
+    csv = tmp_path / "r.csv"
+    csv.write_text(write_csv(csv, made).read_text().replace(",y,z,", ",w[0],w[1],", 1))
+    write_parquet(tmp_path / "r.parquet", study, csv, {"w": "Nm"})
+    table = pa.parquet.read_table(tmp_path / "r.parquet")
+    assert table.schema.field("w").metadata == {b"unit": b"Nm"}
+    expected = [None if line[6] is None else line[6:8] for line in lines]
+    assert table["w"].to_pylist() == expected and None in expected
+    write_netcdf(tmp_path / "r.nc", study, read_table(plan, csv), {"w": "Nm"})
+    with netCDF4.Dataset(tmp_path / "r.nc") as file:
+        assert file["w"].dimensions == ("row", "position", "w_axis")
+        assert (file["w"].units, file["w_axis"].units) == ("Nm", "s")
+        assert file["w_axis"][:].tolist() == [0.5, 2.0]
+        for line in lines:
+            if line[6] is not None:
+                assert file["w"][line[0], line[1]].tolist() == line[6:8]

@@ -185,3 +185,24 @@ def test_a_study_within_or_near_the_ranges_is_taken(
 ) -> None:
     drawn = plan(model="elbow", **request_)
     refuse_outside_range(drawn, ELBOW, list(drawn.distributions))
+
+
+def test_a_curve_over_the_phase_is_kept_only_if_it_is_named(plan: Drawing) -> None:
+    drawn = plan(model="elbow", outputs=["torque_over_phase", "stiffness_error"])
+    assert drawn.outputs[:2] == ("stiffness_error", "torque_over_phase[0]")
+    assert len(drawn.outputs) == 102 and list(drawn.curves) == ["torque_over_phase"]
+    assert drawn.curves["torque_over_phase"].over == "phase"
+    assert plan(model="elbow").curves == {}
+
+
+@pytest.mark.parametrize(
+    ("outputs", "sentence"),
+    [
+        (["torque_over_phase", "torque_over_phase"], "torque_over_phase is listed twice"),
+        (["torque_over_phase[3]"], "unknown output of elbow"),
+        (["torque"], "unknown output of elbow"),
+    ],
+)
+def test_a_curve_is_kept_whole_and_once(plan: Drawing, outputs: list[str], sentence: str) -> None:
+    with pytest.raises(InvalidStudyError, match=sentence):
+        plan(model="elbow", outputs=outputs)
