@@ -144,7 +144,9 @@ def _evaluator(bundle: Bundle, code: Code) -> Iterator[Callable[[Json], "Evaluat
 
     model = model_of(bundle)
     if bundle.model is None:
-        yield lambda instance: evaluate(instance["model"], instance["parameters"])
+        # What is optional among the outputs is a curve.
+        curves = bundle.study.get("curves", {})
+        yield lambda instance: evaluate(instance["model"], instance["parameters"], curves)
         return
 
     def fetch(version: str, path: Path) -> None:
@@ -301,7 +303,7 @@ def _runs(
         name = f"row {row}, position {position}"
         try:
             asked = point(plan, row, parameters(plan, row)[position])
-            done = evaluate({"model": plan.model, "curves": plan.curves, **asked})
+            done = evaluate({"model": plan.model, **asked})
         except ValueError as error:
             return False, f"{name} cannot be computed: {error}"
         if done.outcome != table.outcomes[i]:
