@@ -182,9 +182,9 @@ def test_the_sample_is_chosen_by_its_seed(
 
     seen: list[Any] = []
 
-    def noted(model: str, x: Any) -> Any:
+    def noted(model: str, x: Any, curves: Any) -> Any:
         seen.append(x)
-        return evaluate(model, x)
+        return evaluate(model, x, curves)
 
     monkeypatch.setattr("sim.evaluation.evaluate", noted)
     for seed in (1, 1, 2):
