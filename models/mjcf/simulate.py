@@ -23,7 +23,7 @@ mujoco.set_mju_user_warning(lambda message: None)
 MAX_STEPS, MAX_READINGS = 10_000_000, 100_000_000
 MAX_CSV_BYTES = 50_000_000
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
-_TABLE = {"file", "duration", "keyframe", "record_from", "controls"}
+_TABLE = {"file", "duration", "keyframe", "record_from", "controls", "collisions"}
 #: MuJoCo's warnings that make a simulation worthless, as outcomes.
 _WARNINGS = {
     mujoco.mjtWarning.mjWARN_BADQPOS: "diverged",
@@ -56,7 +56,10 @@ class Simulation:
         self._record_from = _seconds(run, "record_from", 0.0)
         if not self._record_from < self._duration:
             raise ModelError("mjcf.record_from must lie before the end, which is mjcf.duration")
-        self._spec = read_spec(folder.path, run["file"])
+        collisions = run.get("collisions", True)
+        if not isinstance(collisions, bool):
+            raise ModelError("mjcf.collisions must be true or false")
+        self._spec = read_spec(folder.path, run["file"], collisions=collisions)
         try:
             model = self._spec.compile()
             self._changes = changes(folder, self._spec)

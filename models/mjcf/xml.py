@@ -20,15 +20,23 @@ REFUSED_ELEMENTS = {
     "composite": "a generator of elements; write them out",
     "flexcomp": "a generator of elements; write them out",
 }
+#: What MuJoCo reads of a URDF.
+_URDF = ("link", "joint", "material", "mujoco")
 #: Attributes of <compiler> that say in which folder files are.
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 
 
-def read_spec(folder: Path, name: str) -> mujoco.MjSpec:
+def read_spec(folder: Path, name: str, *, collisions: bool = True) -> mujoco.MjSpec:
     """Read the file `name` in a model's folder, with the meshes beside it.
 
     A URDF has no sensors and no motors: every joint that moves gets a motor of its name, and the
     sensors JOINT.position, JOINT.velocity and JOINT.torque (that arrives at the joint; SI units).
+    What is drawn only may be missing, and what other programs keep in a URDF is left out.
+
+    Args:
+        folder: the model's.
+        name: of the MJCF or URDF file.
+        collisions: False leaves out the shapes of a URDF that touch.
 
     Raises:
         ModelError: it is not there, reaches out of the folder, or MuJoCo refuses it.
@@ -44,6 +52,10 @@ def read_spec(folder: Path, name: str) -> mujoco.MjSpec:
         raise ModelError("is not UTF-8 text", file=name) from None
     except XmlError as error:
         raise ModelError(f"line {error.line}: is not XML: {error}", file=name) from None
+    if root.tag == "robot":
+        _keep_dynamics(root, path, folder, collisions)
+    elif not collisions:
+        raise ModelError("mjcf.collisions is for a URDF; set contype and conaffinity in MJCF")
     for element in root.iter():
         if element.tag in REFUSED_ELEMENTS:
             raise ModelError(f"<{element.tag}> is {REFUSED_ELEMENTS[element.tag]}", file=name)
@@ -75,6 +87,20 @@ def inside(folder: Path, name: str, field: str) -> Path:
     if not there:
         raise ModelError(f"{field} names {name[:80]!r}, which is not in the model's folder")
     return path
+
+
+def _keep_dynamics(root: ElementTree.Element, path: Path, folder: Path, collisions: bool) -> None:
+    """Leave out of a URDF what MuJoCo does not read, and drawn shapes whose files are missing."""
+    for element in [*root]:
+        if element.tag not in _URDF:
+            root.remove(element)
+    for link in root.iter("link"):
+        for shape in [*link.findall("visual"), *link.findall("collision")]:
+            drawn = shape.tag == "visual"
+            files = [mesh.get("filename", "") for mesh in shape.iter("mesh")]
+            gone = drawn and any(_there(folder, path.parent, [""], file) is None for file in files)
+            if gone or not (drawn or collisions):
+                link.remove(shape)
 
 
 def _keep_links(root: ElementTree.Element) -> None:
@@ -125,7 +151,21 @@ def _assets(root: ElementTree.Element, path: Path, folder: Path, name: str) -> d
 
 
 def _find(folder: Path, beside: Path, places: list[str], file: str, name: str) -> Path:
-    """Return the file that an element names; in a package of ROS, by the end of its path."""
+    """Return the file that an element names."""
+    found = _there(folder, beside, places, file)
+    if found is None:
+        package = file.partition("://")[2].partition("/")[2]
+        where = f", as {package[:80]!r} or in any folder that this ends with" if package else ""
+        raise ModelError(
+            f"names the file {file[:120]!r}, which is not in the model's folder{where}; without "
+            "the shapes that touch, a URDF needs `collisions = false` under [mjcf]",
+            file=name,
+        )
+    return found
+
+
+def _there(folder: Path, beside: Path, places: list[str], file: str) -> Path | None:
+    """Return a file of the folder; one in a package of ROS is found by the end of its path."""
     parts = PurePosixPath(file.split("://", 1)[-1]).parts
     tails = ["/".join(parts[i:]) for i in range(len(parts))] if "://" in file else [file]
     for place in places:
@@ -137,4 +177,4 @@ def _find(folder: Path, beside: Path, places: list[str], file: str, name: str) -
                 there = False
             if there:
                 return found
-    raise ModelError(f"names the file {file[:80]!r}, which is not in the model's folder", file=name)
+    return None

@@ -1,7 +1,9 @@
 """The command that closes the loop with measured data: `close-loop`."""
 
 import json
+import re
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import nullcontext
 from importlib.util import find_spec
@@ -103,6 +105,58 @@ def with_effect(
         return Answer({"file": str(out)}, f"{out}: submit it with rehyb study submit {out}")
     with Client(url, token) as client:
         return study_submitted(client.submit(study))
+
+
+@answering
+def of_session(
+    session: Annotated[Path, typer.Argument(metavar="SESSION", help="The session's folder.")],
+    report: Annotated[
+        Path, typer.Argument(metavar="REPORT", help="The folder that `rehyb close-loop` wrote.")
+    ],
+    method: Annotated[str, typer.Option(help="morris or saltelli.")] = "saltelli",
+    rows: Annotated[int, typer.Option(min=1, help="Rows of the design.")] = 64,
+    seed: Annotated[int, typer.Option(help="Seed of the design.")] = 1,
+    name: Annotated[
+        str | None, optional(help="What to call the model. Default: after the session's folder.")
+    ] = None,
+    out: Annotated[
+        Path | None, optional(metavar="DIR", help="Write the model's folder instead of submitting.")
+    ] = None,
+    url: Url = None,
+    token: Token = None,
+) -> Answer:
+    """Submit a study of the repaired robot, in which what was found is uncertain as it was found.
+
+    The robot follows a recorded trial; the outputs are the torques that its joints need for it.
+    """
+    from analysis.closeloop.as_model import NothingToSampleError, write_model
+    from analysis.closeloop.errors import SessionError
+    from analysis.closeloop.session.archive import unpacked
+    from rehyb.cli.models import added
+
+    called = name or re.sub(r"[^a-z0-9_]+", "_", session.resolve().stem.lower())[:40]
+    with tempfile.TemporaryDirectory(prefix="rehyb-robot-") as scratch:
+        folder = out or Path(scratch) / "robot"
+        try:
+            with nullcontext(session) if session.is_dir() else unpacked(session) as recorded:
+                lacks = write_model(recorded, report, folder, called)
+        except (SessionError, NothingToSampleError) as error:
+            raise Invalid(str(error)) from None
+        except FileNotFoundError as error:
+            raise Invalid(f"{error.filename}: there is no such file") from None
+        except (ValueError, KeyError, TypeError) as error:
+            raise Invalid(f"{report} is no report of `rehyb close-loop`: {error}") from None
+        for sentence in lacks:
+            print(f"left out: {sentence}", file=sys.stderr)
+        if out is not None:
+            return Answer(
+                {"folder": str(out), "left_out": lacks},
+                f"{out}: look at it with rehyb model check {out}",
+            )
+        with Client(url, token) as client:
+            version = added(client, folder)
+            study = {"name": f"{called} as repaired", "model": version, "method": method}
+            return study_submitted(client.submit({**study, "rows": rows, "seed": seed}))
 
 
 def _lines(report: Json, out: Path) -> Iterator[str]:

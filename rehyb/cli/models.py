@@ -84,20 +84,33 @@ def check(
 def add(folder: Folder, client: Client) -> Answer:
     """Give a model to the coordinator: an mjcf model whole, any other by its description."""
     from models.description import Kind
+
+    version = added(client, folder)
+    model = client.model(version)
+    runs = "every worker evaluates it"
+    if model["kind"] != Kind.MJCF:
+        runs = f"start `rehyb-worker --models {folder}` where its program is to run"
+    return Answer(model, f"{version}: {runs}")
+
+
+def added(client: Client, folder: Path) -> str:
+    """Give the model in a folder to the coordinator and return it as "name@digest".
+
+    Raises:
+        Invalid: it cannot be used.
+    """
+    from models.description import Kind
     from models.folder import pack
 
     read = _read(folder)
-    if read.description.kind == Kind.MJCF:
-        with tempfile.TemporaryDirectory(prefix="rehyb-model-") as scratch:
-            archive = Path(scratch) / f"{read.description.name}.zip"
-            pack(read, archive)
-            added = client.add_model(archive)
-        runs = "every worker evaluates it"
-    else:
-        added = client.announce_model(read.description.as_json())
-        runs = f"start `rehyb-worker --models {folder}` where its program is to run"
-    version = f"{added['name']}@{added['digest']}"
-    return Answer(added, f"{version}: {runs}")
+    if read.description.kind != Kind.MJCF:
+        client.announce_model(read.description.as_json())
+        return read.description.version
+    with tempfile.TemporaryDirectory(prefix="rehyb-model-") as scratch:
+        archive = Path(scratch) / f"{read.description.name}.zip"
+        pack(read, archive)
+        client.add_model(archive)
+    return read.description.version
 
 
 @app.command("list")

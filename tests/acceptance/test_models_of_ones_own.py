@@ -16,6 +16,7 @@ import pytest
 from rehyb.client import Client
 from rehyb.fleet import LocalFleet
 from tests.testbed.models import EXAMPLES, edited, laid_out
+from tests.testbed.sessions import write_session
 
 ROWS = 128
 
@@ -102,15 +103,19 @@ def client(fleet: LocalFleet) -> Iterator[Client]:
 def finished(client: Client, **study: Any) -> dict[str, Any]:
     """Submit a study and return its indices when it is complete."""
     asked = {"name": study["model"], "method": "saltelli", "rows": ROWS, "seed": 3, **study}
-    made = client.submit(asked)
+    return awaited(client, client.submit(asked)["id"], asked["rows"])
+
+
+def awaited(client: Client, study: str, rows: int) -> dict[str, Any]:
+    """Return a study's indices when it is complete."""
     deadline = time.monotonic() + 300.0
     while time.monotonic() < deadline:
-        if client.study(made["id"])["state"] == "complete":
-            snapshot = client.indices(made["id"])
-            if snapshot["rows_used"] == asked["rows"]:
+        if client.study(study)["state"] == "complete":
+            snapshot = client.indices(study)
+            if snapshot["rows_used"] == rows:
                 return snapshot
         time.sleep(0.2)
-    raise AssertionError(f"not complete: {client.progress(made['id'])}")
+    raise AssertionError(f"not complete: {client.progress(study)}")
 
 
 def of(snapshot: dict[str, Any], output: str, factor: str) -> dict[str, Any]:
@@ -195,3 +200,19 @@ def test_a_model_with_noise_of_its_own_tells_its_share(
     width = found["high"] - found["low"]
     assert found["low"] - width / 2 <= 0.2008 <= found["high"] + width / 2
     assert "own noise is" in ran(environment, "study", "indices", study["study"])
+
+
+@pytest.mark.usefixtures("worker")
+def test_what_closing_a_loop_found_is_a_study_in_one_command(
+    environment: dict[str, str], client: Client, tmp_path: Path
+) -> None:
+    session, found = str(tmp_path / "my robot"), str(tmp_path / "found")
+    write_session(Path(session), 3, ("coulomb_friction",))
+    ran(environment, "close-loop", session, "--out", found)
+    options = ["--rows", "16", "--method", "saltelli"]
+    study = ran(environment, "study", "of-session", session, found, *options).split()[0]
+    snapshot = awaited(client, study, 16)
+    ranked = snapshot["outputs"]["elbow.torque_rms"]["factors"]
+    assert {"elbow.coulomb_friction.torque", "elbow.impedance.stiffness"} <= set(ranked)
+    assert client.study(study)["model"].startswith("my_robot@")
+    assert client.progress(study)["failures"] == {}

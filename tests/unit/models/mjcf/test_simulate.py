@@ -1,8 +1,10 @@
 """An MJCF model is changed as its factors say, and its sensors are read as its outputs say."""
 
+import struct
 from math import pi
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from models.evaluation import ModelFailure
@@ -155,22 +157,19 @@ def test_meshes_are_found_beside_the_file_and_by_the_end_of_a_ros_path(tmp_path:
         "robot",
         tmp_path,
         {
-            '<link name="base"/>': '<link name="base"><visual><geometry>'
-            '<mesh filename="package://two_link/meshes/base.stl"/></geometry></visual></link>',
+            '<link name="base"/>': '<link name="base"><collision><geometry>'
+            '<mesh filename="package://two_link/meshes/base.stl"/></geometry></collision></link>',
         },
     )
     (folder / "meshes").mkdir()
-    with pytest.raises(ModelError, match="which is not in the model's folder"):
+    with pytest.raises(ModelError, match=r"not in the model's folder, as 'meshes/base\.stl' or"):
         Simulation(read_folder(folder))
-    corners = ["0 0 0", "1 0 0", "0 1 0", "0 0 1"]
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) * 1e-3
     faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
-    text = "solid s\n" + "".join(
-        "facet normal 0 0 0\nouter loop\n"
-        + "".join(f"vertex {corners[i]}\n" for i in face)
-        + "endloop\nendfacet\n"
-        for face in faces
-    )
-    (folder / "meshes" / "base.stl").write_text(text + "endsolid s\n")
+    stl = bytes(80) + struct.pack("<I", len(faces))
+    for face in faces:
+        stl += struct.pack("<12fH", 0.0, 0.0, 0.0, *corners[list(face)].ravel(), 0)
+    (folder / "meshes" / "base.stl").write_bytes(stl)
     assert Simulation(read_folder(folder))({})["fallen"] > 0.0
 
 
