@@ -4,6 +4,7 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
+from functools import partial
 from time import monotonic
 
 from fastapi import FastAPI
@@ -43,6 +44,7 @@ from server.routes import (
 from server.sandbox import CHECKS
 from server.settings import Settings
 from server.store import create_engine, require_current
+from server.store.database.engine import server_time
 from server.store.database.write_batching import WriteBatches
 from server.web import assets, pages, sign_in
 from server.web.live import Hub
@@ -61,6 +63,9 @@ def create_app(settings: Settings) -> FastAPI:
         engine = app.state.engine
         try:
             require_current(engine)
+            if app.state.clock is own_clock:
+                # Several coordinators agree by the one clock that all of them can see.
+                app.state.clock = steady(partial(server_time, engine))
             # Set back while nobody served, it would give old leases as much longer.
             app.state.clock = not_before(app.state.clock, lease_operations.latest(engine))
             now, ttl = app.state.clock(), settings.lease_seconds
@@ -97,7 +102,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.engine = create_engine(settings.database_url, durability=settings.durability)
     app.state.write = WriteBatches(app.state.engine)
     app.state.exchange = Exchanges(app.state.engine, app.state.write)
-    app.state.clock = steady()
+    app.state.clock = own_clock = steady()
     app.state.readiness = Readiness(app.state.engine)
     app.state.metrics = Metrics(app.state.engine, lambda: float(app.state.clock()))
     app.state.sweep = leases.Sweep()

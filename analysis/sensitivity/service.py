@@ -7,7 +7,7 @@ first, and a process may die at any moment (docs/decisions/0004).
 """
 
 from collections.abc import Iterable
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from threading import Event
 from typing import Any, Protocol
 
@@ -22,6 +22,9 @@ BATCH = 2000
 
 class ResultLog(Protocol):
     """What the analysis needs of a store."""
+
+    def alone(self) -> AbstractContextManager[bool]:
+        """Say for a block whether no other process analyses; whoever is second may rest."""
 
     def studies_with_news(self) -> list[str]:
         """Return the studies whose log is longer than their cursor."""
@@ -88,14 +91,20 @@ def catch_up(log: ResultLog, study_id: str) -> int:
 def follow(log: ResultLog, *, stop: Event, poll_seconds: float = 0.5) -> None:
     """Keep every study caught up, and those with a goal growing, until `stop` is set."""
     while not stop.is_set():
-        for study_id in log.studies_with_news():
-            if stop.is_set():
-                return
-            # One that was deleted since it was listed needs no indices.
-            with suppress(NoSuchStudyError):
-                catch_up(log, study_id)
-        log.act_on_precision_goals()
+        with log.alone() as mine:
+            if mine:
+                _look(log, stop)
         stop.wait(poll_seconds)
+
+
+def _look(log: ResultLog, stop: Event) -> None:
+    for study_id in log.studies_with_news():
+        if stop.is_set():
+            return
+        # One that was deleted since it was listed needs no indices.
+        with suppress(NoSuchStudyError):
+            catch_up(log, study_id)
+    log.act_on_precision_goals()
 
 
 def analyse(plan: StudyPlan, results: Iterable[LoggedResult]) -> dict[str, Any]:

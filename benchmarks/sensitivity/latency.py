@@ -2,6 +2,7 @@
 
 import threading
 import time
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -55,6 +56,9 @@ class Arriving:
         """Return how many results are there by now."""
         passed = (time.perf_counter() - self.begun) * self.per_second
         return min(int(passed), len(self.results))
+
+    def alone(self) -> AbstractContextManager[bool]:
+        return nullcontext(True)
 
     def studies_with_news(self) -> list[str]:
         return ["s"] if self.arrived() > self.cursor else []

@@ -1,4 +1,4 @@
-"""Commands about the coordinator's database: `db upgrade`, `backup`, `check`."""
+"""Commands about the coordinator's database: `db upgrade`, `backup`, `copy`, `check`."""
 
 import os
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rehyb.cli.answers import Answer, answering, file_written
-from rehyb.errors import RehybError, needs_extra
+from rehyb.errors import Invalid, RehybError, needs_extra
 
 if TYPE_CHECKING:
     from sqlalchemy.engine import Engine
@@ -48,6 +48,46 @@ def check() -> Answer:
     return Answer({"faults": found}, text, status=1 if found else 0)
 
 
+@app.command()
+@answering
+def copy(
+    target: Annotated[
+        str,
+        typer.Argument(
+            metavar="URL", help="An empty database: postgresql+psycopg://... or sqlite:///FILE."
+        ),
+    ],
+) -> Answer:
+    """Copy everything in the database at REHYB_DATABASE_URL into another one, and check that.
+
+    So a study moves from SQLite to PostgreSQL. Stop the coordinators first; exit status 1 if the
+    copy contradicts itself.
+    """
+    with needs_extra("the database", "server"):
+        from sqlalchemy.exc import ArgumentError
+
+        from server.instance_lock import instance_lock
+        from server.operations import check as checks
+        from server.store import create_engine, upgrade
+        from server.store.copying import copy as copied
+
+    counts: dict[str, int] = {}
+    with in_one_sentence(), instance_lock(_url()), opened() as source:
+        try:
+            upgrade(target)
+            engine = create_engine(target)
+        except (ArgumentError, ModuleNotFoundError) as error:
+            raise Invalid(f"{target!r} is no database's URL: {error}") from None
+        try:
+            copied(source, engine, counts.__setitem__)
+            found = checks.faults(engine)
+        finally:
+            engine.dispose()
+    rows = ", ".join(f"{count} {table}" for table, count in counts.items() if count)
+    text = "\n".join(found) or f"copied and whole: {rows or 'nothing'}"
+    return Answer({"rows": counts, "faults": found}, text, status=1 if found else 0)
+
+
 @contextmanager
 def opened(*, upgraded: bool = False) -> Iterator["Engine"]:
     """Open the database at REHYB_DATABASE_URL, for which no token is needed.
@@ -56,11 +96,9 @@ def opened(*, upgraded: bool = False) -> Iterator["Engine"]:
         RehybError: it cannot be used, or has another version's schema and is not `upgraded` first.
     """
     with needs_extra("the database", "server"):
-        from server.settings import Settings
         from server.store import create_engine, require_current, upgrade
 
-    default: str = Settings.model_fields["database_url"].default
-    url = os.environ.get("REHYB_DATABASE_URL", default)
+    url = _url()
     with in_one_sentence():
         if upgraded:
             upgrade(url)
@@ -70,6 +108,13 @@ def opened(*, upgraded: bool = False) -> Iterator["Engine"]:
             yield engine
         finally:
             engine.dispose()
+
+
+def _url() -> str:
+    from server.settings import Settings
+
+    default: str = Settings.model_fields["database_url"].default
+    return os.environ.get("REHYB_DATABASE_URL", default)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from server.operations.instances import settle
 from server.records import Instance, Lease, Place, Result, Study
 from server.states import LeaseState, Outcome
 from server.store import close_loops, instances, leases, studies, workers
-from server.store.database.engine import reading, writing
+from server.store.database.engine import alone_at, reading, writing
 
 
 def renew(engine: Engine, lease_id: str, *, fence: int, now: float, ttl: float) -> float:
@@ -58,7 +58,15 @@ def release(engine: Engine, lease_id: str, *, fence: int, now: float) -> None:
 
 
 def reap(engine: Engine, *, now: float) -> int:
-    """Take back what expired leases still hold, as lost; returns how many instances that were."""
+    """Take back what expired leases still hold, as lost; returns how many instances that were.
+
+    0 if another coordinator is at it.
+    """
+    with alone_at(engine, "sweep") as mine:
+        return _reap(engine, now) if mine else 0
+
+
+def _reap(engine: Engine, now: float) -> int:
     with reading(engine) as connection:
         concerned = leases.studies_with_expired(connection, now=now)
     lost = 0

@@ -1,6 +1,6 @@
 """What the analysis reads and writes: the log of a study's results, and what it makes of them."""
 
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from typing import Any
 
 from sqlalchemy.engine import Engine
@@ -11,7 +11,7 @@ from server.logic.plans import for_analysis, instance_id
 from server.operations import precision_goals
 from server.records import Study
 from server.store import results, snapshots, studies
-from server.store.database.engine import reading, writing
+from server.store.database.engine import alone_at, reading, writing
 
 
 class StoreResultLog:
@@ -22,6 +22,9 @@ class StoreResultLog:
         #: Edition of each study when its plan was last asked for: what was made of an older one is
         #: refused, since its results may have been taken back, or its rows be more.
         self._editions: dict[str, int] = {}
+
+    def alone(self) -> AbstractContextManager[bool]:
+        return alone_at(self._engine, "analysis")
 
     def studies_with_news(self) -> list[str]:
         with reading(self._engine) as connection:

@@ -82,7 +82,7 @@ def title(number: int) -> str:
 
 def torment(lab: BadLab, blow: str, rng: random.Random) -> None:
     """Do one thing to one process that no process should suffer."""
-    worker = rng.choice(lab.workers)
+    worker, coordinator = rng.choice(lab.workers), rng.choice(lab.coordinators)
     if blow == "kill worker":
         lab.signal(worker, signal.SIGKILL)
     elif blow == "stop worker":
@@ -90,18 +90,20 @@ def torment(lab: BadLab, blow: str, rng: random.Random) -> None:
         time.sleep(LEASE_SECONDS * 1.5)
         lab.signal(worker, signal.SIGCONT)
     elif blow == "kill coordinator in mid-commit":
-        lab.signal("coordinator", signal.SIGUSR2)
-        lab.processes["coordinator"].wait(PATIENCE)
+        lab.signal(coordinator, signal.SIGUSR2)
+        lab.processes[coordinator].wait(PATIENCE)
     elif blow == "fill the database's disk":
         before = len(lab.failures())
-        lab.signal("coordinator", signal.SIGUSR1)
+        lab.signal(coordinator, signal.SIGUSR1)
         lab.until(lambda: len(lab.failures()) > before)
-        lab.signal("coordinator", signal.SIGUSR1)
+        lab.signal(coordinator, signal.SIGUSR1)
     elif blow == "set the coordinator's clock":
-        lab.settings["coordinator"]["CLOCK_OFFSET"] = str(rng.choice((-HOUR, HOUR)))
-        lab.signal("coordinator", signal.SIGKILL)
+        lab.settings[coordinator]["CLOCK_OFFSET"] = str(rng.choice((-HOUR, HOUR)))
+        lab.signal(coordinator, signal.SIGKILL)
     elif blow == "start a second coordinator":
         assert "another coordinator serves" in lab.start_a_second_coordinator()
+    elif blow == "kill coordinator":
+        lab.signal(coordinator, signal.SIGKILL)
     else:
         lab.signal(blow.split()[1], signal.SIGKILL)
     time.sleep(0.3)

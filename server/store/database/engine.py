@@ -1,5 +1,6 @@
 """Connections and transactions, on SQLite and on PostgreSQL."""
 
+import hashlib
 import json
 import sqlite3
 import threading
@@ -76,6 +77,35 @@ def writing(engine: Engine) -> Iterator[Connection]:
             # It takes the write lock now and need never start again.
             _begin(connection, "BEGIN IMMEDIATE")
             yield connection
+
+
+@contextmanager
+def alone_at(engine: Engine, what: str) -> Iterator[bool]:
+    """Yield whether this is the only one of several processes to do something until the block ends.
+
+    On PostgreSQL several coordinators and analyses may be at work: an advisory lock decides, which
+    goes with the connection of whoever dies. SQLite has one coordinator, and each may do all.
+    """
+    if engine.dialect.name == "sqlite":
+        yield True
+        return
+    key = {"key": int.from_bytes(hashlib.blake2b(what.encode(), digest_size=7).digest(), "big")}
+    with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+        mine = bool(connection.scalar(sa.text("SELECT pg_try_advisory_lock(:key)"), key))
+        try:
+            yield mine
+        finally:
+            if mine:
+                connection.execute(sa.text("SELECT pg_advisory_unlock(:key)"), key)
+
+
+def server_time(engine: Engine) -> float:
+    """Return what time it is by the database server, seconds UTC; this machine's on SQLite."""
+    if engine.dialect.name == "sqlite":
+        return time.time()
+    with reading(engine) as connection:
+        found = connection.scalar(sa.text("SELECT extract(epoch FROM clock_timestamp())"))
+    return float(found)
 
 
 def alone_reading(

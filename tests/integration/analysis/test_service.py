@@ -4,6 +4,7 @@ import dataclasses
 import json
 import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from typing import Any
 
@@ -41,6 +42,9 @@ class MemoryLog:
         self.before_read: Callable[[], None] = lambda: None
         self.after_goals: Callable[[], None] = lambda: None
         self.lock = threading.Lock()
+
+    def alone(self) -> AbstractContextManager[bool]:
+        return nullcontext(True)
 
     def studies_with_news(self) -> list[str]:
         return [self.of_study.id] if self.cursor < self.visible else []

@@ -8,6 +8,7 @@ import os
 import random
 import signal
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import sqlalchemy as sa
@@ -16,6 +17,7 @@ from sqlalchemy.engine import Connection, Engine
 from server import app
 from server.run import serve
 from server.settings import Settings
+from server.store.turns import Turn
 
 #: What either database cannot do then, so that it says so in its own words.
 TOO_MUCH = {
@@ -47,6 +49,17 @@ class BadMachine:
         sa.event.listen(engine, "commit", self._die)
         return engine
 
+    def trip(self, turn: Turn, statements: Sequence[tuple[str, Sequence[Any]]]) -> list[Any]:
+        """Do a turn's trip, which commits beside SQLAlchemy, and suffer."""
+        if ("COMMIT", ()) in statements:
+            if self._full:
+                turn._driver.execute(TOO_MUCH["postgresql"])
+            if self._doomed:
+                if random.random() < 0.5:
+                    TRIP(turn, statements)
+                os.kill(os.getpid(), signal.SIGKILL)
+        return TRIP(turn, statements)
+
     def _fill_or_free(self) -> None:
         self._full = not self._full
 
@@ -73,13 +86,16 @@ class BadMachine:
 
 
 SOUND = app.create_engine
+TRIP = Turn.trip
 
 
 def main() -> None:
     """Serve until something happens."""
     right, offset = time.time, float(os.environ.get("CLOCK_OFFSET", "0"))
     time.time = lambda: right() + offset  # type: ignore[assignment]
-    app.create_engine = BadMachine().engine
+    machine = BadMachine()
+    app.create_engine = machine.engine
+    Turn.trip = lambda turn, statements: machine.trip(turn, statements)  # type: ignore[method-assign]
     serve(Settings())
 
 

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import socket
 import subprocess
 import sys
 import time
@@ -14,6 +13,7 @@ from signal import Signals
 
 from tests.testbed.fleet import warm
 from tests.testbed.fleet.bad_network import BadNetwork
+from tests.testbed.postgresql import free_port
 
 HERE = Path(__file__).parent
 TOKEN = "token-of-the-chaos"
@@ -37,15 +37,16 @@ class BadLab:
         self.folder = folder
         self.database = database
         (folder / "trouble").mkdir()
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-        self.url = f"http://127.0.0.1:{port}"
-        self.network = BadNetwork(port, seed)
+        #: Any number of them may serve one PostgreSQL; whoever works asks now one, now another.
+        self.coordinators = ["coordinator"]
+        if not database.startswith("sqlite"):
+            self.coordinators.append("coordinator-2")
+        ports = [free_port() for _ in self.coordinators]
+        self.url = f"http://127.0.0.1:{ports[0]}"
+        self.network = BadNetwork(ports, seed)
         self.environment = os.environ | {
             "REHYB_TOKEN": TOKEN,
             "REHYB_URL": self.network.url,
-            "REHYB_PORT": str(port),
             "REHYB_DATABASE_URL": database,
             "REHYB_LEASE_SECONDS": str(LEASE_SECONDS),
             "REHYB_RECOMPUTE_SHARE": SHARE,
@@ -55,9 +56,10 @@ class BadLab:
         self._commands: dict[str, tuple[str, ...]] = {}
         #: Settings of single processes, beside those of all.
         self.settings: dict[str, dict[str, str]] = {}
-        (folder / "coordinator.log").touch()
-        self.add("coordinator", str(HERE / "bad_coordinator.py"))
-        self.until(lambda: re.search("^listening on ", self.log("coordinator"), re.M))
+        for name, port in zip(self.coordinators, ports, strict=True):
+            (folder / f"{name}.log").touch()
+            self.add(name, str(HERE / "bad_coordinator.py"), REHYB_PORT=str(port))
+            self.until(lambda name=name: re.search("^listening on ", self.log(name), re.M))
         self.add("analysis", "rehyb", "analysis")
 
     @property
@@ -111,8 +113,9 @@ class BadLab:
         return (self.folder / f"{name}.log").read_text(errors="replace")
 
     def failures(self) -> list[str]:
-        """Return the exceptions at which the coordinator failed to answer, in its own words."""
-        said = [json.loads(line) for line in self.log("coordinator").splitlines() if '"ex' in line]
+        """Return the exceptions at which a coordinator failed, in its own words."""
+        lines = [line for name in self.coordinators for line in self.log(name).splitlines()]
+        said = [json.loads(line) for line in lines if '"ex' in line]
         return [entry["exception"] for entry in said if "exception" in entry]
 
     def trouble(self) -> Counter[str]:

@@ -5,6 +5,7 @@ import random
 import threading
 import time
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -12,16 +13,16 @@ FAULTS = ("dropped", "answer lost", "delayed", "repeated", "reordered")
 
 
 class BadNetwork:
-    """Forwards HTTP to `port` of this machine from a port of its own, badly.
+    """Forwards HTTP to any of `ports` of this machine from a port of its own, badly.
 
     A request may be dropped before it arrives, its answer may be lost after it took effect, it may
     be late or arrive twice; or it arrives only after those that were sent later, when its sender
     has long tried again.
     """
 
-    def __init__(self, port: int, seed: int, trouble: float = 0.08) -> None:
+    def __init__(self, ports: Sequence[int], seed: int, trouble: float = 0.08) -> None:
         self.faults: Counter[str] = Counter()
-        self._target = port
+        self._targets = ports
         self._rng = random.Random(seed)
         self._trouble = trouble
         network = self
@@ -82,7 +83,8 @@ class BadNetwork:
     def _ask(
         self, path: str, headers: dict[str, str], body: bytes
     ) -> tuple[int, list[tuple[str, str]], bytes]:
-        connection = http.client.HTTPConnection("127.0.0.1", self._target, timeout=20)
+        target = self._rng.choice(self._targets)
+        connection = http.client.HTTPConnection("127.0.0.1", target, timeout=20)
         try:
             headers = {k: v for k, v in headers.items() if k.lower() != "host"}
             connection.request("POST", path, body, headers)

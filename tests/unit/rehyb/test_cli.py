@@ -188,6 +188,7 @@ def test_every_command_explains_itself_and_has_a_json_form(run: Run) -> None:
         "up",
         "db upgrade",
         "db backup",
+        "db copy",
         "db check",
         "token create",
         "token list",
