@@ -14,6 +14,7 @@ from rehyb.cli import (
     database,
     files,
     inspect,
+    interpretation,
     models,
     pilots,
     precision,
@@ -45,6 +46,7 @@ app.add_typer(campaigns.app, name="campaign")
 app.add_typer(database.app, name="db")
 app.add_typer(tokens.app, name="token")
 app.add_typer(models.app, name="model")
+app.add_typer(interpretation.app, name="bank")
 app.add_typer(models.umbridge, name="umbridge")
 app.command()(services.up)
 app.command()(services.page)
@@ -60,6 +62,7 @@ app.command()(simulation.validate)
 app.command()(close_loop.close_loop)
 app.command()(inspect.inspect)
 app.command()(analyses.analyse)
+app.command()(interpretation.interpret)
 
 
 def main() -> None:

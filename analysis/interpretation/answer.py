@@ -1,0 +1,201 @@
+"""The answer to a recording: K_h and D_h with intervals, what they are made of, what to do next."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from analysis.interpretation.bank import PLACES, Bank
+from analysis.interpretation.errors import InterpretationError
+from analysis.interpretation.features import RECORDED
+from analysis.interpretation.inference import TARGETS, Interpreter, Known, Posterior, targets_of
+from analysis.interpretation.plan import (
+    Step,
+    half_width_after,
+    parts,
+    shortest_plan,
+    steps,
+)
+from analysis.interpretation.recording import Recording
+from sim.models import WINDOWS
+from sim.robot.device import NESM
+
+#: What is said of a recording that is unlike the bank's.
+ADVICE = (
+    "close the loop first (`rehyb close-loop`): it names what the recording has and the bank "
+    "lacks; declare it, or build a bank whose population has it"
+)
+PROBABILITIES = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """What is asked of a recording."""
+
+    recording: Recording
+    known: tuple[Known, ...] = ()
+    #: Half width of K's 90 % interval that is wanted, Nm/rad.
+    tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        names = [one.name for one in self.known]
+        for name in names:
+            if names.count(name) > 1:
+                raise InterpretationError(f"{name} is known twice: say it once")
+        for one in self.known:
+            if not (np.isfinite(one.value) and np.isfinite(one.sd) and one.sd > 0.0):
+                raise InterpretationError(
+                    f"{one.name} is known as a value and a positive standard deviation, "
+                    f"not {one.value:g}:{one.sd:g}"
+                )
+        if self.tolerance is not None and not 0.0 < self.tolerance < np.inf:
+            raise InterpretationError(f"a tolerance is positive, not {self.tolerance:g}")
+
+
+def interpret(bank: Bank, question: Question) -> dict[str, Any]:
+    """Answer a question from a bank.
+
+    Returns:
+        As JSON; stiffness and damping in the restoring sense.
+
+    Raises:
+        InterpretationError: the recording or a known value cannot be used.
+    """
+    if not bank.fitted:
+        raise InterpretationError("this bank was never learnt from: `rehyb bank build` does both")
+    interpreter = Interpreter.read(bank)
+    recording, known = question.recording, question.known
+    common = {
+        "bank": bank.id,
+        "recording": recording.source,
+        "convention": "restoring",
+        "known": [vars(one) for one in known],
+    }
+    if recording.device != NESM.name:
+        return common | _unknown(
+            bank, question, f"it was recorded by {recording.device}, and the bank is of {NESM.name}"
+        )
+    values = recording.values()
+    scaled = interpreter.features.scaled(values[None])[0]
+    distance, limit = interpreter.familiarity.distance(scaled), interpreter.familiarity.limit
+    view = interpreter.look(values)
+    posterior = interpreter.infer(view, known)
+    why: str | None = None
+    if distance > limit:
+        why = (
+            f"{interpreter.familiarity.strangest(scaled)} is unlike the bank's recordings (squared "
+            f"distance {distance:.0f}, of the bank's own {limit:.0f} at most)"
+        )
+    offered = steps(interpreter, known)
+    after = {step.factor: half_width_after(interpreter, view, known, (step,)) for step in offered}
+    now = posterior.half_width()
+    shares = parts(interpreter, view, known)
+    return (
+        common
+        | _beliefs(posterior, values)
+        | {
+            "familiar": why is None,
+            "why_not": why,
+            "half_width": now,
+            "parts": [{"name": name, "share": share} for name, share in shares.items()],
+            "next": [
+                _said(step, after[step.factor])
+                for step in sorted(offered, key=lambda step: after[step.factor])
+                if after[step.factor] < now
+            ],
+            "tolerance": _tolerance(interpreter, question, offered, now, why),
+            "regression": {
+                "affine": -float(values[RECORDED.index("affine_stiffness")]),
+                "paper": -float(values[RECORDED.index("paper_stiffness")]),
+            },
+            "advice": [] if why is None else [ADVICE],
+        }
+    )
+
+
+def _said(step: Step, width: float) -> dict[str, Any]:
+    return {
+        "do": f"measure {step.factor} to {step.to:g}: {step.how}",
+        "factor": step.factor,
+        "to": step.to,
+        "minutes": step.minutes,
+        "half_width_after": width,
+    }
+
+
+def _tolerance(
+    interpreter: Interpreter,
+    question: Question,
+    offered: list[Step],
+    now: float,
+    why: str | None,
+) -> dict[str, Any] | None:
+    """Say whether the interval is inside a tolerance, and else the shortest plan that makes it."""
+    if question.tolerance is None:
+        return None
+    inside = why is None and now <= question.tolerance
+    found: dict[str, Any] = {"value": question.tolerance, "inside": inside, "plan": None}
+    if inside or why is not None or not offered:
+        return found
+    view = interpreter.look(question.recording.values())
+    plan = shortest_plan(interpreter, view, question.known, offered, question.tolerance)
+    if plan is None:
+        found["all_steps"] = half_width_after(interpreter, view, question.known, tuple(offered))
+        return found
+    done, width = plan
+    found["plan"] = {
+        "steps": [_said(step, width) for step in done],
+        "minutes": sum(step.minutes for step in done),
+        "half_width_after": width,
+    }
+    return found
+
+
+def _beliefs(posterior: Posterior, values: np.ndarray) -> dict[str, Any]:
+    """Return stiffness, damping and stiffness over the angle, each with its intervals."""
+    quantiles = posterior.quantiles(PROBABILITIES)
+    angle = values[:WINDOWS]
+    travel = angle[0] + np.array(list(PLACES.values())) * (angle[-1] - angle[0])
+    over = [
+        {"share_of_travel": share, "angle": float(at)} | _entry(quantiles[:, 2 + i], "Nm/rad")
+        for i, (share, at) in enumerate(zip(PLACES.values(), travel, strict=True))
+    ]
+    return {
+        "stiffness": _entry(quantiles[:, 0], "Nm/rad"),
+        "damping": _entry(quantiles[:, 1], "Nm s/rad"),
+        "stiffness_over_angle": over,
+    }
+
+
+def _entry(quantiles: np.ndarray, unit: str) -> dict[str, Any]:
+    low90, low50, median, high50, high90 = map(float, quantiles)
+    return {
+        "median": median,
+        "interval50": [low50, high50],
+        "interval90": [low90, high90],
+        "unit": unit,
+    }
+
+
+def _unknown(bank: Bank, question: Question, why: str) -> dict[str, Any]:
+    """Answer of a recording that cannot be compared: what the population alone says."""
+    truths = np.sort(targets_of(bank.bushing), axis=0)
+    count = len(TARGETS)
+    prior = Posterior(centre=np.zeros(count), spread=np.ones(count), scores=truths)
+    tolerance = None
+    if question.tolerance is not None:
+        tolerance = {"value": question.tolerance, "inside": False, "plan": None}
+    nothing = np.full(WINDOWS, np.nan)
+    found = _beliefs(prior, nothing)
+    for entry in found["stiffness_over_angle"]:
+        entry["angle"] = None
+    return found | {
+        "familiar": False,
+        "why_not": why,
+        "half_width": prior.half_width(),
+        "parts": [],
+        "next": [],
+        "tolerance": tolerance,
+        "regression": None,
+        "advice": ["build a bank of this device: the intervals are the population's own", ADVICE],
+    }

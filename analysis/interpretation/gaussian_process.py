@@ -1,0 +1,114 @@
+"""Gaussian process regression of several outputs with one kernel (Rasmussen and Williams 2006).
+
+scikit-learn finds the kernel's parameters on some of the rows; all rows then share it. What is
+predicted later needs NumPy alone, so a bank is read and used without scikit-learn.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from warnings import catch_warnings, simplefilter
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotri
+
+#: Rows on which the kernel's parameters are found: the time grows with their cube.
+TUNING_ROWS = 400
+#: Each output takes the noise, in units of the kernel's own, with which others predict it best.
+NOISES = (1.0, 10.0, 100.0, 1000.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaussianProcess:
+    """A smooth and a linear part over d inputs, for m outputs."""
+
+    #: Inputs of the rows, shape (n, d).
+    inputs: np.ndarray
+    #: Their outputs' weights, shape (n, m): the covariance's inverse times the outputs.
+    weights: np.ndarray
+    #: Length over which the smooth part varies, in units of each input, shape (d,).
+    lengths: np.ndarray
+    #: Variances of the smooth and the linear part and of noise, as shares of an output's, (3,).
+    variances: np.ndarray
+    #: Mean and standard deviation of each output, shape (2, m).
+    scale: np.ndarray
+    #: Prediction errors of each row from all others (equation 5.12), shape (n, m).
+    residuals: np.ndarray
+
+    @classmethod
+    def fit(
+        cls, inputs: np.ndarray, outputs: np.ndarray, *, tuned: int, seed: int
+    ) -> "GaussianProcess":
+        """Learn from rows.
+
+        Args:
+            inputs: shape (n, d), standardised.
+            outputs: shape (n, m).
+            tuned: how many of the outputs, from the first, the kernel is made for.
+            seed: chooses the rows on which it is.
+        """
+        scale = np.array([outputs.mean(axis=0), np.maximum(outputs.std(axis=0), 1e-12)])
+        y = (outputs - scale[0]) / scale[1]
+        rng = np.random.default_rng(seed)
+        some = rng.permutation(len(inputs))[:TUNING_ROWS]
+        lengths, variances = _tuned(inputs[some], y[some, :tuned])
+        covariance = _covariance(inputs, inputs, lengths, variances)
+        weights, residuals = np.zeros_like(y), np.full_like(y, np.inf)
+        for times in NOISES:
+            own = covariance.copy()
+            own[np.diag_indices_from(own)] += times * variances[2]
+            factor = cho_factor(own, lower=True, overwrite_a=True, check_finite=False)
+            tried = cho_solve(factor, y, check_finite=False)
+            inverse, _ = dpotri(factor[0], lower=True, overwrite_c=True)
+            errors = tried / np.diag(inverse)[:, None]
+            better = (errors**2).sum(axis=0) < (residuals**2).sum(axis=0)
+            weights[:, better], residuals[:, better] = tried[:, better], errors[:, better]
+        return cls(
+            inputs=inputs,
+            weights=weights,
+            lengths=lengths,
+            variances=variances,
+            scale=scale,
+            residuals=residuals * scale[1],
+        )
+
+    def predict(self, inputs: np.ndarray) -> np.ndarray:
+        """Return the outputs' means at `inputs` (k, d), shape (k, m)."""
+        covariance = _covariance(inputs, self.inputs, self.lengths, self.variances)
+        return np.asarray(covariance @ self.weights * self.scale[1] + self.scale[0])
+
+    @cached_property
+    def arrays(self) -> Mapping[str, np.ndarray]:
+        """Return what `GaussianProcess(**arrays)` needs."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+
+def _covariance(
+    one: np.ndarray, other: np.ndarray, lengths: np.ndarray, variances: np.ndarray
+) -> np.ndarray:
+    a, b = one / lengths, other / lengths
+    squared = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2.0 * a @ b.T
+    smooth = np.exp(-0.5 * np.maximum(squared, 0.0))
+    return np.asarray(variances[0] * smooth + variances[1] * (1.0 + one @ other.T))
+
+
+def _tuned(inputs: np.ndarray, outputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return lengths and variances of the greatest marginal likelihood."""
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, DotProduct, WhiteKernel
+
+    kernel = (
+        ConstantKernel(1.0, (1e-3, 1e3)) * RBF(np.full(inputs.shape[1], 6.0), (0.3, 1e3))
+        + ConstantKernel(0.1, (1e-5, 1e2)) * DotProduct(1.0, "fixed")
+        + WhiteKernel(0.05, (1e-5, 2.0))
+    )
+    with catch_warnings():
+        # A length that ends at its bound says that the input does not matter.
+        simplefilter("ignore", ConvergenceWarning)
+        model = GaussianProcessRegressor(kernel, alpha=1e-8).fit(inputs, outputs)
+    found = model.kernel_
+    smooth, linear, noise = found.k1.k1, found.k1.k2, found.k2
+    variances = (smooth.k1.constant_value, linear.k1.constant_value, noise.noise_level + 1e-8)
+    return np.asarray(smooth.k2.length_scale), np.array(variances)

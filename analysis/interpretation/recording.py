@@ -1,0 +1,160 @@
+"""What a robot recorded: a file of `rehyb assess --record`, or a measured session."""
+
+import zipfile
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.session.archive import unpacked
+from analysis.closeloop.session.contents import NOMINAL, Session, Trial
+from analysis.closeloop.session.mjcf import load_device as session_device
+from analysis.closeloop.session.reading import read_session
+from analysis.closeloop.session.trial_csv import read_trial
+from analysis.interpretation.errors import InterpretationError
+from sim.assessment.summary import Motion, RecordingError, summarise
+from sim.effects.catalogue import BY_NAME
+from sim.models import CURVES, ESTIMATES
+from sim.robot.device import ELBOW_JOINT, NESM
+
+#: What a file of `rehyb assess --record` has under these names.
+ARRAYS = ("time", "theta", "theta_velocity", "motor_torque", "device", "exo_joint", "joint")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """One movement, as far as a robot records it."""
+
+    #: What it was read from, in words.
+    source: str
+    #: Name of the device.
+    device: str
+    motion: Motion
+
+    def values(self) -> np.ndarray:
+        """Return CURVES and ESTIMATES, shape (both,).
+
+        Raises:
+            InterpretationError: it holds no such movement.
+        """
+        try:
+            found = summarise(self.motion, NESM)
+        except ValueError as error:
+            raise InterpretationError(f"{self.source}: {error}") from None
+        return np.array([found[name] for name in (*CURVES, *ESTIMATES)])
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a recording: an `.npz` file, or a session (folder or zip).
+
+    Of a session the first trial is taken that holds one movement of the elbow.
+
+    Raises:
+        InterpretationError: it cannot be read, or lacks what is needed; one sentence.
+    """
+    if path.suffix == ".npz":
+        return _from_archive(path)
+    if not path.exists():
+        raise InterpretationError(f"{path}: there is no such file or folder")
+    try:
+        with nullcontext(path) if path.is_dir() else unpacked(path) as folder:
+            return _from_session(folder)
+    except SessionError as error:
+        raise InterpretationError(str(error)) from None
+
+
+def _from_archive(path: Path) -> Recording:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            missing = [name for name in ARRAYS if name not in file.files]
+            arrays = {name: file[name] for name in ARRAYS if name in file.files}
+    except FileNotFoundError:
+        raise InterpretationError(f"{path}: there is no such file") from None
+    except (OSError, ValueError, zipfile.BadZipFile):
+        raise InterpretationError(
+            f"{path} is no recording: take a file of `rehyb assess --record`, or a session"
+        ) from None
+    if missing:
+        what = "velocities" if missing == ["theta_velocity"] else ", ".join(missing)
+        raise InterpretationError(f"{path} has no {what}: record angles, velocities and torques")
+    if int(arrays["joint"]) != 3:
+        raise InterpretationError(f"{path} is of the shoulder: banks are of the elbow")
+    motion = Motion(
+        time=np.asarray(arrays["time"], dtype=float),
+        theta=np.asarray(arrays["theta"], dtype=float),
+        velocity=np.asarray(arrays["theta_velocity"], dtype=float),
+        torque=np.asarray(arrays["motor_torque"], dtype=float),
+        joint=int(arrays["exo_joint"]),
+    )
+    _check(motion, str(path))
+    return Recording(source=str(path), device=str(arrays["device"]), motion=motion)
+
+
+def _check(motion: Motion, source: str) -> None:
+    """Raise InterpretationError if arrays do not fit each other or are not finite."""
+    count = len(motion.time) if motion.time.ndim == 1 else 0
+    shape = motion.theta.shape
+    fits = motion.theta.ndim == 2 and shape[0] == count >= 10 and 0 <= motion.joint < shape[1]
+    if not fits or motion.velocity.shape != shape or motion.torque.shape != shape:
+        raise InterpretationError(
+            f"{source}: time must have n values, and angles, velocities and torques n rows and a "
+            "column for each joint of the device"
+        )
+    for name, array in vars(motion).items():
+        if not np.isfinite(array).all():
+            raise InterpretationError(f"{source}: {name} has values that are not finite")
+    if not (np.diff(motion.time) > 0.0).all():
+        raise InterpretationError(f"{source}: time must rise from sample to sample")
+
+
+def _from_session(folder: Path) -> Recording:
+    """Return the first trial of a session that holds one movement of the elbow."""
+    session = read_session(folder, tuple(BY_NAME))
+    joints = _joints(session)
+    complaint = f"{folder.name}: it has no trial"
+    for listed in session.trials:
+        trial = read_trial(folder, listed, joints, ())
+        motion = _motion(trial, joints)
+        recording = Recording(source=f"{folder.name}/{trial.file}", device=NESM.name, motion=motion)
+        try:
+            summarise(motion, NESM)
+        except RecordingError as error:
+            complaint = f"{recording.source}: {error}"
+            continue
+        return recording
+    raise InterpretationError(complaint)
+
+
+def _joints(session: Session) -> tuple[str, ...]:
+    """Return the NESM's joints; InterpretationError if the session is of another device."""
+    if session.model != NOMINAL:
+        joints = session_device(session).recorded_joints
+        if set(joints) != set(NESM.joints):
+            raise InterpretationError(
+                f"{session.folder.name} is of {session.model} with {', '.join(joints)}: banks are "
+                f"of the elbow in the {NESM.name} with {', '.join(NESM.joints)}"
+            )
+    return NESM.joints
+
+
+def _motion(trial: Trial, joints: tuple[str, ...]) -> Motion:
+    columns = {}
+    for quantity in ("position", "velocity", "effort"):
+        missing = [j for j in joints if f"{j}.{quantity}" not in trial.columns]
+        if missing:
+            raise InterpretationError(
+                f"{trial.file} has no {missing[0]}.{quantity}: to interpret it takes position, "
+                f"velocity and effort of {', '.join(joints)}"
+            )
+        columns[quantity] = np.column_stack([trial.columns[f"{j}.{quantity}"] for j in joints])
+    motion = Motion(
+        time=trial.time,
+        theta=columns["position"],
+        velocity=columns["velocity"],
+        torque=columns["effort"],
+        joint=joints.index(ELBOW_JOINT),
+    )
+    _check(motion, trial.file)
+    return motion

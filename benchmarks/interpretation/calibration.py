@@ -1,0 +1,229 @@
+"""Coverage and width of the intervals of K_h, by subgroup, on wearers with contact.
+
+`python -m benchmarks.interpretation.calibration BANK [--wearers 500] [--keep FOLDER]`
+
+Wearers are drawn with a seed of their own (7001), which neither the bank nor any choice has seen;
+those with friction (7002) and slack straps (7003) too. `--keep` keeps what was simulated and uses
+it again. The last table compares methods on the bank's own rows, by cross-validation.
+"""
+
+import argparse
+import os
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from analysis.interpretation.bank import Bank, Samples, load_bank
+from analysis.interpretation.calibration import Judged, judge, subgroups
+from analysis.interpretation.inference import (
+    JOINTS,
+    TARGETS,
+    Interpreter,
+    noisy,
+    targets_of,
+)
+from analysis.interpretation.plan import half_width_after, steps
+from analysis.interpretation.sampling import sample
+from benchmarks.machine import describe_machine
+
+#: Seeds of wearers who are reported on, and what is changed in them.
+FRESH, FRICTION, SLACK = 7001, 7002, 7003
+STRANGE = (
+    ("undeclared friction of 2.8 Nm", FRICTION, {"robot_friction": 2.8}),
+    ("both straps slack, 4 N", SLACK, {"strap_tension": 4.0}),
+)
+#: What two tape measures and scales say.
+TAPE = {"upper_arm_length": 0.005, "forearm_length": 0.005, "forearm_mass": 0.1}
+
+
+def main() -> None:
+    """Print all tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("bank", type=Path)
+    parser.add_argument("--wearers", type=int, default=500)
+    parser.add_argument("--strange", type=int, default=40)
+    parser.add_argument("--keep", type=Path)
+    asked = parser.parse_args()
+    bank = load_bank(asked.bank)
+    interpreter = Interpreter.read(bank)
+    print(describe_machine())
+    print(f"\nbank {bank.id}: {len(bank.bushing)} bushings, {len(bank.contact)} with contact")
+    fresh = _simulated(bank, FRESH, asked.wearers, {}, asked.keep)
+    zero = bank.population.zero_errors(FRESH, fresh.rows, JOINTS)
+    print(f"{len(fresh)} fresh wearers with contact, {dict(fresh.failed)} failed")
+    judged = judge(interpreter, fresh, zero)
+    _widths(fresh, judged)
+    _coverage(interpreter, fresh, judged)
+    known = judge(interpreter, fresh, zero, TAPE, seed=FRESH)
+    print("\nwith both lengths to 5 mm and the forearm's mass to 0.1 kg")
+    _coverage(interpreter, fresh, known, ("all",))
+    _strange(bank, interpreter, fresh, judged, asked)
+    _next(interpreter, fresh, zero)
+    _speed(interpreter, fresh)
+    _methods(bank)
+
+
+def _simulated(
+    bank: Bank, seed: int, count: int, changed: dict[str, float], keep: Path | None
+) -> Samples:
+    """Return wearers of a seed with contact, from a file if they were kept."""
+    path = keep / f"{seed}.npz" if keep else None
+    if path is not None and path.exists():
+        with np.load(path, allow_pickle=False) as file:
+            kept = {name: file[name] for name in ("rows", "factors", "values")}
+        return Samples(**kept, failed={"one way or another": count - len(kept["rows"])})
+    found = sample(
+        bank.population,
+        seed,
+        range(count),
+        level="contact",
+        processes=os.cpu_count() or 1,
+        changed=changed,
+    )
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(path, rows=found.rows, factors=found.factors, values=found.values)
+    return found
+
+
+def _widths(samples: Samples, judged: Judged) -> None:
+    """Print errors of the regressions and half widths."""
+    truth = targets_of(samples)[:, 0]
+    own = samples.of("true_stiffness_paper")[:, 0]
+    affine, paper = -samples.of("stiffness_estimate", "stiffness_estimate_paper").T
+    print("\nNm/rad                                    mean     sd   90 % of errors are below")
+    for name, error in (
+        ("paper's regression, of K_h", paper - truth),
+        ("paper's regression, of its own truth", paper - own),
+        ("affine, of K_h", affine - truth),
+        ("interpretation's median, of K_h", judged.errors[:, 0]),
+    ):
+        worst = np.quantile(np.abs(error), 0.9)
+        print(f"  {name:38}{error.mean():7.2f}{error.std():7.2f}{worst:10.2f}")
+    widths = judged.half_widths[:, 0]
+    low, middle, high = np.quantile(widths, [0.1, 0.5, 0.9])
+    print(
+        f"  half width of the 90 % interval: median {middle:.2f} (10 to 90 %: {low:.2f}-{high:.2f})"
+    )
+    for name, error in (("paper's", paper - truth), ("affine", affine - truth)):
+        print(f"  median over the {name} error: {middle / np.quantile(np.abs(error), 0.9):.2f}")
+    print(f"  standard deviation of K_h among these wearers: {truth.std():.2f}")
+
+
+def _coverage(
+    interpreter: Interpreter,
+    samples: Samples,
+    judged: Judged,
+    names: tuple[str, ...] = (),
+) -> None:
+    print("\ncoverage, %                  n    K 50   K 90   D 50   D 90   median half width of K")
+    for name, chosen in subgroups(interpreter, samples).items():
+        if (names and name not in names) or not chosen.any():
+            continue
+        shares = [judged.coverage(chosen, s, t) for t in (0, 1) for s in (0.5, 0.9)]
+        cells = "".join(f"{100 * share:7.1f}" for share in shares)
+        print(f"  {name:24}{chosen.sum():5}{cells}{np.median(judged.half_widths[chosen, 0]):9.2f}")
+    places = [100 * judged.coverage(np.ones(len(samples), bool), 0.9, t) for t in (2, 3, 4)]
+    print("  K at a tenth, half, nine tenths, 90 %: " + ", ".join(f"{p:.1f}" for p in places))
+    print(f"  ranks of K uniform: p {judged.uniformity():.2f}; of D: p {judged.uniformity(1):.2f}")
+    counts = np.histogram(judged.ranks[:, 0], 10, (0.0, 1.0))[0]
+    print("  ranks of K in tenths: " + " ".join(map(str, counts)))
+
+
+def _strange(
+    bank: Bank,
+    interpreter: Interpreter,
+    fresh: Samples,
+    judged: Judged,
+    asked: argparse.Namespace,
+) -> None:
+    print("\nrecordings unlike the bank            n   called strange, %   coverage of 90 %, %")
+    everyone = np.ones(len(fresh), dtype=bool)
+    print(
+        f"  none: fresh wearers              {len(fresh):5}{100 * np.mean(~judged.familiar):15.1f}"
+        f"{100 * judged.coverage(everyone):20.1f}"
+    )
+    for name, seed, changed in STRANGE:
+        samples = _simulated(bank, seed, asked.strange, changed, asked.keep)
+        if not len(samples):
+            print(f"  {name}: every assessment failed")
+            continue
+        zero = bank.population.zero_errors(seed, samples.rows, JOINTS)
+        found = judge(interpreter, samples, zero)
+        print(
+            f"  {name:33}{len(samples):5}{100 * np.mean(~found.familiar):15.1f}"
+            f"{100 * found.coverage(np.ones(len(samples), bool)):20.1f}"
+        )
+    _other_muscles(bank, fresh)
+
+
+def _other_muscles(bank: Bank, fresh: Samples) -> None:
+    """Leave each set of muscles out of the bank, and interpret wearers who have it."""
+    column = bank.population.names.index("muscles")
+    for number, name in enumerate(("paper", "holzbaur2005", "physiological")):
+        without = replace(
+            bank,
+            fitted={},
+            bushing=bank.bushing.some(bank.bushing.factors[:, column] != number),
+            contact=bank.contact.some(bank.contact.factors[:, column] != number),
+        )
+        samples = fresh.some(fresh.factors[:, column] == number)
+        zero = bank.population.zero_errors(FRESH, samples.rows, JOINTS)
+        found = judge(Interpreter.fit(without), samples, zero)
+        familiar = found.familiar
+        if familiar.any():
+            held = f"{100 * found.coverage(familiar):6.1f} of {familiar.sum()} called familiar"
+        else:
+            held = "nobody called familiar"
+        print(
+            f"  {f'muscles {name}, not in the bank':33}{len(samples):5}"
+            f"{100 * np.mean(~familiar):15.1f}"
+            f"{100 * found.coverage(np.ones(len(samples), bool)):20.1f}   ({held})"
+        )
+
+
+def _next(interpreter: Interpreter, fresh: Samples, zero: np.ndarray, count: int = 200) -> None:
+    """Print how often the half width after the best step is as it was said."""
+    recorded = fresh.curves(zero)[:count]
+    names = interpreter.population.names
+    ratios = []
+    for row, values in enumerate(recorded):
+        view = interpreter.look(values)
+        said = {s: half_width_after(interpreter, view, (), (s,)) for s in steps(interpreter, ())}
+        best = min(said, key=lambda step: said[step])
+        one = fresh.some(np.array([row]))
+        came = judge(interpreter, one, zero[[row]], {best.factor: best.to}, seed=row)
+        ratios.append(came.half_widths[0, 0] / said[best])
+    assert names
+    good = np.mean(np.abs(np.array(ratios) - 1.0) <= 0.25)
+    low, high = np.quantile(ratios, [0.05, 0.95])
+    print(
+        f"\nhalf width after the best step over what was said, {len(ratios)} wearers: within 25 % "
+        f"in {100 * good:.1f} %, 5 to 95 %: {low:.2f}-{high:.2f}"
+    )
+
+
+def _speed(interpreter: Interpreter, fresh: Samples) -> None:
+    recorded = fresh.curves(np.zeros((len(fresh), JOINTS)))[:20]
+    started = time.process_time()
+    for values in recorded:
+        interpreter.infer(interpreter.look(values))
+    seconds = (time.process_time() - started) / len(recorded)
+    print(f"\none recording, read and bank loaded: {1e3 * seconds:.0f} ms of a core")
+
+
+def _methods(bank: Bank) -> None:
+    """Compare conformal predictions of K on the bank's own rows with contact, five folds."""
+    from benchmarks.interpretation.methods import compare
+
+    recorded = noisy(bank, bank.contact)
+    print("\nmethods, K on the bank's rows with contact, five folds: coverage of 90 %, half width")
+    for name, coverage, width in compare(bank, recorded, targets_of(bank.contact)[:, 0]):
+        print(f"  {name:44}{100 * coverage:6.1f}{width:8.2f}")
+
+
+if __name__ == "__main__":
+    assert TARGETS[0] == "stiffness"
+    main()

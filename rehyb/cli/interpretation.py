@@ -1,0 +1,212 @@
+"""Commands about K_h with an interval: `interpret`, `bank build` and `bank show`."""
+
+import os
+import sys
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rehyb.cli.answers import Answer, answering
+from rehyb.cli.options import assignment, number, optional
+from rehyb.client import Json
+from rehyb.errors import Invalid, RehybError
+from rehyb.interpretation import bank_file, interpret_recording
+
+app = typer.Typer(help="Banks of simulated recordings, which `rehyb interpret` reads.")
+
+BankFile = Annotated[
+    Path | None,
+    optional(
+        metavar="FILE.npz",
+        help="The bank. Default: REHYB_BANK, else one in the user's data folder.",
+    ),
+]
+
+
+@answering
+def interpret(
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING",
+            help="File of `rehyb assess --record`, or a measured session (folder or zip).",
+        ),
+    ],
+    known: Annotated[
+        list[str] | None,
+        optional(
+            metavar="NAME=VALUE:SD",
+            help="What was measured on the patient, with its standard deviation; repeat.",
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float | None, optional(help="Half width of K's 90 % interval that is wanted, Nm/rad.")
+    ] = None,
+    bank: BankFile = None,
+    out: Annotated[Path | None, optional(metavar="FILE.html", help="Write a report, too.")] = None,
+) -> Answer:
+    """Say K_h and D_h with intervals, what they rest on, and what to measure next.
+
+    Exit status 2 if the recording cannot be used.
+    """
+    measured = [_known(text) for text in known or ()]
+    found = interpret_recording(recording, bank, known=measured, tolerance=tolerance, report=out)
+    lines = [*_lines(found), *([str(out)] if out else [])]
+    return Answer(found, "\n".join(lines))
+
+
+def _known(text: str) -> tuple[str, float, float]:
+    name, measured = assignment(text)
+    value, colon, sd = measured.partition(":")
+    if not colon:
+        raise typer.BadParameter(
+            f"{text!r} is not of the form name=value:sd; say how well it was measured"
+        )
+    return name, number(value, name), number(sd, f"the standard deviation of {name}")
+
+
+def _lines(found: Json) -> Iterator[str]:
+    """Yield an answer, line by line."""
+    for name in ("stiffness", "damping"):
+        entry = found[name]
+        (low50, high50), (low90, high90) = entry["interval50"], entry["interval90"]
+        yield (
+            f"{name:10} {entry['median']:6.2f} {entry['unit']}, "
+            f"50 %: {low50:.2f} to {high50:.2f}, 90 %: {low90:.2f} to {high90:.2f}"
+        )
+    for entry in found["stiffness_over_angle"]:
+        low90, high90 = entry["interval90"]
+        share = f"{100 * entry['share_of_travel']:.0f} %"
+        yield f"  at {share:5} of the travel {entry['median']:6.2f}, {low90:.2f} to {high90:.2f}"
+    if not found["familiar"]:
+        yield f"not familiar: {found['why_not']}"
+    shares = [part for part in found["parts"] if part["share"] >= 0.05]
+    if shares:
+        listed = ", ".join(f"{part['name']} {100 * part['share']:.0f} %" for part in shares)
+        yield f"the interval is made of: {listed}"
+    for step in found["next"][:3]:
+        yield (
+            f"  {step['do']} ({step['minutes']:g} min): "
+            f"half width {found['half_width']:.2f} -> {step['half_width_after']:.2f}"
+        )
+    yield from _tolerance(found)
+    yield from found["advice"]
+
+
+def _tolerance(found: Json) -> Iterator[str]:
+    asked = found["tolerance"]
+    if asked is None:
+        return
+    wanted = f"{asked['value']:g} Nm/rad"
+    if asked["inside"]:
+        yield f"inside {wanted}: the half width is {found['half_width']:.2f}"
+    elif asked["plan"]:
+        names = ", ".join(step["factor"] for step in asked["plan"]["steps"])
+        width = asked["plan"]["half_width_after"]
+        yield f"{wanted} in {asked['plan']['minutes']:g} min: measure {names} (then {width:.2f})"
+    elif "all_steps" in asked:
+        yield f"no plan reaches {wanted}: everything measured leaves {asked['all_steps']:.2f}"
+    else:
+        yield f"not inside {wanted}"
+
+
+@app.command()
+@answering
+def build(
+    rows: Annotated[int, typer.Option(min=1, help="Wearers without contact, in all.")] = 4096,
+    contact_rows: Annotated[
+        int, typer.Option(min=0, help="Wearers with contact, in all: what bushings get wrong.")
+    ] = 256,
+    population: Annotated[
+        Path | None, optional(metavar="FILE.json", help="Who may come. Default: rehyb's own.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the draw.")] = 1,
+    processes: Annotated[
+        int | None, optional(min=1, help="Simulations at a time. Default: this machine's cores.")
+    ] = None,
+    out: BankFile = None,
+    extend: Annotated[
+        bool, typer.Option("--extend", help="Keep the rows that the file has already.")
+    ] = False,
+) -> Answer:
+    """Simulate a population's recordings and learn from them, into one file."""
+    if find_spec("sklearn") is None:
+        raise RehybError("to learn takes scikit-learn: pip install 'rehyb[interpret]'")
+    from analysis.interpretation.bank import load_bank
+    from analysis.interpretation.build import describe, empty_bank, grow
+    from analysis.interpretation.errors import InterpretationError
+    from analysis.interpretation.population import default_population, read_population
+
+    path = bank_file(out)
+    try:
+        if extend:
+            if population is not None:
+                raise Invalid("--extend keeps the bank's own population: leave --population out")
+            bank = load_bank(path)
+        else:
+            people = default_population() if population is None else read_population(population)
+            bank = empty_bank(people, seed)
+        with _bars() as show:
+            bank = grow(
+                bank,
+                rows=rows,
+                contact_rows=contact_rows,
+                processes=processes or os.cpu_count() or 1,
+                progress=show,
+            )
+    except InterpretationError as error:
+        raise Invalid(str(error)) from None
+    bank.save(path)
+    content = describe(bank) | {"file": str(path)}
+    failed = sum((*bank.bushing.failed.values(), *bank.contact.failed.values()))
+    text = (
+        f"{path}: bank {bank.id}, {len(bank.bushing)} recordings without and "
+        f"{len(bank.contact)} with contact; {failed} assessments failed"
+    )
+    return Answer(content, text)
+
+
+@app.command()
+@answering
+def show(bank: BankFile = None) -> Answer:
+    """Say what a bank holds."""
+    from analysis.interpretation.bank import load_bank
+    from analysis.interpretation.build import describe
+    from analysis.interpretation.errors import InterpretationError
+
+    try:
+        content = describe(load_bank(bank_file(bank)))
+    except InterpretationError as error:
+        raise Invalid(str(error)) from None
+    return Answer(content, "\n".join(f"{name:12} {value}" for name, value in content.items()))
+
+
+class _bars:  # noqa: N801
+    """A bar for each thing that is done, on a terminal's error stream."""
+
+    def __enter__(self) -> "_bars":
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+        self._shown = Progress(
+            "{task.description}",
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            disable=not sys.stderr.isatty(),
+        )
+        self._tasks: dict[str, object] = {}
+        self._shown.start()
+        return self
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        if what not in self._tasks:
+            self._tasks[what] = self._shown.add_task(what, total=total)
+        self._shown.update(self._tasks[what], completed=done)  # type: ignore[arg-type]
+
+    def __exit__(self, *_: object) -> None:
+        self._shown.stop()

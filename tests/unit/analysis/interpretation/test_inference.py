@@ -1,0 +1,173 @@
+"""K_h with an interval, on a bank without a simulation."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.interpretation.answer import Question, interpret
+from analysis.interpretation.bank import load_bank
+from analysis.interpretation.errors import InterpretationError
+from analysis.interpretation.features import RECORDED
+from analysis.interpretation.inference import Interpreter, Known, targets_of
+from analysis.interpretation.plan import half_width_after, parts, shortest_plan, steps
+from analysis.interpretation.recording import Recording
+from sim.assessment.summary import Motion
+from tests.testbed.bank import bank, samples
+
+
+@pytest.fixture(scope="module")
+def interpreter() -> Interpreter:
+    return Interpreter.read(bank())
+
+
+FRESH = samples(2, 200)
+TRUTH = targets_of(FRESH)
+RECORDINGS = FRESH.of(*RECORDED)
+
+
+def tape(row: int, sd: float = 0.002) -> tuple[Known, ...]:
+    return (Known(name="forearm_length", value=float(FRESH.factors[row, 0]), sd=sd),)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say(interpreter: Interpreter) -> None:
+    ranks = np.array(
+        [
+            interpreter.infer(interpreter.look(recorded)).rank(truth)
+            for recorded, truth in zip(RECORDINGS, TRUTH, strict=True)
+        ]
+    )
+    inside = np.mean((ranks > 0.05) & (ranks < 0.95), axis=0)
+    assert inside[:2] == pytest.approx([0.9, 0.9], abs=0.07)
+    assert np.mean(ranks[:, 0] < 0.5) == pytest.approx(0.5, abs=0.1)
+
+
+def test_what_is_measured_on_the_patient_narrows_the_interval_and_moves_it_to_the_truth(
+    interpreter: Interpreter,
+) -> None:
+    rows = range(60)
+    views = [interpreter.look(RECORDINGS[row]) for row in rows]
+    before = [interpreter.infer(view) for view in views]
+    after = [interpreter.infer(view, tape(row)) for row, view in zip(rows, views, strict=True)]
+    # Half a unit of K per sd of length is what the recording does not show.
+    assert before[0].half_width() == pytest.approx(1.645 * 0.5, rel=0.25)
+    assert np.mean([one.half_width() for one in after]) < 0.4 * before[0].half_width()
+    errors = [abs(one.centre[0] - TRUTH[row, 0]) for row, one in zip(rows, after, strict=True)]
+    assert np.mean(errors) < 0.25
+    inside = [0.05 < one.rank(TRUTH[row])[0] < 0.95 for row, one in zip(rows, after, strict=True)]
+    assert np.mean(inside) > 0.78
+
+
+def test_the_half_width_to_expect_is_the_one_that_comes(interpreter: Interpreter) -> None:
+    for row in range(10):
+        view = interpreter.look(RECORDINGS[row])
+        (step, *_) = steps(interpreter, ())
+        said = half_width_after(interpreter, view, (), (step,))
+        came = interpreter.infer(view, tape(row)).half_width()
+        assert came == pytest.approx(said, rel=0.25)
+
+
+def test_the_interval_is_made_of_what_is_not_known(interpreter: Interpreter) -> None:
+    shares = parts(interpreter, interpreter.look(RECORDINGS[0]), ())
+    assert next(iter(shares)) == "forearm_length"
+    assert shares["forearm_length"] > 0.6
+    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-6)
+    left = parts(interpreter, interpreter.look(RECORDINGS[0]), tape(0))
+    assert left["forearm_length"] < 0.2
+
+
+def test_the_plan_is_the_shortest_that_is_enough(interpreter: Interpreter) -> None:
+    view = interpreter.look(RECORDINGS[0])
+    offered = steps(interpreter, ())
+    found = shortest_plan(interpreter, view, (), offered, 0.4)
+    assert found is not None
+    done, width = found
+    assert [step.factor for step in done] == ["forearm_length"]
+    assert width <= 0.4
+    assert shortest_plan(interpreter, view, (), offered, 0.001) is None
+
+
+def test_what_is_known_well_enough_is_not_offered_again(interpreter: Interpreter) -> None:
+    assert [step.factor for step in steps(interpreter, tape(0))] == ["forearm_mass"]
+    assert len(steps(interpreter, tape(0, sd=0.01))) == 2
+
+
+@pytest.mark.parametrize(
+    ("known", "sentence"),
+    [
+        (Known(name="weather", value=1.0, sd=1.0), "there is no 'weather' to be known"),
+        (Known(name="muscles", value=1.0, sd=1.0), "muscles is a choice"),
+        (Known(name="forearm_length", value=0.9, sd=0.01), "cannot be 0.9 m"),
+    ],
+)
+def test_what_cannot_be_known_is_one_sentence(
+    interpreter: Interpreter, known: Known, sentence: str
+) -> None:
+    with pytest.raises(InterpretationError, match=sentence):
+        interpreter.infer(interpreter.look(RECORDINGS[0]), (known,))
+
+
+def test_a_recording_like_the_banks_is_familiar_and_one_unlike_them_is_not(
+    interpreter: Interpreter,
+) -> None:
+    own = interpreter.features.scaled(RECORDINGS)
+    called = [interpreter.familiarity.distance(one) > interpreter.familiarity.limit for one in own]
+    assert np.mean(called) <= 0.08
+    odd = interpreter.features.scaled(samples(3, 20, strange=0.02).of(*RECORDED))
+    for one in odd:
+        assert interpreter.familiarity.distance(one) > interpreter.familiarity.limit
+    assert interpreter.familiarity.strangest(odd[0]) == "the elbow's angle over time"
+
+
+def test_a_bank_is_one_file(tmp_path: Path) -> None:
+    made = bank()
+    made.save(tmp_path / "bank.npz")
+    read = load_bank(tmp_path / "bank.npz")
+    assert read.id == made.id
+    view = Interpreter.read(read).look(RECORDINGS[0])
+    assert np.array_equal(view.mean, Interpreter.read(made).look(RECORDINGS[0]).mean)
+
+
+def test_what_is_no_bank_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "bank.npz"
+    with pytest.raises(InterpretationError, match="there is no bank"):
+        load_bank(path)
+    path.write_text("a bank")
+    with pytest.raises(InterpretationError, match="is no bank"):
+        load_bank(path)
+    np.savez(path, a=np.zeros(2))
+    with pytest.raises(InterpretationError, match="is no bank"):
+        load_bank(path)
+    np.savez(path, meta=np.array(json.dumps({"schema": 99})))
+    with pytest.raises(InterpretationError, match="another version"):
+        load_bank(path)
+
+
+def recording(device: str) -> Recording:
+    time = np.linspace(0.0, 6.0, 100)
+    one = np.zeros((100, 1))
+    motion = Motion(time=time, theta=one, velocity=one, torque=one, joint=0)
+    return Recording(source="a.npz", device=device, motion=motion)
+
+
+def test_another_device_is_not_familiar_and_says_no_more_than_the_population() -> None:
+    found = interpret(bank(), Question(recording=recording("elbow_orthosis"), tolerance=0.2))
+    assert not found["familiar"]
+    assert "elbow_orthosis" in found["why_not"]
+    low, high = found["stiffness"]["interval90"]
+    assert (low, high) == pytest.approx((1.25, 5.75), abs=0.2)
+    assert found["tolerance"]["inside"] is False
+
+
+@pytest.mark.parametrize(
+    ("asked", "sentence"),
+    [
+        ({"tolerance": 0.0}, "a tolerance is positive"),
+        ({"known": (Known(name="a", value=1.0, sd=0.0),)}, "a positive standard deviation"),
+        ({"known": (Known(name="a", value=1.0, sd=1.0),) * 2}, "known twice"),
+    ],
+)
+def test_a_question_that_means_nothing_is_one_sentence(asked: dict, sentence: str) -> None:
+    with pytest.raises(InterpretationError, match=sentence):
+        Question(recording=recording("nesm"), **asked)

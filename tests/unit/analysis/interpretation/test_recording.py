@@ -1,0 +1,135 @@
+"""What a robot recorded, from a simulation or from a clinic."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.interpretation.errors import InterpretationError
+from analysis.interpretation.recording import read_recording
+from sim.assessment.assess import assess
+from sim.assessment.record import Record
+
+JOINTS = ("J1", "J2", "J3", "J4")
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    found = assess({"activation": 0.05}, fidelity="bushing").record
+    assert found is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def saved(record: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("recording") / "a.npz"
+    record.save(path)
+    return path
+
+
+def session(folder: Path, record: Record, *, without: str = "", model: str = "nominal") -> Path:
+    columns = {"time": record.time}
+    for i, joint in enumerate(JOINTS):
+        columns[f"{joint}.position"] = record.theta[:, i]
+        columns[f"{joint}.velocity"] = record.theta_velocity[:, i]
+        columns[f"{joint}.effort"] = record.motor_torque[:, i]
+    columns = {
+        name: values for name, values in columns.items() if not name.endswith(without or "~")
+    }
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(
+        folder / "down.csv",
+        table,
+        delimiter=",",
+        header=",".join(columns),
+        comments="",
+        fmt="%.12g",
+    )
+    said = {"schema": 1, "model": model, "trials": [{"file": "down.csv", "label": "down"}]}
+    (folder / "session.json").write_text(json.dumps(said))
+    return folder
+
+
+def test_a_simulation_and_a_measured_session_of_it_are_one_recording(
+    record: Record, saved: Path, tmp_path: Path
+) -> None:
+    simulated = read_recording(saved)
+    measured = read_recording(session(tmp_path, record))
+    assert measured.device == simulated.device == "nesm"
+    assert measured.values() == pytest.approx(simulated.values(), abs=1e-6)
+
+
+def changed(saved: Path, to: Path, **arrays: object) -> Path:
+    with np.load(saved) as file:
+        content = {name: file[name] for name in file.files} | arrays
+    with to.open("wb") as target:
+        np.savez(target, **{n: v for n, v in content.items() if v is not None})
+    return to
+
+
+@pytest.mark.parametrize(
+    ("arrays", "sentence"),
+    [
+        (lambda own: {"theta_velocity": None}, "has no velocities"),
+        (lambda own: {"motor_torque": None, "theta": None}, "has no theta, motor_torque"),
+        (lambda own: {"joint": np.array(1)}, "is of the shoulder"),
+        (lambda own: {"theta": own["theta"][:-1]}, "n rows and a column for each joint"),
+        (lambda own: {"exo_joint": np.array(7)}, "n rows and a column for each joint"),
+        (lambda own: {"theta": np.nan * own["theta"]}, "theta has values that are not finite"),
+        (lambda own: {"time": own["time"][::-1]}, "time must rise"),
+        (lambda own: {"theta": 0.0 * own["theta"]}, "moves by 0.00 rad"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_one_sentence(
+    saved: Path, tmp_path: Path, arrays: Callable[[dict], dict], sentence: str
+) -> None:
+    with np.load(saved) as file:
+        own = {name: file[name] for name in file.files}
+    path = changed(saved, tmp_path / "b.npz", **arrays(own))
+    with pytest.raises(InterpretationError, match=sentence) as raised:
+        read_recording(path).values()
+    assert "\n" not in str(raised.value)
+
+
+def test_what_is_no_recording_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(InterpretationError, match="no such file"):
+        read_recording(tmp_path / "a.npz")
+    with pytest.raises(InterpretationError, match="no such file or folder"):
+        read_recording(tmp_path / "session")
+    (tmp_path / "a.npz").write_text("angles")
+    with pytest.raises(InterpretationError, match="is no recording"):
+        read_recording(tmp_path / "a.npz")
+    with pytest.raises(InterpretationError, match=r"session\.json"):
+        read_recording(tmp_path)
+    (tmp_path / "a.zip").write_text("angles")
+    with pytest.raises(InterpretationError, match="zip"):
+        read_recording(tmp_path / "a.zip")
+
+
+def test_a_session_without_velocities_is_one_sentence(record: Record, tmp_path: Path) -> None:
+    with pytest.raises(InterpretationError, match=r"down\.csv has no J1\.velocity"):
+        read_recording(session(tmp_path, record, without=".velocity"))
+
+
+ANOTHER = """<mujoco><worldbody><body name="shank"><joint name="knee" type="hinge" axis="0 1 0"/>
+<geom type="capsule" size="0.05 0.2" mass="3"/></body></worldbody></mujoco>"""
+
+
+def test_a_session_of_another_joint_is_one_sentence(record: Record, tmp_path: Path) -> None:
+    folder = session(tmp_path, record, model="knee.xml")
+    (folder / "knee.xml").write_text(ANOTHER)
+    with pytest.raises(InterpretationError, match=r"is of knee\.xml with knee"):
+        read_recording(folder)
+
+
+def test_a_session_that_holds_no_movement_says_why(record: Record, tmp_path: Path) -> None:
+    folder = session(tmp_path, record)
+    said = json.loads((folder / "session.json").read_text())
+    said["trials"][0] |= {"from": 0.0, "to": 2.0}
+    (folder / "session.json").write_text(json.dumps(said))
+    with pytest.raises(
+        InterpretationError, match=r"down\.csv: .*(at least 0\.25 rad|record longer)"
+    ):
+        read_recording(folder)
