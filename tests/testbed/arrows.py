@@ -1,6 +1,6 @@
 """The drawing of rooms and arrows, made of the contracts that import-linter holds.
 
-`python -m tests.testbed.arrows` writes it into README.md and docs/understand/architecture.md.
+`python -m tests.testbed.arrows` writes it into docs/understand/architecture.md.
 """
 
 import re
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
-PAGES = (ROOT / "README.md", ROOT / "docs" / "understand" / "architecture.md")
+PAGES = (ROOT / "docs" / "understand" / "architecture.md",)
 #: Characters of a line that a page shows without scrolling.
 WIDTH = 96
 BEGIN, END = "<!-- arrows -->", "<!-- end of arrows -->"
