@@ -80,10 +80,10 @@ def _bound(value: float) -> str:
 
 
 def indices_table(snapshot: Mapping[str, Any], output: str, title: str = "") -> Table:
-    """Return the indices of one output, factors ranked by μ* or ST."""
-    factors: Mapping[str, Mapping[str, Any]] = (
-        snapshot["outputs"].get(output, {}).get("factors", {})
-    )
+    """Return the indices of one output, factors ranked by μ* or ST; of a curve, of the whole."""
+    from analysis.sensitivity.records import said_of
+
+    factors: Mapping[str, Mapping[str, Any]] = said_of(snapshot, output).get("factors", {})
     names = [name for name in SYMBOLS if any(name in entry for entry in factors.values())]
     caption = "μ*, σ: per whole range" if "mu_star" in names else None
     table = plain_table(title=title or None, caption=caption)
@@ -118,7 +118,9 @@ def _rank(entry: Mapping[str, Any]) -> float:
 
 def leading_factors(snapshot: Mapping[str, Any], output: str) -> str:
     """Return the two factors that lead the ranking, with their intervals."""
-    factors = snapshot["outputs"].get(output, {}).get("factors", {})
+    from analysis.sensitivity.records import said_of
+
+    factors = said_of(snapshot, output).get("factors", {})
     ranked = sorted(factors.items(), key=lambda item: _rank(item[1]))[:2]
     return ", ".join(
         f"{factor} {SYMBOLS[name]} {statistic(entry[name])}"

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from analysis.designs import METHODS
 from analysis.reports import hover
 from analysis.reports.figures import (
+    components_figure,
     convergence_figure,
+    curve_figure,
     distribution_figure,
     pairs_figure,
     scatter_figure,
@@ -21,6 +23,7 @@ from analysis.reports.figures import (
     variance_figure,
 )
 from analysis.reports.html import data_uri
+from analysis.reports.wording import words
 from analysis.sensitivity.estimators import Estimator
 from analysis.sensitivity.table import Table
 
@@ -168,6 +171,34 @@ _KINDS = (
         panels=lambda figure, s: hover.pairs(figure, s.order),
     ),
 )
+
+
+def curve_pictures(
+    snapshot: Mapping[str, Any], units: Mapping[str, str], palette: Sequence[str]
+) -> list[Picture]:
+    """Return two figures of every curve of a study (Lamboni et al. 2011), drawn."""
+    drawn = []
+    for name in snapshot.get("curves", {}):
+        unit = units.get(name, "")
+        drawn += [
+            Picture(
+                name=f"{name}-indices",
+                title=f"{words(name).capitalize()}: indices along the curve",
+                caption="Left: the leading factors, with bands that hold a whole line at once. "
+                "Right: all factors, the most influential on the curve as a whole first.",
+                figure=curve_figure(snapshot, name, unit, list(palette)),
+                panels=[],
+            ),
+            Picture(
+                name=f"{name}-components",
+                title=f"{words(name).capitalize()}: principal components",
+                caption="Left: the mean curve, and what one standard deviation of each component's "
+                "score adds to it and takes from it. Right: the indices of the scores.",
+                figure=components_figure(snapshot, name, unit),
+                panels=[],
+            ),
+        ]
+    return drawn
 
 
 def pictures(subject: Subject) -> list[Picture]:

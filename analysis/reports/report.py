@@ -16,7 +16,7 @@ from analysis.designs import family
 from analysis.files.results_csv import read_table
 from analysis.reports import hover, tables
 from analysis.reports.html import render
-from analysis.reports.pictures import Picture, Subject, pictures
+from analysis.reports.pictures import Picture, Subject, curve_pictures, pictures
 from analysis.reports.tables import Grid
 from analysis.sensitivity.estimators import Estimator
 from analysis.sensitivity.estimators.uncentred import uncentred
@@ -91,6 +91,7 @@ def write_report(
     # A factor has one colour in all chapters, also where an earlier one was fixed.
     palette = list(dict.fromkeys(name for one in chapters for name in one.table.plan.factors))
     for number, one in enumerate(chapters, 1):
+        drawn = curve_pictures(one.snapshot, units, palette)
         subject = Subject(
             table=one.table,
             snapshot=one.snapshot,
@@ -100,7 +101,8 @@ def write_report(
             factor_units=[units.get(name, "") for name in one.table.plan.factors],
             palette=palette,
         )
-        drawn = pictures(subject)
+        if output not in one.snapshot.get("curves", {}):
+            drawn = [*pictures(subject), *drawn]
         sections.append(_section(one, output, units, drawn, surrogates=surrogates))
         for kind, folder in (folders or {}).items():
             folder.mkdir(parents=True, exist_ok=True)
@@ -137,18 +139,23 @@ def _section(
     names = [factor["name"] for factor in chapter.study["factors"]]
     own = {name: units.get(name, "") for name in names}
     alarm = warning(snapshot)
+    curves = {name: tables.curve(snapshot, name) for name in snapshot.get("curves", {})}
     beside: dict[str, list[Grid | str]] = {}
-    if snapshot["method"] == "morris":
-        beside["Per unit of each factor"] = [tables.per_unit(snapshot, output, unit, own)]
-    if "second_order" in snapshot["outputs"][output]:
-        beside["Pairs of factors"] = [tables.pairs(snapshot, output)]
+    if output not in curves:
+        if snapshot["method"] == "morris":
+            beside["Per unit of each factor"] = [tables.per_unit(snapshot, output, unit, own)]
+        if "second_order" in snapshot["outputs"][output]:
+            beside["Pairs of factors"] = [tables.pairs(snapshot, output)]
+    others = [block for name, blocks in curves.items() for block in blocks[name == output :]]
+    if others:
+        beside["Whole curves"] = others
     behind: dict[str, list[Grid | str]] = {
         "Every other output": [
             tables.indices(snapshot, name, units.get(name, ""))
             for name in snapshot["outputs"]
             if name != output
         ],
-        "Other estimators on the same runs": _compared(chapter, output),
+        "Other estimators on the same runs": [] if output in curves else _compared(chapter, output),
         "Surrogates on the same runs": _surrogate(chapter, output) if surrogates else [],
         "Failures": tables.failures(snapshot) if snapshot["failure"]["failed"] else [],
     }
@@ -156,14 +163,19 @@ def _section(
         "title": _METHODS[chapter.study["method"]],
         "warning": alarm,
         "remarks": [sentence for sentence in remarks(snapshot, output) if sentence != alarm],
-        "indices": tables.indices(snapshot, output, unit),
+        "indices": curves[output][0]
+        if output in curves
+        else tables.indices(snapshot, output, unit),
         # What can be opened below the indices, and below the pictures.
         "beside": beside,
         "pictures": drawn,
         "behind": {title: blocks for title, blocks in behind.items() if blocks},
         "facts": _facts(chapter),
         "sampled": tables.sampled(chapter.study["factors"], own),
-        "runs": hover.runs_table(chapter.table, output),
+        # No figure of a curve shows single runs.
+        "runs": {"columns": [], "runs": []}
+        if output in curves
+        else hover.runs_table(chapter.table, output),
     }
 
 

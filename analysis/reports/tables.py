@@ -53,11 +53,38 @@ def indices(snapshot: Mapping[str, Any], output: str, unit: str) -> Grid:
     return _indices(snapshot, entry, title, note)
 
 
+def curve(snapshot: Mapping[str, Any], name: str) -> list[Grid | str]:
+    """Return the generalised indices of a curve, and those of pairs if the method has them."""
+    whole = snapshot["curves"][name]["whole"]
+    found: list[Grid | str] = []
+    if family(snapshot["method"]) == "morris":
+        ranked = sorted(
+            whole["factors"].items(), key=lambda item: -(item[1]["mu_star"]["value"] or 0.0)
+        )
+        found.append(
+            Grid(
+                title=words(name),
+                head=["factor", SYMBOLS["mu_star"], "n"],
+                rows=[[words(f), of["mu_star"], f"{of['n']:,}"] for f, of in ranked],
+                note=f"Root mean square over the curve; {_level(snapshot)}",
+            )
+        )
+    else:
+        note = f"Generalised indices of the whole curve (Lamboni et al. 2011); {_level(snapshot)}"
+        found.append(_indices(snapshot, whole, words(name), note))
+    if "second_order" in whole:
+        found.append(_pairs(whole["second_order"], words(name)))
+    return found
+
+
 def pairs(snapshot: Mapping[str, Any], output: str) -> Grid:
     """Return the second-order indices of an output, the largest first."""
-    found = snapshot["outputs"][output]["second_order"]
+    return _pairs(snapshot["outputs"][output]["second_order"], words(output))
+
+
+def _pairs(found: Sequence[Mapping[str, Any]], title: str) -> Grid:
     return Grid(
-        title=words(output),
+        title=title,
         head=["pair", "S of the pair", "n"],
         rows=[
             [" × ".join(map(words, pair["factors"])), pair, f"{pair['n']:,}"]

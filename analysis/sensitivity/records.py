@@ -85,6 +85,13 @@ def output_of(snapshot: Mapping[str, Any], output: str) -> Mapping[str, Any]:
     return found
 
 
+def said_of(snapshot: Mapping[str, Any], output: str) -> Mapping[str, Any]:
+    """Return `output_of`; an empty mapping if the snapshot says nothing of an output."""
+    if output in snapshot["outputs"] or output in snapshot.get("curves", {}):
+        return output_of(snapshot, output)
+    return {}
+
+
 @dataclass(frozen=True, kw_only=True)
 class LoggedResult:
     """The one final result of one instance, as the store logged it."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from analysis.sensitivity.estimators import SYMBOLS
+from analysis.sensitivity.records import said_of
 from analysis.sensitivity.screening import SHARE_OF_LARGEST
 from analysis.sensitivity.stopping import advise
 from models.factors import SEED
@@ -40,9 +41,9 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
     found = [str(snapshot.get("failure", {}).get("sentence", ""))]
     found.append(_own_noise(snapshot, output))
     found.append(_worst_case(snapshot, output))
-    found.append(_ranking(snapshot["outputs"].get(output, {}).get("ranking", {}), output))
-    found.append(str(snapshot["outputs"].get(output, {}).get("trust", {}).get("sentence", "")))
-    found.append(_screened(snapshot["outputs"].get(output, {}).get("screening"), output))
+    found.append(_ranking(said_of(snapshot, output).get("ranking", {}), output))
+    found.append(str(said_of(snapshot, output).get("trust", {}).get("sentence", "")))
+    found.append(_screened(said_of(snapshot, output).get("screening"), output))
     found.append(_no_single_stiffness(snapshot, output))
     found.append(_few_rows(snapshot, output))
     found.append(_one_sequence(snapshot))
@@ -62,7 +63,7 @@ def _own_noise(snapshot: Mapping[str, Any], output: str) -> str:
     index (Jansen 1999): half the mean squared difference of two runs at the same point with other
     seeds, by the variance.
     """
-    factors = snapshot["outputs"].get(output, {}).get("factors", {})
+    factors = said_of(snapshot, output).get("factors", {})
     share = factors.get(SEED.name, {}).get("total_order")
     if share is None or share["value"] is None:
         return ""
@@ -114,7 +115,7 @@ def _no_single_stiffness(snapshot: Mapping[str, Any], output: str) -> str:
 
 def _worst_case(snapshot: Mapping[str, Any], output: str) -> str:
     """Return between which bounds the leading indices lie whatever failed runs would have said."""
-    described = snapshot["outputs"].get(output, {})
+    described = said_of(snapshot, output)
     by = described.get("ranking", {}).get("by")
     bounds = {
         name: factor["worst_case"][by]
@@ -135,7 +136,7 @@ def _worst_case(snapshot: Mapping[str, Any], output: str) -> str:
 
 def _few_rows(snapshot: Mapping[str, Any], output: str) -> str:
     """Return which total-order indices too few rows make up (Kish 1965, by `rests_on`)."""
-    factors = snapshot["outputs"].get(output, {}).get("factors", {})
+    factors = said_of(snapshot, output).get("factors", {})
     known = {name: factor.get("rests_on") for name, factor in factors.items()}
     few = {name: rows for name, rows in known.items() if rows is not None and rows < FEWEST_ROWS}
     if not few:

@@ -182,12 +182,14 @@ def indices(
         snapshot = client.indices(study)
     outputs = list(snapshot["outputs"])
     if plot is not None:
-        from analysis.reports.figures import screening_figure, variance_figure
+        from analysis.reports.figures import curve_figure, screening_figure, variance_figure
 
-        if not outputs:
+        curves = list(snapshot.get("curves", {}))
+        if not outputs and not curves:
             raise Invalid(f"there is nothing to draw: study {study} has no indices yet")
         draw = screening_figure if snapshot["method"] == "morris" else variance_figure
-        draw(snapshot, outputs[0]).savefig(plot)
+        drawn = draw(snapshot, outputs[0]) if outputs else curve_figure(snapshot, curves[0], "")
+        drawn.savefig(plot)
     return Answer(snapshot, partial(_print_indices, snapshot, target))
 
 
@@ -255,6 +257,13 @@ def _print_indices(snapshot: Json, target: float | None) -> None:
         if "second_order" in snapshot["outputs"][output]:
             console.print(pairs_table(snapshot["outputs"][output]["second_order"]))
         for sentence in remarks(snapshot, output, target):
+            if sentence != alarm:
+                console.print(sentence, markup=False)
+    for curve, said in snapshot.get("curves", {}).items():
+        console.print(indices_table(snapshot, curve, f"{curve}, the whole curve"))
+        if "second_order" in said["whole"]:
+            console.print(pairs_table(said["whole"]["second_order"]))
+        for sentence in remarks(snapshot, curve, target):
             if sentence != alarm:
                 console.print(sentence, markup=False)
 

@@ -6,6 +6,7 @@ matplotlib is imported when a figure is drawn, so that a coordinator without it 
 
 from analysis.reports.figures.campaign import campaign_figure
 from analysis.reports.figures.convergence import convergence_figure
+from analysis.reports.figures.curves import components_figure, curve_figure
 from analysis.reports.figures.distribution import distribution_figure
 from analysis.reports.figures.pairs import pairs_figure
 from analysis.reports.figures.plane import screening_figure
@@ -15,7 +16,9 @@ from analysis.reports.figures.together import together_figure
 
 __all__ = [
     "campaign_figure",
+    "components_figure",
     "convergence_figure",
+    "curve_figure",
     "distribution_figure",
     "pairs_figure",
     "scatter_figure",

@@ -152,13 +152,17 @@ def _lines(found: Statistic, level: float) -> list[dict[str, Any]]:
         one = _only(found, f)
         blocks = int(one.present.sum(axis=0).max(initial=0))
         band = one.estimate(band_level(one.weighted[..., 0], blocks, level))
+        top = band.high[:, 0]
+        if found.whole is not None:
+            # No share is truly above 1 (Sobol 1993), whatever few rows cannot rule out.
+            top = np.minimum(top, np.maximum(inside.high[:, f], 1.0))
         lines.append(
             {
                 "value": _numbers(inside.value[:, f]),
                 "low": _numbers(inside.low[:, f]),
                 "high": _numbers(inside.high[:, f]),
                 "band_low": _numbers(band.low[:, 0]),
-                "band_high": _numbers(band.high[:, 0]),
+                "band_high": _numbers(top),
             }
         )
     return lines
