@@ -17,6 +17,7 @@ from server.clocks import not_before, steady
 from server.compression import Gunzip
 from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BodyLimit, Guard
+from server.logic.fleet_history import FleetHistory
 from server.metrics import Metrics
 from server.operations import close_loops as close_loop_operations
 from server.operations import comparisons, reruns, tokens
@@ -46,7 +47,7 @@ from server.settings import Settings
 from server.store import create_engine, require_current
 from server.store.database.engine import server_time
 from server.store.database.write_batching import WriteBatches
-from server.web import assets, pages, sign_in
+from server.web import assets, fleet, pages, sign_in
 from server.web.live import Hub
 
 log = logging.getLogger(__name__)
@@ -76,12 +77,14 @@ def create_app(settings: Settings) -> FastAPI:
                     engine, app.state.metrics, app.state.clock, ttl, settings.stranded_seconds
                 )
             )
+            watcher = asyncio.create_task(fleet.watch(app.state))
             try:
                 yield
             finally:
-                reaper.cancel()
-                with suppress(asyncio.CancelledError):
-                    await reaper
+                for task in (reaper, watcher):
+                    task.cancel()
+                    with suppress(asyncio.CancelledError):
+                        await task
         finally:
             # Also of what refuses to start.
             app.state.exchange.close()
@@ -110,6 +113,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.looks = asyncio.Semaphore(CHECKS)
     #: Set when the process is asked to stop: whoever streams must end.
     app.state.stopping = asyncio.Event()
+    app.state.fleet_history = FleetHistory()
     app.state.hub = Hub(app.state.stopping)
     app.state.sign_in = sign_in.SignIn(settings.token.get_secret_value())
     problems.install(app)

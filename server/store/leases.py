@@ -130,3 +130,30 @@ def lease_of(row: Sequence[Any]) -> Lease:
         host=host,
         compares=bool(compares),
     )
+
+
+def held(connection: Connection) -> dict[str, int]:
+    """Return how many instances each worker holds now, by worker."""
+    found: dict[str, int] = {}
+    query = sa.select(leases.c.worker_id, leases.c.instances).where(
+        # As the index has it: see `server.store.instances`.
+        leases.c.state == sa.literal_column("'open'")
+    )
+    for worker, instances in connection.execute(query):
+        found[worker] = found.get(worker, 0) + len(instances)
+    return found
+
+
+def last_fence(connection: Connection) -> int:
+    """Return the fence of the latest lease; 0 before the first."""
+    return connection.scalar(sa.select(sa.func.max(leases.c.fence))) or 0
+
+
+def lost_since(connection: Connection, fence: int) -> dict[str, int]:
+    """Return how many leases beyond a fence each worker has let expire, by worker."""
+    query = (
+        sa.select(leases.c.worker_id, sa.func.count())
+        .where(leases.c.fence > fence, leases.c.state == LeaseState.EXPIRED)
+        .group_by(leases.c.worker_id)
+    )
+    return dict(connection.execute(query).all())

@@ -10,7 +10,7 @@ from sqlalchemy.engine import Connection
 from models.curves import packed
 from server.records import Place, Result
 from server.store.database.prepared import Rows, as_text
-from server.store.database.schema import conflicts, results
+from server.store.database.schema import conflicts, results, workers
 
 #: What a result is made of.
 _RESULT = [field.name for field in fields(Result)]
@@ -97,6 +97,39 @@ def arrivals(connection: Connection, study_id: str, numbers: Collection[int]) ->
         results.c.study_id == study_id, results.c.seq.in_(numbers)
     )
     return {row.seq: row.received_at for row in connection.execute(query)}
+
+
+def latest_failed(
+    connection: Connection, study_id: str, *, after: int, limit: int
+) -> list[dict[str, Any]]:
+    """Return the latest results beyond number `after` that are not "ok", with worker and host."""
+    log = results.c
+    query = (
+        sa.select(
+            log.row,
+            log.position,
+            log.outcome,
+            log.reason,
+            log.state,
+            log.worker_id,
+            log.received_at,
+            workers.c.host,
+        )
+        .join(workers, workers.c.id == log.worker_id)
+        .where(log.study_id == study_id, log.seq > after, log.outcome != "ok")
+        .order_by(log.seq.desc())
+        .limit(limit)
+    )
+    return [dict(row._mapping) for row in connection.execute(query)]
+
+
+def mean_seconds(connection: Connection, study_id: str, *, after: int) -> float | None:
+    """Return how long an evaluation took on average, of the results beyond number `after`."""
+    query = sa.select(sa.func.avg(results.c.wall_seconds)).where(
+        results.c.study_id == study_id, results.c.seq > after, results.c.outcome == "ok"
+    )
+    found: float | None = connection.scalar(query)
+    return found
 
 
 def first_of_rows(

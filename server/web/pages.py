@@ -8,13 +8,23 @@ from starlette.concurrency import run_in_threadpool
 
 from server.errors import NotFoundError
 from server.logic.tokens import may
-from server.web import studies, study
+from server.web import failures, fleet, loops, models, new_study, studies, study
 from server.web.assets import page_headers, render
 from server.web.page import Look, Page
 
 router = APIRouter(include_in_schema=False)
 
-PAGES = (studies.PAGE, study.PAGE)
+PAGES = (
+    studies.PAGE,
+    new_study.PAGE,
+    study.PAGE,
+    failures.PAGE,
+    fleet.PAGE,
+    loops.PAGE,
+    loops.ONE,
+    models.PAGE,
+    models.ONE,
+)
 
 _NO_BUFFER = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 

@@ -12,15 +12,16 @@ from typing import Any
 from sqlalchemy.engine import Engine
 
 from server.logic.plans import parameters
-from server.operations import sample
+from server.operations import watching
 from server.records import Study
 
 #: Rows that are looked at; of each the first point, which is independent of the other rows'.
 MOST_ROWS = 1024
-#: Studies whose points are remembered, and answers.
+#: Answers that are remembered, and points.
 MOST_KEPT = 16
+MOST_POINTS = 10_000
 
-_points: OrderedDict[tuple[str, int], list[dict[str, float]]] = OrderedDict()
+_points: OrderedDict[tuple[str, int, int, int], dict[str, float]] = OrderedDict()
 _answers: OrderedDict[tuple[Any, ...], bytes] = OrderedDict()
 _lock = Lock()
 
@@ -32,6 +33,21 @@ def version(study: Study) -> tuple[int, int]:
     return study.edition, whole
 
 
+def point(study: Study, row: int, position: int) -> dict[str, float]:
+    """Return the factors of a run; most are asked for again with every look."""
+    key = (study.id, study.edition, row, position)
+    with _lock:
+        found = _points.get(key)
+    if found is None:
+        every = parameters(study.plan, row)[position]
+        found = {name: every[name] for name in study.plan.distributions}
+        with _lock:
+            _points[key] = found
+            while len(_points) > MOST_POINTS:
+                _points.popitem(last=False)
+    return found
+
+
 def runs(engine: Engine, study: Study, output: str) -> bytes:
     """Return the runs as JSON: {"rows", "of", "factors", "columns", "output", "outcomes"}."""
     edition, rows = version(study)
@@ -39,8 +55,7 @@ def runs(engine: Engine, study: Study, output: str) -> bytes:
     with _lock:
         if key in _answers:
             return _answers[key]
-    found = sample.first_of_rows(engine, study.id, rows=rows)
-    points = _points_of(study, edition, rows)
+    found = watching.first_of_rows(engine, study.id, rows=rows)
     factors = list(study.plan.distributions)
     there = [row for row in range(rows) if row in found]
     answer = json.dumps(
@@ -49,7 +64,9 @@ def runs(engine: Engine, study: Study, output: str) -> bytes:
             "of": study.plan.rows,
             "factors": factors,
             "output": output,
-            "columns": {name: [_short(points[row][name]) for row in there] for name in factors}
+            "columns": {
+                name: [_short(point(study, row, 0)[name]) for row in there] for name in factors
+            }
             | {output: [_short((found[row][1] or {}).get(output)) for row in there]},
             "outcomes": [found[row][0] for row in there],
             "row": there,
@@ -65,15 +82,3 @@ def runs(engine: Engine, study: Study, output: str) -> bytes:
 def _short(value: float | None) -> float | None:
     """Return a number with six digits: more than a screen shows."""
     return None if value is None else float(f"{value:.6g}")
-
-
-def _points_of(study: Study, edition: int, rows: int) -> list[dict[str, float]]:
-    key = (study.id, edition)
-    with _lock:
-        known = _points.get(key, [])
-    points = known + [parameters(study.plan, row)[0] for row in range(len(known), rows)]
-    with _lock:
-        _points[key] = points
-        while len(_points) > MOST_KEPT:
-            _points.popitem(last=False)
-    return points

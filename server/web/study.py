@@ -32,7 +32,7 @@ def look(asked: Look) -> dict[str, Any]:
     study = studies.get(asked.engine, asked.names["study_id"])
     goal = precision_goals.of(asked.engine, study.id)
     output, name, form = chosen(study, asked.choices, goal.output if goal else None)
-    snapshot = _snapshot(asked, study)
+    snapshot = snapshot_of(asked, study)
     units = units_of(asked, study)
     unit = units.get(output, "")
     target = goal.target if goal and goal.output == output else None
@@ -139,7 +139,8 @@ def _split(outputs: tuple[str, ...], output: str) -> tuple[str, str]:
     return output, ""
 
 
-def _snapshot(asked: Look, study: Study) -> dict[str, Any]:
+def snapshot_of(asked: Look, study: Study) -> dict[str, Any]:
+    """Return what is known of a study's indices; an empty snapshot before anything is."""
     found = StoreResultLog(asked.engine).snapshot(study.id)
     if found is None:
         return _empty(study.id, study.edition, lambda: for_analysis(study))

@@ -1,0 +1,64 @@
+"""Where in the space of the factors runs fail."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from analysis.reports.interactive.shared import Figure, layout
+from analysis.reports.wording import words
+
+GLOW = "#ff5a1f"
+
+
+def failures(
+    fine: Sequence[Mapping[str, float]],
+    failed: Mapping[str, Sequence[Mapping[str, float]]],
+    x: str,
+    y: str,
+) -> Figure | None:
+    """Draw two factors of runs that went well and, glowing, of those that failed.
+
+    Args:
+        fine: factors of some runs that went well.
+        failed: factors of failed ones, by cause.
+        x: the factor of the horizontal axis.
+        y: that of the vertical one.
+    """
+    if not any(failed.values()):
+        return None
+    data: list[dict[str, Any]] = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": "ok",
+            "x": [run[x] for run in fine],
+            "y": [run[y] for run in fine],
+            "marker": {"size": 5, "color": "#8C8C8C", "opacity": 0.45},
+            "hoverinfo": "skip",
+        }
+    ]
+    symbols = ("circle", "diamond", "square", "triangle-up", "x", "star")
+    for place, (cause, runs) in enumerate(failed.items()):
+        where = {"type": "scatter", "mode": "markers", "legendgroup": cause}
+        at = {"x": [run[x] for run in runs], "y": [run[y] for run in runs]}
+        halo = {"size": 20, "color": GLOW, "opacity": 0.16}
+        core = {"size": 8, "color": GLOW, "symbol": symbols[place % len(symbols)]}
+        core["line"] = {"width": 1, "color": "#ffffff"}
+        data.append({**where, **at, "marker": halo, "hoverinfo": "skip", "showlegend": False})
+        told = f"{words(cause)}<br>{words(x)} %{{x}}<br>{words(y)} %{{y}}<extra></extra>"
+        data.append({**where, **at, "name": words(cause), "marker": core, "hovertemplate": told})
+    return {
+        "data": data,
+        "layout": layout(
+            440,
+            xaxis={"title": {"text": words(x)}, "automargin": True},
+            yaxis={"title": {"text": words(y)}, "automargin": True},
+        ),
+        "table": {
+            "head": ["cause", *(runs_head := list(dict.fromkeys((x, y))))],
+            "rows": [
+                [cause, *(run[name] for name in runs_head)]
+                for cause, runs in failed.items()
+                for run in runs
+            ],
+        },
+    }

@@ -1,0 +1,88 @@
+"""What failed in a study: by cause, where in the space of its factors, and one example of each."""
+
+import json
+from collections import Counter
+from typing import Any
+
+from analysis.reports import tables
+from analysis.reports.interactive.failures import failures
+from analysis.sensitivity.remarks import warning
+from server.logic.instances import BUDGETS
+from server.operations import studies, watching
+from server.records import Study
+from server.web import sample
+from server.web.page import Look, Page
+from server.web.study import snapshot_of, units_of
+
+#: Failed results that are looked at, and of which the factors are drawn.
+MOST_SEEN = 500
+MOST_DRAWN = 200
+#: Characters of what a simulation said when it failed.
+MOST_SAID = 6000
+
+
+def look(asked: Look) -> dict[str, Any]:
+    """Return a study's failures."""
+    study = studies.get(asked.engine, asked.names["study_id"])
+    seen = watching.latest_failed(asked.engine, study, limit=MOST_SEEN)
+    snapshot = snapshot_of(asked, study)
+    x, y = _axes(study, snapshot, asked)
+    groups = [
+        {
+            "cause": cause,
+            "count": count,
+            "share": count / study.result_count,
+            "quarantined": cause in BUDGETS,
+            "hosts": Counter(one["host"] for one in seen if one["outcome"] == cause),
+            "example": _example(next((o for o in seen if o["outcome"] == cause), None)),
+        }
+        for cause, count in sorted(study.failures.items(), key=lambda item: -item[1])
+        if count
+    ]
+    return {
+        "study": study,
+        "groups": groups,
+        "seen": len(seen),
+        "failed": study.result_count - study.ok_count,
+        "warning": warning(snapshot),
+        "blocks": tables.failures(snapshot) if snapshot["failure"]["failed"] else [],
+        "factors": list(study.plan.distributions),
+        "x": x,
+        "y": y,
+        "units": units_of(asked, study),
+        "figures": {"failures": _figure(study, seen, x, y)},
+    }
+
+
+PAGE = Page(path="/studies/{study_id}/failures", template="failures.html", look=look)
+
+
+def _axes(study: Study, snapshot: dict[str, Any], asked: Look) -> tuple[str, str]:
+    """Return the two factors that are asked for, else those that failing depends on most."""
+    found = snapshot["failure"]["factors"]
+    by = "mu_star" if snapshot["method"] == "morris" else "total_order"
+    ranked = sorted(found, key=lambda name: -(found[name][by]["value"] or 0.0))
+    first, second = (*ranked, *ranked)[:2]
+    x, y = asked.choices.get("x", first), asked.choices.get("y", second)
+    known = study.plan.distributions
+    return (x if x in known else first), (y if y in known else second)
+
+
+def _figure(study: Study, seen: list[dict[str, Any]], x: str, y: str) -> dict[str, Any] | None:
+    failed: dict[str, list[dict[str, float]]] = {}
+    for one in seen[:MOST_DRAWN]:
+        point = sample.point(study, one["row"], one["position"])
+        failed.setdefault(one["outcome"], []).append(point)
+    rows = min(study.rows_complete, MOST_DRAWN)
+    fine = [sample.point(study, row, 0) for row in range(rows)]
+    bad = {(one["row"], one["position"]) for one in seen}
+    return failures([p for row, p in enumerate(fine) if (row, 0) not in bad], failed, x, y)
+
+
+def _example(one: dict[str, Any] | None) -> dict[str, Any] | None:
+    if one is None:
+        return None
+    state = dict(one["state"] or {})
+    traceback = state.pop("traceback", "")
+    said = json.dumps(state, indent=1, ensure_ascii=False)[:MOST_SAID] if state else ""
+    return {**one, "traceback": str(traceback)[-MOST_SAID:], "said": said}

@@ -1,0 +1,103 @@
+"""Closing the loop: measured sessions, what was found in each, and the report's figures."""
+
+from html.parser import HTMLParser
+from typing import Any
+
+from jinja2 import TemplateError
+from markupsafe import Markup
+from sqlalchemy.engine import Engine
+
+from server.logic.close_loops import parsed
+from server.operations import close_loops, sessions, watching
+from server.records import CloseLoopJob
+from server.states import CloseLoopState
+from server.web.assets import templates
+from server.web.page import Look, Page
+
+#: Sessions that are shown, the latest first.
+MOST_SHOWN = 200
+
+
+def look(asked: Look) -> dict[str, Any]:
+    """Return the sessions, and the latest job of each."""
+    jobs: dict[str, CloseLoopJob] = {
+        job.session_id: job for job in watching.every_close_loop(asked.engine)
+    }
+    found = sessions.every(asked.engine)
+    rows = [{"session": session, "job": jobs.get(session.id)} for session in reversed(found)]
+    return {
+        "rows": rows[:MOST_SHOWN],
+        "hidden": max(0, len(rows) - MOST_SHOWN),
+        "able": close_loops.at_work(asked.engine, now=asked.now),
+    }
+
+
+def look_at_one(asked: Look) -> dict[str, Any]:
+    """Return one job and, once it is done, what was found."""
+    job, able = close_loops.standing(asked.engine, asked.names["loop_id"], now=asked.now)
+    done = job.state == CloseLoopState.DONE
+    return {
+        "job": job,
+        "able": able,
+        "session": sessions.get(asked.engine, job.session_id),
+        "findings": _findings(asked.engine, job) if done else "",
+        "pictures": _pictures(asked.engine, job) if done else [],
+    }
+
+
+PAGE = Page(path="/loops", template="loops.html", look=look)
+ONE = Page(path="/loops/{loop_id}", template="loop.html", look=look_at_one)
+
+_KEPT: dict[tuple[str, str], Any] = {}
+
+
+def _findings(engine: Engine, job: CloseLoopJob) -> str:
+    """Return report.json as HTML; "" if a worker of another version wrote it otherwise."""
+    key = (job.id, "findings")
+    if key not in _KEPT:
+        report = parsed(_read(engine, job, "report.json"))
+        try:
+            template = templates().get_template("close_loop_findings.html")
+            _keep(key, Markup(template.render(report=report)))
+        except (TemplateError, TypeError):
+            _keep(key, "")
+    found: str = _KEPT[key]
+    return found
+
+
+def _pictures(engine: Engine, job: CloseLoopJob) -> list[tuple[str, str]]:
+    """Return the figures of report.html, each as its description and an image."""
+    key = (job.id, "pictures")
+    if key not in _KEPT:
+        images = _Images()
+        images.feed(_read(engine, job, "report.html").decode("utf-8", "replace"))
+        _keep(key, images.found)
+    found: list[tuple[str, str]] = _KEPT[key]
+    return found
+
+
+def _keep(key: tuple[str, str], what: Any) -> None:
+    # A report may have megabytes.
+    while len(_KEPT) >= 16:
+        _KEPT.pop(next(iter(_KEPT)))
+    _KEPT[key] = what
+
+
+def _read(engine: Engine, job: CloseLoopJob, file: str) -> bytes:
+    size = close_loops.file_size(engine, job, file)
+    return b"".join(close_loops.read_file(engine, job, file, size))
+
+
+class _Images(HTMLParser):
+    """Finds the images that a page holds in itself; nothing else of it is shown."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[tuple[str, str]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note one image."""
+        known = dict(attrs)
+        source = known.get("src") or ""
+        if tag == "img" and source.startswith("data:image/png;base64,"):
+            self.found.append((known.get("alt") or "figure", source))

@@ -1,0 +1,51 @@
+"""The form of a new study: what its model has, how many runs it would be, how long they take."""
+
+import json
+from typing import Any
+
+from analysis.designs import DEFAULT_SAMPLING, METHODS, fewest_factors, row_width, samplings
+from server.logic.hosts import GONE_SECONDS
+from server.logic.plans import MAX_ROWS
+from server.operations import models, studies, watching
+from server.web.page import Look, Page
+
+#: Rows that the form begins with, by method.
+ROWS = {"morris": 20, "saltelli": 256, "saltelli_second_order": 256}
+
+
+def look(asked: Look) -> dict[str, Any]:
+    """Return the model that is asked for, and what the form computes with."""
+    every = models.every(asked.engine)
+    wanted = asked.choices.get("model") or every[0].name
+    model = models.get(asked.engine, wanted)
+    method = asked.choices.get("method", "morris")
+    method = method if method in METHODS else "morris"
+    factors = model.description.factors
+    alike = [s for s in studies.every(asked.engine) if s.plan.model in (model.name, model.called)]
+    fleet = watching.fleet(asked.engine, since_fence=2**62)
+    return {
+        "names": [one.name for one in every],
+        "model": model,
+        "methods": list(METHODS),
+        "method": method,
+        "samplings": list(samplings(method)),
+        "sampling": DEFAULT_SAMPLING,
+        "rows": ROWS[method],
+        "most_rows": MAX_ROWS,
+        "outputs": model.description.outputs[:500],
+        "computes": json.dumps(
+            {
+                "model": model.name,
+                # Runs in one row, by how many factors are sampled.
+                "widths": [
+                    row_width(method, number) if number >= fewest_factors(method) else None
+                    for number in range(len(factors) + 1)
+                ],
+                "seconds": watching.mean_seconds(asked.engine, alike),
+                "workers": sum(w.last_seen > asked.now - GONE_SECONDS for w in fleet.workers),
+            }
+        ),
+    }
+
+
+PAGE = Page(path="/new-study", template="new_study.html", look=look)

@@ -1,0 +1,120 @@
+"""Every page of a coordinator whose users and workers call things by markup."""
+
+import json
+from html.parser import HTMLParser
+
+import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+
+from server.operations import tokens
+from server.web.page import Look
+from server.web.pages import PAGES
+from tests.testbed.full_house import MARKUP, SHORT, House, furnish
+
+BROWSER = {"Accept": "text/html"}
+
+
+@pytest.fixture
+def house(app: FastAPI, client: TestClient) -> House:
+    """A database with something on every page."""
+    return furnish(app.state.engine)
+
+
+class Elements(HTMLParser):
+    """What a browser would make of a page."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.wrong: list[str] = []
+        self.text = ""
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        for name, value in attrs:
+            self.text += f" {value}"
+            if name.startswith("on") or (name in ("src", "href") and "evil" in (value or "")):
+                self.wrong.append(f"<{tag} {name}={value}>")
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_names_tags_reasons_and_columns_are_text_on_every_page(
+    client: TestClient, house: House
+) -> None:
+    seen = ""
+    for path in house.pages:
+        answer = client.get(path, headers=BROWSER)
+        assert answer.status_code == 200, path
+        found = Elements(answer.text)
+        assert found.wrong == [], path
+        assert "i" not in found.tags, path
+        seen += found.text
+    assert MARKUP in seen and SHORT in seen
+
+
+def test_what_a_page_is_sent_later_is_text_too(
+    app: FastAPI, client: TestClient, house: House
+) -> None:
+    names = {"study_id": house.study, "loop_id": house.loop, "name": house.model}
+    look = Look(
+        engine=app.state.engine,
+        now=app.state.clock(),
+        may_submit=True,
+        names=names,
+        state=app.state,
+    )
+    parts = [part for page in PAGES for part in page.parts(look).items()]
+    assert len(parts) > 10
+    for name, part in parts:
+        if name.startswith("figure:"):
+            # plotly reads a few tags in texts.
+            assert "<i" not in json.dumps(part) and "<img" not in json.dumps(part)
+        else:
+            assert Elements(part).wrong == []
+
+
+def test_a_reader_sees_all_pages_and_no_order_on_any(
+    app: FastAPI, client: TestClient, house: House
+) -> None:
+    _, secret = tokens.create(app.state.engine, name="guest", scopes=["read"], now=1.0)
+    client.headers["Authorization"] = f"Bearer {secret}"
+    for path in house.pages:
+        html = client.get(path, headers=BROWSER).text
+        for order in ("data-path", "upload.js", "new_study.js", 'id="submit"'):
+            assert order not in html, (path, order)
+
+
+def test_what_is_not_there_is_said_on_a_page(client: TestClient) -> None:
+    for path in ("/studies/none", "/loops/none", "/models/none", "/new-study?model=none"):
+        answer = client.get(path, headers=BROWSER)
+        assert answer.status_code == 404 and "there is no" in answer.text, path
+
+
+def test_an_empty_coordinator_says_on_every_page_what_to_do_next(client: TestClient) -> None:
+    for path, said in (
+        ("/", "rehyb study submit"),
+        ("/fleet", "rehyb-worker"),
+        ("/loops", "rehyb close-loop"),
+    ):
+        assert said in client.get(path, headers=BROWSER).text
+
+
+@pytest.mark.parametrize(
+    "choices", ["?state=none&sort=none&find=%00", "?find=ishigami&state=complete&sort=failed"]
+)
+def test_any_choice_is_answered(client: TestClient, house: House, choices: str) -> None:
+    assert client.get(f"/{choices}", headers=BROWSER).status_code == 200
+
+
+def test_runs_are_a_bounded_sample_and_failures_lie_where_they_happened(
+    client: TestClient, house: House
+) -> None:
+    runs = client.get(f"/studies/{house.study}/sample").json()
+    assert runs["rows"] == runs["of"] == 16 and set(runs["columns"]) == {"x1", "x2", "x3", "y"}
+    failed = [place for place, outcome in enumerate(runs["outcomes"]) if outcome != "ok"]
+    for place in failed:
+        assert runs["columns"]["x1"][place] > 2.0 and runs["columns"]["y"][place] is None
