@@ -8,6 +8,11 @@ from intake.zips import Wrong
 
 #: Deepest nesting of elements, and how many bodies: beyond, no arm and no robot is meant.
 MAX_DEPTH, MAX_BODIES = 100, 200
+#: Cells of a texture or a height field; numbers of anything; bytes of MuJoCo's own memory.
+MAX_CELLS, MAX_SIZE, MAX_MEMORY = 17_000_000, 100_000, 2**30
+#: What makes a grid, by element.
+_GRIDS = {"texture": ("width", "height"), "hfield": ("nrow", "ncol")}
+_UNITS = [*"KMGTPE"]
 
 
 class XmlError(ValueError):
@@ -55,10 +60,33 @@ def _check_numbers(root: ElementTree.Element, wrong: Wrong) -> None:
         for key, value in element.attrib.items():
             if value not in names and "nan" in value.lower().replace("-", " ").split():
                 raise wrong(f"<{element.tag}> has {key}={value!r}; every number must be finite")
+    for tag, sides in _GRIDS.items():
+        for element in root.iter(tag):
+            cells = math.prod(_size(element.get(side, "1")) for side in sides)
+            if cells > MAX_CELLS:
+                raise wrong(
+                    f"<{tag}> has {cells:.3g} cells; at most {MAX_CELLS // 1_000_000} million"
+                )
+    for size in root.iter("size"):
+        for key, value in size.attrib.items():
+            if _size(value) > (MAX_MEMORY if key == "memory" else MAX_SIZE):
+                raise wrong(f"<size> has {key}={value[:40]!r}, far more than a model takes")
     for option in root.iter("option"):
         step = option.get("timestep")
         if step is not None and not _is_step(step):
             raise wrong(f"<option> has timestep={step!r}; it must be a finite number above 0")
+
+
+def _size(text: str) -> float:
+    """Return a size, which may end in K, M, G, T, P or E; 0 if it is none: MuJoCo says so."""
+    text = text.strip()
+    letter = text[-1:].upper()
+    try:
+        if letter in _UNITS:
+            return float(text[:-1]) * 1024.0 ** (1 + _UNITS.index(letter))
+        return float(text)
+    except ValueError:
+        return 0.0
 
 
 def _is_step(text: str) -> bool:

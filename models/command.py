@@ -19,7 +19,7 @@ from typing import IO, Any
 from models.description import complete
 from models.evaluation import ModelFailure, columns
 from models.folder import ModelError, ModelFolder
-from models.parent_death import die_with_parent
+from models.processes import descendants, die_with_parent, end, memory_of, orphans
 
 #: Of one answer. A curve of a million points would be 20 MB; a program that prints more is stuck.
 MAX_ANSWER_BYTES = 5_000_000
@@ -28,9 +28,13 @@ STDERR_BYTES = 4_000
 CHUNK = 65_536
 #: That a program may take unless the worker's owner says otherwise.
 MEMORY_BYTES = 4 * 2**30
+#: Seconds between two looks at what a program and all that it started take together.
+LOOK_SECONDS = 0.25
 #: Seconds that a program gets to exit by itself once it has answered.
 GRACE_SECONDS = 2.0
 _TABLE = {"run", "keep"}
+#: Programs of this process that have not ended.
+_RUNNING: set[int] = set()
 
 
 class Command:
@@ -106,6 +110,7 @@ class _Program:
             raise ModelFailure(
                 "crashed", f"{words[0]} cannot be started: {error.strerror}"
             ) from None
+        _RUNNING.add(self._process.pid)
         self._said = b""
         self._complaint = b""
 
@@ -141,6 +146,9 @@ class _Program:
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
+        _RUNNING.discard(self._process.pid)
+        # What left the program's group has become this process's own.
+        end(orphans(_RUNNING))
         for pipe in (self._process.stdin, self._process.stdout, self._process.stderr):
             if pipe is not None:
                 with suppress(BrokenPipeError):
@@ -160,7 +168,10 @@ class _Program:
                 left = None if deadline is None else deadline - time.monotonic()
                 if left is not None and left <= 0:
                     raise self._timed_out()
-                for key, _ in selector.select(left):
+                ready = selector.select(LOOK_SECONDS if left is None else min(left, LOOK_SECONDS))
+                if not ready:
+                    self._check_memory()
+                for key, _ in ready:
                     if key.fileobj is process.stdin:
                         question = self._write(question)
                         if not question:
@@ -174,6 +185,17 @@ class _Program:
                         self._read(process.stdout)
         line, _, self._said = self._said.partition(b"\n")
         return line
+
+    def _check_memory(self) -> None:
+        most = _memory_bytes()
+        pid = self._process.pid
+        taken = memory_of([pid, *descendants(pid), *orphans(_RUNNING)])
+        if taken > most:
+            raise ModelFailure(
+                "crashed",
+                f"the program and what it started take {taken / 2**20:.0f} MB of memory; at most "
+                f"{most / 2**20:.0f} MB",
+            )
 
     def _pending(self) -> bool:
         """Say whether a program that was kept has printed more than its last answer."""
@@ -254,10 +276,14 @@ class _Program:
 def _limit(parent: int) -> None:
     """End with the worker's process, and take no more memory than is left for a program."""
     die_with_parent(parent, signal.SIGKILL)
-    most, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    if most == resource.RLIM_INFINITY:
-        # Else the worker's owner has said (`--memory-mb`).
-        resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_BYTES, hard))
+    hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    resource.setrlimit(resource.RLIMIT_DATA, (_memory_bytes(), hard))
+
+
+def _memory_bytes() -> int:
+    """Return what a program may take: what the worker's owner says (`--memory-mb`), or 4 GB."""
+    most = resource.getrlimit(resource.RLIMIT_DATA)[0]
+    return MEMORY_BYTES if most == resource.RLIM_INFINITY else most
 
 
 def _outputs(answer: Any) -> Mapping[str, Any]:

@@ -267,6 +267,11 @@ def _factor(where: str, said: Any) -> Factor:
             raise DescriptionError(
                 f"{where}.{name}", f"{fields[name]:g} lies outside the bounds {low:g} to {high:g}"
             )
+    if not fields.get("optional") and not fields["low"] <= fields["nominal"] <= fields["high"]:
+        low, high = fields["low"], fields["high"]
+        raise DescriptionError(
+            f"{where}.nominal", f"{fields['nominal']:g} lies outside its range, {low:g} to {high:g}"
+        )
     choices = tuple(fields.pop("choices", ()))
     if not all(isinstance(choice, str) and choice for choice in choices):
         raise DescriptionError(f"{where}.choices", "must be a list of names")

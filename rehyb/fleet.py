@@ -152,7 +152,7 @@ class _Process:
         return self._popen.pid
 
     def _started(self) -> subprocess.Popen[bytes]:
-        from models.parent_death import die_with_parent
+        from models.processes import die_with_parent
 
         parent = os.getpid()
         self._log.parent.mkdir(exist_ok=True)

@@ -4,6 +4,7 @@ import asyncio
 import hmac
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from http import HTTPStatus
 from time import monotonic
 from urllib.parse import quote
@@ -25,6 +26,8 @@ _OPEN = ("/healthz", "/readyz", "/sign-in", "/sign-out", "/static/")
 MAX_BODY_BYTES = 8 * 1024 * 1024
 #: What a form adds to the file in it.
 ENVELOPE_BYTES = 10_000
+#: Of a body that is too large, what is read and thrown away so that its sender hears why.
+DRAINED_BYTES, DRAINED_SECONDS = 2_000_000_000, 60.0
 #: Seconds a token is believed after it was looked up: a revoked one is good for as long at most.
 BELIEVED_SECONDS = 5.0
 
@@ -150,8 +153,13 @@ class BodyLimit:
         if scope["method"] == "POST" and _LARGE.fullmatch(scope["path"]):
             limit = self._large + ENVELOPE_BYTES
             refusal = upload_too_large(self._large)
-        announced = Headers(scope=scope).get("content-length", "0")
+        headers = Headers(scope=scope)
+        announced = headers.get("content-length", "0")
+        waits = headers.get("expect", "").lower() == "100-continue"
         if announced.isdecimal() and int(announced) > limit:
+            # One that waits for a word before it sends has not sent anything yet.
+            if not waits:
+                await _drained(receive)
             await problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, refusal)(scope, receive, send)
             return
         received = 0
@@ -161,10 +169,28 @@ class BodyLimit:
             message = await receive()
             received += len(message.get("body", b""))
             if received > limit:
+                if message.get("more_body"):
+                    await _drained(receive)
                 raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, refusal)
             return message
 
         await self._app(scope, counting, send)
+
+
+async def _drained(receive: Receive) -> None:
+    """Read what is left of a body and throw it away, up to a point.
+
+    Most clients read no answer before they have sent all: without this, they would see the
+    connection break instead of the sentence.
+    """
+    left = DRAINED_BYTES
+    with suppress(TimeoutError):
+        async with asyncio.timeout(DRAINED_SECONDS):
+            while left > 0:
+                message = await receive()
+                left -= len(message.get("body", b""))
+                if not message.get("more_body"):
+                    return
 
 
 #: Requests that bring files.

@@ -14,12 +14,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
 from multiprocessing.connection import Connection, wait
-from pathlib import Path
 from typing import Any
 
 from models.curves import Curve, folded
 from models.evaluation import Evaluation, ModelFailure
-from models.parent_death import die_with_parent
+from models.processes import adopt_orphans, descendants, die_with_parent
 from worker.outcomes import Outcome
 
 #: Of {"id", "model", "parameters"}; it raises ModelFailure where a model has no answer.
@@ -192,7 +191,7 @@ class _Child:
     def kill(self) -> None:
         self.alive = False
         # A model's program may have started others, which nobody else would end.
-        started = _descendants(self._process.pid) if self._process.pid else []
+        started = descendants(self._process.pid) if self._process.pid else []
         self._process.kill()
         for pid in started:
             with suppress(ProcessLookupError):
@@ -224,15 +223,6 @@ def _result(
     }
 
 
-def _descendants(pid: int) -> list[int]:
-    """Return the processes that a process started, and those that these started (Linux)."""
-    found: list[int] = []
-    for children in Path(f"/proc/{pid}/task").glob("*/children"):
-        with suppress(OSError):
-            found += map(int, children.read_text().split())
-    return found + [below for child in found for below in _descendants(child)]
-
-
 def _how_it_ended(code: int | None) -> str:
     if code is not None and code < 0:
         return f"was ended by {signal.Signals(-code).name}"
@@ -247,6 +237,7 @@ def _evaluate_until_closed(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     die_with_parent(parent, signal.SIGKILL)
+    adopt_orphans()
     os.nice(NICENESS)
     os.environ.update(dict.fromkeys(SINGLE_THREAD, "1"))
     if memory_mb is not None:

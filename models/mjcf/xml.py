@@ -1,5 +1,6 @@
 """The file of an `mjcf` model: read under limits; what reaches out of its folder is refused."""
 
+import struct
 from pathlib import Path, PurePosixPath
 from xml.etree import ElementTree
 
@@ -9,6 +10,8 @@ from intake.xml import XmlError, parse_model
 from models.folder import ModelError
 
 MAX_XML_BYTES = 5_000_000
+#: Of one texture or height field: 4000 x 4000 and more.
+MAX_PIXELS = 17_000_000
 #: Elements that reach outside the file, or that make elements without number.
 REFUSED_ELEMENTS = {
     "include": "an included file; write one file",
@@ -142,12 +145,28 @@ def _assets(root: ElementTree.Element, path: Path, folder: Path, name: str) -> d
             if not key.startswith("file"):
                 continue
             found = _find(folder, path.parent, places, file, name)
+            _check_picture(found, file, name)
             renamed.setdefault(found, f"asset{len(renamed)}{found.suffix}")
             element.set(key, renamed[found])
             if key == "file" and root.tag == "mujoco":
                 # MuJoCo would call it by its file's name.
                 element.attrib.setdefault("name", PurePosixPath(file).stem)
     return {asset: found.read_bytes() for found, asset in renamed.items()}
+
+
+def _check_picture(path: Path, file: str, name: str) -> None:
+    """Refuse a PNG that unpacks to very much (PNG specification, section 11.2.2: IHDR)."""
+    with path.open("rb") as picture:
+        header = picture.read(24)
+    if header[:8] != b"\x89PNG\r\n\x1a\n":
+        return
+    width, height = struct.unpack(">II", header[16:24]) if len(header) == 24 else (0, 0)
+    if width * height > MAX_PIXELS:
+        raise ModelError(
+            f"names {file[:80]!r}, a picture of {width} x {height} pixels; at most "
+            f"{MAX_PIXELS // 1_000_000} million",
+            file=name,
+        )
 
 
 def _find(folder: Path, beside: Path, places: list[str], file: str, name: str) -> Path:

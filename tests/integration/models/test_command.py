@@ -1,6 +1,8 @@
 """A program that answers is heard; one that does anything else is a named failure and is gone."""
 
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -97,6 +99,53 @@ def test_what_a_program_forked_ends_with_it(tmp_path: Path) -> None:
     while _runs(forked) and time.monotonic() < deadline:
         time.sleep(0.02)
     assert not _runs(forked)
+
+
+#: Runs a program in a process that adopts orphans, as a worker's child does; prints what came out.
+IN_A_CHILD = """
+import resource, sys
+from pathlib import Path
+from models.command import Command
+from models.evaluation import ModelFailure
+from models.folder import read_folder
+from models.processes import adopt_orphans, children
+import os
+resource.setrlimit(resource.RLIMIT_DATA, (300 * 2**20, resource.RLIM_INFINITY))
+adopt_orphans()
+program = Command(read_folder(Path(sys.argv[1])))
+try:
+    program({"x1": 0.0})
+    print("ok")
+except ModelFailure as failure:
+    print(failure)
+program.close()
+print("left:", len(children(os.getpid())))
+"""
+
+
+def ran_in_a_child(folder: Path) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", IN_A_CHILD, str(folder)], capture_output=True, text=True, check=True
+    )
+    return done.stdout
+
+
+def test_its_memory_is_counted_with_that_of_all_it_started(tmp_path: Path) -> None:
+    does = (
+        "[os.fork() or (bytearray(150 * 2**20), time.sleep(30), os._exit(0)) for _ in range(4)];"
+        "time.sleep(20)"
+    )
+    command(tmp_path, does=does, limit=20.0)
+    said = ran_in_a_child(tmp_path / "ishigami_python")
+    assert "crashed: the program and what it started take" in said
+    assert "left: 0" in said
+
+
+def test_what_detaches_itself_from_a_program_ends_with_it_all_the_same(tmp_path: Path) -> None:
+    does = "os.system('setsid sleep 300 >/dev/null 2>&1 </dev/null &'); print('?')"
+    command(tmp_path, does=does, limit=20.0)
+    said = ran_in_a_child(tmp_path / "ishigami_python")
+    assert "bad_answer" in said and "left: 0" in said
 
 
 def test_a_program_that_is_not_there_says_so(tmp_path: Path) -> None:

@@ -228,6 +228,15 @@ def test_whatever_a_hostile_worker_posts_nothing_gets_in_and_the_coordinator_liv
             assert response.status_code in (400, 422), body[:20]
         too_large = client.post("/v1/results", content=b"0" * (9 * 1024 * 1024))
         assert too_large.status_code == 413
+        # Also to a client that hears nothing before it has sent everything.
+        with socket.create_connection((client.base_url.host, client.base_url.port or 80)) as plain:
+            size = 9 * 1024 * 1024
+            head = f"POST /v1/results HTTP/1.1\r\nHost: c\r\nContent-Length: {size}\r\n"
+            plain.sendall(
+                f"{head}Authorization: {client.headers['Authorization']}\r\n\r\n".encode()
+            )
+            plain.sendall(b"0" * size)
+            assert plain.recv(100).startswith(b"HTTP/1.1 413")
         progress = client.get(f"/v1/studies/{study['id']}/progress").json()
         assert (progress["ok"], progress["failed"], progress["pending"]) == (0, 0, 191)
         verdicts = client.post("/v1/results", json=good).json()["verdicts"]

@@ -21,6 +21,7 @@ from server.operations import tokens
 from server.operations.result_log import StoreResultLog
 from server.settings import Settings
 from server.store import upgrade
+from server.store.database.engine import writing
 from sim.models import MODELS
 from tests.testbed.models import EXAMPLES, edited
 
@@ -103,6 +104,51 @@ def test_an_upload_can_be_had_back_and_sampled_by_its_version(
     assert client.get(f"/v1/studies/{study['id']}/progress").json()["waits_for"] is None
 
 
+def test_a_busy_worker_and_one_that_closes_loops_are_not_taken_for_absent(
+    app: FastAPI, client: TestClient
+) -> None:
+    clock = [1000.0]
+    app.state.clock = lambda: clock[0]
+    model = client.post("/v1/models", json=announced()).json()
+    version = f"elsewhere@{model['digest']}"
+    first, second = submitted(client, "elsewhere"), submitted(client, "elsewhere")
+
+    def waits_for() -> Any:
+        return client.get(f"/v1/studies/{second['id']}/progress").json()["waits_for"]
+
+    assert waits_for() == version
+    assert lease(client, version) == 201
+    asked = {"worker": {"id": "w", "host": "h", "versions": {}}}
+    assert client.post("/v1/close-loops/lease", json=asked).status_code == 204
+    assert waits_for() is None
+    # Its lease lasts for longer than a silent worker is believed to be there.
+    clock[0] += 70.0
+    with writing(app.state.engine) as connection:
+        connection.exec_driver_sql("UPDATE leases SET expires_at = 1100.0")
+    assert waits_for() is None
+    clock[0] += 70.0
+    assert waits_for() == version
+    assert first["model"] == version
+
+
+def test_a_row_stays_with_machines_that_compute_the_same_of_this_model(client: TestClient) -> None:
+    model = client.post("/v1/models", json=announced()).json()
+    version = f"elsewhere@{model['digest']}"
+    body = {"name": "a", "model": version, "method": "morris", "rows": 1}
+    study = client.post("/v1/studies", json=body).json()
+
+    def instances(worker: str, canary: str, count: int) -> int:
+        who = {"id": worker, "host": worker, "versions": {}, "canaries": {version: canary}}
+        asked = {"worker": who, "models": [version], "max_instances": count}
+        answer = client.post("/v1/leases", json=asked)
+        return len(answer.json()["instances"]) if answer.status_code == 201 else 0
+
+    assert study["instances"] == 2
+    assert instances("a", "c0ffee", 1) == 1
+    assert instances("b", "decaf", 1) == 0
+    assert instances("c", "c0ffee", 1) == 1
+
+
 def test_a_study_means_the_newest_version_unless_it_says_which(client: TestClient) -> None:
     by = {"X-Rehyb-Worker": "pc7-4711"}
     first = client.post("/v1/models", json=announced(), headers=by).json()
@@ -165,6 +211,15 @@ HOSTILE = {
     "a factor that leads nowhere": ({"joint.hinge.": "joint.knee."}, "there is no joint 'knee'"),
     "a range of NaN": ({"low = 5.0": "low = nan"}, "must be finite"),
     "a program": ({'kind = "mjcf"': 'kind = "command"'}, "[mjcf] is unknown"),
+    "a nominal value out of its range": ({"nominal = 10.0": "nominal = 30.0"}, "outside its range"),
+    "a picture of a billion pixels": (
+        {
+            "<worldbody>": '<asset><texture builtin="flat" width="40000" height="40000"/></asset>'
+            "<worldbody>"
+        },
+        "<texture> has 1.6e+09 cells",
+    ),
+    "memory without end": ({"<worldbody>": '<size memory="1T"/><worldbody>'}, "<size> has memory"),
     "an endless simulation": ({"duration = 2.0": "duration = 1e12"}, "at most"),
 }
 

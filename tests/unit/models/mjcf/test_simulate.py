@@ -173,6 +173,15 @@ def test_meshes_are_found_beside_the_file_and_by_the_end_of_a_ros_path(tmp_path:
     assert Simulation(read_folder(folder))({})["fallen"] > 0.0
 
 
+def test_a_picture_that_unpacks_to_very_much_is_refused(tmp_path: Path) -> None:
+    asset = '<asset><texture type="2d" file="big.png"/></asset><worldbody>'
+    folder = edited("pendulum", tmp_path, {"<worldbody>": asset})
+    head = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + b"IHDR" + struct.pack(">II", 30000, 10000)
+    (folder / "big.png").write_bytes(head + bytes(100))
+    with pytest.raises(ModelError, match="a picture of 30000 x 10000 pixels; at most 17 million"):
+        Simulation(read_folder(folder))
+
+
 def test_steps_too_many_to_take_are_a_failure_of_that_point(tmp_path: Path) -> None:
     changes = {"joint.hinge.stiffness": "option.timestep", "low = 5.0": "low = 1e-12"}
     with pytest.raises(ModelFailure) as caught:
