@@ -74,7 +74,7 @@ def slacken_straps(system: System, data: mujoco.MjData) -> None:
     mujoco.mj_fwdPosition(model, data)
     give = 0.1
     model.tendon_stiffness[straps] = _row_tension(system) / give
-    model.tendon_lengthspring[straps] = (data.ten_length[straps] - give)[:, None]
+    model.tendon_lengthspring[straps] = _pulls_beyond(data.ten_length[straps] - give)
 
 
 def close_straps(system: System, data: mujoco.MjData, stiffness: np.ndarray) -> None:
@@ -83,7 +83,12 @@ def close_straps(system: System, data: mujoco.MjData, stiffness: np.ndarray) -> 
     mujoco.mj_fwdPosition(model, data)
     rest = data.ten_length[straps] - _row_tension(system) / stiffness
     model.tendon_stiffness[straps] = stiffness
-    model.tendon_lengthspring[straps] = rest[:, None]
+    model.tendon_lengthspring[straps] = _pulls_beyond(rest)
+
+
+def _pulls_beyond(length: np.ndarray) -> np.ndarray:
+    """Return the dead bands of springs that pull beyond a length, m, and never push."""
+    return np.column_stack([np.zeros_like(length), length])
 
 
 def _row_tension(system: System) -> float:

@@ -17,7 +17,7 @@ FAILURES = {
     "diverged": "the simulation produced values that are not finite, or the engine warned",
     "start_not_reached": "the arm still moved, or the robot was off its start, after the hold",
     "slipped": "the arm left its cuff, slid or turned in it until it was no longer held as it was",
-    "strap_lost": "a strap lost its tension and holds nothing",
+    "strap_lost": "a strap carries nothing, and the limb comes out of its cuff",
     "bottomed_out": "the tissue is pressed flat, or too soft to carry what presses on it",
     "penetrated": "a bone came through the tissue to the cuff",
     "jammed": "cuff and arm pressed on each other far harder than the movement explains",
@@ -64,11 +64,13 @@ class Bound(NamedTuple):
         return excess if self.which == "at most" else -excess
 
 
-#: In the order in which they name a failure. Two were set after looking at what they judge: the
-#: turning (15 degrees named two arms that were held, at 16.3 and 18.5) and the tissue's share.
+#: In the order in which they name a failure. Three were set after looking at what they judge: the
+#: turning (15 degrees named two arms that were held, at 16.3 and 18.5), the tissue's share, and how
+#: far an arm is out under a slack strap.
 HOLD = (
-    # A strap is closed with 30 N, and does not fall below 3 N in Table 1.
-    Bound("strap_tension", "at least", 1.0, "strap_lost", "the strap's tension is {:.1f} N"),
+    # A strap goes slack, too, where the limb lies on the cuff's wall: published muscles do that to
+    # four wearers of 336, 2.5 mm out at most. Six arms with a strap cut were 6 to 27 mm out.
+    Bound("unheld", "at most", 0.004, "strap_lost", "{:.1f} mm out, the strap slack", 1e3),
     # The cuff's centre beyond the end of the tissue.
     Bound("overhang", "at most", 0.020, "slipped", "the cuff is {:.0f} mm off the tissue", 1e3),
     # In Table 1 it is 13 degrees at most, 19 with other muscles; without friction 35 to 87.

@@ -79,6 +79,7 @@ class Bushings(Interface):
             tissue_left=room - across,
             tissue_share=np.ones_like(across),
             strap_tension=np.full_like(across, np.inf),
+            unheld=np.zeros_like(across),
             **dict.fromkeys(OF_ELEMENTS, np.full_like(across, np.nan)),
         )
 

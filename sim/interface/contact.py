@@ -27,6 +27,8 @@ from sim.robot.cuff import Cuff
 CONTACT_SECTOR = radians(80.0)
 #: Where a cuff's place on its limb is looked at: its centre and both ends, in half lengths.
 PLACES = (0.0, -1.0, 1.0)
+#: A strap that carries less is slack, N: it is closed with 30.
+SLACK = 1.0
 #: What an element's springs carry if something touches it, N.
 TOUCHED = 0.1
 #: Sensors of every contact of both limbs, and of the forearm alone.
@@ -143,6 +145,10 @@ class Contact(Interface):
         # The opening about the limb's axis, now and in the seat.
         opening = _columns(model, sensed, f"{cuff.name}_turn")
         turn = np.arctan2(opening[:, 2], opening[:, 1]) - np.arctan2(axes[2, 1], axes[1, 1])
+        tension = self._tension(model, sensed, cuff)
+        out = -(
+            (y[:, 0] - tissue.axis_y) * opening[:, 1] + (z[:, 0] - tissue.axis_z) * opening[:, 2]
+        )
         outwards, speed = slides(model, states, tissue)
         pressing = np.maximum(0.0, tissue.spring_forces(outwards, speed))
         carried = pressing.sum(axis=1)
@@ -162,7 +168,8 @@ class Contact(Interface):
             "slide": np.zeros_like(normal_force),
             "tissue_left": tissue.radius - BONE_CLEARANCE + outwards.min(axis=1),
             "tissue_share": share,
-            "strap_tension": self._tension(model, sensed, cuff),
+            "strap_tension": tension,
+            "unheld": np.where(tension < SLACK, np.maximum(0.0, out), 0.0),
             "peak_pressure": pressing.max(axis=1) / tissue.element_area,
             "mean_pressure": carried / area,
             "peak_shear": along.max(axis=1) / tissue.element_area,
@@ -175,9 +182,9 @@ class Contact(Interface):
         names = segment_names(cuff, self.fidelity)
         segments = [model.tendon(name).id for name in names]
         length = np.concatenate([_columns(model, sensed, name) for name in names], axis=1)
-        stretch = length - model.tendon_lengthspring[segments, 0]
+        stretch = np.maximum(0.0, length - model.tendon_lengthspring[segments, 1])
         tension: np.ndarray = (model.tendon_stiffness[segments] * stretch).sum(axis=1)
-        # A row's segments carry the same.
+        # A row's segments carry the same but for friction.
         return tension * self.fidelity.strap_rows / len(names)
 
 

@@ -34,6 +34,9 @@ class Loads:
     tissue_share: np.ndarray
     #: Tension of each strap, N, shape (n, 2); infinite where there are no straps to lose it.
     strap_tension: np.ndarray
+    #: How far the limb's axis lies from the cuff's towards its opening while the strap carries
+    #: nothing, m, shape (n, 2); 0 where it carries.
+    unheld: np.ndarray
     #: What presses on the skin and what pulls along it, Pa, shape (n, 2): the most on any element,
     #: and over all that are touched. NaN, like the strain, where there are no elements.
     peak_pressure: np.ndarray

@@ -12,6 +12,7 @@ from sim.assessment.assess import Assessment, assess, inferred_torques
 from sim.assessment.donning import close_straps
 from sim.assessment.validity import FAILURES
 from sim.evaluation import evaluate
+from sim.interface.contact import SLACK
 from sim.models import ELBOW
 from sim.parameters.curves import OVER_PHASE
 from sim.parameters.fidelity import CAMPAIGN, FIDELITIES
@@ -232,6 +233,24 @@ def test_an_arm_whose_strap_is_cut_is_never_a_number(
     cut = assess({})
     assert cut.outcome == "strap_lost"
     assert cut.reason.startswith(limb)
+
+
+def test_an_arm_that_lies_on_the_wall_of_its_cuff_needs_no_strap(assessed: Assess) -> None:
+    """Published muscles press a short upper arm on the wall, so that its strap goes slack."""
+    lying = assessed(
+        {
+            "upper_arm_length": 0.2811,
+            "forearm_length": 0.3356,
+            "upper_arm_mass": 0.717,
+            "forearm_mass": 1.03,
+            "upper_arm_elasticity": 646.5,
+            "forearm_elasticity": 904.6,
+            "muscles": 1.0,
+        }
+    )
+    assert lying.outcome == "ok"
+    assert lying.record is not None
+    assert lying.record.loads.strap_tension.min() < SLACK
 
 
 def test_an_arm_without_a_strap_is_never_a_number(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,7 +42,22 @@ def test_closed_straps_keep_the_tension_they_were_pulled_with() -> None:
     slacken_straps(system, data)
     mujoco.mj_step(system.model, data, 30)
     close_straps(system, data, stiffness)
-    rest = system.model.tendon_lengthspring[system.straps, 0]
+    rest = system.model.tendon_lengthspring[system.straps, 1]
     tension = stiffness * (data.ten_length[system.straps] - rest)
     assert len(tension) == sum(len(segment_names(cuff, CAMPAIGN)) for cuff in NESM.cuffs)
     assert tension == pytest.approx(30.0 / CAMPAIGN.strap_rows, abs=0.1)
+
+
+def test_straps_pull_and_never_push() -> None:
+    system = build_system(NOMINAL_WEARER)
+    data = reset_to_start(system)
+    slacken_straps(system, data)
+    mujoco.mj_step(system.model, data, 5)
+    close_straps(system, data, system.model.tendon_stiffness[system.straps].copy())
+    # A metre too long.
+    system.model.tendon_lengthspring[system.straps, 1] += 1.0
+    mujoco.mj_forward(system.model, data)
+    system.model.tendon_stiffness[system.straps] *= 100.0
+    before = data.qfrc_spring.copy()
+    mujoco.mj_forward(system.model, data)
+    assert data.qfrc_spring == pytest.approx(before)

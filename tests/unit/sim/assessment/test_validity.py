@@ -25,7 +25,8 @@ LOADS = {
     "slide": [0.0, 0.5],
     "tissue_left": [0.015, 0.012],
     "tissue_share": [0.8, 0.7],
-    "strap_tension": [30.0, 20.0],
+    "strap_tension": [30.0, 0.0],
+    "unheld": [0.0, 0.002],
 }
 STEPS = 10
 
@@ -64,8 +65,7 @@ def test_a_plausible_trial_passes_every_detector() -> None:
         ({"penetration": np.array([0.006, -0.02])}, "penetrated"),
         ({"roll": np.radians([2.0, 21.0])}, "slipped"),
         ({"slide": np.array([0.0, 1.16])}, "slipped"),
-        ({"strap_tension": np.array([0.9, 20.0])}, "strap_lost"),
-        ({"strap_tension": np.array([30.0, -5.0])}, "strap_lost"),
+        ({"unheld": np.array([0.005, 0.0])}, "strap_lost"),
         ({"tissue_left": np.array([0.015, 0.0019])}, "bottomed_out"),
         ({"tissue_share": np.array([0.09, 0.8])}, "bottomed_out"),
         ({"normal_force": 2500.0}, "jammed"),
