@@ -12,9 +12,12 @@ SYMBOLS: Mapping[str, str] = {
     "sigma": "σ",
     "first_order": "S",
     "total_order": "ST",
+    "shapley": "Sh",
+    "full_first_order": "S full",
+    "independent_total_order": "ST independent",
 }
 #: What ranks the factors, most influential first.
-RANKED_BY = ("mu_star", "total_order")
+RANKED_BY = ("mu_star", "total_order", "shapley")
 
 
 def plain_table(*columns: str, title: str | None = None, caption: str | None = None) -> Table:

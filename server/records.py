@@ -8,7 +8,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar, dataclass_transform
 
+import numpy as np
+from numpy.typing import NDArray
+
 from analysis.designs import row_width
+from analysis.designs.dependence import Dependence, copula
 from analysis.designs.distributions import Distribution
 from analysis.sensitivity.stopping import Goal
 from models.curves import Curve
@@ -49,6 +53,17 @@ class Plan:
     outputs: tuple[str, ...]
     #: Those that are curves, by name.
     curves: Mapping[str, Curve] = field(default_factory=dict)
+    #: How the factors depend on each other; None: not at all.
+    dependence: Dependence | None = None
+
+    @cached_property
+    def correlation(self) -> NDArray[np.float64] | None:
+        """Of the normals behind the factors (`analysis.designs.dependence.copula`), or None."""
+        if self.dependence is None:
+            return None
+        return copula(
+            self.dependence, tuple(self.distributions), tuple(self.distributions.values())
+        )
 
     @cached_property
     def width(self) -> int:

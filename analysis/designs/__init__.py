@@ -3,7 +3,8 @@
 A study is made of rows: small groups of points whose outputs belong together. Row r is a pure
 function of (method, sampling, seed, r), so a study can be extended, sharded, or rebuilt without
 storing a point. Rows are those of Campolongo et al. 2011 (`radial`), of Saltelli et al. 2010, or of
-Saltelli 2002 for pairs of factors (`saltelli`), mapped to the factors' distributions by their
+Saltelli 2002 for pairs of factors (`saltelli`), or orders of the factors as Song et al. 2016 need
+them (`shapley`), mapped to the factors' distributions by their
 quantiles (Devroye 1986, Non-uniform random variate generation, section II.2).
 """
 
@@ -13,14 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs.blocks import BLOCKS, blocks_of
+from analysis.designs.dependence import dependent
 from analysis.designs.distributions import Distribution
 from analysis.designs.points import latin_hypercube, paired, sobol, sobol_blocks
 from analysis.designs.radial import radial_row
 from analysis.designs.saltelli import saltelli_row
+from analysis.designs.shapley import shapley_order, shapley_row
 from analysis.designs.trajectories import trajectory_row
 
-#: Elementary effects for screening; variance-based indices; these with those of pairs of factors.
-METHODS = ("morris", "saltelli", "saltelli_second_order")
+#: Elementary effects for screening; variance-based indices; these with those of pairs of factors;
+#: Shapley effects, the only ones of factors that depend on each other.
+METHODS = ("morris", "saltelli", "saltelli_second_order", "shapley")
 #: Where base points come from: eight Sobol sequences scrambled independently; one Sobol sequence;
 #: the same with the two coordinates that a factor has in a row taken from neighbouring dimensions;
 #: Latin hypercubes, as in the paper.
@@ -46,6 +50,7 @@ __all__ = [
     "family",
     "fewest_factors",
     "instance_parameters",
+    "order_of",
     "row_width",
     "samplings",
     "unit_row",
@@ -58,16 +63,16 @@ def samplings(method: str) -> tuple[str, ...]:
 
 
 def family(method: str) -> str:
-    """Return "morris" or "saltelli": whose indices of single factors a method has.
+    """Return "morris", "saltelli" or "shapley": whose indices of single factors a method has.
 
     Rows of all methods of the family "saltelli" begin with A, B and A_B^(i) (Saltelli et al. 2010).
     """
-    return "morris" if method == "morris" else "saltelli"
+    return method if method in ("morris", "shapley") else "saltelli"
 
 
 def fewest_factors(method: str) -> int:
     """Return how many factors a method must vary: 2 if it looks at pairs (Saltelli 2002)."""
-    return 2 if method == "saltelli_second_order" else 1
+    return 2 if method in ("saltelli_second_order", "shapley") else 1
 
 
 def row_width(method: str, factors: int) -> int:
@@ -80,18 +85,35 @@ def row_width(method: str, factors: int) -> int:
     if factors < fewest_factors(method):
         least = "two factors" if fewest_factors(method) == 2 else "one factor"
         raise ValueError(f"a study of method {method} must vary at least {least}")
-    return {"morris": 1, "saltelli": 2, "saltelli_second_order": 2 + factors}[method] + factors
+    beside = {"morris": 1, "saltelli": 2, "saltelli_second_order": 2 + factors, "shapley": 3}
+    return beside[method] + factors
 
 
-def unit_row(method: str, sampling: str, seed: int, row: int, factors: int) -> NDArray[np.float64]:
+def order_of(sampling: str, seed: int, row: int, factors: int) -> list[int]:
+    """Return the order of the factors in a row of method shapley (Song et al. 2016)."""
+    return shapley_order(seed, row, _point(sampling, seed, row, factors, 2)[2 * factors :], factors)
+
+
+def unit_row(
+    method: str,
+    sampling: str,
+    seed: int,
+    row: int,
+    factors: int,
+    correlation: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
     """Return the points of a row in the unit cube (Campolongo et al. 2011; Saltelli et al. 2010).
+
+    Args:
+        correlation: of the normals behind the factors, from `analysis.designs.dependence.copula`;
+            None: they are independent.
 
     Returns:
         Shape (row_width(method, factors), factors), every value strictly between 0 and 1.
 
     Raises:
-        ValueError: method or sampling is unknown, nothing varies, `row` is negative, or `seed` is
-            no unsigned 64 bit integer.
+        ValueError: method or sampling is unknown, nothing varies, `row` is negative, `seed` is no
+            unsigned 64 bit integer, or the method knows independent factors only.
     """
     _check(method, sampling)
     row_width(method, factors)
@@ -101,9 +123,13 @@ def unit_row(method: str, sampling: str, seed: int, row: int, factors: int) -> N
         raise ValueError(f"row must not be negative, but is {row}")
     if sampling == "trajectories":
         return trajectory_row(seed, row, factors)
-    point = _POINTS[sampling](seed, row, 2 * factors)
-    if sampling in _PAIRED:
-        point = paired(point)
+    if correlation is not None and method != "shapley":
+        raise ValueError(f"{method} samples factors independently of each other: take shapley")
+    point = _point(sampling, seed, row, factors, 2 if method == "shapley" else 0)
+    if method == "shapley":
+        order = shapley_order(seed, row, point[2 * factors :], factors)
+        found = shapley_row(point[: 2 * factors], order)
+        return found if correlation is None else dependent(found, correlation, order)
     if method == "morris":
         return radial_row(point)
     return saltelli_row(point, second_order=method == "saltelli_second_order")
@@ -115,19 +141,28 @@ def instance_parameters(
     seed: int,
     row: int,
     distributions: Mapping[str, Distribution],
+    correlation: NDArray[np.float64] | None = None,
 ) -> list[dict[str, float]]:
     """Return the factor values of every point of a row, in position order, in the factors' units.
 
     By their quantiles (Devroye 1986, section II.2). The order of `distributions` decides which
-    coordinate is whose. ValueError as in `unit_row`.
+    coordinate is whose. `correlation` and ValueError as in `unit_row`.
     """
-    unit = unit_row(method, sampling, seed, row, len(distributions))
+    unit = unit_row(method, sampling, seed, row, len(distributions), correlation)
     columns = [
         # Not `ppf`: that these lie between 0 and 1 need not be looked at.
         distribution.quantiles(unit[:, i]).tolist()
         for i, distribution in enumerate(distributions.values())
     ]
     return [dict(zip(distributions, values, strict=True)) for values in zip(*columns, strict=True)]
+
+
+def _point(sampling: str, seed: int, row: int, factors: int, more: int) -> NDArray[np.float64]:
+    """Return a row's point: two coordinates of every factor, and `more` behind them."""
+    point = _POINTS[sampling](seed, row, 2 * factors + more)
+    if sampling in _PAIRED:
+        return np.concatenate([paired(point[: 2 * factors]), point[2 * factors :]])
+    return point
 
 
 def _check(method: str, sampling: str) -> None:

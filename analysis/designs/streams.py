@@ -20,6 +20,7 @@ class Purpose(IntEnum):
     BLOCK = 3
     TRAJECTORY = 4
     BAND = 5
+    ORDER = 6
 
 
 def bits(seed: int, purpose: Purpose, index: int, size: int) -> NDArray[np.uint64]:

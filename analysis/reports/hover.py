@@ -21,6 +21,7 @@ from analysis.reports.figures.style import INDICES
 from analysis.reports.figures.together import largest_pairs
 from analysis.reports.wording import with_interval, words
 from analysis.sensitivity.estimators import SYMBOLS
+from analysis.sensitivity.ranking import RANKED_BY
 from analysis.sensitivity.table import Table
 
 if TYPE_CHECKING:
@@ -64,12 +65,12 @@ def plane(figure: Figure, snapshot: Mapping[str, Any], output: str) -> list[Pane
 
 def shares(figure: Figure, snapshot: Mapping[str, Any], output: str) -> list[Panel]:
     """Return the panel of the bars of a variance-based study."""
-    factors = snapshot["outputs"][output]["factors"]
-    order = sorted(factors, key=lambda name: factors[name]["total_order"]["value"] or 0.0)
+    factors, kind = snapshot["outputs"][output]["factors"], family(snapshot["method"])
+    order = sorted(factors, key=lambda name: factors[name][RANKED_BY[kind]]["value"] or 0.0)
     marks = [
         [factors[name][index]["value"], place + offset, _told(snapshot, name, factors[name])]
         for place, name in enumerate(order)
-        for index, (_, offset) in BARS.items()
+        for index, (_, offset) in BARS[kind].items()
         if factors[name][index]["value"] is not None
     ]
     return [{**_panel(figure, figure.axes[0]), "marks": marks}]

@@ -121,6 +121,17 @@ _KINDS = (
         panels=lambda figure, s: hover.shares(figure, s.snapshot, s.output),
     ),
     _Kind(
+        name="effects",
+        title="Shapley effects",
+        caption="Share of the output's variance that a factor has in all, between what it tells of "
+        "the output with all that it depends on (full) and what is left of it when every other "
+        "factor is known (independent), with intervals; Shapley effects sum to 1 (Song, Nelson and "
+        "Staum 2016; Mara and Tarantola 2012).",
+        methods=("shapley",),
+        draw=lambda s: variance_figure(s.snapshot, s.output, s.unit),
+        panels=lambda figure, s: hover.shares(figure, s.snapshot, s.output),
+    ),
+    _Kind(
         name="together",
         title="Pairs of factors",
         caption="Share of the output's variance that two factors have together beyond what each "

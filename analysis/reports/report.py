@@ -29,6 +29,7 @@ _METHODS = {
     "morris": "Screening by elementary effects",
     "saltelli": "Variance-based indices",
     "saltelli_second_order": "Variance-based indices, also of pairs",
+    "shapley": "Shapley effects",
 }
 
 

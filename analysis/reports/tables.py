@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 _COLUMNS = {
     "morris": ("mu", "mu_star", "sigma"),
     "saltelli": ("first_order", "total_order"),
+    "shapley": ("shapley", "full_first_order", "independent_total_order"),
 }
 
 _MARTINEZ = "Martinez 2011: correlations, intervals by Fisher's transformation (Baudin et al. 2016)"

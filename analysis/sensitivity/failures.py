@@ -36,7 +36,11 @@ WRONGLY = 0.01
 FEWEST = 20
 
 #: By method: the index that is 0 and the one that is a dummy's, if failures strike at random.
-_MARKS = {"morris": ("mu", "mu_star"), "saltelli": ("first_order", "total_order")}
+_MARKS = {
+    "morris": ("mu", "mu_star"),
+    "saltelli": ("first_order", "total_order"),
+    "shapley": ("full_first_order", "independent_total_order"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +169,7 @@ def _dummy(estimator: Estimator, column: int) -> NDArray[np.float64]:
     is twice the indicator's variance.
     """
     p = estimator.weighted_mean(column)
-    if family(estimator.method) == "saltelli":
+    if family(estimator.method) != "morris":
         return np.ones_like(p)
     inverse_step = 1.0 / STEP if estimator.sampling == "trajectories" else MEAN_INVERSE_STEP
     dummy: NDArray[np.float64] = 2.0 * p * (1.0 - p) * inverse_step

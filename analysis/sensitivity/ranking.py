@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 #: By method, the index that ranks.
-RANKED_BY = {"morris": "mu_star", "saltelli": "total_order"}
+RANKED_BY = {"morris": "mu_star", "saltelli": "total_order", "shapley": "shapley"}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,11 @@ SHARE_TARGET = 0.02
 EFFECT_TARGET = 0.1
 
 #: By family of methods: the indices that must be precise.
-_WANTED = {"morris": ("mu_star",), "saltelli": ("first_order", "total_order")}
+_WANTED = {
+    "morris": ("mu_star",),
+    "saltelli": ("first_order", "total_order"),
+    "shapley": ("shapley",),
+}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -112,6 +112,11 @@ def answer(table: Table, output: str) -> Answer:
         ModuleNotFoundError: scikit-learn is not installed (extra `surrogate`).
     """
     plan = table.plan
+    if plan.method == "shapley":
+        raise ValueError(
+            "a surrogate's indices are those of independent factors, and a study of method shapley "
+            "may have others"
+        )
     if output not in plan.outputs:
         known = ", ".join(names_of(plan.outputs, plan.curves))
         raise ValueError(f"the study has no output {output!r}: it has {known}")

@@ -60,11 +60,11 @@ class Table:
     def sampled(self, output: str) -> NDArray[np.intp]:
         """Return the lines whose points stand for the factors' distributions, without failed runs.
 
-        Of a variance-based study these are A and B, which are independent draws; of a screening all
+        Of a study of shares these are A and B, which are independent draws; of a screening all
         points, each of which is such a draw, though those of a row are related.
         """
         values = self.values[:, self.plan.outputs.index(output)]
         keep = np.isfinite(values)
-        if family(self.plan.method) == "saltelli":
+        if family(self.plan.method) != "morris":
             keep &= self.positions < 2
         return np.flatnonzero(keep)

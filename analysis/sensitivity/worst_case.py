@@ -25,6 +25,8 @@ def worst_case(
 ) -> dict[str, Estimate]:
     """Return the indices of single factors with their bounds as ends (Manski 1990).
 
+    Nothing of Shapley effects.
+
     Args:
         estimator: of the study.
         statistics: of the estimator.
@@ -33,6 +35,9 @@ def worst_case(
     Raises:
         ValueError: the level is not between 0 and 1.
     """
+    if family(estimator.method) == "shapley":
+        # An effect is a difference of variances of which failed runs may move either.
+        return {}
     moments = estimator.moments()
     span = np.where(estimator.most >= estimator.least, estimator.most - estimator.least, np.nan)
     range_, mean = span[:, None], moments.mean[:, None]

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from models.evaluation import Evaluation
     from server.records import Plan
 
+#: What a study of dependent factors says of them.
+_DEPENDENCE = ("correlations", "correlation_kind")
 #: Largest share by which a recomputed parameter or index may differ where the bits do: other
 #: versions of NumPy and SciPy round sums and quantiles differently.
 ROUNDING = 1e-9
@@ -104,6 +106,9 @@ def plan_of(bundle: Bundle) -> "Plan":
             ],
             fixed={str(name): float(value) for name, value in study["fixed"].items()},
             outputs=study["outputs"],
+            # Earlier versions did not know them.
+            correlations=study.get("correlations", ()),
+            correlation_kind=study.get("correlation_kind", "rank"),
         )
     except (InvalidStudyError, ValueError, TypeError, AttributeError, OverflowError) as error:
         raise Invalid(f"study.json describes no study that can be computed here: {error}") from None
@@ -162,7 +167,8 @@ def request_of(study: Json) -> Json:
     """Return the request that submits the same study again."""
     asked = ("name", "model", "method", "sampling", "rows", "seed", "factors", "outputs", "fixed")
     # It was taken when it was submitted first.
-    return {**{name: study[name] for name in asked}, "outside_range": True}
+    dependence = {name: study[name] for name in _DEPENDENCE if study.get("correlations")}
+    return {**{name: study[name] for name in asked}, **dependence, "outside_range": True}
 
 
 def _hashes(bundle: Bundle) -> Judgement:

@@ -7,7 +7,9 @@ from math import isfinite
 from typing import Any
 
 from analysis.designs import METHODS, fewest_factors, instance_parameters, samplings
+from analysis.designs.dependence import KINDS, Dependence, DependenceError, copula
 from analysis.designs.distributions import Distribution, scales
+from analysis.json_values import is_finite_number
 from analysis.sensitivity.records import StudyPlan
 from models.curves import columns_of
 from models.description import Description
@@ -41,7 +43,9 @@ def instance_id(study_id: str, row: int, position: int) -> str:
 
 def parameters(plan: Plan, row: int) -> list[dict[str, float]]:
     """Return every factor's value for every instance of a row, in position order (SI units)."""
-    points = instance_parameters(plan.method, plan.sampling, plan.seed, row, plan.distributions)
+    points = instance_parameters(
+        plan.method, plan.sampling, plan.seed, row, plan.distributions, plan.correlation
+    )
     return [{**plan.fixed, **point} for point in points]
 
 
@@ -90,6 +94,8 @@ def draw_up(
     factors: Sequence[FactorChoice] | None,
     fixed: Mapping[str, float | str],
     outputs: Sequence[str] | None,
+    correlations: Sequence[Sequence[Any]] = (),
+    correlation_kind: str = "rank",
 ) -> Plan:
     """Check a request and complete it from the model's own factors and outputs.
 
@@ -99,6 +105,8 @@ def draw_up(
     Args:
         model: what is sampled.
         called: what the study calls it: see `ModelVersion.called`.
+        correlations: [factor, factor, number] of every pair that depends on each other.
+        correlation_kind: one of `analysis.designs.dependence.KINDS`.
 
     Raises:
         InvalidStudyError: with a pointer to what is wrong and a sentence saying what is right.
@@ -122,6 +130,7 @@ def draw_up(
         raise InvalidStudyError(
             "/factors", f"{method} looks at pairs: it needs two factors or more"
         )
+    distributions = {factor: sampled[factor] for factor in known if factor in sampled}
     return Plan(
         name=name,
         model=called,
@@ -129,7 +138,8 @@ def draw_up(
         sampling=sampling,
         rows=rows,
         seed=seed,
-        distributions={factor: sampled[factor] for factor in known if factor in sampled},
+        distributions=distributions,
+        dependence=_dependence(method, distributions, correlations, correlation_kind),
         fixed={
             factor.name: numbers.get(factor.name, factor.nominal)
             for factor in model.sources
@@ -138,6 +148,43 @@ def draw_up(
         outputs=columns_of(kept, model.curves),
         curves={name: curve for name, curve in model.curves.items() if name in kept},
     )
+
+
+def _dependence(
+    method: str,
+    distributions: Mapping[str, Distribution],
+    correlations: Sequence[Sequence[Any]],
+    kind: str,
+) -> Dependence | None:
+    """Return how factors depend on each other, if they do and can."""
+    _known("/correlation_kind", "correlation_kind", kind, KINDS)
+    if not correlations:
+        return None
+    if method != "shapley":
+        raise InvalidStudyError(
+            "/method",
+            f"{method} moves one factor and leaves the others alone, which factors that depend on "
+            "each other do not allow: with correlations the method is shapley",
+        )
+    pairs: list[tuple[str, str, float]] = []
+    for i, entry in enumerate(correlations):
+        if not (
+            len(entry) == 3
+            and isinstance(entry[0], str)
+            and isinstance(entry[1], str)
+            and is_finite_number(entry[2])
+        ):
+            raise InvalidStudyError(
+                f"/correlations/{i}", 'a correlation is two factors and a number: ["a", "b", 0.6]'
+            )
+        pairs.append((entry[0], entry[1], float(entry[2])))
+    found = Dependence(pairs=tuple(pairs), kind=kind)
+    try:
+        copula(found, tuple(distributions), tuple(distributions.values()))
+    except DependenceError as error:
+        at = "" if error.place is None else f"/{error.place}"
+        raise InvalidStudyError(f"/correlations{at}", str(error)) from None
+    return found
 
 
 def _fixed(model: Description, fixed: Mapping[str, float | str]) -> dict[str, float]:
@@ -201,15 +248,15 @@ def _ends(distribution: Distribution) -> tuple[float, ...]:
 
 
 def refuse_dependence(body: Any) -> None:
-    """Refuse a request, as JSON, that says how factors depend on each other.
+    """Refuse a request, as JSON, that says how factors depend on each other in words unknown here.
 
-    Shares of a variance add up only if factors are independent (Sobol 1993, Sensitivity estimates
-    for nonlinear mathematical models), and a step along one factor then leaves the others alone.
+    They would only be told that the key is unknown.
 
     Raises:
         InvalidStudyError: with a pointer to the first such key of the study, of one of its factors
             or of a factor's distribution.
     """
+    known = ("correlations", "correlation_kind")
     places = [("", body)]
     factors = body.get("factors") if isinstance(body, Mapping) else None
     for i, factor in enumerate(factors if isinstance(factors, list) else []):
@@ -218,13 +265,12 @@ def refuse_dependence(body: Any) -> None:
             places.append((f"/factors/{i}/distribution", factor.get("distribution")))
     for pointer, place in places:
         for key in map(str, place if isinstance(place, Mapping) else ()):
-            if key.lower().startswith(_DEPENDENCE):
+            if key.lower().startswith(_DEPENDENCE) and not (place is body and key in known):
                 name = key.replace("~", "~0").replace("/", "~1")
                 raise InvalidStudyError(
                     f"{pointer}/{name}",
-                    f"{key}: factors are sampled independently of each other, and only then do "
-                    "the indices mean what they say; leave it out, or sample factors that are "
-                    "independent, such as what two have in common and how they differ",
+                    f"{key}: how factors depend on each other is said by the study's correlations, "
+                    'as [["a", "b", 0.6]], and by its correlation_kind, rank or linear',
                 )
 
 

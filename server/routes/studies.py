@@ -22,7 +22,17 @@ from server.states import StudyState
 router = APIRouter(prefix="/v1/studies", tags=["studies"])
 
 #: Of a study that is submitted, what its plan is drawn up from, besides model and factors.
-_OF_PLAN = {"name", "method", "sampling", "rows", "seed", "fixed", "outputs"}
+_OF_PLAN = {
+    "correlations",
+    "correlation_kind",
+    "name",
+    "method",
+    "sampling",
+    "rows",
+    "seed",
+    "fixed",
+    "outputs",
+}
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Title = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE)]
@@ -54,6 +64,20 @@ class FactorBody(Body):
     name: Name
     range: Range | None = None
     distribution: dict[str, str | float | list[float]] | None = None
+
+
+#: Two factors and their correlation, as ["a", "b", 0.6].
+Correlation = Annotated[
+    list[Any],
+    WithJsonSchema(
+        {
+            "type": "array",
+            "items": {"anyOf": [{"type": "string"}, {"type": "number"}]},
+            "minItems": 3,
+            "maxItems": 3,
+        }
+    ),
+]
 
 
 class PrecisionBody(Body):
@@ -92,6 +116,9 @@ class StudyBody(Body):
     precision: PrecisionBody | None = None
     #: Whether values may lie far outside the ranges for which the model was validated.
     outside_range: bool = False
+    #: Of pairs of factors; all others are independent.
+    correlations: list[Correlation] = Field(default_factory=list, max_length=10_000)
+    correlation_kind: Name = "rank"
 
     @model_validator(mode="before")
     @classmethod
@@ -145,7 +172,10 @@ def submit(
     if wanted is not None:
         goal = precision_goal(plan, **wanted.model_dump(), pointer="/precision")
     # Who may compute it, how soon and how far it may grow makes no other study of it.
-    what = body.model_dump_json(exclude={"priority", "tags", "precision", "outside_range"})
+    left_out = {"priority", "tags", "precision", "outside_range"}
+    # Without correlations it is what it was before there were any.
+    left_out |= set() if body.correlations else {"correlations", "correlation_kind"}
+    what = body.model_dump_json(exclude=left_out)
     study, new = studies.create(
         store,
         plan,
@@ -250,6 +280,8 @@ def shown(study: Study, goal: PrecisionGoal | None) -> dict[str, Any]:
             {"name": name, "distribution": distribution.to_json()}
             for name, distribution in plan.distributions.items()
         ],
+        "correlations": [list(pair) for pair in plan.dependence.pairs] if plan.dependence else [],
+        "correlation_kind": plan.dependence.kind if plan.dependence else "rank",
         "fixed": dict(plan.fixed),
         "outputs": names_of(plan.outputs, plan.curves),
         "curves": {name: curve.as_json() for name, curve in plan.curves.items()},

@@ -11,6 +11,7 @@ import sqlalchemy as sa
 from pydantic_core import from_json
 from sqlalchemy.engine import Connection
 
+from analysis.designs.dependence import Dependence
 from analysis.designs.distributions import Distribution
 from models.curves import Curve
 from server.errors import NotFoundError
@@ -74,6 +75,7 @@ def add(connection: Connection, study: Study, *, key: str | None, digest: str) -
         # A list, because the order of the factors is the order of the design's columns.
         "curves": {name: curve.as_json() for name, curve in plan.curves.items()},
         "distributions": [[name, d.to_json()] for name, d in plan.distributions.items()],
+        "dependence": plan.dependence and plan.dependence.to_json(),
         "instances": plan.instances,
         "idempotency_key": key,
         "request_digest": digest,
@@ -189,4 +191,6 @@ def _plan(*row: Any) -> Plan:
     plan["outputs"] = tuple(json.loads(plan["outputs"]))
     curves = json.loads(plan["curves"])
     plan["curves"] = {name: Curve.from_json(curve) for name, curve in curves.items()}
+    if plan["dependence"] is not None:
+        plan["dependence"] = Dependence.from_json(json.loads(plan["dependence"]))
     return Plan(**plan)

@@ -33,7 +33,7 @@ def convergence_figure(
     series = snapshot["outputs"][output]["convergence"]
     figure = style.new_figure(11.0, 4.2)
     panels = style.INDICES[family(snapshot["method"])]
-    shares = family(snapshot["method"]) == "saltelli"
+    shares = family(snapshot["method"]) != "morris"
     own = style.looks(factors, palette)
     drawn = figure.subplots(1, len(panels), sharey=shares)
     for axes, (index, label) in zip(drawn, panels.items(), strict=True):

@@ -24,6 +24,11 @@ INK = "#222222"
 INDICES = {
     "morris": {"mu_star": "mean magnitude μ*", "sigma": "standard deviation σ"},
     "saltelli": {"first_order": "first order S", "total_order": "total order ST"},
+    "shapley": {
+        "shapley": "Shapley effect",
+        "full_first_order": "full first order",
+        "independent_total_order": "independent total order",
+    },
 }
 
 

@@ -8,9 +8,21 @@ from analysis.sensitivity.estimators.intervals import Estimate
 from analysis.sensitivity.estimators.morris import MorrisEstimator
 from analysis.sensitivity.estimators.saltelli import SaltelliEstimator
 from analysis.sensitivity.estimators.second_order import SecondOrderEstimator
+from analysis.sensitivity.estimators.shapley import ShapleyEstimator
 
 #: Indices of single factors, with their symbols in the paper.
-SYMBOLS = {"mu": "μ", "mu_star": "μ*", "sigma": "σ", "first_order": "S", "total_order": "ST"}
+SYMBOLS = {
+    "mu": "μ",
+    "mu_star": "μ*",
+    "sigma": "σ",
+    "first_order": "S",
+    "total_order": "ST",
+    "shapley": "Sh",
+    "full_first_order": "S full",
+    "full_total_order": "ST full",
+    "independent_first_order": "S independent",
+    "independent_total_order": "ST independent",
+}
 
 __all__ = [
     "OF_PAIRS",
@@ -21,6 +33,7 @@ __all__ = [
     "MorrisEstimator",
     "SaltelliEstimator",
     "SecondOrderEstimator",
+    "ShapleyEstimator",
     "Statistic",
     "estimator_class",
 ]
@@ -29,9 +42,9 @@ __all__ = [
 def estimator_class(method: str) -> type[Estimator]:
     """Return the estimator of a method of `analysis.designs.METHODS`; ValueError if unknown.
 
-    Morris 1991; Saltelli et al. 2010; Saltelli 2002.
+    Morris 1991; Saltelli et al. 2010; Saltelli 2002; Song, Nelson and Staum 2016.
     """
-    for known in (MorrisEstimator, SaltelliEstimator, SecondOrderEstimator):
+    for known in (MorrisEstimator, SaltelliEstimator, SecondOrderEstimator, ShapleyEstimator):
         if known.method == method:
             return known
     raise ValueError(f"unknown method {method!r}")

@@ -40,15 +40,8 @@ class SaltelliEstimator(Estimator):
         return runs
 
     def kurtosis(self) -> NDArray[np.float64]:
-        """Return the kurtosis of each output from the differences of A and B, shape (outputs,).
-
-        E (a - b)^4 = 2 m4 + 6 m2^2 for independent a and b of central moments m2 and m4 (Kendall
-        and Stuart 1977, The advanced theory of statistics 1, chapter 3): no large mean to cancel.
-        """
-        second = self._weighted(1).mean("between_squared")[0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = self._weighted_sample().mean("between_fourth")[0] / second**2
-        return np.where(second > 0.0, np.maximum(2.0 * ratio - 3.0, 1.0), np.nan)
+        """Return the kurtosis of each output (`kurtosis_of`), shape (outputs,)."""
+        return kurtosis_of(self._weighted(1), self._weighted_sample())
 
     def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
         """Return {"martinez": S and ST by Martinez 2011} (`martinez`)."""
@@ -126,6 +119,18 @@ class SaltelliEstimator(Estimator):
             "difference_fourth": ((size * size) * (size * size))[None],
             **(martinez.terms(a, b, mixed) if self.beside else {}),
         }
+
+
+def kurtosis_of(sums: Weighted, sample: Weighted) -> NDArray[np.float64]:
+    """Return the kurtosis of each output from the differences of A and B, shape (outputs,).
+
+    E (a - b)^4 = 2 m4 + 6 m2^2 for independent a and b of central moments m2 and m4 (Kendall and
+    Stuart 1977, The advanced theory of statistics 1, chapter 3): no large mean to cancel.
+    """
+    second = sums.mean("between_squared")[0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = sample.mean("between_fourth")[0] / second**2
+    return np.where(second > 0.0, np.maximum(2.0 * ratio - 3.0, 1.0), np.nan)
 
 
 def share(part: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:

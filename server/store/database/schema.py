@@ -74,6 +74,7 @@ studies = sa.Table(
     sa.Column("tags", sa.JSON, nullable=False, server_default="[]"),
     sa.Column("identity", sa.JSON(none_as_null=True)),
     sa.Column("edition", sa.BigInteger, nullable=False, server_default="0"),
+    sa.Column("dependence", sa.JSON(none_as_null=True)),
     sa.Index("studies_by_age", "state", "created_at", "id"),
 )
 

@@ -8,7 +8,7 @@ from fastapi.testclient import TestClient
 
 from server.operations import studies
 from sim.models import ELBOW
-from tests.testbed.rest_bodies import STUDY, Json, is_problem
+from tests.testbed.rest_bodies import STUDY, Json, asking, is_problem
 
 
 def test_a_study_is_created_and_found_again(client: TestClient, clock: Any) -> None:
@@ -37,6 +37,8 @@ def test_a_study_is_created_and_found_again(client: TestClient, clock: Any) -> N
         "priority": 0,
         "tags": [],
         "precision": None,
+        "correlations": [],
+        "correlation_kind": "rank",
         "units": {f.name: f.unit for f in ELBOW.factors} | dict(ELBOW.units),
     }
     assert client.get(f"/v1/studies/{study['id']}").json() == study
@@ -145,8 +147,8 @@ def test_dependent_factors_are_refused_with_what_would_be_right(
 ) -> None:
     problem = is_problem(client.post("/v1/studies", json={**STUDY, **changes}), 422)
     assert problem["pointer"] == pointer
-    assert "factors are sampled independently of each other" in problem["detail"]
-    assert "leave it out, or sample factors that are independent" in problem["detail"]
+    assert 'said by the study\'s correlations, as [["a", "b", 0.6]]' in problem["detail"]
+    assert "by its correlation_kind, rank or linear" in problem["detail"]
     assert client.get("/v1/studies").json() == {"studies": []}
 
 
@@ -209,3 +211,47 @@ def test_values_far_outside_the_validated_range_must_be_asked_for(client: TestCl
     assert "x2 is 40, far outside -3.14159 to 3.14159" in problem["detail"]
     taken = client.post("/v1/studies", json={**body, "outside_range": True})
     assert (taken.status_code, taken.json()["fixed"]) == (201, {"x2": 40.0})
+
+
+def test_factors_that_depend_on_each_other_are_sampled_so(client: TestClient) -> None:
+    correlations = [["x1", "x3", 0.6], ["x2", "x3", -0.3]]
+    body = {**STUDY, "method": "shapley", "correlations": correlations}
+    study = client.post("/v1/studies", json=body).json()
+    assert (study["correlations"], study["correlation_kind"]) == (correlations, "rank")
+    assert study["instances"] == 2 * 6
+    again = client.get(f"/v1/studies/{study['id']}").json()
+    assert again == study
+    more = client.post(f"/v1/studies/{study['id']}/extend", json={"rows": 4}).json()
+    assert more["correlations"] == correlations
+    granted = client.post("/v1/leases", json=asking(max_instances=6)).json()["instances"]
+    alone = client.post("/v1/studies", json={**body, "correlations": []}).json()
+    assert alone["correlations"] == []
+    assert [instance["position"] for instance in granted] == list(range(6))
+    first = granted[0]["parameters"]
+    # A point that keeps some of A's factors keeps their bits.
+    assert any(granted[2]["parameters"][name] == first[name] for name in ("x1", "x2", "x3"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "pointer", "sentence"),
+    [
+        ({"method": "saltelli"}, "/method", "with correlations the method is shapley"),
+        ({"correlation_kind": "kendall"}, "/correlation_kind", "expected one of rank, linear"),
+        ({"correlations": [["x1", "x2"]]}, "/correlations/0", "two factors and a number"),
+        ({"correlations": [["x1", "x2", "much"]]}, "/correlations/0", "two factors and a number"),
+        ({"correlations": [["x1", "x9", 0.5]]}, "/correlations/0", "x9 is not sampled"),
+        ({"fixed": {"x3": 0.0}}, "/correlations/0", "x3 is not sampled"),
+        (
+            {"correlations": [["x1", "x2", 0.9], ["x2", "x3", 0.9], ["x1", "x3", -0.9]]},
+            "/correlations",
+            'the nearest that they can have are [["x1", "x2", ',
+        ),
+    ],
+)
+def test_what_dependence_cannot_be_is_refused(
+    client: TestClient, changes: Json, pointer: str, sentence: str
+) -> None:
+    body = {**STUDY, "method": "shapley", "correlations": [["x1", "x3", 0.6]], **changes}
+    problem = is_problem(client.post("/v1/studies", json=body), 422)
+    assert problem["pointer"] == pointer
+    assert sentence in problem["detail"]

@@ -2,7 +2,7 @@
 
 Each holds studies made over REST with the code of its time: one done with a failure (0002: which
 is to run again), one under way with a contradiction and a lease still held, and since 0002 a
-paused one with priority and tags.
+paused one with priority and tags. 0006 holds those of 0005, served by a coordinator of its time.
 """
 
 import shutil

@@ -17,6 +17,7 @@ from analysis.sensitivity.estimators import (
     MorrisEstimator,
     SaltelliEstimator,
     SecondOrderEstimator,
+    ShapleyEstimator,
     estimator_class,
 )
 from analysis.sensitivity.estimators.bootstrap import replicate_weights
@@ -25,7 +26,7 @@ from analysis.sensitivity.estimators.shares import kept_apart, share_of_squares
 from analysis.sensitivity.estimators.tails import tail
 
 SEED, FACTORS, OUTPUTS = 12, 3, 2
-CLASSES = (MorrisEstimator, SaltelliEstimator, SecondOrderEstimator)
+CLASSES = (MorrisEstimator, SaltelliEstimator, SecondOrderEstimator, ShapleyEstimator)
 
 
 def empty(cls: type[Estimator], seed: int = SEED, factors: int = FACTORS) -> Estimator:
@@ -130,7 +131,9 @@ EVERY_INDEX = [
 ]
 
 
-@pytest.mark.parametrize(("cls", "name", "power"), EVERY_INDEX)
+@pytest.mark.parametrize(
+    ("cls", "name", "power"), [*EVERY_INDEX, (ShapleyEstimator, "shapley", None)]
+)
 def test_a_replicate_is_the_index_of_rows_repeated_as_its_weights_say(
     cls: type[Estimator], name: str, power: int | None
 ) -> None:

@@ -19,13 +19,17 @@ INDICES = {
     "morris": {"mu", "mu_star", "sigma"},
     "saltelli": SHARES,
     "saltelli_second_order": SHARES,
+    "shapley": {"shapley"}
+    | {f"{kind}_{order}_order" for kind in ("full", "independent") for order in ("first", "total")},
 }
 SUMS_OF_SHARES = {"sum_first_order", "sum_total_order", "dummy_first_order"}
 SUMS = {
     "morris": set(),
     "saltelli": SUMS_OF_SHARES,
     "saltelli_second_order": SUMS_OF_SHARES | {"second_order"},
+    "shapley": set(),
 }
+MORE = {"morris": {"per_unit"}, "shapley": set()}
 OUTPUT = {"mean", "sd", "n", "factors", "ranking", "trust", "screening", "convergence"}
 
 
@@ -48,7 +52,7 @@ def test_a_snapshot_has_the_same_shape_with_and_without_results(method: str) -> 
             assert set(output) == OUTPUT | SUMS[method]
             assert list(output["factors"]) == ["a", "b", "c"]
             for factor in output["factors"].values():
-                more = {"per_unit"} if method == "morris" else {"rests_on", "martinez"}
+                more = MORE.get(method, {"rests_on", "martinez"})
                 assert set(factor) == INDICES[method] | {"n", "worst_case"} | more
                 assert all(set(factor[index]) == INTERVAL for index in INDICES[method])
 
