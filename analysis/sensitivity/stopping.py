@@ -21,7 +21,7 @@ SHARE_TARGET = 0.02
 EFFECT_TARGET = 0.1
 
 #: By family of methods: the indices that must be precise.
-_WANTED = {
+WANTED = {
     "morris": ("mu_star",),
     "saltelli": ("first_order", "total_order"),
     "shapley": ("shapley",),
@@ -62,7 +62,7 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
     if target is not None and not 0.0 < target < inf:
         raise ValueError(f"a target is a positive half width of an interval, not {target:g}")
     factors = output_of(snapshot, output)["factors"]
-    wanted = _WANTED[family(snapshot["method"])]
+    wanted = WANTED[family(snapshot["method"])]
     entries = [(factor, name, factors[factor][name]) for factor in factors for name in wanted]
     if any(None in entry.values() for _, _, entry in entries):
         return None

@@ -126,6 +126,14 @@ def draw_up(
         factors = [*factors, FactorChoice(name=SEED.name)]
     sampled = _sampled(model, factors, numbers)
     kept = _outputs(model, outputs)
+    if method == "shapley" and (curved := [name for name in kept if name in model.curves]):
+        if outputs is not None:
+            raise InvalidStudyError(
+                f"/outputs/{outputs.index(curved[0])}",
+                f"{curved[0]} is a curve, and shapley has indices of numbers only: keep points of "
+                f"it, such as {columns_of(curved, model.curves)[0]}",
+            )
+        kept = tuple(name for name in kept if name not in curved)
     if len(sampled) < fewest_factors(method):
         raise InvalidStudyError(
             "/factors", f"{method} looks at pairs: it needs two factors or more"

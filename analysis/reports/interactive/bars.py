@@ -11,9 +11,9 @@ from analysis.reports.wording import with_unit, words
 from analysis.sensitivity.estimators import SYMBOLS
 
 #: By index, the colour of its bars.
-_COLOURS = {name: colour for name, (colour, _) in BARS.items()} | {
+_COLOURS = {name: colour for of in BARS.values() for name, (colour, _) in of.items()} | {
     "mu_star": COLOURS[0],
-    "sigma": BARS["total_order"][0],
+    "sigma": BARS["saltelli"]["total_order"][0],
 }
 
 
@@ -42,7 +42,7 @@ def bars(snapshot: Mapping[str, Any], output: str, unit: str = "") -> Figure | N
         }
         for index, label in INDICES[kind].items()
     ]
-    shares = kind == "saltelli"
+    shares = kind != "morris"
     title = (
         "share of the variance" if shares else with_unit("effect over the whole range", plain(unit))
     )

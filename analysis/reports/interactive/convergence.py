@@ -73,7 +73,7 @@ def convergence(snapshot: Mapping[str, Any], output: str, unit: str = "") -> Fig
             380,
             xaxis={"title": {"text": "rows of the design"}, "type": "log", "dtick": OCTAVE},
             yaxis={
-                "title": {"text": label if kind == "saltelli" else with_unit(label, plain(unit))},
+                "title": {"text": label if kind != "morris" else with_unit(label, plain(unit))},
                 "automargin": True,
                 "range": _range(table),
             },

@@ -5,11 +5,10 @@ from math import log10
 from typing import Any
 
 from analysis.designs import family
-from analysis.reports.figures.style import INDICES
 from analysis.reports.interactive.convergence import OCTAVE, series
 from analysis.reports.interactive.shared import MOST_LINES, Figure, colour, layout, ranked
 from analysis.reports.wording import words
-from analysis.sensitivity.stopping import Advice
+from analysis.sensitivity.stopping import WANTED, Advice
 
 GOOD = "#009E73"
 
@@ -25,7 +24,7 @@ def precision(snapshot: Mapping[str, Any], output: str, advice: Advice | None) -
         return None
     data: list[dict[str, Any]] = []
     table: list[tuple[str, int, float]] = []
-    wanted = [i for i in INDICES[family(snapshot["method"])] if i != "sigma"]
+    wanted = WANTED[family(snapshot["method"])]
     for name in ranked(snapshot, output)[:MOST_LINES]:
         widths: dict[int, float] = {}
         for index in wanted:
