@@ -18,6 +18,7 @@ from server.compression import Gunzip
 from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BodyLimit, Guard
 from server.logic.fleet_history import FleetHistory
+from server.logic.idling import Idle
 from server.metrics import Metrics
 from server.operations import close_loops as close_loop_operations
 from server.operations import comparisons, reruns, tokens
@@ -109,6 +110,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.readiness = Readiness(app.state.engine)
     app.state.metrics = Metrics(app.state.engine, lambda: float(app.state.clock()))
     app.state.sweep = leases.Sweep()
+    app.state.idle = Idle()
     #: So many uploaded sessions are looked at at once.
     app.state.looks = asyncio.Semaphore(CHECKS)
     #: Set when the process is asked to stop: whoever streams must end.

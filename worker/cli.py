@@ -76,8 +76,13 @@ def work(
         typer.Option(min=0.0, help="Leave after this many seconds without work. Default: never."),
     ] = None,
     batch: Annotated[
-        int, typer.Option(min=1, max=1000, help="The most instances to ask for at once.")
-    ] = 10,
+        int,
+        typer.Option(
+            min=1,
+            max=1000,
+            help="The most instances to ask for at once; fewer if they are two seconds of work.",
+        ),
+    ] = 1000,
     instance_seconds: Annotated[
         float, typer.Option(min=0.1, help="Kill an instance that runs for longer.")
     ] = 120.0,

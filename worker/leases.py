@@ -21,6 +21,8 @@ LeaseRequest = Mapping[str, Any]
 #: Work to ask for at once: little enough that the last rows of a study are spread over all
 #: workers, and much enough that asking does not matter.
 LEASE_SECONDS = 2.0
+#: What an instance takes at least, by all that is done about it.
+LEAST_SECONDS = 0.05
 #: Before a worker's time is up, it needs so long to give back what runs.
 LAST_WORDS_SECONDS = 5.0
 #: Weight of the newest instance in the running mean of how long one takes.
@@ -204,9 +206,8 @@ def lease_size(seconds_each: float | None, processes: int, batch: int) -> int:
     """
     if seconds_each is None:
         return min(processes, batch)
-    if seconds_each * batch <= LEASE_SECONDS * processes:
-        return batch
-    return max(1, int(LEASE_SECONDS * processes / seconds_each))
+    wanted = int(LEASE_SECONDS * processes / max(seconds_each, LEAST_SECONDS))
+    return max(1, min(batch, wanted))
 
 
 def fitting(seconds_left: float, seconds_each: float, slowest: float, processes: int) -> int:

@@ -17,7 +17,8 @@ IDENTITY = ("code", "mujoco")
 #: What must be equal within a row. The canary is a digest of one nominal evaluation, so that
 #: machines whose bits differ are told apart even where all versions agree.
 HOST_CLASS = (*IDENTITY, "numpy", "platform", "cpu", "canary")
-#: A worker without work asks every second: one silent for so long is gone.
+#: A worker without work asks at least twice within it (`server.logic.idling`): one that is silent
+#: for so long is gone.
 GONE_SECONDS = 60.0
 
 

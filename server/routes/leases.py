@@ -37,8 +37,6 @@ log = logging.getLogger(__name__)
 
 router = APIRouter(prefix="/v1/leases", tags=["leases"])
 
-#: Seconds a worker without work should wait before it asks again.
-RETRY_AFTER_SECONDS = 1
 #: Seconds between two looks for leases that have expired.
 SWEEP_SECONDS = 1.0
 
@@ -122,7 +120,9 @@ async def lease(body: LeaseBody, request: Request) -> Response:
         state.metrics.misfits.inc()
         raise ConflictError(found.why)
     if found is None:
-        return Response(status_code=204, headers={"Retry-After": str(RETRY_AFTER_SECONDS)})
+        pause = state.idle.tell(body.worker.id, now)
+        return Response(status_code=204, headers={"Retry-After": str(pause)})
+    state.idle.busy(body.worker.id)
     return as_json(granted(found, ttl, state.metrics), HTTPStatus.CREATED)
 
 

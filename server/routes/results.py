@@ -25,7 +25,7 @@ from server.operations.exchange import Exchange
 from server.operations.leasing import Deferred, Grant, Ineligible
 from server.operations.results import Post
 from server.routes.common import Body, Direct, Id, Name, Store, as_json, example
-from server.routes.leases import RETRY_AFTER_SECONDS, Fence, LeaseBody, granted, requested
+from server.routes.leases import Fence, LeaseBody, granted, requested
 from server.routes.studies import show
 from server.settings import Settings
 from server.states import REFUSALS, Verdict
@@ -111,7 +111,9 @@ async def post(body: ResultsBody, request: Request) -> Response:
         answer["misfit"] = misfit
         answer["next"] = granted(found, ttl, measures) if isinstance(found, Grant) else None
         if answer["next"] is None:
-            headers["Retry-After"] = str(RETRY_AFTER_SECONDS)
+            headers["Retry-After"] = str(state.idle.tell(body.next.worker.id, now))
+        else:
+            state.idle.busy(body.next.worker.id)
     _note(body, judgements, measures)
     answer["verdicts"] = [
         # As plain text, which is worded in a tenth of the time that an enum takes.
