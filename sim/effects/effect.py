@@ -96,6 +96,7 @@ class Effect(ABC):
         return [
             {**theta, parameter.name: value}
             for parameter in self.nonlinear
+            if parameter.name in theta
             for value in parameter.near(theta[parameter.name], scale)
         ]
 
@@ -210,7 +211,7 @@ class Law(AppliedEffect):
 
     def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
         """Return the recorded motion as the law is told it."""
-        return replace(joint, smooth=theta.get("smooth", 0.0))
+        return replace(joint, smooth=theta.get("smooth", 0.0), slide=theta.get("slide", 0.0))
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         motion = self.motion(joint, theta)

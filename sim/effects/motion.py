@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 #: Width over which the direction of a simulated motion changes, rad/s or m/s.
 SMOOTH = 0.01
+#: What slides after a smaller share of half the travel is friction, whose contacts give way by some
+#: milliradians first (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2).
+PRESLIDING_SHARE = 0.02
 
 
 class Recording(Protocol):
@@ -114,6 +117,8 @@ class RecordedJoint:
     estimate: Estimate
     #: Share of the top speed below which the direction is smooth.
     smooth: float = 0.0
+    #: Share of half the travel over which the direction turns instead; 0 for none.
+    slide: float = 0.0
     #: Torque that the joint carries, with its sign.
     load: Signal = 0.0
 
@@ -131,6 +136,8 @@ class RecordedJoint:
 
     @cached_property
     def direction(self) -> np.ndarray:
+        if self.slide:
+            return self.wound(self.slide * self.travel[1])
         return np.asarray(np.tanh(self.velocity / (self.smooth * self.top_speed)))
 
     @property
@@ -149,6 +156,29 @@ class RecordedJoint:
     def travel(self) -> tuple[float, float]:
         """Middle and half width of the range of motion."""
         return travel(self.position)
+
+    def wound(self, distance: float) -> np.ndarray:
+        """Return how far what gives way before it slides is wound, -1 to 1, (n,).
+
+        From 0 at the start of each piece; over `distance` (rad or m) most of the way after each
+        reversal (Dahl 1968).
+        """
+        out = np.zeros(len(self.position))
+        for piece in self.recording.slices:
+            position = self.position[piece]
+            sign = np.sign(np.diff(position, prepend=position[0]))
+            starts = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1])
+            lengths = np.diff(np.concatenate([starts, [len(position)]]))
+            begin = np.repeat(np.maximum(starts - 1, 0), lengths)
+            left = np.exp(-np.abs(position - position[begin]) / distance)
+            left[sign == 0.0] = 1.0
+            ends, signs = left[starts + lengths - 1].tolist(), sign[starts].tolist()
+            states, state = [], 0.0
+            for way, share in zip(signs, ends, strict=True):
+                states.append(state)
+                state = way + (state - way) * share
+            out[piece] = sign + (np.repeat(states, lengths) - sign) * left
+        return out
 
     def other(self, dof: int) -> tuple[np.ndarray, np.ndarray]:
         return self.recording.position[:, dof], self.recording.velocity[:, dof]

@@ -4,14 +4,13 @@ Spong 1987 (elastic joints); Nordin and Gutman 2002 (backlash); Dahl 1968 (frict
 the way since reversal); Pfeiffer and Holzl 1995 (ripple).
 """
 
-import itertools
 from collections.abc import Callable
 
 import numpy as np
 
 from sim.effects.effect import AppliedEffect, Columns, Effect, Law, Limits, Theta
 from sim.effects.functions import Signal, cos, exp, sin
-from sim.effects.motion import Motion, RecordedJoint
+from sim.effects.motion import PRESLIDING_SHARE, Motion, RecordedJoint
 from sim.effects.parameter import (
     RELATIVE,
     Nonlinear,
@@ -21,10 +20,6 @@ from sim.effects.parameter import (
     named,
     size,
 )
-
-#: What slides after a smaller share of half the travel is Coulomb friction, whose contacts give way
-#: by some milliradians first (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2).
-PRESLIDING_SHARE = 0.02
 
 
 class SeriesElasticity(Effect):
@@ -165,18 +160,7 @@ class Hysteresis(AppliedEffect):
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         """Return the friction state along the recorded motion; each piece starts at 0."""
-        distance = self.fixed(joint, theta)["distance"]
-        state = np.zeros((len(joint.recording.time), 1))
-        for piece in joint.recording.slices:
-            position = joint.position[piece]
-            sign = np.sign(np.diff(position, prepend=position[0]))
-            turns = np.flatnonzero(np.diff(sign)) + 1
-            part, z = state[piece, 0], 0.0
-            for start, stop in itertools.pairwise([0, *turns, len(position)]):
-                way = np.abs(position[start:stop] - position[max(start - 1, 0)])
-                part[start:stop] = self.wound(z, float(sign[start]), way, distance)
-                z = part[stop - 1]
-        return {joint.number: state}
+        return {joint.number: joint.wound(self.fixed(joint, theta)["distance"])[:, None]}
 
     def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
         state = 0.0

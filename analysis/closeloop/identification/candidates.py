@@ -73,7 +73,7 @@ def options_beside(
         if not has_ground(candidate, active | known):
             continue
         rest = _without_included(model, candidate)
-        option = _try(rest, rows, candidate, estimate, current)
+        option = _try(rest, rows, candidate, estimate, current, _simpler(model, candidate))
         if option is not None:
             replaced = {c.key for c in model.effects} - {c.key for c in rest.effects}
             options.append(replace(option, replaced=frozenset(replaced)))
@@ -117,12 +117,36 @@ def _without_included(model: Model, candidate: Candidate) -> Model:
     return model.keeping(lambda other: not candidate.includes(other))
 
 
+def _simpler(model: Model, candidate: Candidate) -> Theta:
+    """Return the non-linear parameters that a simpler form has found already, where both have them.
+
+    Else a richer form would lose to it by the grain of its grid.
+    """
+    names = {parameter.name for parameter in candidate.effect.nonlinear}
+    return {
+        name: value
+        for term in model.terms
+        if term.candidate is not None and candidate.includes(term.candidate)
+        for name, value in term.theta.items()
+        if name in names
+    }
+
+
 def _try(
-    model: Model, rows: Rows, candidate: Candidate, estimate: Estimate, current: Score
+    model: Model,
+    rows: Rows,
+    candidate: Candidate,
+    estimate: Estimate,
+    current: Score,
+    simpler: Theta | None = None,
 ) -> Option | None:
     effect = candidate.effect
     joint = RecordedJoint(model.recording, candidate.joint, estimate)
-    found = _best(model, rows, candidate, effect.thetas(joint), joint)
+    thetas = effect.thetas(joint)
+    if simpler:
+        thetas = [*thetas, *({**theta, **simpler} for theta in thetas)]
+        thetas = [dict(once) for once in dict.fromkeys(tuple(t.items()) for t in thetas)]
+    found = _best(model, rows, candidate, thetas, joint)
     if found is None:
         return None
     tried, scored = found

@@ -3,11 +3,17 @@
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
+from analysis.closeloop.identification.balance.declared import declared_again
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
-from analysis.closeloop.identification.balance.regression import Rows, Score, compare, rank_z
+from analysis.closeloop.identification.balance.regression import (
+    Rows,
+    Score,
+    compare,
+    rank_z,
+)
 from analysis.closeloop.identification.candidates import candidates, options_beside, refined
 from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.selection import MIN_Z, carries_more, choose
+from analysis.closeloop.identification.selection import MIN_Z, carries_more, choose, more_than_luck
 
 #: Effects that are looked for at a time.
 MAX_EFFECTS = 3
@@ -85,6 +91,8 @@ def _next_step(
     if step is None or step.taken.refused:
         return step
     refitted, score = refined(step.taken, rows)
+    refitted = declared_again(refitted, rows)
+    score = evaluate(refitted, rows)
     return replace(step, taken=replace(step.taken, model=refitted, score=score))
 
 
@@ -108,8 +116,9 @@ def _retested(
             break
         rest = grown.model.without(step.taken.candidate)
         without = evaluate(rest, rows)
-        missed, error = compare(without.losses, grown.score.losses)
-        if missed < MIN_Z * error or missed < MIN_GAIN * without.loss:
+        missed = without.loss - grown.score.loss
+        real = more_than_luck(without.losses, grown.score.losses, rows.fold_of_block)
+        if not real or missed < MIN_GAIN * without.loss:
             grown = Grown(rest, without, tuple(s for s in grown.steps if s is not step))
             continue
         again = _next_step(rest, without, rows, _least_later(without, before), tried)

@@ -1,12 +1,11 @@
-"""An effect has to hold at every frequency of the motion, or it is not what it is called.
+"""A late motor is late at every frequency of the motion, or it is none.
 
 A robot is recorded in closed loop. A torque that nobody knows of (a tremor, a person's push) moves
 the joint, and the controller answers: effort and motion are then related by the controller, and a
-fit takes some of that for physics, above all for a late motor (Ljung 1999, System Identification,
-section 13.4; Forssell and Ljung 1999, Closed-loop identification revisited). A true delay has one
-size at every frequency, and so has inertia; what the controller does in the band of a disturbance
-does not go on into the band of the motion. So what an effect explains is cut into octaves, and in
-each its size is asked for again.
+fit takes some of that for a late motor (Ljung 1999, System Identification, section 13.4; Forssell
+and Ljung 1999, Closed-loop identification revisited). A true delay has one size at every frequency;
+what the controller does in the band of a disturbance does not go on into the band of the motion. So
+what such an effect explains is cut into octaves, and in each its size is asked for again.
 """
 
 from collections.abc import Iterator
@@ -14,13 +13,11 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.fft import dct, idct
 
-from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, prediction
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.findings import Step
 from analysis.closeloop.identification.growing import Grown
 from analysis.closeloop.session.recording import Recording
-from sim.effects.catalogue import LINK_INERTIA
 
 #: Lowest octave's upper edge, Hz.
 LOWEST = 0.5
@@ -33,8 +30,8 @@ OFF, ERRORS = 0.5, 3.0
 def held_in_octaves(grown: Grown, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
     """Take out effects of another size in one octave than over all of them, the last found first.
 
-    Friction is spared, since how it passes through zero is not what its name says, and so is what
-    joints share.
+    Only of what passes the whole effort on, such as a delay: of other effects, what else is missing
+    yet may differ from octave to octave.
 
     Args:
         grown: the model with its effects.
@@ -61,8 +58,7 @@ def held_in_octaves(grown: Grown, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
 
 def _differs(grown: Grown, step: Step, rows: Rows) -> bool:
     candidate = step.taken.candidate
-    shared = candidate.effect.name in (LINK_INERTIA, PLACED.name)
-    if shared or candidate.effect.rubs or candidate not in grown.model.effects:
+    if not candidate.effect.channel or candidate not in grown.model.effects:
         return False
     return any(
         abs(size - 1.0) > max(OFF, ERRORS * error)

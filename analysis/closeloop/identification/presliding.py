@@ -9,7 +9,7 @@ is largest, looks like a late motor or a little inertia.
 import numpy as np
 
 from analysis.closeloop.identification.balance.model import Candidate, Model, Term, evaluate
-from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.identification.balance.regression import Rows, compare, takes_all
 
 #: How far friction is moved and widened in time, s.
 SHIFT = 0.01
@@ -29,9 +29,10 @@ def only_presliding(candidate: Candidate, beside: Model, model: Model, rows: Row
     free = _free_presliding(model, candidate.joint, model.terms)
     if free is None or candidate.effect.at_reversals:
         return False
-    without = evaluate(model.with_term(free), rows)
-    gain, error = compare(without.losses, evaluate(beside.with_term(free), rows).losses)
-    return gain <= MIN_Z * error
+    worse = evaluate(model.with_term(free), rows).losses
+    better = evaluate(beside.with_term(free), rows).losses
+    gain, error = compare(worse, better)
+    return gain <= MIN_Z * error and not takes_all(worse, better)
 
 
 def with_free_presliding(model: Model) -> Model:

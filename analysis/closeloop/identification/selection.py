@@ -3,7 +3,13 @@
 import numpy as np
 
 from analysis.closeloop.identification.balance.model import Model
-from analysis.closeloop.identification.balance.regression import Rows, Score, compare, rank_z
+from analysis.closeloop.identification.balance.regression import (
+    Rows,
+    Score,
+    compare,
+    rank_z,
+    takes_all,
+)
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.presliding import only_presliding
 from sim.effects.catalogue import BY_NAME
@@ -82,17 +88,22 @@ def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
     matters = MIN_TORQUE**2 * rows.effort_power(option.candidate.joint)
     if option.gain <= max(least, matters):
         return False
-    if option.z > MIN_Z:
+    return more_than_luck(current.losses, option.score.losses, rows.fold_of_block)
+
+
+def more_than_luck(worse: np.ndarray, better: np.ndarray, fold_of_block: np.ndarray) -> bool:
+    """Whether a gain on rows that nothing was fitted to is real: by its error, or by its size.
+
+    Args: as of `wins_in_folds`.
+    """
+    gain, error = compare(worse, better)
+    if gain > MIN_Z * error or takes_all(worse, better):
         return True
-    worse, better = current.losses, option.score.losses
-    if option.gain <= LARGE_GAIN * current.loss:
+    if gain <= LARGE_GAIN * float(worse.sum()):
         return False
-    several = wins_in_folds(worse, better, rows.fold_of_block)
-    if option.z > LARGE_Z and several:
+    if gain > LARGE_Z * error and wins_in_folds(worse, better, fold_of_block):
         return True
-    return (
-        wins_in_folds(worse, better, rows.fold_of_block, least=1) and rank_z(worse, better) > MIN_Z
-    )
+    return wins_in_folds(worse, better, fold_of_block, least=1) and rank_z(worse, better) > MIN_Z
 
 
 def wins_in_folds(

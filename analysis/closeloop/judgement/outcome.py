@@ -30,6 +30,9 @@ from analysis.closeloop.session.signals import rms
 
 #: What goes with a signal counts from this share of the floor on, or of the joint's effort.
 MIN_STRUCTURE, MIN_EFFORT = 0.25, 0.008
+#: An oscillation counts from this share of the floor on: noise has colours. Set on one clean arm of
+#: the unkind bench (tuning seeds): a third, near half of the rate.
+MIN_LINE = 0.5
 
 
 def outcome_of(
@@ -84,7 +87,13 @@ def _something_is_left(outcome: Outcome) -> bool:
     """Whether a residual that no effect was found in is more than noise."""
     far = [joint for joint in outcome.left if (outcome.over_floor(joint) or 0.0) > AT_FLOOR]
     structured = [joint for joint, own in outcome.structures.items() if own]
-    return bool(outcome.oscillations or outcome.events or far or structured)
+    shaken = [
+        joint
+        for joint, own in outcome.oscillations.items()
+        if joint not in outcome.floors
+        or max(peak.rms for peak in own) > MIN_LINE * outcome.floors[joint].value
+    ]
+    return bool(shaken or outcome.events or far or structured)
 
 
 def _large(

@@ -27,7 +27,13 @@ from analysis.closeloop.identification.balance.model import (
     unfitted,
     with_independent,
 )
-from analysis.closeloop.identification.balance.regression import Rows, Score, compare, rank_z
+from analysis.closeloop.identification.balance.regression import (
+    Rows,
+    Score,
+    compare,
+    rank_z,
+    takes_all,
+)
 from analysis.closeloop.identification.candidates import candidates, refined
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing import MIN_GAIN, MIN_LATER_GAIN, Grown, grow
@@ -180,6 +186,8 @@ def _sure(worse: np.ndarray, better: np.ndarray, folds: np.ndarray) -> bool:
     """
     gain, error = compare(worse, better)
     if gain > MIN_Z * error or (gain > LARGE_Z * error and rank_z(worse, better) > MIN_Z):
+        return True
+    if takes_all(worse, better):
         return True
     return (
         gain > LARGE_GAIN * float(worse.sum())

@@ -53,6 +53,36 @@ def declared_model(recording: Recording, rows: Rows) -> Model:
     return placed(_joined(recording, [*taken, *_loads(recording)], rows), rows)
 
 
+def declared_again(model: Model, rows: Rows) -> Model:
+    """Return the model with the non-linear parameters of declared effects chosen once more.
+
+    Beside an effect that was found they may be others: friction that seemed to turn late turns at
+    once beside the delay.
+    """
+    recording = model.recording
+    for place, term in enumerate(model.terms):
+        if term.candidate is not None or term.effect is None or term.load is not None:
+            continue
+        best, left = model, evaluate(model, rows).sse
+        for scale in (0.0, 1.0, 0.5):
+            there = best.terms[place]
+            options = _nearby(recording, there, scale)
+            if not scale:
+                thetas = term.effect.thetas(unfitted(recording, term.joint))
+                options = [_declared(recording, term.effect, term.joint, t) for t in thetas]
+            if len(options) < 2:
+                break
+            for option in options:
+                terms = list(best.terms)
+                terms[place] = replace(option, lower=term.lower, kept=term.kept)
+                tried = replace(best, terms=tuple(terms))
+                own = evaluate(tried, rows).sse
+                if own < left:
+                    best, left = tried, own
+        model = best
+    return model
+
+
 def _nearby(recording: Recording, term: Term, scale: float) -> list[Term]:
     """Return a declared effect with its non-linear parameters a little smaller and larger."""
     assert term.effect is not None

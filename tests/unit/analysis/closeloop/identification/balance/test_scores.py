@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.closeloop.identification.balance.regression import compare, rank_z
+from analysis.closeloop.identification.balance.regression import compare, rank_z, takes_all
 
 
 def test_the_rank_statistic_is_wilcoxons() -> None:
@@ -25,3 +25,15 @@ def test_a_gain_that_few_blocks_hold_is_steady_though_its_mean_is_not() -> None:
 
 def test_equal_losses_win_nothing() -> None:
     assert rank_z(np.ones(9), np.ones(9)) == 0.0
+
+
+def test_what_takes_all_of_one_quick_second_and_of_most_others_is_no_luck() -> None:
+    rng = np.random.default_rng(5)
+    better = 1.0 + 0.1 * rng.random(40)
+    quick = better + np.where(np.arange(40) == 3, 1000.0, 0.2)
+    gain, error = compare(quick, better)
+    assert gain / error < 2.0
+    assert takes_all(quick, better)
+    # One second alone, with the others as they were, may be anything.
+    alone = better + np.where(np.arange(40) == 3, 1000.0, 0.1 * rng.standard_normal(40))
+    assert not takes_all(alone, better)
