@@ -116,6 +116,14 @@ def work(
     tags: Annotated[
         str, typer.Option(help="What this machine is good for, comma-separated: lab-2,fast.")
     ] = "",
+    host: Annotated[
+        str | None,
+        typer.Option(
+            help="What this machine is called, of which containers know only a made-up name. "
+            "Default: its host name.",
+            show_default=False,
+        ),
+    ] = None,
     spool: SpoolFolder = None,
     models: Annotated[
         list[Path] | None,
@@ -162,7 +170,7 @@ def work(
     ):
         worker: dict[str, Any] = {
             "id": f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}",
-            "host": socket.gethostname(),
+            "host": host or socket.gethostname(),
             "versions": describe(),
             "tags": [tag.strip() for tag in tags.split(",") if tag.strip()],
         }
