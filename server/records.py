@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from analysis.designs import row_width
 from analysis.designs.dependence import Dependence, copula
 from analysis.designs.distributions import Distribution
+from analysis.designs.groups import units_of
 from analysis.sensitivity.stopping import Goal
 from models.curves import Curve
 from models.description import Description
@@ -51,6 +52,8 @@ class Plan:
     fixed: Mapping[str, float]
     #: Outputs kept, in the model's order; of a curve, every point.
     outputs: tuple[str, ...]
+    #: Factors that move together, by the name of their group.
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     #: Those that are curves, by name.
     curves: Mapping[str, Curve] = field(default_factory=dict)
     #: How the factors depend on each other; None: not at all.
@@ -68,7 +71,7 @@ class Plan:
     @cached_property
     def width(self) -> int:
         """Instances in one row of the design."""
-        return row_width(self.method, len(self.distributions))
+        return row_width(self.method, len(units_of(self.distributions, self.groups)))
 
     @cached_property
     def instances(self) -> int:

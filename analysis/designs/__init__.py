@@ -8,7 +8,8 @@ them (`shapley`), mapped to the factors' distributions by their
 quantiles (Devroye 1986, Non-uniform random variate generation, section II.2).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,12 @@ from numpy.typing import NDArray
 from analysis.designs.blocks import BLOCKS, blocks_of
 from analysis.designs.dependence import dependent
 from analysis.designs.distributions import Distribution
+from analysis.designs.groups import Units, places_of
 from analysis.designs.points import latin_hypercube, paired, sobol, sobol_blocks
 from analysis.designs.radial import radial_row
 from analysis.designs.saltelli import saltelli_row
 from analysis.designs.shapley import shapley_order, shapley_row
-from analysis.designs.trajectories import trajectory_row
+from analysis.designs.trajectories import grouped_row, trajectory_row
 
 #: Elementary effects for screening; variance-based indices; these with those of pairs of factors;
 #: Shapley effects, the only ones of factors that depend on each other.
@@ -101,28 +103,39 @@ def unit_row(
     row: int,
     factors: int,
     correlation: NDArray[np.float64] | None = None,
+    units: Units | None = None,
 ) -> NDArray[np.float64]:
     """Return the points of a row in the unit cube (Campolongo et al. 2011; Saltelli et al. 2010).
 
     Args:
         correlation: of the normals behind the factors, from `analysis.designs.dependence.copula`;
             None: they are independent.
+        units: factors that move together (`analysis.designs.groups`); None: each by itself.
 
     Returns:
-        Shape (row_width(method, factors), factors), every value strictly between 0 and 1.
+        Shape (row_width(method, units), factors), every value strictly between 0 and 1.
 
     Raises:
         ValueError: method or sampling is unknown, nothing varies, `row` is negative, `seed` is no
-            unsigned 64 bit integer, or the method knows independent factors only.
+            unsigned 64 bit integer, the method knows independent factors or no groups, or groups of
+            morris are not to move along trajectories.
     """
     _check(method, sampling)
-    row_width(method, factors)
+    row_width(method, factors if units is None else len(units))
+    if units is not None and method == "morris" and sampling != "trajectories":
+        raise ValueError(
+            "groups of morris move along trajectories: choose the sampling of that name"
+        )
     if not 0 <= seed < 2**64:
         raise ValueError(f"seed must be an integer from 0 to 2**64 - 1, not {seed}")
     if row < 0:
         raise ValueError(f"row must not be negative, but is {row}")
     if sampling == "trajectories":
+        if units is not None:
+            return grouped_row(seed, row, factors, units)
         return trajectory_row(seed, row, factors)
+    if units is not None and method == "shapley":
+        raise ValueError("shapley shares the variance among single factors, not groups")
     if correlation is not None and method != "shapley":
         raise ValueError(f"{method} samples factors independently of each other: take shapley")
     point = _point(sampling, seed, row, factors, 2 if method == "shapley" else 0)
@@ -132,7 +145,7 @@ def unit_row(
         return found if correlation is None else dependent(found, correlation, order)
     if method == "morris":
         return radial_row(point)
-    return saltelli_row(point, second_order=method == "saltelli_second_order")
+    return saltelli_row(point, second_order=method == "saltelli_second_order", units=units)
 
 
 def instance_parameters(
@@ -142,13 +155,16 @@ def instance_parameters(
     row: int,
     distributions: Mapping[str, Distribution],
     correlation: NDArray[np.float64] | None = None,
+    groups: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> list[dict[str, float]]:
     """Return the factor values of every point of a row, in position order, in the factors' units.
 
     By their quantiles (Devroye 1986, section II.2). The order of `distributions` decides which
-    coordinate is whose. `correlation` and ValueError as in `unit_row`.
+    coordinate is whose; factors of one of `groups` move together. `correlation` and ValueError as
+    in `unit_row`.
     """
-    unit = unit_row(method, sampling, seed, row, len(distributions), correlation)
+    units = places_of(list(distributions), groups) if groups else None
+    unit = unit_row(method, sampling, seed, row, len(distributions), correlation, units)
     columns = [
         # Not `ppf`: that these lie between 0 and 1 need not be looked at.
         distribution.quantiles(unit[:, i]).tolist()

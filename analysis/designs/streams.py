@@ -21,6 +21,7 @@ class Purpose(IntEnum):
     TRAJECTORY = 4
     BAND = 5
     ORDER = 6
+    GROUP = 7
 
 
 def bits(seed: int, purpose: Purpose, index: int, size: int) -> NDArray[np.uint64]:

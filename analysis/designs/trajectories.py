@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.designs.groups import Units
 from analysis.designs.streams import Purpose, bits
 
 #: p = 4 levels, and steps of p / 2 of them: from each level there is one step in the range.
@@ -26,6 +27,28 @@ def trajectory_row(seed: int, row: int, factors: int) -> NDArray[np.float64]:
     """Return trajectory `row` (Morris 1991), shape (factors + 1, factors); ValueError as `bits`."""
     batch, place = divmod(row, CHOSEN)
     points: NDArray[np.float64] = _batch(seed, batch, factors)[place]
+    return points
+
+
+def grouped_row(seed: int, row: int, factors: int, units: Units) -> NDArray[np.float64]:
+    """Return a trajectory along which the factors of a unit move at once (Campolongo et al. 2007).
+
+    Every factor moves by two levels, up or down as its own start has room. The first of each unit
+    is where `trajectory_row` of so many units has it.
+
+    Returns:
+        Shape (units + 1, factors).
+    """
+    leading = trajectory_row(seed, row, len(units))
+    moved = leading != leading[0]
+    level = (bits(seed, Purpose.GROUP, row, factors) >> np.uint64(62)).astype(np.float64)
+    start = (level + 0.5) / LEVELS
+    end = np.where(start < STEP, start + STEP, start - STEP)
+    points = np.empty((len(leading), factors))
+    for u, unit in enumerate(units):
+        for factor in unit:
+            points[:, factor] = np.where(moved[:, u], end[factor], start[factor])
+        points[:, unit[0]] = leading[:, u]
     return points
 
 

@@ -34,7 +34,7 @@ def write_netcdf(
         study: as `GET /v1/studies/{id}` describes it; goes into the attribute `study` as JSON.
     """
     plan = table.plan
-    shape = (plan.rows, row_width(plan.method, len(plan.factors)))
+    shape = (plan.rows, row_width(plan.method, len(plan.units)))
     names = ["ok", *sorted(set(table.outcomes) - {"ok"})]
     outcome = np.full(shape, MISSING, dtype=np.int16)
     outcome[table.rows, table.positions] = [names.index(name) for name in table.outcomes]

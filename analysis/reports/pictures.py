@@ -16,6 +16,7 @@ from analysis.reports.figures import (
     convergence_figure,
     curve_figure,
     distribution_figure,
+    interactions_figure,
     pairs_figure,
     scatter_figure,
     screening_figure,
@@ -51,8 +52,9 @@ class Subject:
     @property
     def order(self) -> Sequence[str]:
         """The factors, the most influential first as far as that is known."""
+        units = self.table.plan.units
         known: Sequence[str] | None = self.snapshot["outputs"][self.output]["ranking"]["order"]
-        return known or self.table.plan.factors
+        return [factor for unit in known or units for factor in units[unit]]
 
     @property
     def clouds(self) -> NDArray[np.float64]:
@@ -139,6 +141,16 @@ _KINDS = (
         methods=("saltelli_second_order",),
         draw=lambda s: together_figure(s.snapshot, s.output),
         panels=lambda figure, s: hover.together(figure, s.snapshot, s.output),
+    ),
+    _Kind(
+        name="interactions",
+        title="Interactions",
+        caption="Left: shares of the variance of single factors, on the diagonal, and of pairs "
+        "beyond what each of the two does alone. Right: what each factor does in company only, "
+        "all its interactions together.",
+        methods=("saltelli_second_order",),
+        draw=lambda s: interactions_figure(s.snapshot, s.output),
+        panels=lambda figure, s: [],
     ),
     _Kind(
         name="convergence",

@@ -90,7 +90,7 @@ def write_report(
     """
     sections, files = [], [path]
     # A factor has one colour in all chapters, also where an earlier one was fixed.
-    palette = list(dict.fromkeys(name for one in chapters for name in one.table.plan.factors))
+    palette = list(dict.fromkeys(name for one in chapters for name in one.table.plan.units))
     for number, one in enumerate(chapters, 1):
         drawn = curve_pictures(one.snapshot, units, palette)
         subject = Subject(
@@ -139,12 +139,13 @@ def _section(
     snapshot, unit = chapter.snapshot, units.get(output, "")
     names = [factor["name"] for factor in chapter.study["factors"]]
     own = {name: units.get(name, "") for name in names}
+    single = {name: own.get(name, "") for name in chapter.table.plan.units}
     alarm = warning(snapshot)
     curves = {name: tables.curve(snapshot, name) for name in snapshot.get("curves", {})}
     beside: dict[str, list[Grid | str]] = {}
     if output not in curves:
         if snapshot["method"] == "morris":
-            beside["Per unit of each factor"] = [tables.per_unit(snapshot, output, unit, own)]
+            beside["Per unit of each factor"] = [tables.per_unit(snapshot, output, unit, single)]
         if "second_order" in snapshot["outputs"][output]:
             beside["Pairs of factors"] = [tables.pairs(snapshot, output)]
     others = [block for name, blocks in curves.items() for block in blocks[name == output :]]
@@ -200,7 +201,7 @@ def _compared(chapter: Chapter, output: str) -> list[Grid | str]:
     if family(chapter.table.plan.method) != "saltelli":
         return []
     found = zip(*uncentred(chapter.table.by_row(output)), strict=True)
-    plain = dict(zip(chapter.table.plan.factors, found, strict=True))
+    plain = dict(zip(chapter.table.plan.units, found, strict=True))
     return tables.compared(chapter.snapshot, output, plain)
 
 

@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from analysis.designs.distributions import Distribution, Scale, scales
+from analysis.designs.groups import units_of
 from models.curves import Curve, columns_of
 
 #: An output of larger magnitude is no result: its square has no exact sum.
@@ -35,11 +37,18 @@ class StudyPlan:
     factors: tuple[str, ...]
     #: Of a curve, every point.
     outputs: tuple[str, ...]
+    #: Factors that move together, by the name of their group.
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     #: The outputs that are curves, by name.
     curves: Mapping[str, Curve] = field(default_factory=dict)
     #: Width of every factor's distribution, in its unit: what turns an effect per range into one
     #: per unit. No index depends on it.
     scales: Mapping[str, Scale] = field(default_factory=dict)
+
+    @cached_property
+    def units(self) -> Mapping[str, tuple[str, ...]]:
+        """What indices are of, groups and factors that are in none, with their factors."""
+        return units_of(self.factors, self.groups)
 
 
 def plan_of(study: Mapping[str, Any]) -> StudyPlan:
@@ -54,6 +63,7 @@ def plan_of(study: Mapping[str, Any]) -> StudyPlan:
         factors=tuple(factor["name"] for factor in study["factors"]),
         outputs=columns_of(study["outputs"], curves),
         curves=curves,
+        groups={name: tuple(members) for name, members in study.get("groups", {}).items()},
         scales=scales(
             {
                 factor["name"]: Distribution.from_json(factor["distribution"])

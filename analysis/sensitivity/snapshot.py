@@ -33,7 +33,8 @@ factor, so that factors can be compared; under "per_unit" the same per unit of t
 by the "width" of its distribution, `analysis.designs.distributions.Distribution.scale`) or
 "first_order" and "total_order" (method saltelli, shares of the variance), for which there are the
 sums "sum_first_order" and "sum_total_order" and the measure of chance "dummy_first_order"
-(`SaltelliEstimator`). "rests_on" is the effective number of rows that make up "total_order"
+(`SaltelliEstimator`). "interaction" is by how much the second of these exceeds the first,
+"rests_on" the effective number of rows that make up "total_order"
 (`analysis.sensitivity.estimators.tails`), "worst_case" between which bounds the indices lie
 whatever the failed runs would have said (`analysis.sensitivity.worst_case`; null if none failed),
 "martinez" both indices as correlations with Fisher's intervals
@@ -66,6 +67,7 @@ from analysis.sensitivity.estimators import (
     Estimator,
     Statistic,
     estimator_class,
+    interaction,
 )
 from analysis.sensitivity.failures import judge
 from analysis.sensitivity.ranking import RANKED_BY, Ranking, rank
@@ -106,7 +108,7 @@ def take_snapshot(
     shown = [found.output(o) for o in range(len(names) + 1)]
     used = [estimator.rows_used, *(curve.points.rows_used for curve in curves.values())]
     along = {
-        name: findings(name, plan.curves[name], curve, plan.factors, LEVEL)
+        name: findings(name, plan.curves[name], curve, list(plan.units), LEVEL)
         for name, curve in curves.items()
     }
     return {
@@ -147,7 +149,7 @@ def scalars(plan: StudyPlan) -> tuple[str, ...]:
 
 def new_curves(plan: StudyPlan) -> dict[str, CurveEstimator]:
     """Return the estimators of a study's curves without results, by name."""
-    factors = len(plan.factors)
+    factors = len(plan.units)
     return {
         name: CurveEstimator(
             method=plan.method,
@@ -168,7 +170,7 @@ def new_estimator(plan: StudyPlan) -> Estimator:
     return estimator_class(plan.method)(
         sampling=plan.sampling,
         seed=plan.seed,
-        factors=len(plan.factors),
+        factors=len(plan.units),
         outputs=len(scalars(plan)) + 1,
         indicators=1,
     )
@@ -189,10 +191,15 @@ class _Findings:
         self._estimator = estimator
         self._plan, self._series, self._names = plan, series, scalars(plan)
         self._indices = {name: found.estimate(LEVEL) for name, found in self.statistics.items()}
+        #: What factors do in company only.
+        self._interaction = None
+        if family(plan.method) == "saltelli":
+            first, total = (self.statistics[name] for name in ("first_order", "total_order"))
+            self._interaction = interaction(first, total).estimate(LEVEL)
         self._worst = worst_case(estimator, self.statistics, LEVEL) if failed else None
         self._compared = estimator.compared(LEVEL)
         self._moments, self._effects = estimator.moments(), estimator.effects
-        self._pairs = list(enumerate(combinations(plan.factors, 2)))
+        self._pairs = list(enumerate(combinations(plan.units, 2)))
         #: Names of the indices of pairs, of single factors and of whole outputs.
         self._of_pairs = [name for name in OF_PAIRS if name in self._indices]
         rest = {n: index for n, index in self._indices.items() if n not in OF_PAIRS}
@@ -202,9 +209,9 @@ class _Findings:
     def output(self, o: int) -> dict[str, Any]:
         """Return OUTPUT of the module docstring."""
         plan, indices = self._plan, self._indices
-        factors = {name: self._factor(name, (o, f)) for f, name in enumerate(plan.factors)}
+        factors = {name: self._factor(name, (o, f)) for f, name in enumerate(plan.units)}
         by = RANKED_BY[family(plan.method)]
-        ranking = rank(self.statistics[by].weighted[:, o], plan.factors)
+        ranking = rank(self.statistics[by].weighted[:, o], list(plan.units))
         unknown = dict.fromkeys(field.name for field in fields(Ranking))
         name = self._names[o] if o < len(self._names) else "failure"
         trust = judge_trust(self._estimator, self.statistics, o, name)
@@ -232,7 +239,7 @@ class _Findings:
                 "rows": [point.rows for point in self._series],
                 "factors": {
                     factor: {name: self._curve(name, (o, f)) for name in self._of_factors}
-                    for f, factor in enumerate(plan.factors)
+                    for f, factor in enumerate(plan.units)
                 },
                 **{
                     name: [
@@ -246,6 +253,11 @@ class _Findings:
 
     def _factor(self, factor: str, at: tuple[int, int]) -> dict[str, Any]:
         found: dict[str, Any] = {n: _interval(self._indices[n], at) for n in self._of_factors}
+        if len(self._plan.units[factor]) > 1:
+            # Some of a group go up where others go down: its effects have a size, but no sign.
+            found |= {n: dict.fromkeys(found[n]) for n in found if n in ("mu", "sigma")}
+        if self._interaction is not None:
+            found["interaction"] = _interval(self._interaction, at)
         # Shares have no unit, and effects do not rest on a few large squares.
         if self._plan.method == "morris":
             scale, found["per_unit"] = self._plan.scales.get(factor), None
@@ -285,7 +297,7 @@ def _failure(
     failed = runs - evaluations.get("ok", 0)
     names = scalars(plan)
     verdict = judge(
-        estimator, statistics, len(names), plan.factors, names, failed=failed, runs=runs
+        estimator, statistics, len(names), list(plan.units), names, failed=failed, runs=runs
     )
     return {"failed": failed, "runs": runs, **_plain(verdict)}
 

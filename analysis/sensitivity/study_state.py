@@ -55,7 +55,7 @@ class StudyState:
         #: Columns of `_partial` for the estimator, and for each curve those that are looked at.
         inside = {name: plan.outputs.index(f"{name}[0]") for name in plan.curves}
         self._at = {
-            name: inside[name] + looked_at(plan.curves[name].points, len(plan.factors))
+            name: inside[name] + looked_at(plan.curves[name].points, len(plan.units))
             for name in inside
         }
         own = set(scalars(plan))
@@ -191,7 +191,12 @@ class StudyState:
 def _identity(plan: StudyPlan) -> list[Any]:
     """Return what a state depends on, as JSON; not the number of rows, which may grow."""
     about = [plan.id, plan.method, plan.seed, plan.sampling, list(plan.factors), list(plan.outputs)]
-    return [*about, list(plan.curves)] if plan.curves else about
+    about += [list(plan.curves)] if plan.curves else []
+    return (
+        [*about, [[name, list(members)] for name, members in plan.groups.items()]]
+        if plan.groups
+        else about
+    )
 
 
 def _bytes(data: bytes) -> NDArray[np.uint8]:

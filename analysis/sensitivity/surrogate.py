@@ -117,6 +117,10 @@ def answer(table: Table, output: str) -> Answer:
             "a surrogate's indices are those of independent factors, and a study of method shapley "
             "may have others"
         )
+    if plan.groups:
+        raise ValueError(
+            "the factors of a group move together: a surrogate could not tell them apart"
+        )
     if output not in plan.outputs:
         known = ", ".join(names_of(plan.outputs, plan.curves))
         raise ValueError(f"the study has no output {output!r}: it has {known}")

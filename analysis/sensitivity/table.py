@@ -43,7 +43,7 @@ class Table:
 
         Of a variance-based study (Saltelli et al. 2010); nan where no value came.
         """
-        o, factors = self.plan.outputs.index(output), len(self.plan.factors)
+        o, factors = self.plan.outputs.index(output), len(self.plan.units)
         rows = np.full((self.plan.rows, row_width(self.plan.method, factors)), np.nan)
         rows[self.rows, self.positions] = self.values[:, o]
         return rows[:, : factors + 2]

@@ -109,6 +109,7 @@ def plan_of(bundle: Bundle) -> "Plan":
             # Earlier versions did not know them.
             correlations=study.get("correlations", ()),
             correlation_kind=study.get("correlation_kind", "rank"),
+            groups=study.get("groups", {}),
         )
     except (InvalidStudyError, ValueError, TypeError, AttributeError, OverflowError) as error:
         raise Invalid(f"study.json describes no study that can be computed here: {error}") from None
@@ -167,8 +168,9 @@ def request_of(study: Json) -> Json:
     """Return the request that submits the same study again."""
     asked = ("name", "model", "method", "sampling", "rows", "seed", "factors", "outputs", "fixed")
     # It was taken when it was submitted first.
-    dependence = {name: study[name] for name in _DEPENDENCE if study.get("correlations")}
-    return {**{name: study[name] for name in asked}, **dependence, "outside_range": True}
+    more = {name: study[name] for name in _DEPENDENCE if study.get("correlations")}
+    more |= {"groups": study["groups"]} if study.get("groups") else {}
+    return {**{name: study[name] for name in asked}, **more, "outside_range": True}
 
 
 def _hashes(bundle: Bundle) -> Judgement:

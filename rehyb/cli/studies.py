@@ -82,6 +82,10 @@ def submit(
             "rows, and wait for it as `study watch` does.",
         ),
     ] = None,
+    group: Annotated[
+        list[str] | None,
+        typer.Option(help="Factors that move together.", metavar="NAME=FACTOR,FACTOR"),
+    ] = None,
     target: Annotated[
         float | None, typer.Option(help="Half width wanted of every interval of the first output.")
     ] = None,
@@ -108,6 +112,7 @@ def submit(
             "factors": [_factor(text) for text in factor] if factor else None,
             "fixed": {n: _fixed(n, v) for n, v in assignments(fix).items()} if fix else None,
             "precision": None if up_to is None else {"target": target, "up_to": up_to},
+            "groups": {n: v.split(",") for n, v in assignments(group).items()} if group else None,
             "outside_range": True if outside_range else None,
         },
     )

@@ -4,11 +4,13 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
+from types import MappingProxyType
 from typing import Any
 
 from analysis.designs import METHODS, fewest_factors, instance_parameters, samplings
 from analysis.designs.dependence import KINDS, Dependence, DependenceError, copula
 from analysis.designs.distributions import Distribution, scales
+from analysis.designs.groups import fault_in, units_of
 from analysis.json_values import is_finite_number
 from analysis.sensitivity.records import StudyPlan
 from models.curves import columns_of
@@ -44,7 +46,13 @@ def instance_id(study_id: str, row: int, position: int) -> str:
 def parameters(plan: Plan, row: int) -> list[dict[str, float]]:
     """Return every factor's value for every instance of a row, in position order (SI units)."""
     points = instance_parameters(
-        plan.method, plan.sampling, plan.seed, row, plan.distributions, plan.correlation
+        plan.method,
+        plan.sampling,
+        plan.seed,
+        row,
+        plan.distributions,
+        plan.correlation,
+        plan.groups,
     )
     return [{**plan.fixed, **point} for point in points]
 
@@ -78,6 +86,7 @@ def for_analysis(study: Study) -> StudyPlan:
         factors=tuple(study.plan.distributions),
         outputs=study.plan.outputs,
         curves=study.plan.curves,
+        groups=study.plan.groups,
         scales=scales(study.plan.distributions),
     )
 
@@ -96,6 +105,7 @@ def draw_up(
     outputs: Sequence[str] | None,
     correlations: Sequence[Sequence[Any]] = (),
     correlation_kind: str = "rank",
+    groups: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> Plan:
     """Check a request and complete it from the model's own factors and outputs.
 
@@ -107,6 +117,7 @@ def draw_up(
         called: what the study calls it: see `ModelVersion.called`.
         correlations: [factor, factor, number] of every pair that depends on each other.
         correlation_kind: one of `analysis.designs.dependence.KINDS`.
+        groups: factors that move together, by name.
 
     Raises:
         InvalidStudyError: with a pointer to what is wrong and a sentence saying what is right.
@@ -134,7 +145,8 @@ def draw_up(
                 f"it, such as {columns_of(curved, model.curves)[0]}",
             )
         kept = tuple(name for name in kept if name not in curved)
-    if len(sampled) < fewest_factors(method):
+    _check_groups(groups, [factor for factor in known if factor in sampled], method, sampling)
+    if len(units_of(sampled, groups)) < fewest_factors(method):
         raise InvalidStudyError(
             "/factors", f"{method} looks at pairs: it needs two factors or more"
         )
@@ -154,6 +166,7 @@ def draw_up(
             if factor.name not in sampled
         },
         outputs=columns_of(kept, model.curves),
+        groups={name: tuple(members) for name, members in groups.items()},
         curves={name: curve for name, curve in model.curves.items() if name in kept},
     )
 
@@ -193,6 +206,21 @@ def _dependence(
         at = "" if error.place is None else f"/{error.place}"
         raise InvalidStudyError(f"/correlations{at}", str(error)) from None
     return found
+
+
+def _check_groups(
+    groups: Mapping[str, Sequence[str]], sampled: Sequence[str], method: str, sampling: str
+) -> None:
+    if (fault := fault_in(sampled, groups)) is not None:
+        raise InvalidStudyError(f"/groups/{fault[0]}", fault[1])
+    if groups and method == "shapley":
+        raise InvalidStudyError("/groups", "shapley shares the variance among single factors")
+    if groups and method == "morris" and sampling != "trajectories":
+        raise InvalidStudyError(
+            "/sampling",
+            "groups of morris move along trajectories: sampling must be trajectories, not "
+            f"{sampling}",
+        )
 
 
 def _fixed(model: Description, fixed: Mapping[str, float | str]) -> dict[str, float]:

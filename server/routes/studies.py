@@ -32,6 +32,7 @@ _OF_PLAN = {
     "seed",
     "fixed",
     "outputs",
+    "groups",
 }
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -110,6 +111,7 @@ class StudyBody(Body):
     fixed: dict[str, Value] = Field(default_factory=dict)
     seed: int = Field(default=1, ge=0, le=MAX_INTEGER)
     outputs: list[Name] | None = None
+    groups: dict[Name, list[Name]] = Field(default_factory=dict)
     sampling: Name = DEFAULT_SAMPLING
     priority: Priority = 0
     tags: list[Name] = Field(default_factory=list, max_length=20)
@@ -173,8 +175,9 @@ def submit(
         goal = precision_goal(plan, **wanted.model_dump(), pointer="/precision")
     # Who may compute it, how soon and how far it may grow makes no other study of it.
     left_out = {"priority", "tags", "precision", "outside_range"}
-    # Without correlations it is what it was before there were any.
+    # Without them it is what it was before there were any.
     left_out |= set() if body.correlations else {"correlations", "correlation_kind"}
+    left_out |= set() if body.groups else {"groups"}
     what = body.model_dump_json(exclude=left_out)
     study, new = studies.create(
         store,
@@ -284,6 +287,7 @@ def shown(study: Study, goal: PrecisionGoal | None) -> dict[str, Any]:
         "correlation_kind": plan.dependence.kind if plan.dependence else "rank",
         "fixed": dict(plan.fixed),
         "outputs": names_of(plan.outputs, plan.curves),
+        "groups": {name: list(members) for name, members in plan.groups.items()},
         "curves": {name: curve.as_json() for name, curve in plan.curves.items()},
         "state": study.state,
         "instances": plan.instances,

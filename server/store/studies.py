@@ -73,6 +73,7 @@ def add(connection: Connection, study: Study, *, key: str | None, digest: str) -
         **{name: getattr(plan, name) for name in _OF_PLAN},
         **{name: getattr(study, name) for name in _OWN},
         # A list, because the order of the factors is the order of the design's columns.
+        "groups": [[name, list(members)] for name, members in plan.groups.items()],
         "curves": {name: curve.as_json() for name, curve in plan.curves.items()},
         "distributions": [[name, d.to_json()] for name, d in plan.distributions.items()],
         "dependence": plan.dependence and plan.dependence.to_json(),
@@ -189,6 +190,7 @@ def _plan(*row: Any) -> Plan:
     plan["distributions"] = {name: Distribution.from_json(d) for name, d in distributions}
     plan["fixed"] = json.loads(plan["fixed"])
     plan["outputs"] = tuple(json.loads(plan["outputs"]))
+    plan["groups"] = {name: tuple(members) for name, members in json.loads(plan["groups"])}
     curves = json.loads(plan["curves"])
     plan["curves"] = {name: Curve.from_json(curve) for name, curve in curves.items()}
     if plan["dependence"] is not None:

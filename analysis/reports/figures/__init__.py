@@ -8,6 +8,7 @@ from analysis.reports.figures.campaign import campaign_figure
 from analysis.reports.figures.convergence import convergence_figure
 from analysis.reports.figures.curves import components_figure, curve_figure
 from analysis.reports.figures.distribution import distribution_figure
+from analysis.reports.figures.interactions import interactions_figure
 from analysis.reports.figures.pairs import pairs_figure
 from analysis.reports.figures.plane import screening_figure
 from analysis.reports.figures.scatter import scatter_figure
@@ -20,6 +21,7 @@ __all__ = [
     "convergence_figure",
     "curve_figure",
     "distribution_figure",
+    "interactions_figure",
     "pairs_figure",
     "scatter_figure",
     "screening_figure",

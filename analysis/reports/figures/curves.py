@@ -48,7 +48,7 @@ def curve_figure(
         left.plot(axis, value, color=look, lw=1.6, label=words(factor))
         left.fill_between(axis, low, high, color=look, alpha=0.18, lw=0.0)
     if snapshot["method"] != "morris":
-        left.set_ylim(min(0.0, left.get_ylim()[0]), min(1.3, left.get_ylim()[1]))
+        left.set_ylim(-0.05, min(1.3, left.get_ylim()[1]))
     left.set_ylabel(what if name != "mu_star" else with_unit(what, unit))
     left.legend(frameon=False, fontsize=8, loc="best")
     grid = np.array([_numbers(said["factors"][factor][name]["value"]) for factor in order])

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.sensitivity.curves.estimator import CurveEstimator
-from analysis.sensitivity.estimators import Statistic
+from analysis.sensitivity.estimators import Statistic, interaction
 from analysis.sensitivity.estimators.morris import ROWS_ENOUGH
 from analysis.sensitivity.estimators.tails import FLOOR, heaviness, tail
 from analysis.sensitivity.estimators.weightings import FIRST
@@ -86,12 +86,7 @@ def _shares(curve: CurveEstimator, at_points: Mapping[str, Statistic]) -> dict[s
     found = {
         "first_order": first,
         "total_order": replace(total, tail=heavy),
-        "interaction": replace(
-            first,
-            weighted=total.weighted - first.weighted,
-            without=total.without - first.without,
-            apart=None,
-        ),
+        "interaction": interaction(first, total),
         "sum_first_order": _sum(first),
         "sum_total_order": replace(_sum(total), whole=None),
     }

@@ -3,7 +3,13 @@
 Of elementary effects (Morris 1991) and of shares of the variance (Saltelli et al. 2010).
 """
 
-from analysis.sensitivity.estimators.estimator import OF_PAIRS, Estimator, Moments, Statistic
+from analysis.sensitivity.estimators.estimator import (
+    OF_PAIRS,
+    Estimator,
+    Moments,
+    Statistic,
+    interaction,
+)
 from analysis.sensitivity.estimators.intervals import Estimate
 from analysis.sensitivity.estimators.morris import MorrisEstimator
 from analysis.sensitivity.estimators.saltelli import SaltelliEstimator
@@ -36,6 +42,7 @@ __all__ = [
     "ShapleyEstimator",
     "Statistic",
     "estimator_class",
+    "interaction",
 ]
 
 

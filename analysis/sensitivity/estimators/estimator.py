@@ -117,6 +117,19 @@ class Statistic:
         )
 
 
+def interaction(first: Statistic, total: Statistic) -> Statistic:
+    """Return by how much total-order indices exceed first-order ones (Homma and Saltelli 1996).
+
+    The share of the variance that a factor has in company only: the sum of all its interactions.
+    """
+    return replace(
+        first,
+        weighted=total.weighted - first.weighted,
+        without=total.without - first.without,
+        apart=None,
+    )
+
+
 class Estimator(ABC):
     """Indices of several outputs from rows that arrive in any order.
 

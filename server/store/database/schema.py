@@ -58,6 +58,7 @@ studies = sa.Table(
     sa.Column("fixed", sa.JSON, nullable=False),
     sa.Column("outputs", sa.JSON, nullable=False),
     sa.Column("curves", sa.JSON, nullable=False, server_default="{}"),
+    sa.Column("groups", sa.JSON, nullable=False, server_default="[]"),
     sa.Column("state", sa.String(16), nullable=False),
     sa.Column("created_at", sa.Double, nullable=False),
     sa.Column("finished_at", sa.Double),

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.designs import instance_parameters
 from analysis.designs.distributions import Uniform
-from analysis.reports.figures import components_figure, curve_figure
+from analysis.reports.figures import components_figure, curve_figure, interactions_figure
 from analysis.reports.report import chapter, write_report
 from analysis.sensitivity.records import plan_of
 from analysis.sensitivity.service import analyse
@@ -41,7 +41,12 @@ def table_of(described: dict[str, Any], path: Path) -> Path:
     lines = [["row", "position", *plan.factors, "outcome", *plan.outputs]]
     for row in range(plan.rows):
         points = instance_parameters(
-            plan.method, plan.sampling, plan.seed, row, dict.fromkeys(plan.factors, UNIT)
+            plan.method,
+            plan.sampling,
+            plan.seed,
+            row,
+            dict.fromkeys(plan.factors, UNIT),
+            groups=plan.groups,
         )
         for position, point in enumerate(points):
             curve = [point["a"] * i + point["b"] * point["c"] for i in range(4)]
@@ -89,3 +94,23 @@ def test_the_terminal_shows_whole_curves(
     _print_indices(dict(one.snapshot), None)
     said = capsys.readouterr().out
     assert "wave, the whole curve" in said and "more rows" in said
+
+
+def test_interactions_of_pairs_are_a_heat_map_and_no_other_study_has_one(tmp_path: Path) -> None:
+    described = study("saltelli_second_order", "y", "wave")
+    snapshot = chapter(described, table_of(described, tmp_path / "r.csv")).snapshot
+    figure = interactions_figure(snapshot, "y")
+    assert len(figure.axes) == 3
+    shares = figure.axes[0].images[0].get_array()
+    alone = snapshot["outputs"]["y"]["factors"]["b"]["first_order"]["value"]
+    assert shares is not None and shares[0, 0] == alone
+    interactions_figure(analyse(plan_of(described), []), "y")
+    with pytest.raises(ValueError, match="method saltelli_second_order"):
+        interactions_figure(analyse(plan_of(study("saltelli", "y", "wave")), []), "y")
+
+
+def test_a_report_of_groups_names_the_groups(tmp_path: Path) -> None:
+    described = study("saltelli_second_order", "y") | {"curves": {}, "groups": {"late": ["b", "c"]}}
+    csv = table_of(described, tmp_path / "r.csv")
+    page, *_ = write_report(tmp_path / "r.html", [chapter(described, csv)], "y", {}, title="t")
+    assert "late" in page.read_text()

@@ -31,6 +31,7 @@ def test_a_study_is_created_and_found_again(client: TestClient, clock: Any) -> N
         "fixed": {f.name: f.nominal for f in ELBOW.factors if f.optional},
         "outputs": list(ELBOW.outputs),
         "curves": {},
+        "groups": {},
         "state": "running",
         "instances": 14,
         "created_at": clock.now,

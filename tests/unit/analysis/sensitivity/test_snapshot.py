@@ -52,7 +52,7 @@ def test_a_snapshot_has_the_same_shape_with_and_without_results(method: str) -> 
             assert set(output) == OUTPUT | SUMS[method]
             assert list(output["factors"]) == ["a", "b", "c"]
             for factor in output["factors"].values():
-                more = MORE.get(method, {"rests_on", "martinez"})
+                more = MORE.get(method, {"rests_on", "martinez", "interaction"})
                 assert set(factor) == INDICES[method] | {"n", "worst_case"} | more
                 assert all(set(factor[index]) == INTERVAL for index in INDICES[method])
 

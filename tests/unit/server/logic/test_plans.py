@@ -206,3 +206,36 @@ def test_a_curve_over_the_phase_is_kept_only_if_it_is_named(plan: Drawing) -> No
 def test_a_curve_is_kept_whole_and_once(plan: Drawing, outputs: list[str], sentence: str) -> None:
     with pytest.raises(InvalidStudyError, match=sentence):
         plan(model="elbow", outputs=outputs)
+
+
+def test_a_study_of_groups_has_as_many_runs_a_row_as_groups_need(plan: Drawing) -> None:
+    drawn = plan(method="saltelli", groups={"outer": ["x1", "x3"]})
+    assert drawn.groups == {"outer": ("x1", "x3")} and drawn.width == 4
+    points = parameters(drawn, 0)
+    assert len(points) == 4 and points[2]["x3"] == points[1]["x3"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "pointer", "sentence"),
+    [
+        ({"groups": {"g": ["x1", "x9"]}}, "/groups/g", "g has x9, which is not sampled"),
+        ({"groups": {"g": ["x1"], "h": ["x1"]}}, "/groups/h", "x1 is in g and h"),
+        ({"groups": {"g": []}}, "/groups/g", "g has no factors"),
+        (
+            {"groups": {"g": ["x1", "x2"]}, "method": "morris"},
+            "/sampling",
+            "sampling must be trajectories, not sobol",
+        ),
+        (
+            {"groups": {"g": ["x1", "x2", "x3"]}, "method": "saltelli_second_order"},
+            "/factors",
+            "it needs two factors or more",
+        ),
+    ],
+)
+def test_groups_that_cannot_be_sampled_are_refused_with_their_place(
+    plan: Drawing, asked: dict[str, Any], pointer: str, sentence: str
+) -> None:
+    with pytest.raises(InvalidStudyError, match=sentence) as caught:
+        plan(**{"method": "saltelli", **asked})
+    assert caught.value.pointer == pointer
