@@ -53,6 +53,11 @@ def study(directory: Path, muscles: str, model: str, n: int, r: int) -> dict[str
     return report
 
 
+def index(found: dict[str, Any]) -> str:
+    """Return an index in words; an output that never varies has none."""
+    return "none" if found["value"] is None else f"{found['value']:.2f}"
+
+
 def print_study(muscles: str, report: dict[str, Any]) -> None:
     print(f"\n{muscles}: phase 1 fixes {report['fixed']}; failures {report['failures'] or 'none'}")
     effects = report["phase1"]["outputs"]["stiffness_error"]["factors"]
@@ -67,8 +72,8 @@ def print_study(muscles: str, report: dict[str, Any]) -> None:
     for output in OUTPUTS:
         found = outputs[output]
         cells = [
-            f"{found['factors'][n]['first_order']['value']:9.2f} / "
-            f"{found['factors'][n]['total_order']['value']:.2f}"
+            f"{index(found['factors'][n]['first_order']):>9s} / "
+            f"{index(found['factors'][n]['total_order'])}"
             for n in names
         ]
         print(
