@@ -13,7 +13,7 @@ from analysis.interpretation.bank import (
     empty_samples,
 )
 from analysis.interpretation.errors import InterpretationError
-from analysis.interpretation.inference import Interpreter
+from analysis.interpretation.inference import LEAST_ROWS, Interpreter
 from analysis.interpretation.population import Population
 from analysis.interpretation.sampling import sample
 from sim.evaluation import versions
@@ -58,6 +58,10 @@ def grow(
     if len(bank.bushing) and dict(bank.versions) != versions():
         raise InterpretationError(
             "this bank was made by other versions of rehyb, MuJoCo or NumPy: build a new one"
+        )
+    if rows < LEAST_ROWS:
+        raise InterpretationError(
+            f"{rows} rows without contact are too few to learn from: take {LEAST_ROWS} or more"
         )
     grown = replace(
         bank,

@@ -31,6 +31,8 @@ NEIGHBOURS = 40
 LOCAL_WEIGHT = 0.8
 #: By how much the errors' correlation is shrunk towards none.
 SHRINKAGE = 0.05
+#: Fewest rows to learn from.
+LEAST_ROWS = 4 * NEIGHBOURS
 #: Fewest rows with contact from which its correction is learnt.
 LEAST_CONTACT = 60
 JOINTS = 4
@@ -109,25 +111,32 @@ class Interpreter:
     sorted_factors: np.ndarray
 
     @classmethod
-    def fit(cls, bank: Bank) -> "Interpreter":
+    def fit(cls, bank: Bank, like: "Interpreter | None" = None) -> "Interpreter":
         """Learn from a bank.
+
+        Args:
+            bank: with its rows.
+            like: learnt from the same rows without contact, which need not be learnt from again.
 
         Raises:
             InterpretationError: it holds too few recordings.
         """
-        if len(bank.bushing) < 4 * NEIGHBOURS:
+        if len(bank.bushing) < LEAST_ROWS:
             raise InterpretationError(
-                f"a bank needs {4 * NEIGHBOURS} recordings that can be believed, and this one has "
+                f"a bank needs {LEAST_ROWS} recordings that can be believed, and this one has "
                 f"{len(bank.bushing)}: build it with more --rows"
             )
         sorted_factors = np.sort(bank.bushing.factors, axis=0)
         recorded = noisy(bank, bank.bushing)
-        features = Features.fit(recorded)
+        features = Features.fit(recorded) if like is None else like.features
         inputs = features.inputs(recorded)
         scores = normal_scores(sorted_factors, bank.bushing.factors)
-        outputs = np.hstack([targets_of(bank.bushing), scores])
         tuned = len(TARGETS)
-        first = GaussianProcess.fit(inputs, outputs, tuned=tuned, seed=bank.seed)
+        if like is None:
+            outputs = np.hstack([targets_of(bank.bushing), scores])
+            first = GaussianProcess.fit(inputs, outputs, tuned=tuned, seed=bank.seed)
+        else:
+            first = like.first
         errors, correction = first.residuals, None
         looked_at = recorded
         if len(bank.contact) >= LEAST_CONTACT:

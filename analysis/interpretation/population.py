@@ -49,6 +49,8 @@ class Population:
     measures: Mapping[str, Measure]
     #: Standard deviation of the zero error of each joint's torque, Nm.
     torque_zero: float
+    #: Values of factors that are the same for everybody and not the model's own.
+    fixed: Mapping[str, float]
     #: The file's content.
     content: Mapping[str, Any]
 
@@ -148,8 +150,56 @@ def population_of(content: Any, where: str) -> Population:
         correlation=_correlation(content.get("correlations", []), tuple(distributions), where),
         measures=measures,
         torque_zero=float(zero),
+        fixed=_fixed(content.get("fixed", {}), distributions, where),
         content=content,
     )
+
+
+def with_effects(population: Population, study: Mapping[str, Any], source: str) -> Population:
+    """Return a population that has what closing the loop found, too.
+
+    Args:
+        population: as it was.
+        study: of the found effects (`analysis.closeloop.report.effect_study`): factors with a range
+            and fixed values.
+        source: what found them, in words.
+
+    Raises:
+        InterpretationError: the simulation cannot carry one of them.
+    """
+    found = {
+        factor["name"]: {
+            "distribution": dict(
+                zip(("kind", "low", "high"), ("uniform", *factor["range"]), strict=True)
+            ),
+            "source": source,
+        }
+        for factor in study["factors"]
+        if "range" in factor
+    }
+    fixed = {**population.content.get("fixed", {}), **study["fixed"]}
+    factors = {
+        name: entry for name, entry in population.content["factors"].items() if name not in fixed
+    }
+    content = {**population.content, "factors": factors | found, "fixed": fixed}
+    return population_of(content, f"{population.name} with {source}")
+
+
+def _fixed(content: Any, sampled: Mapping[str, Any], where: str) -> dict[str, float]:
+    known = _factors()
+    if not isinstance(content, dict):
+        raise InterpretationError(f'{where}: "fixed" is an object of factors and their values')
+    for name, value in content.items():
+        if name not in known:
+            raise InterpretationError(f"{where}: {name!r} is no factor of {WITH_CONTACT}")
+        if name in sampled:
+            raise InterpretationError(f"{where}: {name} is both among the factors and fixed")
+        low, high = known[name].reach
+        if not is_finite_number(value) or not low <= value <= high:
+            raise InterpretationError(
+                f"{where}: {name} must be fixed at a number from {low:.4g} to {high:.4g}"
+            )
+    return {name: float(value) for name, value in content.items()}
 
 
 def _factors() -> dict[str, Factor]:

@@ -65,7 +65,7 @@ def sample(
 
 def parameters_of(population: Population, values: np.ndarray, level: str) -> dict[str, float]:
     """Return a wearer's parameters at a level: what only contact has means nothing without it."""
-    own = dict(zip(population.names, values.tolist(), strict=True))
+    own = dict(population.fixed) | dict(zip(population.names, values.tolist(), strict=True))
     return own if level == "contact" else {n: v for n, v in own.items() if n not in CONTACT_ONLY}
 
 

@@ -19,11 +19,12 @@ def compare(
     found: dict[str, list[np.ndarray]] = {}
     held: dict[str, list[np.ndarray]] = {}
     fold = np.arange(len(truth)) % FOLDS
+    learnt = Interpreter.read(bank)
     for number in range(FOLDS):
         test = fold == number
         without = replace(bank, fitted={}, contact=bank.contact.some(~test))
         for name, low, high in (
-            _ours(without, recorded[test]),
+            _ours(without, learnt, recorded[test]),
             *_quantiles(without, recorded[~test], truth[~test], recorded[test]),
         ):
             found.setdefault(name, []).append((high - low) / 2.0)
@@ -36,8 +37,10 @@ def compare(
         )
 
 
-def _ours(bank: Bank, recorded: np.ndarray) -> tuple[str, np.ndarray, np.ndarray]:
-    interpreter = Interpreter.fit(bank)
+def _ours(
+    bank: Bank, learnt: Interpreter, recorded: np.ndarray
+) -> tuple[str, np.ndarray, np.ndarray]:
+    interpreter = Interpreter.fit(bank, learnt)
     quantiles = np.array(
         [
             interpreter.infer(interpreter.look(one)).quantiles(np.array([0.05, 0.95]))[:, 0]

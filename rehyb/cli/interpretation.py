@@ -1,5 +1,6 @@
 """Commands about K_h with an interval: `interpret`, `bank build` and `bank show`."""
 
+import json
 import os
 import sys
 from collections.abc import Iterator
@@ -123,7 +124,13 @@ def build(
     population: Annotated[
         Path | None, optional(metavar="FILE.json", help="Who may come. Default: rehyb's own.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the draw.")] = 1,
+    with_effect: Annotated[
+        Path | None,
+        optional(
+            metavar="REPORT", help="report.json of `rehyb close-loop`: everybody has what it found."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, max=2**63, help="Seed of the draw.")] = 1,
     processes: Annotated[
         int | None, optional(min=1, help="Simulations at a time. Default: this machine's cores.")
     ] = None,
@@ -138,16 +145,25 @@ def build(
     from analysis.interpretation.bank import load_bank
     from analysis.interpretation.build import describe, empty_bank, grow
     from analysis.interpretation.errors import InterpretationError
-    from analysis.interpretation.population import default_population, read_population
+    from analysis.interpretation.population import (
+        default_population,
+        read_population,
+        with_effects,
+    )
 
     path = bank_file(out)
     try:
         if extend:
-            if population is not None:
-                raise Invalid("--extend keeps the bank's own population: leave --population out")
+            if population is not None or with_effect is not None:
+                raise Invalid(
+                    "--extend keeps the bank's own population: leave --population and "
+                    "--with-effect out"
+                )
             bank = load_bank(path)
         else:
             people = default_population() if population is None else read_population(population)
+            if with_effect is not None:
+                people = with_effects(people, _effects(with_effect), str(with_effect))
             bank = empty_bank(people, seed)
         with _bars() as show:
             bank = grow(
@@ -167,6 +183,19 @@ def build(
         f"{len(bank.contact)} with contact; {failed} assessments failed"
     )
     return Answer(content, text)
+
+
+def _effects(report: Path) -> Json:
+    """Return the study of the effects that closing the loop found."""
+    from analysis.closeloop.report.effect_study import EffectStudyError, study_with_effects
+
+    try:
+        content = json.loads(report.read_text(encoding="utf-8"))
+        return study_with_effects(content, model="elbow_recording", method="saltelli", rows=1)
+    except (json.JSONDecodeError, UnicodeDecodeError):
+        raise Invalid(f"{report} is not JSON") from None
+    except EffectStudyError as error:
+        raise Invalid(f"{report}: {error}") from None
 
 
 @app.command()

@@ -8,6 +8,7 @@ import pytest
 
 from analysis.interpretation.answer import Question, interpret
 from analysis.interpretation.bank import load_bank
+from analysis.interpretation.build import empty_bank, grow
 from analysis.interpretation.errors import InterpretationError
 from analysis.interpretation.features import RECORDED
 from analysis.interpretation.inference import Interpreter, Known, targets_of
@@ -142,6 +143,16 @@ def test_what_is_no_bank_is_one_sentence(tmp_path: Path) -> None:
     np.savez(path, meta=np.array(json.dumps({"schema": 99})))
     with pytest.raises(InterpretationError, match="another version"):
         load_bank(path)
+
+
+def test_too_few_rows_are_refused_before_anything_is_simulated() -> None:
+    with pytest.raises(InterpretationError, match="3 rows without contact are too few"):
+        grow(empty_bank(bank().population, 1), rows=3, contact_rows=100000, processes=1)
+
+
+def test_a_bank_of_other_versions_is_not_extended() -> None:
+    with pytest.raises(InterpretationError, match="other versions"):
+        grow(bank(), rows=400, contact_rows=0, processes=1)
 
 
 def recording(device: str) -> Recording:

@@ -13,7 +13,9 @@ from analysis.interpretation.population import (
     default_population,
     population_of,
     read_population,
+    with_effects,
 )
+from analysis.interpretation.sampling import parameters_of
 
 OURS = default_population()
 
@@ -99,6 +101,10 @@ SAID = {"distribution": UNIFORM, "source": "us"}
             ),
             "0 to 2, which are paper",
         ),
+        (changed(fixed={"weather": 1.0}), "'weather' is no factor"),
+        (changed(fixed={"activation": 0.1}), "both among the factors and fixed"),
+        (changed(fixed={"extension_stop": 1e6}), "must be fixed at a number from"),
+        (changed(fixed=[1]), '"fixed" is an object'),
         (changed(sensors={"torque_zero": {"sd": -1.0}}), "must be a number, 0 or more"),
         (changed(sensors={"torque_zero": 3}), "must be a number, 0 or more"),
     ],
@@ -107,6 +113,19 @@ def test_a_population_that_means_nothing_is_one_sentence(content: Any, sentence:
     with pytest.raises(InterpretationError, match=sentence) as raised:
         population_of(content, "mine.json")
     assert "\n" not in str(raised.value)
+
+
+def test_a_found_effect_is_in_the_next_bank() -> None:
+    friction = "effect.coulomb_friction.torque"
+    study = {
+        "factors": [{"name": "forearm_mass"}, {"name": friction, "range": [2.6, 3.0]}],
+        "fixed": {"robot_friction": 0.0},
+    }
+    grown = with_effects(OURS, study, "report.json")
+    drawn = grown.draw(1, np.arange(64))[:, grown.names.index(friction)]
+    assert 2.6 <= drawn.min() < 2.7 < 2.9 < drawn.max() <= 3.0
+    assert "robot_friction" not in grown.names
+    assert parameters_of(grown, grown.draw(1, np.arange(1))[0], "contact")["robot_friction"] == 0.0
 
 
 def test_a_file_that_is_no_population_is_named(tmp_path: Path) -> None:
