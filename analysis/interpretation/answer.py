@@ -8,7 +8,7 @@ import numpy as np
 from analysis.interpretation.bank import PLACES, Bank
 from analysis.interpretation.errors import InterpretationError
 from analysis.interpretation.features import RECORDED
-from analysis.interpretation.inference import TARGETS, Interpreter, Known, Posterior, targets_of
+from analysis.interpretation.inference import Interpreter, Known, targets_of
 from analysis.interpretation.plan import (
     Step,
     half_width_after,
@@ -16,6 +16,7 @@ from analysis.interpretation.plan import (
     shortest_plan,
     steps,
 )
+from analysis.interpretation.posterior import TARGETS, Posterior
 from analysis.interpretation.recording import Recording
 from sim.models import WINDOWS
 from sim.robot.device import NESM

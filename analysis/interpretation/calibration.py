@@ -13,7 +13,8 @@ from scipy.stats import kstest
 
 from analysis.interpretation.bank import Samples
 from analysis.interpretation.features import RECORDED
-from analysis.interpretation.inference import TARGETS, Interpreter, Known, targets_of
+from analysis.interpretation.inference import Interpreter, Known, targets_of
+from analysis.interpretation.posterior import TARGETS
 
 
 @dataclass(frozen=True, kw_only=True)

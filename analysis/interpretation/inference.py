@@ -22,9 +22,8 @@ from analysis.interpretation.familiarity import Familiarity
 from analysis.interpretation.features import Features
 from analysis.interpretation.gaussian_process import GaussianProcess
 from analysis.interpretation.population import Population
+from analysis.interpretation.posterior import TARGETS, Posterior, View, corrected
 
-#: What is inferred: K_h and D_h, then K at a tenth, half and nine tenths of the travel.
-TARGETS = ("stiffness", "damping", "start", "middle", "end")
 #: Rows around a recording whose errors are like its own.
 NEIGHBOURS = 40
 #: Weight of these in how large errors are; the rest is of all rows.
@@ -45,49 +44,6 @@ class Known:
     name: str
     value: float
     sd: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class View:
-    """What a recording says of targets and factors (as normal scores), before calibration."""
-
-    #: Shape (TARGETS and factors,).
-    mean: np.ndarray
-    #: Of what is wrong with it around this recording, shape (both, both).
-    covariance: np.ndarray
-
-    def corrected(
-        self, columns: np.ndarray, values: np.ndarray, sds: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return means and standard deviations of the targets if `columns` were measured."""
-        chosen = np.concatenate([np.arange(len(TARGETS)), columns]).astype(int)
-        own = self.covariance[np.ix_(chosen, chosen)]
-        return _corrected(self.mean[: len(TARGETS)], own, values - self.mean[columns], sds)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Posterior:
-    """What is believed of the targets: quantiles are `centre + spread * score`."""
-
-    #: Shape (TARGETS,).
-    centre: np.ndarray
-    spread: np.ndarray
-    #: Sorted scores of the bank's rows, shape (rows, TARGETS).
-    scores: np.ndarray
-
-    def quantiles(self, probabilities: np.ndarray) -> np.ndarray:
-        """Return quantiles, shape (len(probabilities), TARGETS)."""
-        return np.asarray(self.centre + self.spread * _quantiles(self.scores, probabilities))
-
-    def half_width(self, target: int = 0, share: float = 0.9) -> float:
-        """Return half of the width of the interval that holds `share`."""
-        low, high = self.quantiles(np.array([(1 - share) / 2, (1 + share) / 2]))[:, target]
-        return float((high - low) / 2)
-
-    def rank(self, truth: np.ndarray) -> np.ndarray:
-        """Return the share of the belief below a truth (TARGETS,): uniform if it is calibrated."""
-        score = (truth - self.centre) / self.spread
-        return np.asarray((self.scores < score).mean(axis=0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,14 +158,14 @@ class Interpreter:
         """Return the inputs of recordings, shape (n, d)."""
         return self.features.inputs(recorded)
 
-    def look(self, recorded: np.ndarray) -> "View":
+    def look(self, recorded: np.ndarray) -> View:
         """Return what a recording (CURVES and ESTIMATES, shape (both,)) says before calibration."""
         inputs = self.inputs(recorded[None])
         near = self._neighbours(inputs / self.first.lengths, own=False)
         every = np.arange(len(TARGETS), self.errors.shape[1])
         return View(mean=self._mean(inputs)[0], covariance=self._covariances(near, every)[0])
 
-    def infer(self, view: "View", known: tuple[Known, ...] = ()) -> Posterior:
+    def infer(self, view: View, known: tuple[Known, ...] = ()) -> Posterior:
         """Return what is believed after a recording and what was measured on the patient.
 
         Raises:
@@ -219,7 +175,7 @@ class Interpreter:
         centre, spread = view.corrected(columns, values, sds)
         return Posterior(centre=centre, spread=spread, scores=self._scores(columns, sds))
 
-    def after(self, view: "View", known: tuple[Known, ...], sds: Mapping[str, float]) -> Posterior:
+    def after(self, view: View, known: tuple[Known, ...], sds: Mapping[str, float]) -> Posterior:
         """Return what to expect if factors were measured, too, to standard deviations `sds`.
 
         The centre is what is believed now: a measurement moves it, but nobody knows whither.
@@ -231,7 +187,7 @@ class Interpreter:
         _, spread = view.corrected(columns, np.zeros(len(columns)), scaled)
         return Posterior(centre=centre, spread=spread, scores=self._scores(columns, scaled))
 
-    def measurable(self, view: "View", sds: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    def measurable(self, view: View, sds: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         """Return columns of factors, and standard deviations as those of their normal scores."""
         columns = np.array([self._column(name) for name in sds], dtype=int)
         scaled = [
@@ -253,7 +209,7 @@ class Interpreter:
         # What is measured is off by what it is measured to: so are the differences to its mean.
         surprise = self.errors[:, columns] + noise
         own = self.errors[:, : len(TARGETS)]
-        centre, spread = _corrected(np.zeros_like(own), covariances, surprise, sds)
+        centre, spread = corrected(np.zeros_like(own), covariances, surprise, sds)
         return np.asarray((own - centre) / spread)
 
     @cached_property
@@ -375,34 +331,3 @@ def normal_scores(ordered: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def _positions(count: int) -> np.ndarray:
     return np.asarray(ndtri((np.arange(count) + 0.5) / count))
-
-
-def _corrected(
-    mean: np.ndarray, covariance: np.ndarray, surprise: np.ndarray, sds: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return means and standard deviations of targets, given what was measured beside them.
-
-    Args:
-        mean: of the targets, shape (..., targets).
-        covariance: of targets and what was measured, shape (..., both, both).
-        surprise: what was measured less what was expected, shape (..., measured).
-        sds: to which it was measured, shape (measured,).
-    """
-    count = mean.shape[-1]
-    variance = np.einsum("...ii->...i", covariance)[..., :count]
-    if len(sds):
-        across = covariance[..., :count, count:]
-        own = covariance[..., count:, count:] + np.diag(sds**2)
-        gain = np.swapaxes(np.linalg.solve(own, np.swapaxes(across, -1, -2)), -1, -2)
-        mean = mean + np.einsum("...ij,...j->...i", gain, surprise)
-        variance = variance - np.einsum("...ij,...ij->...i", gain, across)
-    return mean, np.sqrt(np.maximum(variance, 1e-10))
-
-
-def _quantiles(ordered: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
-    """Return quantiles of sorted scores (n, m), as wide as few scores must be, (k, m)."""
-    count = len(ordered)
-    below = np.floor(probabilities * (count + 1)).astype(int)
-    above = np.ceil(probabilities * (count + 1)).astype(int)
-    index = np.where(probabilities < 0.5, below, above) - 1
-    return np.asarray(ordered[np.clip(index, 0, count - 1)])

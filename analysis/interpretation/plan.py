@@ -9,7 +9,8 @@ from itertools import combinations
 
 import numpy as np
 
-from analysis.interpretation.inference import TARGETS, Interpreter, Known, View
+from analysis.interpretation.inference import Interpreter, Known
+from analysis.interpretation.posterior import TARGETS, View
 
 #: Share of the wanted width that a plan keeps in hand when plans are compared.
 MARGIN = 0.97

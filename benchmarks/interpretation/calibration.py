@@ -17,14 +17,9 @@ import numpy as np
 
 from analysis.interpretation.bank import Bank, Samples, load_bank
 from analysis.interpretation.calibration import Judged, judge, subgroups
-from analysis.interpretation.inference import (
-    JOINTS,
-    TARGETS,
-    Interpreter,
-    noisy,
-    targets_of,
-)
+from analysis.interpretation.inference import JOINTS, Interpreter, noisy, targets_of
 from analysis.interpretation.plan import half_width_after, steps
+from analysis.interpretation.posterior import TARGETS
 from analysis.interpretation.sampling import sample
 from benchmarks.machine import describe_machine
 
