@@ -8,7 +8,7 @@ PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist
 BROWSER := chromium google-chrome chrome
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test unit lint check browser goldens soak power-loss bench bench-fleet bench-sim bench-analysis bench-closeloop bench-closeloop-unkind curves picture \
+.PHONY: help demo test unit lint check browser goldens soak power-loss bench bench-fleet bench-page bench-sim bench-analysis bench-closeloop bench-closeloop-unkind curves picture \
 	measurement measurements-age clean
 
 help:  ## Say what each target does
@@ -54,6 +54,9 @@ bench: .venv/.rivals  ## Print the figures that README and docs quote, and rival
 
 bench-fleet: $(READY)  ## Print how many pilots of 32 cores a coordinator carries (8 minutes at most)
 	$(BIN)/python -m benchmarks.service.fleet
+
+bench-page: $(READY)  ## Print what 50 open pages cost the coordinator, and when a page first paints
+	$(BIN)/python -m benchmarks.service.page
 
 bench-sim: $(READY)  ## Print what an assessment costs and how the fidelities agree (8 minutes)
 	$(BIN)/python -m benchmarks.simulation.fidelities

@@ -1,14 +1,22 @@
 """The pages in a real browser, with a real coordinator, its analysis and a worker."""
 
+import os
+import signal
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 
 from rehyb.client import Client
+from rehyb.errors import Unreachable
 from rehyb.fleet import LocalFleet
+from server.operations import tokens
+from server.store import create_engine, upgrade
 from tests.testbed.browser import launched, needs_browser, watched
+from tests.testbed.full_house import House, furnish
 
 pytestmark = needs_browser
 
@@ -26,6 +34,29 @@ def client(fleet: LocalFleet) -> Iterator[Client]:
         yield client
 
 
+class Furnished(NamedTuple):
+    """A coordinator without workers that has something on every page, called by markup."""
+
+    client: Client
+    house: House
+    #: The token of somebody who may only look.
+    guest: str
+
+
+@pytest.fixture(scope="module")
+def furnished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Furnished]:
+    """A database that was filled before its coordinator started."""
+    folder = tmp_path_factory.mktemp("furnished")
+    url = f"sqlite:///{folder}/rehyb.sqlite3"
+    upgrade(url)
+    engine = create_engine(url)
+    house = furnish(engine, rows=64)
+    _, secret = tokens.create(engine, name="guest", scopes=["read"], now=1.0)
+    engine.dispose()
+    with LocalFleet(folder, workers=0) as fleet, Client(fleet.url, fleet.token) as client:
+        yield Furnished(client, house, secret)
+
+
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     with launched() as browser:
@@ -35,17 +66,36 @@ def browser() -> Iterator[Any]:
 @pytest.fixture
 def page(browser: Any, client: Client) -> Iterator[Any]:
     """A tab that has signed in with a one-time code; nothing may be wrong with what it shows."""
-    context = browser.new_context(
-        timezone_id="Asia/Kolkata", viewport={"width": 1440, "height": 900}
-    )
+    with tab(browser, client) as page:
+        yield page
+
+
+@contextmanager
+def tab(browser: Any, client: Client, token: str = "") -> Iterator[Any]:
+    """Sign in, with a one-time code unless there is a token; the page must not complain."""
+    size = {"width": 1440, "height": 900}
+    context = browser.new_context(timezone_id="Asia/Kolkata", viewport=size)
     page = context.new_page()
     page.set_default_timeout(60_000)
     complaints = watched(page, client.url)
-    page.goto(client.page_address())
+    page.goto(f"{client.url}/sign-in" if token else client.page_address())
+    if token:
+        page.get_by_label("Token").fill(token)
+        page.keyboard.press("Enter")
     page.wait_for_url(f"{client.url}/")
     yield page
     context.close()
-    assert complaints == []
+    # A browser says itself what it could not load: a coordinator that is away, what was refused.
+    assert [said for said in complaints if not said.startswith("Failed to load resource")] == []
+
+
+def answers(client: Client) -> bool:
+    """Say whether the coordinator is there."""
+    try:
+        client.health()
+    except Unreachable:
+        return False
+    return True
 
 
 def live(page: Any) -> None:
@@ -111,3 +161,95 @@ def test_indices_move_while_a_study_runs_and_a_link_keeps_what_was_chosen(
         file = tmp_path / download.value.suggested_filename
         download.value.save_as(file)
         assert file.read_bytes().startswith(content) and file.suffix == f".{kind}"
+
+
+def test_a_study_that_is_submitted_by_the_form_finishes_while_the_page_is_open(
+    page: Any, client: Client
+) -> None:
+    page.goto(f"{client.url}/new-study?model=ishigami&method=saltelli")
+    page.get_by_label("Rows", exact=True).fill("24")
+    page.get_by_label("x3 to").fill("2")
+    page.get_by_label("Sample x1").uncheck()
+    assert page.locator("#cost").inner_text().startswith("96 runs: 24 rows of 4.")
+    assert '"range":[-3.141592653589793,2]' in page.locator("#curl").text_content()
+    page.get_by_label("Priority").fill("9")
+    page.get_by_role("button", name="Begin the study").click()
+    page.locator(".state.complete").wait_for()
+    page.locator("[data-figure=bars] .plot-container").wait_for()
+    study = client.study(page.url.rpartition("/")[2])
+    assert [factor["name"] for factor in study["factors"]] == ["x2", "x3"]
+    # What the coordinator refuses is said at the form.
+    page.goto(f"{client.url}/new-study?model=ishigami")
+    page.get_by_label("x1 from").fill("5000")
+    page.get_by_role("button", name="Begin the study").click()
+    page.locator("#refused", has_text="x1").wait_for()
+
+
+def test_a_coordinator_that_is_killed_is_missed_and_caught_up_with(
+    page: Any, client: Client, fleet: LocalFleet
+) -> None:
+    live(page)
+    page.evaluate("window.same = true")
+    os.kill(fleet.pids()["coordinator"], signal.SIGKILL)
+    page.locator("#banner").wait_for()
+    assert "does not answer" in page.locator("#banner").inner_text()
+    while not answers(client):
+        fleet.supervise()
+        page.wait_for_timeout(300)
+    client.submit({"name": "meanwhile", "model": "ishigami", "method": "morris", "rows": 4})
+    page.locator("tr", has_text="meanwhile").wait_for()
+    page.locator("#banner").wait_for(state="hidden")
+    assert page.evaluate("window.same")
+
+
+def test_a_reader_is_refused_what_no_button_offers(browser: Any, furnished: Furnished) -> None:
+    client, house, guest = furnished
+    with tab(browser, client, guest) as page:
+        live(page)
+        assert page.locator("#table button").count() == 0
+        ask = "path => fetch(path, {method: 'POST'}).then(answer => answer.status)"
+        for path in (f"/v1/studies/{house.study}/pause", "/v1/studies", "/v1/sessions"):
+            assert page.evaluate(ask, path) == 403
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1440, "light"), (400, "dark")])
+def test_every_page_is_readable_for_everybody_and_runs_nobody_s_script(
+    browser: Any, furnished: Furnished, tmp_path: Path, width: int, scheme: str
+) -> None:
+    """Pictures of all pages are in the test's folder, to be looked at."""
+    client, house, _ = furnished
+    axe = Axe()
+    with tab(browser, client) as page:
+        page.set_viewport_size({"width": width, "height": 900})
+        page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+        for number, path in enumerate(house.pages):
+            page.goto(client.url + path)
+            if page.locator("#live[data-stream^='/live']").count():
+                live(page)
+            if "/studies/" in path:
+                page.wait_for_timeout(1000)
+            picture = tmp_path / f"{number:02}{path.split('?')[0].replace('/', '-')}.png"
+            page.screenshot(path=picture, full_page=True)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width, path
+            assert page.evaluate("window.evil") is None, path
+            found = axe.run(page, options={"resultTypes": ["violations"]}).response["violations"]
+            serious = [
+                (one["id"], [node["html"][:200] for node in one["nodes"][:3]])
+                for one in found
+                if one["impact"] in ("serious", "critical")
+            ]
+            assert serious == [], path
+
+
+def test_failures_are_run_again_by_cause(browser: Any, furnished: Furnished) -> None:
+    client, house, _ = furnished
+    with tab(browser, client) as page:
+        page.goto(f"{client.url}/studies/{house.study}/failures")
+        page.locator("[data-figure=failures] .plot-container").wait_for()
+        count = client.progress(house.study)["failures"]["diverged"]
+        assert count > 0
+        page.get_by_role("button", name="Run these again").click()
+        page.get_by_role("button", name="Do it").click()
+        page.get_by_text("Nothing has failed").wait_for()
+        progress = client.progress(house.study)
+        assert progress["failed"] == 0 and progress["pending"] == count
