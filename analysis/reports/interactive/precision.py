@@ -62,7 +62,7 @@ def precision(snapshot: Mapping[str, Any], output: str, advice: Advice | None) -
                 "line": {"dash": "dash", "width": 1.5, "color": "#8C8C8C"},
                 "marker": {"size": [0, 11], "symbol": "diamond", "color": GOOD},
                 "text": ["", f"about {then:,} rows"],
-                "textposition": "bottom center",
+                "textposition": "bottom left",
                 "hovertemplate": "%{x:,} rows: ±%{y:.2g}<extra>expected</extra>",
             }
         )
