@@ -92,13 +92,19 @@ def submit(
     outside_range: Annotated[
         bool, typer.Option("--outside-range", help="Allow values far outside a factor's range.")
     ] = False,
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            help="anthropometric: Table 1's factors spread and correlated as those of bodies are."
+        ),
+    ] = None,
     url: Url = None,
     token: Token = None,
 ) -> Answer:
     """Submit a study, from a JSON file or from options; options win over the file."""
     check_up_to(target, up_to)
     study = _described(
-        _read(file) if file else {},
+        (_preset(preset) if preset else {}) | (_read(file) if file else {}),
         {
             "name": name,
             "model": model,
@@ -278,6 +284,14 @@ def _read(file: Path) -> Json:
     if not isinstance(study, dict):
         raise typer.BadParameter(f"{file} must hold one JSON object, a study")
     return study
+
+
+def _preset(name: str) -> Json:
+    from sim.parameters.anthropometric import STUDY
+
+    if name != "anthropometric":
+        raise typer.BadParameter(f"there is no preset {name!r}: there is anthropometric")
+    return dict(STUDY)
 
 
 def _fixed(name: str, text: str) -> float | str:

@@ -102,7 +102,7 @@ def test_a_report_holds_every_figure_of_its_method_and_nothing_from_outside(
     assert [kind for kind, _ in scripts] == [' type="application/json" class="runs"', ""]
     digest = base64.b64encode(hashlib.sha256(scripts[1][1].encode()).digest()).decode()
     assert policy.endswith(f"script-src 'sha256-{digest}'")
-    first = ["plane" if method == "morris" else "shares"]
+    first = [{"morris": "plane", "shapley": "effects"}.get(method, "shares")]
     first += ["together", "interactions"] if method == "saltelli_second_order" else []
     assert [file.name for file in files] == [
         "r.html",

@@ -21,6 +21,7 @@ from analysis.designs.dependence import (
     copula,
 )
 from analysis.designs.distributions import Distribution, LogUniform, Normal, Triangular, Uniform
+from sim.parameters.anthropometric import STUDY
 
 NAMES = ("a", "b", "c")
 SHAPES: tuple[Distribution, ...] = (
@@ -144,6 +145,17 @@ def test_of_a_contradiction_the_nearest_possible_is_named_and_is_possible(kind: 
     of(*map(tuple, named), kind=kind)
     assert {frozenset(pair[:2]) for pair in named} == set(map(frozenset, combinations("abc", 2)))
     assert named[0][2] > 0.4 and named[1][2] < 0.0 and named[2][2] > 0.4
+
+
+def test_bodies_are_as_the_preset_says() -> None:
+    shapes = {f["name"]: Distribution.from_json(f["distribution"]) for f in STUDY["factors"]}
+    pairs = tuple((a, b, r) for a, b, r in STUDY["correlations"])
+    matrix = copula(Dependence(pairs=pairs), tuple(shapes), tuple(shapes.values()))
+    drawn = np.stack([unit_row("shapley", "sobol", 3, r, 6, matrix)[0] for r in range(256)])
+    names = list(shapes)
+    found = spearmanr(drawn).statistic
+    for a, b, r in pairs:
+        assert found[names.index(a), names.index(b)] == pytest.approx(r, abs=0.08)
 
 
 @settings(max_examples=40, deadline=None)
