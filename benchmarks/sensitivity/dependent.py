@@ -14,7 +14,7 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,6 +125,7 @@ def _truth(kind: str, name: str, index: str, value: Array) -> Array | None:
     return known.get(index)
 
 
+@lru_cache(maxsize=1)
 def _hsic() -> Array:
     rng = np.random.default_rng(FIRST_SEED)
     drawn = (rng.random((HSIC_ROWS, 4)) for _ in range(HSIC_SAMPLES))

@@ -1,9 +1,8 @@
 """What it changes that factors of one arm go together: Table 1's box beside bodies as they are.
 
-`python -m benchmarks.simulation.anthropometric [ROWS] [MODEL]` prints the page
-`docs/measurements/anthropometric.md`: Shapley effects, full and independent indices of three
-studies of the same seed, of Table 1's box, of the box with the correlations of
-`sim.parameters.anthropometric`, and with their spreads too.
+`python -m benchmarks.simulation.anthropometric [ROWS] [MODEL]` prints Shapley effects, full and
+independent indices of three studies of the same seed: of Table 1's box, of the box with the
+correlations of `sim.parameters.anthropometric`, and of these with the spreads of bodies.
 """
 
 import sys
