@@ -50,6 +50,7 @@ bench: .venv/.rivals  ## Print the figures that README and docs quote, and rival
 	$(BIN)/python -m benchmarks.simulation.table_1
 	$(BIN)/python -m benchmarks.service.side_by_side
 	$(BIN)/python -m benchmarks.service.cycle
+	$(BIN)/python -m benchmarks.service.own_models
 	$(MAKE) bench-analysis
 
 bench-fleet: $(READY)  ## Print how many pilots of 32 cores a coordinator carries (8 minutes at most)
