@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections import deque
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Self
 
@@ -37,6 +38,7 @@ class LocalFleet:
     Args:
         directory: made if missing; one fleet at a time.
         workers: how many worker processes, each evaluating one instance at a time.
+        models: folders of models whose programs the workers may run.
         host: the address the coordinator listens on.
         port: 0 takes any free port.
         token: default: the one kept in the directory, made on first use.
@@ -48,6 +50,7 @@ class LocalFleet:
         directory: Path,
         *,
         workers: int,
+        models: Sequence[Path] = (),
         host: str = "127.0.0.1",
         port: int = 0,
         token: str | None = None,
@@ -59,6 +62,7 @@ class LocalFleet:
         #: Where the coordinator listens; empty before the fleet has started.
         self.url = ""
         self._workers = workers
+        self._models = [word for folder in models for word in ("--models", str(folder.resolve()))]
         self._lock: IO[str] | None = None
         self._processes: list[_Process] = []
         self._environment = os.environ | {
@@ -105,7 +109,9 @@ class LocalFleet:
         self._add("analysis", "rehyb", "analysis")
         spool = str(self.directory / "spool")
         for number in range(1, self._workers + 1):
-            self._add(f"worker-{number}", "worker", "--processes", "1", "--spool", spool)
+            self._add(
+                f"worker-{number}", "worker", "--processes", "1", "--spool", spool, *self._models
+            )
 
     def _add(self, name: str, module: str, *arguments: str) -> "_Process":
         process = _Process(

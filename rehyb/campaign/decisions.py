@@ -55,9 +55,7 @@ def screening_phase(plan: Plan) -> Phase:
 
 def variance_phase(plan: Plan, fixed: str) -> Phase:
     """Return phase 2: the other factors, with `fixed` at its nominal value."""
-    from sim.models import MODELS
-
-    model = MODELS[plan.model]
+    model = plan.description
     title = f"variance (Sobol indices), {fixed} fixed at {nominal_value(plan, fixed)}"
     kept = {**_kept(plan), fixed: model.factor(fixed).nominal}
     design = {
@@ -71,26 +69,29 @@ def variance_phase(plan: Plan, fixed: str) -> Phase:
 
 def _kept(plan: Plan) -> dict[str, float]:
     """Return what keeps one value throughout: what is fixed, and lengths without a range."""
-    from sim.models import MODELS
+    single = {n: low for n, (low, high) in _ranges(plan).items() if low == high}
+    return {**single, **plan.fixed}
+
+
+def _ranges(plan: Plan) -> dict[str, tuple[float, float]]:
+    """Return the ranges that differ from the model's own; another's arm has none of ours."""
     from sim.parameters.wearer import RANGES
 
-    names = {factor.name for factor in MODELS[plan.model].factors}
-    ranges = {n: ends for n, ends in RANGES[plan.ranges].items() if n in names}
-    single = {n: low for n, (low, high) in ranges.items() if low == high}
-    return {**single, **plan.fixed}
+    names = {factor.name for factor in plan.description.factors}
+    if plan.described is not None:
+        return {}
+    return {name: ends for name, ends in RANGES[plan.ranges].items() if name in names}
 
 
 def _sampled(plan: Plan, kept: Mapping[str, float]) -> list[dict[str, Any]]:
     """Return the model's other sampled factors with their ranges."""
-    from sim.models import MODELS
-    from sim.parameters.wearer import RANGES
-
+    ranges = _ranges(plan)
     return [
         {
             "name": factor.name,
-            "range": list(RANGES[plan.ranges].get(factor.name, (factor.low, factor.high))),
+            "range": list(ranges.get(factor.name, (factor.low, factor.high))),
         }
-        for factor in MODELS[plan.model].sampled
+        for factor in plan.description.sampled
         if factor.name not in kept
     ]
 
@@ -108,9 +109,7 @@ def _phase(number: int, title: str, plan: Plan, design: Mapping[str, Any]) -> Ph
 
 def nominal_value(plan: Plan, factor: str) -> str:
     """Return a factor's nominal value with its unit."""
-    from sim.models import MODELS
-
-    found = MODELS[plan.model].factor(factor)
+    found = plan.description.factor(factor)
     return f"{found.nominal:g}" + ("" if found.unit == "1" else f" {found.unit}")
 
 

@@ -61,9 +61,8 @@ def write_report(
     """
     from analysis.reports.figures import campaign_figure
     from rehyb.reports import write
-    from sim.models import MODELS
 
-    model, output, fixed = MODELS[plan.model], plan.output, decision["fixed"]
+    model, output, fixed = plan.description, plan.output, decision["fixed"]
     unit = model.units[output]
     phase1, phase2 = (phase["indices"] for phase in phases)
     picture, page = directory / "campaign.png", directory / "report.html"
@@ -114,6 +113,7 @@ def load_manifest(directory: Path, plan: Plan) -> Json:
         manifest: Json = json.loads(path.read_text())
         # A campaign that an earlier version began lacks what came later.
         later: Json = {"most_rows": None, "target": None, "fixed": {}, "ranges": "table_1"}
+        later["described"] = None
         kept: Json = manifest.get("plan", {})
         if {**later, **kept} != asdict(plan):
             words = ", ".join(f"{name} {value}" for name, value in kept.items())

@@ -2,7 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from models.description import Description
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +29,18 @@ class Plan:
     #: `sim.parameters.wearer.RANGES`.
     fixed: Mapping[str, float] = field(default_factory=dict)
     ranges: str = "table_1"
+    #: Description of a model that does not come with rehyb, as JSON.
+    described: Mapping[str, Any] | None = None
+
+    @property
+    def description(self) -> "Description":
+        """The model's factors and outputs."""
+        from models.description import Description
+        from models.own import own_models
+
+        if self.described is None:
+            return own_models()[self.model]
+        return Description.from_json(self.described)
 
 
 #: Sizes of a campaign: fields of a plan.

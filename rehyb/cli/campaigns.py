@@ -1,6 +1,7 @@
 """The command that runs the paper's two-phase study: `campaign run`."""
 
 import sys
+from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -13,6 +14,7 @@ from rehyb.campaign.files import Report
 from rehyb.campaign.plans import PRESETS, Plan
 from rehyb.campaign.run import Campaign
 from rehyb.cli.answers import Answer, Token, Url, answering
+from rehyb.cli.models import added
 from rehyb.cli.options import (
     check_target,
     check_up_to,
@@ -21,8 +23,10 @@ from rehyb.cli.options import (
     optional,
 )
 from rehyb.client import Client
+from rehyb.client.models import description_of
 
 if TYPE_CHECKING:
+    from models.description import Description
     from rehyb.campaign.display import LineDisplay, LiveDisplay
 
 app = typer.Typer(help="Run the paper's two-phase study.", no_args_is_help=True)
@@ -49,7 +53,9 @@ def run(
             "Default: use the coordinator at --url.",
         ),
     ] = None,
-    model: Annotated[str, typer.Option(help="elbow, ishigami or sobol_g.")] = "elbow",
+    model: Annotated[
+        str, typer.Option(help="One of `rehyb model list`, or the folder of a model of your own.")
+    ] = "elbow",
     output: Annotated[
         str | None,
         optional(
@@ -107,17 +113,28 @@ def run(
         "variance_rows": variance_rows,
         "sampling": sampling or None,
     }
-    sizes |= {"fixed": fixed_values(model, fix or ()), "ranges": ranges}
-    plan = _plan(preset, model, output, seed=seed, most_rows=up_to, target=target, **sizes)
+    sizes |= {"ranges": ranges, "seed": seed, "most_rows": up_to, "target": target}
+    from models.own import own_models
+
+    own = own_models().get(model)
+    if own is not None:
+        plan = _plan(preset, own, output, fix or (), **sizes)
+    folder = Path(model) if (Path(model) / "model.toml").is_file() else None
     try:
         with interruptible(), ExitStack() as stack:
             fleet = None
             if local_workers is not None:
                 from rehyb.fleet import LocalFleet
 
-                fleet = stack.enter_context(LocalFleet(directory, workers=local_workers))
+                code = () if folder is None else (folder,)
+                fleet = stack.enter_context(
+                    LocalFleet(directory, workers=local_workers, models=code)
+                )
                 url, token = fleet.url, fleet.token
             client = stack.enter_context(Client(url, token))
+            if own is None:
+                found = client.model(model if folder is None else added(client, folder))
+                plan = _plan(preset, description_of(found), output, fix or (), **sizes)
             display = _display(stack, live=not as_json)
             report = Campaign(
                 client,
@@ -137,22 +154,24 @@ def run(
     return Answer(report.to_json(), partial(_print, report))
 
 
-def _plan(preset: str, model: str, output: str | None, **given: Any) -> Plan:
+def _plan(
+    preset: str, model: "Description", output: str | None, fix: Sequence[str], **given: Any
+) -> Plan:
     """Return what to compute: what is given, else the preset's sizes and the model's first output.
 
     Raises:
-        typer.BadParameter: there is no such preset, model or output, or the precision is none.
+        typer.BadParameter: there is no such preset, factor or output, or the precision is none.
     """
-    from sim.models import MODELS
+    from models.own import own_models
     from sim.parameters.wearer import RANGES
 
     if preset not in PRESETS:
         raise typer.BadParameter(f"there is no preset {preset!r}: take {' or '.join(PRESETS)}")
-    if model not in MODELS:
-        raise typer.BadParameter(f"there is no model {model!r}: take one of {', '.join(MODELS)}")
-    outputs = MODELS[model].outputs
+    outputs = model.outputs
     if output is not None and output not in outputs:
-        raise typer.BadParameter(f"{model} has no output {output!r}: it has {', '.join(outputs)}")
+        raise typer.BadParameter(
+            f"{model.name} has no output {output!r}: it has {', '.join(outputs)}"
+        )
     if given["ranges"] not in RANGES:
         raise typer.BadParameter(
             f"there are no ranges {given['ranges']!r}: take one of {', '.join(RANGES)}"
@@ -160,7 +179,12 @@ def _plan(preset: str, model: str, output: str | None, **given: Any) -> Plan:
     check_up_to(given["target"], given["most_rows"])
     check_target(given["target"])
     chosen = {name: value for name, value in given.items() if value is not None}
-    return Plan(model=model, output=output or outputs[0], **{**PRESETS[preset], **chosen})
+    chosen["fixed"] = fixed_values(model, fix)
+    own = model.name in own_models()
+    if not own:
+        chosen["described"] = model.as_json()
+    called = model.name if own else model.version
+    return Plan(model=called, output=output or outputs[0], **{**PRESETS[preset], **chosen})
 
 
 def _display(stack: ExitStack, *, live: bool) -> "LiveDisplay | LineDisplay":

@@ -9,9 +9,12 @@ from functools import partial
 from math import inf
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from models.description import Description
 
 #: An option that may be left out; its help says what holds then.
 optional = partial(typer.Option, show_default=False)
@@ -80,20 +83,19 @@ def assignments(texts: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def fixed_values(model: str, texts: Iterable[str]) -> dict[str, float]:
+def fixed_values(model: "Description", texts: Iterable[str]) -> dict[str, float]:
     """Return "name=value" of a model's factors as numbers; that of a choice may be its name.
 
     Raises:
         typer.BadParameter: one is no factor's value, or a name comes twice.
     """
     from models.factors import no_factor
-    from sim.models import MODELS
 
-    known = {f.name: f for f in MODELS[model].factors} if model in MODELS else {}
+    known = {source.name: source for source in model.sources}
     values = {}
     for name, text in assignments(texts).items():
         if name not in known:
-            raise typer.BadParameter(no_factor(model, name, known))
+            raise typer.BadParameter(no_factor(model.name, name, known))
         factor = known[name]
         try:
             values[name] = factor.number(text) if factor.choices else number(text, name)

@@ -100,7 +100,6 @@ def test_a_coordinator_that_is_not_there_fails_with_what_to_do(
         ("study submit --factor x1=3", "'x1=3' is not of the form NAME=LOW:HIGH"),
         ("study submit --fix x1=much", "x1 must be a number, not 'much'"),
         ("campaign run --directory d --preset huge", "no preset 'huge': take demo or paper"),
-        ("campaign run --directory d --model leg", "no model 'leg': take one of elbow"),
         ("campaign run --directory d --output z", "elbow has no output 'z': it has stiffness_err"),
         ("study submit --target 1", "--target needs --up-to, the rows that it may cost in all"),
         ("study watch s1 --target 1", "--target and --output need --up-to, the rows that it may"),

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from models.folder import read_folder
 from rehyb.campaign.decisions import (
     Proposed,
     decided,
@@ -16,6 +17,7 @@ from rehyb.campaign.decisions import (
 from rehyb.campaign.plans import Plan
 from rehyb.errors import CampaignError, Invalid
 from tests.testbed.finished_study import STUDY, FinishedStudy
+from tests.testbed.models import EXAMPLES
 
 PLAN = Plan(model="elbow", output="stiffness_error", screening_rows=4, variance_rows=8)
 
@@ -104,3 +106,21 @@ def test_a_decision_says_whether_the_screening_supports_it(
     )
     decision = {"fixed": agreed, "separated": expected, "evidence": evidence}
     assert decided(proposed, agreed) == decision
+
+
+def test_a_model_of_one_s_own_brings_its_factors_along() -> None:
+    described = read_folder(EXAMPLES / "noisy_pendulum").description
+    plan = Plan(
+        model=described.version,
+        output="rest_angle",
+        screening_rows=4,
+        variance_rows=8,
+        described=described.as_json(),
+    )
+    screening = screening_phase(plan).study
+    assert screening["model"] == described.version
+    ranges = {factor["name"]: factor["range"] for factor in screening["factors"]}
+    assert ranges == {"stiffness": [5.0, 20.0], "motor_gain": [0.8, 1.2], "seed": [0.0, 2.0**32]}
+    ranking = variance_phase(plan, "motor_gain")
+    assert ranking.study["fixed"] == {"motor_gain": 1.0}
+    assert [factor["name"] for factor in ranking.study["factors"]] == ["stiffness", "seed"]
