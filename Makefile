@@ -49,6 +49,7 @@ power-loss: $(READY)  ## Cut the power at every commit of a study, each in a hun
 bench: .venv/.rivals  ## Print the figures that README and docs quote, and rivals beside them
 	$(BIN)/python -m benchmarks.simulation.table_1
 	$(BIN)/python -m benchmarks.service.side_by_side
+	$(BIN)/python -m benchmarks.service.on_postgresql
 	$(BIN)/python -m benchmarks.service.cycle
 	$(BIN)/python -m benchmarks.service.own_models
 	$(MAKE) bench-analysis

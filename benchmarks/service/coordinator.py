@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import cycle
 from multiprocessing import get_context
 from multiprocessing.queues import SimpleQueue
 from multiprocessing.synchronize import Barrier
@@ -115,12 +116,18 @@ def done(worker: Json, granted: Json) -> Json:
 
 
 def throughput(
-    running: Running, *, processes: int, batch: int, seconds: float, database: Sequence[int] = ()
+    running: Running,
+    *others: Running,
+    processes: int,
+    batch: int,
+    seconds: float,
+    database: Sequence[int] = (),
 ) -> Throughput:
     """Measure workers that post the results of `batch` instances and lease the next ones.
 
     Args:
         running: a coordinator with enough to do.
+        others: more of them on the same database; each has its share of the workers.
         processes: how many workers, each a process.
         batch: instances of one lease.
         seconds: how long.
@@ -129,15 +136,13 @@ def throughput(
     context = get_context("spawn")
     ready, reports = context.Barrier(processes + 1), context.SimpleQueue()
     workers = [
-        context.Process(
-            target=work, args=(running.url, f"bench-{i}", batch, seconds, ready, reports)
-        )
-        for i in range(processes)
+        context.Process(target=work, args=(one.url, f"bench-{i}", batch, seconds, ready, reports))
+        for i, one in zip(range(processes), cycle((running, *others)), strict=False)
     ]
     for worker in workers:
         worker.start()
     ready.wait(START_SECONDS)
-    servers = [running.pid], database
+    servers = [one.pid for one in (running, *others)], database
     before = [cpu_seconds(pids) for pids in servers]
     time.sleep(seconds)
     alone, stored = (cpu_seconds(pids) - b for pids, b in zip(servers, before, strict=True))

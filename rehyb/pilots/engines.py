@@ -2,6 +2,7 @@
 
 import inspect
 import logging
+import re
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -72,6 +73,8 @@ ENGINES = {
     "condor": Kind(provider="CondorProvider", command="condor_submit", cores="cores_per_slot"),
     "sge": Kind(provider="GridEngineProvider", command="qsub"),
 }
+#: A path that needs no quotes in a shell.
+_PLAIN = re.compile(r"[A-Za-z0-9./_+-]+")
 #: What follows from other entries of the file, or is decided by `rehyb pilots` itself.
 _OURS = {
     "walltime",
@@ -97,7 +100,8 @@ class ParslEngine:
         options: what else the provider takes.
 
     Raises:
-        Invalid: the provider does not take an option, or the batch system's command is not here.
+        Invalid: the provider does not take an option, the batch system's command is not here, or
+            the folder's name needs quotes.
         RehybError: parsl is not installed.
     """
 
@@ -116,6 +120,12 @@ class ParslEngine:
             raise Invalid(
                 f"there is no {kind.command} on this machine, which provider = {name!r} needs: "
                 "run rehyb pilots where jobs are submitted"
+            )
+        if not _PLAIN.fullmatch(str(folder)):
+            # Providers put it into commands as it is.
+            raise Invalid(
+                f"{folder} has characters that batch systems stumble over: name a folder of "
+                "letters, digits and ./_+- with --directory"
             )
         with needs_extra("rehyb pilots", "pilots"):
             from parsl import providers

@@ -80,6 +80,8 @@ class Keeper:
     _started_at: dict[str, float] = field(default_factory=dict)
     _short_lives: int = 0
     _silent_until: float = 0.0
+    #: What the batch system said when it refused a pilot.
+    _refusal: str = ""
 
     def prepare(self) -> None:
         """Write what pilots need to find the coordinator, for the owner's eyes only."""
@@ -124,7 +126,9 @@ class Keeper:
         except FleetError as error:
             # A limit of the batch system, or it is away: pilots that end make room.
             self._silent_until = now + REFUSED_SECONDS
-            trouble = f"no more pilots for now: {error}"
+            self._refusal = f"no more pilots for now: {error}"
+        if now < self._silent_until:
+            trouble = trouble or self._refusal
         return self._status(work, next_step.wanted, trouble)
 
     def drain(self, wait: Callable[[float], None], on_status: Callable[[Status], None]) -> None:

@@ -14,8 +14,8 @@ from benchmarks.measuring import Throughput, watch
 from benchmarks.service.rivals import PROCESSES, Rival, processes
 from tests.testbed.postgresql import Server
 
-TASKS = 6000
-BATCHES = (10, 100)
+#: By batch: as many as take some seconds.
+TASKS = {1: 1500, 10: 6000, 100: 6000}
 #: It keeps how a job ended, but not what it found: each job writes that itself.
 RESULTS = "CREATE TABLE results (number bigint PRIMARY KEY, y double precision)"
 #: Connections over which the jobs of one worker write.
@@ -26,7 +26,7 @@ def measure(server: Server) -> list[Rival]:
     """Return the throughput by batch."""
     name = f"PgQueuer {version('pgqueuer')}, PostgreSQL"
     return [
-        Rival(name=name, batch=batch, throughput=measure_batch(server, batch)) for batch in BATCHES
+        Rival(name=name, batch=batch, throughput=measure_batch(server, batch)) for batch in TASKS
     ]
 
 
@@ -34,23 +34,23 @@ def measure_batch(server: Server, batch: int) -> Throughput:
     """Return the throughput of workers that take `batch` jobs at once."""
     url = server.database(f"pgqueuer_{batch}")
     plain = url.replace("+psycopg", "")
-    asyncio.run(submit(plain))
+    asyncio.run(submit(plain, TASKS[batch]))
     done = sa.text("SELECT count(*) FROM pgqueuer_log WHERE status = 'successful'")
     engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
     with engine.connect() as connection, processes(PROCESSES, work, plain, batch) as pids:
-        found = watch(lambda: connection.scalar(done) or 0, TASKS, pids=[server.pid, *pids])
+        found = watch(lambda: connection.scalar(done) or 0, TASKS[batch], pids=[server.pid, *pids])
     engine.dispose()
     return found
 
 
-async def submit(url: str) -> None:
+async def submit(url: str, tasks: int) -> None:
     """Make the tables and put the jobs into them."""
     connection = await asyncpg.connect(url)
     queries = Queries(AsyncpgDriver(connection))
     await queries.install()
     await connection.execute(RESULTS)
-    payloads = [b"%d" % number for number in range(TASKS)]
-    await queries.enqueue(["noop"] * TASKS, payloads, [0] * TASKS)
+    payloads = [b"%d" % number for number in range(tasks)]
+    await queries.enqueue(["noop"] * tasks, payloads, [0] * tasks)
     await connection.close()
 
 

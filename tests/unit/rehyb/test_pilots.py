@@ -155,6 +155,13 @@ def test_an_option_that_a_provider_lacks_is_one_sentence(
         ParslEngine("local", folder=tmp_path, walltime=60.0, cores=1, before="", options=options)
 
 
+def test_a_folder_that_needs_quotes_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(Invalid, match=r"my site has characters .* with --directory"):
+        ParslEngine(
+            "local", folder=tmp_path / "my site", walltime=60.0, cores=1, before="", options={}
+        )
+
+
 @pytest.mark.parametrize(
     ("work", "jobs", "wanted", "submit", "cancel"),
     [
@@ -219,7 +226,8 @@ def test_a_batch_system_that_refuses_is_left_alone_for_a_while(site: Site) -> No
     site.batch.refuses = "AssocMaxSubmitJobLimit"
     assert "AssocMaxSubmitJobLimit" in site.keeper.look(0.0).trouble
     site.batch.refuses = ""
-    assert site.keeper.look(1.0).submitted == 0
+    still = site.keeper.look(1.0)
+    assert still.submitted == 0 and "AssocMaxSubmitJobLimit" in still.trouble
     assert site.keeper.look(31.0).submitted == 1
 
 
