@@ -80,6 +80,8 @@ class Keeper:
     _started_at: dict[str, float] = field(default_factory=dict)
     _short_lives: int = 0
     _silent_until: float = 0.0
+    #: What there was to do when the coordinator was last asked.
+    _work: Work = NO_WORK
     #: What the batch system said when it refused a pilot.
     _refusal: str = ""
 
@@ -107,8 +109,8 @@ class Keeper:
             told = self.client.work()
         except (Unreachable, ServerError) as error:
             # Pilots keep what they have; none is started for nobody knows what.
-            return self._status(NO_WORK, len(self.jobs), str(error))
-        work = Work(waiting=told["waiting"], under_way=told["under_way"])
+            return self._status(self._work, len(self.jobs), str(error))
+        self._work = work = Work(waiting=told["waiting"], under_way=told["under_way"])
         settings = self.settings
         room = may_start(self._starts, now=now, a_minute=settings.starts_a_minute)
         next_step = step(
@@ -146,7 +148,7 @@ class Keeper:
                 self._cancel(job for job, state in self.jobs.items() if state == JobState.WAITING)
             except FleetError as error:
                 log.warning("%s", error)
-            on_status(self._status(NO_WORK, 0, ""))
+            on_status(self._status(self._work, 0, ""))
             if not self.jobs or left <= 0.0:
                 break
             wait(1.0)
