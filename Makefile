@@ -8,7 +8,7 @@ PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist
 BROWSER := chromium google-chrome chrome
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test unit lint check browser goldens soak power-loss bench bench-fleet bench-page bench-sim bench-analysis bench-closeloop bench-closeloop-unkind curves picture \
+.PHONY: help demo test unit lint check browser goldens soak power-loss mutants bench bench-fleet bench-page bench-sim bench-analysis bench-closeloop bench-closeloop-unkind curves picture \
 	measurement measurements-age clean
 
 help:  ## Say what each target does
@@ -42,6 +42,10 @@ goldens: $(READY)  ## Write what a user sees to DIR, to compare two trees by dif
 soak: $(READY)  ## Disturb studies in every way, twenty times over; half an hour
 	REHYB_SOAK_ROUNDS=20 $(BIN)/python -m pytest -s \
 		tests/acceptance/test_chaos.py tests/acceptance/test_acknowledged.py
+
+mutants: $(READY)  ## Break what decides in every small way, and list what no test notices
+	$(BIN)/mutmut run
+	$(BIN)/mutmut results
 
 power-loss: $(READY)  ## Cut the power at every commit of a study, each in a hundred ways
 	REHYB_POWER_CUTS=100 $(BIN)/python -m pytest tests/integration/server/store/test_power_loss.py

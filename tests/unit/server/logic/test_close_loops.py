@@ -7,20 +7,23 @@ import pytest
 from analysis.closeloop.contract import Verdict
 from server.logic.close_loops import (
     MAX_REPORT_BYTES,
+    NOTED_SECONDS,
     after_attempt,
     answers,
     ask_again_in,
     failed,
     finished,
     handed_out,
+    is_noted,
     lease_of,
+    parsed,
     released,
     verdict_of,
 )
 from server.logic.instances import BUDGETS
 from server.logic.json_values import cut
 from server.logic.leases import objection_to_renewal, objection_to_results
-from server.records import CloseLoopJob, Introduction
+from server.records import CloseLoopJob, Introduction, Lease
 
 WAITING = CloseLoopJob(id="j", session_id="s", state="waiting", created_at=1.0)
 
@@ -146,3 +149,61 @@ def test_many_idle_workers_ask_no_more_than_a_few(workers: int, seconds: int) ->
 def test_text_is_kept_as_every_database_can_hold_it() -> None:
     assert cut("a\0b\ud800c", 10) == "ab?c"
     assert cut("x" * 10, 3) == "xxx"
+
+
+def test_a_lease_is_shown_as_leases_are_judged() -> None:
+    job = running(after_attempt(running(), cause="lost", reason="", now=2.0), "l2")
+    assert lease_of(job, "l2") == Lease(
+        id="l2",
+        fence=2,
+        worker="w of l2",
+        study="",
+        state="open",
+        expires_at=70.0,
+        instances=(),
+    )
+    assert lease_of(job, "l") == Lease(
+        id="l", fence=1, worker="w of l", study="", state="lost", expires_at=0.0, instances=()
+    )
+    timeless = replace(job, expires_at=None)
+    assert (found := lease_of(timeless, "l2")) is not None and found.expires_at == 0.0
+
+
+def test_a_running_job_says_who_has_it_since_when_and_forgets_what_was_said_before() -> None:
+    job = running(replace(WAITING, progress="tracing"))
+    assert (job.state, job.progress, job.grants) == ("running", "", 1)
+    assert job.current is not None
+    assert (job.current.worker, job.current.host) == ("w of l", "pc")
+    assert job.current.granted_at == 10.0
+
+
+def test_a_finished_job_says_when_and_whose_report_it_has() -> None:
+    job = running(after_attempt(running(), cause="lost", reason="silent", now=2.0), "l2")
+    done = finished(job, "l2", code="c", verdict="adequate", now=30.0)
+    assert (done.state, done.finished_at) == ("done", 30.0)
+    assert [(a.ended, a.reason) for a in done.attempts] == [("lost", "silent"), ("done", "")]
+
+
+@pytest.mark.parametrize(
+    ("report", "says"),
+    [
+        (b"nothing", "report.json is not JSON"),
+        (b"\xff\xfe", "report.json is not JSON"),
+        (b"[" * 100_000, "report.json is nested too deeply"),
+        (b"[]", "report.json must hold an object"),
+        (b'{"x": NaN}', "report.json holds NaN"),
+        (b'{"x": -Infinity}', "report.json holds -Infinity"),
+    ],
+)
+def test_a_report_that_cannot_be_read_is_told_why(report: bytes, says: str) -> None:
+    with pytest.raises(ValueError, match=r"report\.json") as refused:
+        parsed(report)
+    assert str(refused.value) == says
+
+
+@pytest.mark.parametrize(("noted", "lately"), [(None, False), (50.0, True), (50.1, False)])
+def test_a_worker_is_written_down_again_when_the_last_time_is_long_ago_or_to_come(
+    noted: float | None, lately: bool
+) -> None:
+    assert is_noted(noted, 50.0) is lately
+    assert not is_noted(0.0, NOTED_SECONDS) and is_noted(0.0, NOTED_SECONDS - 0.1)

@@ -130,3 +130,28 @@ def test_what_is_pending_and_what_came_back_follows_from_the_counters(
 ) -> None:
     running = study(handed_out=50, leased=8, result_count=30)
     assert (running.pending, running.returned) == (4000 - 38, 12)
+
+
+def test_a_study_that_has_ended_goes_no_more_and_says_how_fast_it_was(
+    study: Callable[..., Study],
+) -> None:
+    ended = study(state="complete", result_count=4000, finished_at=100.5)
+    speed = pace(ended, window_opened_at=100.0, now=900.0)
+    assert (speed.results_per_second, speed.elapsed_seconds) == (8000.0, 0.5)
+    assert (speed.eta_seconds, speed.eta_low_seconds, speed.eta_high_seconds) == (0.0, 0.0, 0.0)
+    at_once = pace(study(result_count=9, finished_at=100.0), window_opened_at=100.0, now=900.0)
+    assert at_once.results_per_second == 0.0
+
+
+def test_a_clock_that_has_not_moved_foretells_nothing(study: Callable[..., Study]) -> None:
+    speed = pace(study(result_count=400), window_opened_at=100.0, now=100.0)
+    assert (speed.results_per_second, speed.eta_seconds) == (0.0, None)
+    assert pace(study(result_count=400), window_opened_at=100.0, now=100.5).eta_seconds == 4.5
+
+
+def test_no_study_ends_before_now(study: Callable[..., Study]) -> None:
+    early = [100.0 + 0.001 * number for number in range(BLOCKS)]
+    speed = pace(
+        study(result_count=3990), window_opened_at=100.0, now=140.0, passed_at=[*early, 139.0]
+    )
+    assert speed.eta_low_seconds == 0.0

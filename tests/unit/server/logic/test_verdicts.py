@@ -166,7 +166,7 @@ def test_nonsense_from_a_former_holder_changes_nothing(
     instance: Instance, report: Reporting
 ) -> None:
     judgement = judged(report("i", outputs={}), instance)
-    assert judgement.verdict == "invalid"
+    assert (judgement.verdict, judgement.detail) == ("invalid", "output y is missing")
     assert judgement.instance is None
 
 
@@ -248,7 +248,7 @@ def test_an_attempt_that_failed_is_counted_on_its_host_among_those_at_work(
     asked = {"instance": twice, "stored": None, "lease": ON_B, "outputs": ["y"]}
     others = judge(report("i", **changes), **asked, at_work=lambda: ("b", "c"))
     assert others.about == "i" and others.result is None
-    assert others.instance is not None
+    assert others.instance is not None and others.instance.avoid == "b"
     assert (others.instance.attempts, others.instance.hosts) == ({cause: 3}, {cause: ("b",)})
     alone = judge(report("i", **changes), **asked, at_work=lambda: ("b",))
     assert alone.result is not None and alone.result.outcome == cause
