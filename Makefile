@@ -73,6 +73,7 @@ curves: $(READY)  ## Draw what each factor does alone (docs/measurements/one_at_
 bench-analysis: $(READY)  ## Errors, coverage and speed of the indices beside SALib and SciPy
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.indices
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.hard
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.curves
 
 bench-closeloop: $(READY)  ## Print how often closing the loop names the right effect
 	$(BIN)/python -m benchmarks.closeloop.synthetic $(ARGS)
