@@ -38,6 +38,8 @@ ONE_WAY = (
     "be told apart"
 )
 REFINEMENTS = (1.0, 0.5, 0.25, 0.12)
+#: Non-linear parameters of how friction passes through zero.
+TURNING = ("smooth", "slide")
 #: Options that are refined before they are compared.
 CONTENDERS = 6
 
@@ -132,6 +134,29 @@ def _simpler(model: Model, candidate: Candidate) -> Theta:
     }
 
 
+def turning_with(model: Model, candidate: Candidate) -> Theta:
+    """Return how friction that is declared at a candidate's joint passes through zero.
+
+    A joint turns in one way: what further friction there is turns with it, or the two would share
+    out between them what neither form is.
+    """
+    if not candidate.effect.rubs:
+        return {}
+    return {
+        name: value
+        for term in model.terms
+        if term.candidate is None and term.rubs and term.joint == candidate.joint
+        for name, value in term.theta.items()
+        if name in TURNING
+    }
+
+
+def _turning_alike(thetas: list[Theta], turning: Theta) -> list[Theta]:
+    """Return the parameters with a given passage through zero, each once."""
+    alike = [{name: turning.get(name, value) for name, value in theta.items()} for theta in thetas]
+    return [dict(once) for once in dict.fromkeys(tuple(theta.items()) for theta in alike)]
+
+
 def _try(
     model: Model,
     rows: Rows,
@@ -142,7 +167,7 @@ def _try(
 ) -> Option | None:
     effect = candidate.effect
     joint = RecordedJoint(model.recording, candidate.joint, estimate)
-    thetas = effect.thetas(joint)
+    thetas = _turning_alike(effect.thetas(joint), turning_with(model, candidate))
     if simpler:
         thetas = [*thetas, *({**theta, **simpler} for theta in thetas)]
         thetas = [dict(once) for once in dict.fromkeys(tuple(t.items()) for t in thetas)]
@@ -261,16 +286,17 @@ def refined(option: Option, rows: Rows, rounds: int = 4) -> tuple[Model, Score]:
     candidate, model, current = option.candidate, option.model, option.score
     own = next((term for term in model.terms if term.candidate == candidate), None)
     rest, theta = model.without(candidate), option.theta
+    turning = turning_with(rest, candidate)
     for scale in REFINEMENTS[:rounds]:
         estimate = _estimate_beside(model, current, own)
         joint = RecordedJoint(model.recording, candidate.joint, estimate)
         if candidate.effect.uses_estimate and own is not None:
-            grid = candidate.effect.thetas(joint)
+            grid = _turning_alike(candidate.effect.thetas(joint), turning)
             again = _best(rest, rows, candidate, [theta, *grid], joint)
             if again is not None and again[1].sse < current.sse:
                 (model, current), theta = again, again[1].variant.theta
-        for near in candidate.effect.neighbours(theta, scale):
-            if candidate.effect.beyond(joint, near, {}):
+        for near in _turning_alike(candidate.effect.neighbours(theta, scale), turning):
+            if near == theta or candidate.effect.beyond(joint, near, {}):
                 continue
             found = _best(rest, rows, candidate, [near], joint)
             if found is not None and found[1].sse < current.sse:

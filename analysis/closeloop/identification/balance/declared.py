@@ -63,6 +63,9 @@ def declared_again(model: Model, rows: Rows) -> Model:
     for place, term in enumerate(model.terms):
         if term.candidate is not None or term.effect is None or term.load is not None:
             continue
+        if term.rubs and any(t.candidate and t.rubs and t.joint == term.joint for t in model.terms):
+            # What was found turns with it.
+            continue
         best, left = model, evaluate(model, rows).sse
         for scale in (0.0, 1.0, 0.5):
             there = best.terms[place]

@@ -70,3 +70,22 @@ def test_declared_friction_is_chosen_again_beside_what_was_found(elbow: Recordin
     assert evaluate(found, rows).sse < 0.1 * evaluate(wrong, rows).sse
     added = replace(term, candidate=Candidate(effect=coulomb, joint=ELBOW))
     assert declared_again(Model(loud, terms=(added,)), rows).terms[0].theta == theta
+
+
+def test_further_friction_turns_as_the_declared_does(elbow: Recording) -> None:
+    coulomb, theta = BY_NAME["coulomb_friction"], {"smooth": 0.004, "slide": 0.003}
+    effort = np.array(elbow.inverse)
+    effort[:, ELBOW] += (1.0 + 0.6 * np.abs(elbow.velocity[:, ELBOW])) * bristles(elbow)
+    loud = replace(elbow, effort=elbow.filtered(effort), cache={})
+    rows = select_rows(loud, (0,))
+    columns = coulomb.columns(unfitted(loud, ELBOW), theta)
+    model = Model(
+        loud, terms=(Term(joint=ELBOW, columns=columns, kept=(0,), theta=theta, effect=coulomb),)
+    )
+    tried = [c for c in candidates(loud) if c.effect.name == "asymmetric_friction"]
+    options = options_beside(model, rows, evaluate(model, rows), tried)
+    assert options
+    for option in options:
+        assert {name: option.theta[name] for name in theta} == theta
+        # The mean of both sides is declared already: only what tells them apart is new.
+        assert 0 not in option.model.terms[-1].kept
