@@ -14,6 +14,9 @@ from analysis.interpretation.posterior import TARGETS, View
 
 #: Share of the wanted width that a plan keeps in hand when plans are compared.
 MARGIN = 0.97
+#: Most steps of a plan, unless it takes all.
+MOST_STEPS = 5
+#: The part of the variance that is left.
 REST = "what no single factor explains"
 
 
@@ -83,8 +86,8 @@ def shortest_plan(
 ) -> tuple[tuple[Step, ...], float] | None:
     """Return the steps of least time that bring K's half width below a tolerance, and that width.
 
-    All sets of steps are compared by the Gaussian model; the least that promise enough are then
-    looked at with calibrated widths.
+    All sets of a few steps are compared by the Gaussian model; the least that promise enough are
+    then looked at with calibrated widths.
 
     Returns:
         None if not even all steps together reach it.
@@ -95,7 +98,7 @@ def shortest_plan(
     now = interpreter.infer(view, kept)
     per_spread = now.half_width() / now.spread[0]
     found = []
-    for count in range(1, len(offered) + 1):
+    for count in range(1, min(len(offered), MOST_STEPS) + 1):
         for chosen in map(list, combinations(range(len(offered)), count)):
             every = np.concatenate([columns, more[chosen]])
             _, spread = view.corrected(

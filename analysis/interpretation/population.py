@@ -137,6 +137,10 @@ def population_of(content: Any, where: str) -> Population:
         if not isinstance(entry, dict) or not entry.get("source"):
             raise InterpretationError(f"{where}: {name} needs a distribution and its source")
         distributions[name] = _distribution(entry.get("distribution"), known[name], where)
+        if "measure" in entry and isinstance(distributions[name], Discrete):
+            raise InterpretationError(
+                f"{where}: {name} has single values, so no measure of it has a standard deviation"
+            )
         if "measure" in entry:
             measures[name] = _measure(entry["measure"], name, where)
     sensors = content.get("sensors", {})

@@ -101,6 +101,22 @@ SAID = {"distribution": UNIFORM, "source": "us"}
             ),
             "0 to 2, which are paper",
         ),
+        (
+            changed(
+                factors={
+                    "reflex_gain": {
+                        "distribution": {
+                            "kind": "discrete",
+                            "values": [0.0, 0.2],
+                            "probabilities": [0.5, 0.5],
+                        },
+                        "source": "us",
+                        "measure": {"to": 0.1, "minutes": 1, "how": "EMG"},
+                    }
+                }
+            ),
+            "no measure of it has a standard deviation",
+        ),
         (changed(fixed={"weather": 1.0}), "'weather' is no factor"),
         (changed(fixed={"activation": 0.1}), "both among the factors and fixed"),
         (changed(fixed={"extension_stop": 1e6}), "must be fixed at a number from"),
