@@ -39,14 +39,15 @@ def hsic(x: Array, y: Array) -> Hsic:
         factor = _gram(column)
         found = _unbiased(factor, output)
         whole = _unbiased(factor, factor) * own
-        r2[i] = found / np.sqrt(whole) if whole > 0.0 else np.nan
+        r2[i] = found / np.sqrt(whole) if whole > 0.0 else 0.0
         p_value[i] = _by_chance(found, factor, output)
     return Hsic(r2=r2, p_value=p_value)
 
 
 def _gram(values: Array) -> Array:
     """Return the kernel of every pair, 0 of a value with itself."""
-    scaled = values / values.std(ddof=1)
+    spread = values.std(ddof=1)
+    scaled = values / (spread if spread > 0.0 else 1.0)
     kernel: Array = np.exp(-0.5 * (scaled[:, None] - scaled) ** 2)
     np.fill_diagonal(kernel, 0.0)
     return kernel

@@ -55,13 +55,26 @@ def delta(x: Array, y: Array) -> Array:
     edges = np.linspace(0, rows, min(int(np.ceil(rows**power)), 48) + 1)
     grid = np.linspace(y.min(), y.max(), 100)
     with _quiet():
-        found = [calc_delta(y, grid, column, edges) for column in x.T]
+        try:
+            found = [calc_delta(y, grid, column, edges) for column in x.T]
+        except np.linalg.LinAlgError:
+            # Of values that are all but the same no density can be drawn.
+            found = [np.nan] * x.shape[1]
     return np.array(found, dtype=np.float64)
 
 
 def r2_hsic(x: Array, y: Array) -> Array:
     """Return R2-HSIC with Gaussian kernels (Da Veiga 2015)."""
     return hsic(x, y).r2
+
+
+def unless_still(index: Callable[[Array, Array], Array]) -> Callable[[Array, Array], Array]:
+    """Return an index that is 0 where the output does not vary, as in parts of a rare event's."""
+
+    def of_what_varies(x: Array, y: Array) -> Array:
+        return index(x, y) if np.ptp(y) > 0.0 else np.zeros(x.shape[1])
+
+    return of_what_varies
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +100,7 @@ MEASURES = (
     Measure(
         name="rbd_fast",
         symbol="S",
-        index=rbd_fast,
+        index=unless_still(rbd_fast),
         half_width=by_halves,
         most_rows=20_000,
         least=None,
@@ -99,7 +112,7 @@ MEASURES = (
     Measure(
         name="delta",
         symbol="δ",
-        index=delta,
+        index=unless_still(delta),
         half_width=by_bootstrap,
         most_rows=2_000,
         least=0.0,
@@ -111,7 +124,7 @@ MEASURES = (
     Measure(
         name="pawn",
         symbol="PAWN",
-        index=pawn,
+        index=unless_still(pawn),
         half_width=by_bootstrap,
         most_rows=20_000,
         least=0.0,
@@ -124,7 +137,7 @@ MEASURES = (
     Measure(
         name="hsic",
         symbol="R²-HSIC",
-        index=r2_hsic,
+        index=unless_still(r2_hsic),
         half_width=by_halves,
         most_rows=1_000,
         least=None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,11 +19,18 @@ from analysis.given.errors import GivenError
 if TYPE_CHECKING:
     import pandas
 
-#: Between columns, as programs write them.
+#: Between columns, as programs write them; blanks where none of these is.
 _SEPARATORS = (",", ";", "\t", "|")
+_BLANKS = r"\s+"
 #: 1.5, -2, 1e-3, .5; and with a comma.
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+#: How a spreadsheet's "Unicode text" begins.
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+#: Programs write them for 1 and 0.
+_TRUTHS = {"true": 1.0, "false": 0.0}
+#: No number may be larger: its square is none.
+_LARGEST = 1e100
 #: What programs write where there is no number, besides nothing.
 _MISSING = ("", "na", "n/a", "nan", "-nan", "null", "none", "-", "?", "#n/a", "#na", "<na>")
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
@@ -63,7 +71,7 @@ def read_sheet(path: Path) -> Sheet:
         return _parquet(path)
     if not start.strip():
         raise GivenError("it is empty", file=path.name)
-    if b"\0" in start:
+    if b"\0" in start and not start.startswith(_UTF_16):
         raise GivenError("it is neither CSV nor Parquet", file=path.name)
     return _csv(path, start)
 
@@ -74,9 +82,8 @@ def _parquet(path: Path) -> Sheet:
 
     try:
         table = pyarrow.parquet.read_table(path)
-    except (pa.ArrowException, OSError) as error:
-        said = str(error).partition("\n")[0]
-        raise GivenError(f"it cannot be read as Parquet: {said}", file=path.name) from None
+    except (pa.ArrowException, OSError):
+        raise GivenError("it cannot be read as Parquet", file=path.name) from None
     _check_names(path.name, table.column_names, line=None)
     numbers: dict[str, NDArray[np.float64]] = {}
     texts: dict[str, str] = {}
@@ -86,7 +93,7 @@ def _parquet(path: Path) -> Sheet:
             found = np.array(
                 column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=float
             )
-            numbers[name] = np.where(np.isfinite(found), found, np.nan)
+            numbers[name] = _checked(path.name, name, np.where(np.isfinite(found), found, np.nan))
         else:
             texts[name] = next((str(cell) for cell in column.to_pylist() if cell is not None), "")
     columns = tuple(table.column_names)
@@ -96,37 +103,57 @@ def _parquet(path: Path) -> Sheet:
 def _csv(path: Path, start: bytes) -> Sheet:
     import pandas as pd
 
-    encoding = "utf-8-sig"
+    encoding = "utf-16" if start.startswith(_UTF_16) else "utf-8-sig"
     try:
         text = start.decode(encoding, errors="strict" if len(start) < 1 << 16 else "ignore")
     except UnicodeDecodeError:
         encoding, text = "latin-1", start.decode("latin-1")
-    lines = [line for line in text.splitlines() if line.strip()]
+    every = text.splitlines()
+    # Some programs say above a table what it is.
+    above = next(
+        (n for n, line in enumerate(every) if line.strip() and not line.startswith("#")), None
+    )
+    if above is None:
+        raise GivenError("it has no table", file=path.name)
+    lines = [line for line in every[above:] if line.strip()]
     separator = _separator(lines)
-    first = next(csv.reader([lines[0]], delimiter=separator, skipinitialspace=True))
+    first = lines[0].split()
+    if separator != _BLANKS:
+        first = next(csv.reader([lines[0]], delimiter=separator, skipinitialspace=True))
     # A name of a column may be a year, but not all of them.
     unlabelled = all(_is_number(cell) or cell.strip().lower() in _MISSING for cell in first)
     names = [cell.strip() for cell in first]
+    # Such as behind a separator at the end of every line.
+    nameless = {f"column_{n}" for n, name in enumerate(names, 1) if not name}
     if unlabelled:
         names = [f"column_{number}" for number in range(1, len(first) + 1)]
     names = [name or f"column_{number}" for number, name in enumerate(names, 1)]
-    _check_names(path.name, names, line=1)
+    _check_names(path.name, names, line=above + 1)
+    skipped = above + (0 if unlabelled else 1)
     try:
-        table = pd.read_csv(
-            path,
-            sep=separator,
-            names=names,
-            skiprows=0 if unlabelled else 1 + _blank_before(text),
-            dtype=str,
-            keep_default_na=False,
-            skipinitialspace=True,
-            encoding=encoding,
-            encoding_errors="replace",
-            index_col=False,
-            on_bad_lines="error",
-            engine="c",
-            low_memory=False,
-        )
+        # A line with more cells than the first one has is only warned of.
+        with warnings.catch_warnings(action="error", category=pd.errors.ParserWarning):
+            table = pd.read_csv(
+                path,
+                sep=separator,
+                names=names,
+                skiprows=skipped,
+                dtype=str,
+                keep_default_na=False,
+                skipinitialspace=True,
+                encoding=encoding,
+                encoding_errors="replace",
+                index_col=False,
+                on_bad_lines="error",
+                engine="c",
+                low_memory=False,
+            )
+    except pd.errors.ParserWarning:
+        raise GivenError(
+            f"its first line has {len(names)} cells and a line below has more",
+            file=path.name,
+            line=above + 1,
+        ) from None
     except pd.errors.ParserError as error:
         found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
         if found is None:
@@ -140,24 +167,24 @@ def _csv(path: Path, start: bytes) -> Sheet:
     numbers: dict[str, NDArray[np.float64]] = {}
     texts: dict[str, str] = {}
     for name in names:
-        found_numbers = _numbers(path.name, name, table[name], skipped=0 if unlabelled else 1)
+        found_numbers = _numbers(path.name, name, table[name], skipped)
+        if name in nameless and _is_empty(found_numbers):
+            continue
         if isinstance(found_numbers, str):
             texts[name] = found_numbers
         else:
             numbers[name] = found_numbers
     return Sheet(
         file=path.name,
-        columns=tuple(names),
+        columns=tuple(name for name in names if name in numbers or name in texts),
         numbers=numbers,
         texts=texts,
         unlabelled=unlabelled,
     )
 
 
-def _blank_before(text: str) -> int:
-    """Return how many empty lines a text begins with."""
-    lines = text.splitlines()
-    return next(number for number, line in enumerate(lines) if line.strip())
+def _is_empty(column: NDArray[np.float64] | str) -> bool:
+    return not isinstance(column, str) and bool(np.isnan(column).all())
 
 
 def _separator(lines: Sequence[str]) -> str:
@@ -172,7 +199,8 @@ def _separator(lines: Sequence[str]) -> str:
             # Decimal commas may cut as evenly as semicolons do: what cuts the header cuts more.
             counted[separator] = (often == len(counts), separator != ",", usual)
     if not counted:
-        return ","
+        blank = {len(line.split()) for line in lines[:20]}
+        return _BLANKS if len(blank) == 1 and blank != {1} else ","
     return max(counted, key=lambda separator: counted[separator])
 
 
@@ -196,6 +224,8 @@ def _numbers(
         cell = stripped.iloc[at]
         if _COMMA_NUMBER.fullmatch(cell):
             numbers[at] = float(cell.replace(",", "."))
+        elif cell.lower() in _TRUTHS:
+            numbers[at] = _TRUTHS[cell.lower()]
         elif cell.lower() not in _MISSING and not _INFINITE.fullmatch(cell):
             wrong.append(at)
     if wrong and len(wrong) > _TEXT * (len(numbers) - (len(odd) - len(wrong))):
@@ -210,6 +240,12 @@ def _numbers(
             line=line,
         )
     numbers[~np.isfinite(numbers)] = np.nan
+    return _checked(file, name, numbers)
+
+
+def _checked(file: str, name: str, numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    if np.any(np.abs(numbers) > _LARGEST):
+        raise GivenError(f"column {name} has numbers beyond ±{_LARGEST:g}", file=file, column=name)
     return numbers
 
 

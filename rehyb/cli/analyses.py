@@ -82,7 +82,7 @@ def _cell(entry: Any) -> str:
 
     if not entry:
         return ""
-    chance = f", chance {entry['chance']:.3f}" if "chance" in entry else ""
+    chance = f", chance {entry['chance']:.3f}" if entry.get("chance") is not None else ""
     return f"{statistic(entry)}{chance}"
 
 

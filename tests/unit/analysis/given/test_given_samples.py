@@ -1,5 +1,6 @@
 """What rows that somebody else sampled tell."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -142,6 +143,47 @@ def test_decimal_commas_byte_order_marks_and_tabs_are_understood(
         assert np.array_equal(np.column_stack(list(sheet.numbers.values())), table)
 
 
+@pytest.mark.parametrize(
+    "dressed",
+    [
+        lambda t: "\n".join(line + "," for line in t),
+        lambda t: "\n".join(["# run by X, 2026", "", *t]),
+        lambda t: "\n".join(t).replace(",", " "),
+        lambda t: "\n".join(t).replace(",", "   "),
+        lambda t: "\r".join(t),
+        lambda t: ("\n".join(t)).encode("utf-16"),
+        lambda t: "\n\n" + "\n\n".join(t),
+    ],
+)
+def test_what_programs_put_around_a_table_is_no_part_of_it(
+    tmp_path: Path, table: Any, dressed: Any
+) -> None:
+    path = written(tmp_path / "runs.csv", table)
+    found = dressed(path.read_text().splitlines())
+    path.write_bytes(found if isinstance(found, bytes) else found.encode())
+    sheet = read_sheet(path)
+    assert sheet.columns == ("a", "b", "c", "y")
+    assert np.array_equal(np.column_stack(list(sheet.numbers.values())), table)
+
+
+def test_truths_are_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "runs.csv"
+    path.write_text("on,y\n" + "TRUE,1\nfalse,2\n" * 40)
+    assert set(read_sheet(path).numbers["on"]) == {0.0, 1.0}
+
+
+@pytest.mark.parametrize("rare", [1, 3])
+def test_a_rare_event_of_few_levels_has_an_answer_in_json(tmp_path: Path, rare: int) -> None:
+    rng = np.random.default_rng(4)
+    x = np.column_stack([rng.integers(0, 2, 70), rng.integers(0, 3, 70), np.arange(70) // 69])
+    y = (np.arange(70) < rare).astype(float)
+    path = written(tmp_path / "rare.csv", np.column_stack([x, y]))
+    found = analyse(path, ["y"])
+    json.dumps(found, allow_nan=False)
+    assert "Factors of few values" in " ".join(found["remarks"])
+    assert set(found["outputs"]["y"]["measures"]) == set(found["measures"])
+
+
 def test_a_table_without_names_has_numbered_columns(tmp_path: Path, table: Any) -> None:
     path = tmp_path / "plain.csv"
     np.savetxt(path, table, delimiter=",")
@@ -191,6 +233,8 @@ def test_what_is_left_out_is_said(tmp_path: Path, table: Any) -> None:
         (lambda t: [*t[:6], "12 kg,1,2,3", *t[7:]], ["y"], "line 7 of column a reads '12 kg'"),
         (lambda t: [*t[:6], "1,2,3,4,5", *t[7:]], ["y"], "line 7 has 5 cells and not 4"),
         (lambda t: [t[0], *(r.rpartition(",")[0] + ",2" for r in t[1:])], ["y"], "y is the same"),
+        (lambda t: [*t[:6], "1e101,1,2,3", *t[7:]], ["y"], "column a has numbers beyond ±1e+100"),
+        (lambda t: ["# nothing else"], ["y"], "it has no table"),
         (lambda t: [t[0], *("x" + r for r in t[1:])], ["a"], "column a is text ('x0."),
         (lambda t: [t[0], *(r + "\0" for r in t[1:])], ["y"], "neither CSV nor Parquet"),
         (lambda t: [t[0], *(",,," + r.rpartition(",")[2] for r in t[1:])], ["y"], "only 0 of its"),
