@@ -4,8 +4,10 @@ import json
 from collections import Counter
 from typing import Any
 
+from analysis.designs import family
 from analysis.reports import tables
 from analysis.reports.interactive.failures import failures
+from analysis.sensitivity.ranking import RANKED_BY
 from analysis.sensitivity.remarks import warning
 from server.logic.instances import BUDGETS
 from server.operations import studies, watching
@@ -45,7 +47,8 @@ def look(asked: Look) -> dict[str, Any]:
         "seen": len(seen),
         "failed": study.result_count - study.ok_count,
         "warning": warning(snapshot),
-        "blocks": tables.failures(snapshot) if snapshot["failure"]["failed"] else [],
+        # A snapshot that an earlier version left may not say it.
+        "blocks": tables.failures(snapshot) if snapshot.get("failure", {}).get("failed") else [],
         "factors": list(study.plan.distributions),
         "x": x,
         "y": y,
@@ -59,9 +62,11 @@ PAGE = Page(path="/studies/{study_id}/failures", template="failures.html", look=
 
 def _axes(study: Study, snapshot: dict[str, Any], asked: Look) -> tuple[str, str]:
     """Return the two factors that are asked for, else those that failing depends on most."""
-    found = snapshot["failure"]["factors"]
-    by = "mu_star" if snapshot["method"] == "morris" else "total_order"
-    ranked = sorted(found, key=lambda name: -(found[name][by]["value"] or 0.0))
+    found = snapshot.get("failure", {}).get("factors", {})
+    by = RANKED_BY[family(study.plan.method)]
+    ranked = [*study.plan.distributions]
+    if found:
+        ranked.sort(key=lambda name: -(found[name][by]["value"] or 0.0))
     first, second = (*ranked, *ranked)[:2]
     x, y = asked.choices.get("x", first), asked.choices.get("y", second)
     known = study.plan.distributions

@@ -1,7 +1,6 @@
 """Indices of growing parts of the sample (paper, figure 11)."""
 
 from collections.abc import Mapping
-from math import log10
 from typing import Any
 
 from analysis.designs import family
@@ -14,6 +13,7 @@ from analysis.reports.interactive.shared import (
     layout,
     plain,
     ranked,
+    rows_axis,
     told,
 )
 from analysis.reports.wording import with_unit, words
@@ -21,8 +21,6 @@ from analysis.sensitivity.estimators import SYMBOLS
 from analysis.sensitivity.ranking import RANKED_BY
 
 _ENDS = ("value", "low", "high")
-#: Between ticks at powers of two, on an axis of powers of ten.
-OCTAVE = log10(2.0)
 
 
 def convergence(snapshot: Mapping[str, Any], output: str, unit: str = "") -> Figure | None:
@@ -31,8 +29,9 @@ def convergence(snapshot: Mapping[str, Any], output: str, unit: str = "") -> Fig
     Of the most influential factors only, as many as there are colours.
     """
     entry, kind = snapshot["outputs"][output], family(snapshot["method"])
-    parts, index = entry["convergence"]["rows"], RANKED_BY[kind]
-    if not parts:
+    index = RANKED_BY[kind]
+    # A snapshot that an earlier version left may not say it.
+    if not entry.get("convergence", {}).get("rows"):
         return None
     data: list[dict[str, Any]] = []
     table = []
@@ -71,7 +70,7 @@ def convergence(snapshot: Mapping[str, Any], output: str, unit: str = "") -> Fig
         "data": data,
         "layout": layout(
             380,
-            xaxis={"title": {"text": "rows of the design"}, "type": "log", "dtick": OCTAVE},
+            xaxis=rows_axis(entry["convergence"]["rows"][0], snapshot["rows_complete"]),
             yaxis={
                 "title": {"text": label if kind != "morris" else with_unit(label, plain(unit))},
                 "automargin": True,
@@ -100,6 +99,8 @@ def series(
 ) -> list[tuple[int, dict[str, float]]]:
     """Return an index of growing parts and of all rows that are complete, where it is defined."""
     entry = snapshot["outputs"][output]
+    if "convergence" not in entry:
+        return []
     curve = entry["convergence"]["factors"][factor][index]
     points = [
         (row, {end: curve[end][place] for end in _ENDS})

@@ -5,8 +5,15 @@ from math import log10
 from typing import Any
 
 from analysis.designs import family
-from analysis.reports.interactive.convergence import OCTAVE, series
-from analysis.reports.interactive.shared import MOST_LINES, Figure, colour, layout, ranked
+from analysis.reports.interactive.convergence import series
+from analysis.reports.interactive.shared import (
+    MOST_LINES,
+    Figure,
+    colour,
+    layout,
+    ranked,
+    rows_axis,
+)
 from analysis.reports.wording import words
 from analysis.sensitivity.stopping import WANTED, Advice
 
@@ -73,7 +80,7 @@ def precision(snapshot: Mapping[str, Any], output: str, advice: Advice | None) -
         "data": data,
         "layout": layout(
             380,
-            xaxis={"title": {"text": "rows of the design"}, "type": "log", "dtick": OCTAVE},
+            xaxis=rows_axis(min(row for _, row, _ in table), then),
             yaxis={
                 "title": {"text": "half width of the interval, ±"},
                 "type": "log",

@@ -1,6 +1,7 @@
 """What the interactive figures share."""
 
 from collections.abc import Mapping, Sequence
+from math import ceil, log2, log10
 from typing import Any
 
 from analysis.designs import family
@@ -61,6 +62,18 @@ def reach(indices: Sequence[Interval]) -> dict[str, Any]:
         "arrayminus": below,
         "thickness": 1.4,
         "width": 4,
+    }
+
+
+def rows_axis(first: int, last: int) -> dict[str, Any]:
+    """Return an axis of rows, with ticks at powers of two, eight at most."""
+    octaves = ceil(log2(max(last / first, 2.0)) / 8)
+    return {
+        "title": {"text": "rows of the design"},
+        "type": "log",
+        # On an axis of powers of ten.
+        "dtick": octaves * log10(2.0),
+        "automargin": True,
     }
 
 

@@ -88,3 +88,14 @@ def test_a_unit_is_no_markup() -> None:
     text = json.dumps(bars(analyse(plan, results_of(plan)), "y", unit))
     assert "<a" not in text and "&lt;a href" in text
     assert plain("&lt;") == "&amp;lt;"
+
+
+def test_a_snapshot_of_an_earlier_version_is_drawn_as_far_as_it_goes(
+    snapshot: dict[str, Any],
+) -> None:
+    output = snapshot["outputs"]["y"]
+    lacking = ("convergence", "screening", "trust")
+    old = {name: value for name, value in output.items() if name not in lacking}
+    drawn = figures({**snapshot, "outputs": {"y": old}})
+    assert drawn["bars"] is not None
+    assert drawn["convergence"] is drawn["precision"] is None
