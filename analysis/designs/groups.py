@@ -7,6 +7,8 @@ groups takes five runs a row instead of twenty-one.
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from models.factors import SEED
+
 #: Which factors, by their places, make up each unit.
 Units = Sequence[Sequence[int]]
 
@@ -42,6 +44,8 @@ def fault_in(factors: Iterable[str], groups: Mapping[str, Sequence[str]]) -> tup
     known = list(factors)
     seen: dict[str, str] = {}
     for name, members in groups.items():
+        if name == SEED.name:
+            return name, f"{name} is what a model's own noise is called: call the group otherwise"
         if name in known:
             return name, f"{name} is the name of a factor: call the group otherwise"
         if not members:

@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 LEAST_SHARE = 0.01
 MOST = 5
 
+#: Of a curve whose norm is so many times its spread, the products of coefficients have too few
+#: digits left for their covariances: it has no components. All other indices come from exact sums.
+LARGEST_MEAN = 1e5
+
 
 @dataclass(frozen=True, kw_only=True)
 class Component:
@@ -59,6 +63,8 @@ def components(curve: CurveEstimator, variance: float, level: float) -> Componen
     if count[0] < 2 or not variance > 0.0 or np.any(count < 1):
         return Components(leading=(), held=np.nan)
     mean = sums.mean("score")
+    if (mean[0] ** 2).sum() > LARGEST_MEAN**2 * variance:
+        return Components(leading=(), held=np.nan)
     covariance = matrices(sums.mean("score_product"), curve.size)
     covariance = covariance - mean[:, :, None] * mean[:, None, :]
     power, vectors = _matched(covariance)

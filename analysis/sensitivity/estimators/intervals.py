@@ -180,7 +180,8 @@ def jackknife_error(without: Array, present: NDArray[np.bool_]) -> Array:
     """Return the standard error of Tukey 1958; nan unless two blocks or more have a number."""
     blocks = present.sum(axis=0)
     count = np.maximum(blocks, 1)
-    squares = (_deviations(without, present) ** 2).sum(axis=0)
+    with np.errstate(over="ignore"):
+        squares = (_deviations(without, present) ** 2).sum(axis=0)
     error: Array = np.where(blocks > 1, np.sqrt((count - 1) / count * squares), np.nan)
     return error
 

@@ -39,7 +39,7 @@ class MorrisEstimator(Estimator):
         Of the one with the largest mu* (Campolongo et al. 2007); nan where nothing moves.
         """
         sums = self._weighted(1)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             fourth = self._weighted_sample().mean("effect_fourth")[0]
             kurtosis = fourth / sums.mean("effect_squared")[0] ** 2
         leading = np.argmax(np.nan_to_num(sums.mean("magnitude")[0]), axis=-1)

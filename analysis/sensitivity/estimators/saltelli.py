@@ -128,13 +128,13 @@ def kurtosis_of(sums: Weighted, sample: Weighted) -> NDArray[np.float64]:
     Stuart 1977, The advanced theory of statistics 1, chapter 3): no large mean to cancel.
     """
     second = sums.mean("between_squared")[0]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         ratio = sample.mean("between_fourth")[0] / second**2
     return np.where(second > 0.0, np.maximum(2.0 * ratio - 3.0, 1.0), np.nan)
 
 
 def share(part: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return part / variance, nan where nothing varies (paper, equation 25)."""
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         share: NDArray[np.float64] = np.where(variance > 0.0, part / variance, np.nan)
     return share

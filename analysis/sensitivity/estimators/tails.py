@@ -55,7 +55,7 @@ def tail(*, half: Array, first: Array, second: Array, fourth: Array, n: NDArray[
         half, first, second, fourth: the means, of one shape.
         n: of how many rows.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         of_half, of_first, of_second = np.log(half), np.log(first), np.log(second)
         before, after = 2.0 * (of_first - of_half), of_second - of_first
         slope = after + BEND * (after - before)

@@ -219,6 +219,10 @@ def test_instances_of_groups_have_every_factor() -> None:
             ("h", "x2 is in g and h: a factor is in one group only"),
         ),
         ({"x2": ["x1"]}, ("x2", "x2 is the name of a factor: call the group otherwise")),
+        (
+            {"seed": ["x1"]},
+            ("seed", "seed is what a model's own noise is called: call the group otherwise"),
+        ),
         ({"g": ["x1", "x2", "x3"]}, None),
         ({}, None),
     ],

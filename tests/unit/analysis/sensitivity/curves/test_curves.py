@@ -244,3 +244,36 @@ def test_six_factors_and_a_hundred_and_one_points_stay_below_200_mb() -> None:
     scale = 10.0 ** rng.integers(-6, 7, size=(8, 1, 1))
     curve.add_rows(range(8), rng.normal(size=(8, 8, 101)) * scale)
     assert len(curve.to_bytes()) < 60e6
+
+
+@pytest.mark.parametrize("method", ["saltelli", "morris"])
+@pytest.mark.parametrize("size", [1e-200, 1e99])
+def test_curves_of_any_size_are_analysed_without_a_warning(method: str, size: float) -> None:
+    curve = estimator(5, 6, method)
+    curve.add_rows(range(16), size * sampled(waves(6), 16, method))
+    said = found(curve)
+    assert said["components"] == [] or size > 1.0
+    assert said["trust"]["sentence"] == ""
+
+
+def test_a_curve_far_from_zero_keeps_its_indices_and_has_no_components() -> None:
+    near = found(filled(waves(6), 64))
+    curve = estimator(5, 6)
+    curve.add_rows(range(64), 1e9 + sampled(waves(6), 64))
+    far = found(curve)
+    for factor, index in near["whole"]["factors"].items():
+        moved = far["whole"]["factors"][factor]["total_order"]["value"]
+        assert moved == pytest.approx(index["total_order"]["value"], abs=1e-5)
+    assert far["components"] == [] and far["held"] is None and near["components"]
+
+
+def test_a_spike_that_cosines_do_not_hold_is_told_of_and_misses_in_components_only() -> None:
+    curves = np.zeros((64, 5, 60))
+    points = [unit_row("saltelli", "sobol_blocks", SEED, row, 3) for row in range(64)]
+    curves[:, :, 7] = np.stack(points)[:, :, 0]
+    curve = estimator(3, 60)
+    curve.add_rows(range(64), curves)
+    said = found(curve)
+    assert said["held"] < 0.5
+    assert said["whole"]["factors"]["a"]["total_order"]["value"] == pytest.approx(1.0, abs=0.1)
+    assert said["factors"]["a"]["total_order"]["value"][6] is None
