@@ -1,5 +1,7 @@
 """What a worker brings and asks for in one request, and what it is told."""
 
+import re
+
 from sqlalchemy.engine import Connection
 
 from server.logic.verdicts import Judgement
@@ -10,6 +12,9 @@ from server.records import record
 
 #: What a worker is told: a judgement of each result, and its next lease or why there is none.
 Answer = tuple[list[Judgement], Grant | Ineligible | Deferred | None]
+
+
+_STUDY = re.compile(r"[0-9a-f]{1,32}")
 
 
 @record
@@ -24,7 +29,11 @@ class Exchange:
     @property
     def study(self) -> str:
         """Id of the study that its results are about, as they say; empty if it brings none."""
-        return self.posted.reports[0].instance.partition(":")[0] if self.posted else ""
+        if self.posted is None:
+            return ""
+        named = self.posted.reports[0].instance.partition(":")[0]
+        # Anybody may call an instance anything.
+        return named if _STUDY.fullmatch(named) else ""
 
     def alone(self, connection: Connection) -> Answer:
         """Deal with it in a transaction of its own."""

@@ -23,7 +23,11 @@ from server.operations.leasing import Deferred, Grant, Ineligible, LeaseRequest
 from server.operations.results import Post
 from server.records import Instance, Lease, Place, Result, Study, record
 from server.states import InstanceState, StudyState, Verdict
+from server.store.database.prepared import as_text
 from server.store.turns import Changes, Seen, Slots, TurnConnection
+
+#: How JSON writes a character that PostgreSQL's texts cannot hold.
+NUL = "\\u0000"
 
 
 class _UnusualError(Exception):
@@ -215,6 +219,9 @@ class _Served:
         for judgement in judgements:
             one = judgement.instance
             if judgement.verdict != Verdict.ACCEPTED or judgement.result is None or one is None:
+                raise _UnusualError
+            if judgement.result.state and NUL in as_text(judgement.result.state):
+                # PostgreSQL keeps it in JSON by itself, but not where it takes JSON apart.
                 raise _UnusualError
             if before[one.row, one.position].lease != lease.id:
                 # Late: somebody else may be about to get it.

@@ -217,10 +217,20 @@ def test_what_is_unusual_is_left_alone_and_changes_nothing(
         posting(grant, [(0, {})], fence=99),
         posting(grant, [(0, {}), (0, {})]),
         posting(grant, [(0, {})], lease="no such lease"),
+        posting(grant, [(0, {"outcome": "slipped", "state": {"x": ["\0"]}})]),
     ]
     waiting = [Exchange(now=1.0, ttl=TTL, posted=post) for post in odd]
     assert {answer for _, answer in take_turn(turns, study.id, lambda: waiting).answers} == {None}
     assert Twin(engine, None).tables() == before
+
+
+def test_an_instance_of_any_name_disturbs_no_turn(
+    engine: Engine, turns: TurnConnection, plan: Callable[..., Plan]
+) -> None:
+    post = Post(reports=[report("\0 ' or 1:0:0")], lease="l", fence=1, worker="w")
+    exchange = Exchange(now=0.0, ttl=TTL, posted=post)
+    assert exchange.study == ""
+    assert take_turn(turns, exchange.study, lambda: [exchange]).answers == [(exchange, None)]
 
 
 def test_a_late_result_is_not_given_out_again_in_the_same_turn(
