@@ -73,6 +73,7 @@ def rows_axis(first: int, last: int) -> dict[str, Any]:
         "type": "log",
         # On an axis of powers of ten.
         "dtick": octaves * log10(2.0),
+        "tickformat": ",d",
         "automargin": True,
     }
 
