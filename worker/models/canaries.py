@@ -84,7 +84,7 @@ class Canaries:
         if self.pool.running or not self._waiting:
             return
         description, place = self._waiting[0]
-        if len(self._results) == len(SEEDS) or self._cannot_be_loaded():
+        if len(self._results) == len(SEEDS) or self._says_enough():
             self._waiting.popleft()
             results, self._results = self._results, []
             self._judge(description.version, results)
@@ -102,16 +102,24 @@ class Canaries:
             None,
         )
 
-    def _cannot_be_loaded(self) -> bool:
-        return any(result["outcome"] == Outcome.BAD_MODEL for result in self._results)
+    def _says_enough(self) -> bool:
+        """Say whether no further point need be tried: the next would hang, or not load, either."""
+        enough = (Outcome.BAD_MODEL, Outcome.TIMED_OUT)
+        return any(result["outcome"] in enough for result in self._results)
 
     def _judge(self, version: str, results: list[Mapping[str, Any]]) -> None:
         if bad := next((r for r in results if r["outcome"] == Outcome.BAD_MODEL), None):
             log.error("does not take %s, which cannot be loaded here: %s", version, bad["reason"])
             self.refused.add(version)
             return
-        first, _, again = results
-        if first["outputs"] and again["outputs"] and digest_of([first]) != digest_of([again]):
+        first, again = results[0], results[-1]
+        whole = len(results) == len(SEEDS)
+        if (
+            whole
+            and first["outputs"]
+            and again["outputs"]
+            and digest_of([first]) != digest_of([again])
+        ):
             log.error(
                 "does not take %s: it gives other numbers at the same point with another seed, or "
                 "the second time; write `deterministic = false` under [model]",

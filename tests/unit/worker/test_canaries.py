@@ -81,3 +81,15 @@ def test_one_that_cannot_be_loaded_is_refused_and_one_that_fails_is_not() -> Non
     bad = {"outcome": "bad_model", "outputs": {}, "reason": "no such file"}
     assert canary_of(lambda _: bad)[1].refused == {MODEL.version}
     assert canary_of(lambda _: {**bad, "outcome": "diverged"})[0]
+
+
+def test_one_that_hangs_is_not_tried_again_and_again_before_work_begins() -> None:
+    asked: list[Any] = []
+    hung = {"outcome": "timed_out", "outputs": {}, "reason": "still running"}
+
+    def answer(instance: Mapping[str, Any]) -> dict[str, Any]:
+        asked.append(instance)
+        return hung
+
+    assert canary_of(answer)[0]
+    assert len(asked) == 1
