@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from analysis.designs.distributions import Distribution
+from analysis.designs.distributions import Discrete, Distribution
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,8 @@ _DECIMALS = 3
 _PROJECTIONS = 500
 #: Nodes of the quadrature of a linear correlation, and halvings of the interval it is sought in.
 _NODES, _HALVINGS = 48, 50
+#: Equally likely parts of a normal variable, where a factor is discrete.
+_STRATA = 200
 #: Values strictly between 0 and 1.
 _LEAST, _MOST = 2.0**-53, 1.0 - 2.0**-53
 
@@ -200,7 +202,8 @@ def _of_normals(wanted: float, kind: str, one: Distribution, other: Distribution
 
 def _linear(normal: float, one: Distribution, other: Distribution) -> float:
     """Return the correlation of values whose normals have the correlation `normal`."""
-    node, weight = _nodes()
+    # A rule for smooth functions takes the steps of discrete values amiss.
+    node, weight = _nodes(isinstance(one, Discrete) or isinstance(other, Discrete))
     second = normal * node[:, None] + np.sqrt(1.0 - normal**2) * node
     x = _standardised(one.quantiles(_probability(node)), weight)
     of_node = other.quantiles(_probability(node))
@@ -220,8 +223,11 @@ def _probability(normal: Array) -> Array:
     return found
 
 
-@lru_cache(maxsize=1)
-def _nodes() -> tuple[Array, Array]:
+@lru_cache(maxsize=2)
+def _nodes(steps: bool) -> tuple[Array, Array]:
+    if steps:
+        middles = (np.arange(_STRATA) + 0.5) / _STRATA
+        return ndtri(middles), np.full(_STRATA, 1.0 / _STRATA)
     node, weight = np.polynomial.hermite_e.hermegauss(_NODES)
     return node, weight / weight.sum()
 
@@ -243,8 +249,8 @@ def _contradiction(
         if value != 0.0:
             shown.append(f'["{names[i]}", "{names[j]}", {value:g}]')
     return (
-        "no factors can have these correlations all at once; the nearest that they can have are "
-        f"[{', '.join(shown)}]"
+        "these correlations contradict each other, or make a factor all but a function of others; "
+        f"the nearest that can be sampled are [{', '.join(shown)}]"
     )
 
 

@@ -147,9 +147,8 @@ def draw_up(
         kept = tuple(name for name in kept if name not in curved)
     _check_groups(groups, [factor for factor in known if factor in sampled], method, sampling)
     if len(units_of(sampled, groups)) < fewest_factors(method):
-        raise InvalidStudyError(
-            "/factors", f"{method} looks at pairs: it needs two factors or more"
-        )
+        what = "shares out among factors" if method == "shapley" else "looks at pairs"
+        raise InvalidStudyError("/factors", f"{method} {what}: it needs two factors or more")
     distributions = {factor: sampled[factor] for factor in known if factor in sampled}
     return Plan(
         name=name,

@@ -41,6 +41,28 @@ def sent(talk_to: Callable[..., None]) -> list[dict[str, Any]]:
     return bodies
 
 
+def test_bodies_as_they_are_are_a_preset_that_options_win_over(
+    run: Run, sent: list[dict[str, Any]]
+) -> None:
+    status, _, said = run(
+        *[
+            "study",
+            "submit",
+            "--preset",
+            "anthropometric",
+            "--model",
+            "elbow_bushing",
+            "--rows",
+            "7",
+        ]
+    )
+    assert (status, said) == (0, "")
+    assert (sent[0]["method"], sent[0]["rows"]) == ("shapley", 7)
+    assert ["upper_arm_length", "forearm_length", 0.81] in sent[0]["correlations"]
+    status, _, said = run("study", "submit", "--preset", "tall")
+    assert status == 2 and "there is no preset 'tall'" in said
+
+
 def test_a_study_is_submitted_from_options(run: Run, sent: list[dict[str, Any]]) -> None:
     options = "--model ishigami --method morris --rows 5 --factor x1=0:1 --fix x2=0.5 --output y"
     status, out, _ = run("study", "submit", *options.split())

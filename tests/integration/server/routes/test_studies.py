@@ -245,7 +245,7 @@ def test_factors_that_depend_on_each_other_are_sampled_so(client: TestClient) ->
         (
             {"correlations": [["x1", "x2", 0.9], ["x2", "x3", 0.9], ["x1", "x3", -0.9]]},
             "/correlations",
-            'the nearest that they can have are [["x1", "x2", ',
+            'the nearest that can be sampled are [["x1", "x2", ',
         ),
     ],
 )

@@ -20,7 +20,14 @@ from analysis.designs.dependence import (
     conditional,
     copula,
 )
-from analysis.designs.distributions import Distribution, LogUniform, Normal, Triangular, Uniform
+from analysis.designs.distributions import (
+    Discrete,
+    Distribution,
+    LogUniform,
+    Normal,
+    Triangular,
+    Uniform,
+)
 from sim.parameters.anthropometric import STUDY
 
 NAMES = ("a", "b", "c")
@@ -57,6 +64,10 @@ def test_linear_correlations_are_those_of_the_values() -> None:
         shape.ppf(column) for shape, column in zip(SHAPES, points(correlation).T, strict=True)
     ]
     assert np.corrcoef(values)[0, 1] == pytest.approx(0.5, abs=0.04)
+    # Of a coin and a uniform factor it is at most the root of 3/4.
+    coin = Discrete(values=(0.0, 1.0), probabilities=(0.5, 0.5))
+    with pytest.raises(DependenceError, match=r"allow -0.86\d to 0.86\d"):
+        of(("a", "b", 0.9), kind="linear", shapes=(coin, SHAPES[0]))
     # Of normal factors that is the copula's own.
     normals = (Normal(mean=5.0, sd=2.0), Normal(mean=0.0, sd=0.1))
     assert of(("a", "b", 0.3), kind="linear", shapes=normals)[0, 1] == pytest.approx(0.3, abs=1e-9)
@@ -139,7 +150,7 @@ def test_what_no_factors_can_have_is_one_sentence(pairs: Any, kind: str, sentenc
 
 @pytest.mark.parametrize("kind", ["rank", "linear"])
 def test_of_a_contradiction_the_nearest_possible_is_named_and_is_possible(kind: str) -> None:
-    with pytest.raises(DependenceError, match="all at once") as caught:
+    with pytest.raises(DependenceError, match="contradict each other") as caught:
         of(("a", "b", 0.75), ("b", "c", 0.75), ("a", "c", -0.5), kind=kind)
     named = json.loads(str(caught.value).partition("are ")[2])
     of(*map(tuple, named), kind=kind)
