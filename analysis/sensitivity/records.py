@@ -102,6 +102,42 @@ def said_of(snapshot: Mapping[str, Any], output: str) -> Mapping[str, Any]:
     return {}
 
 
+def curves_as_outputs(snapshot: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a snapshot whose curves stand among its outputs, with what is said of the whole.
+
+    What an output has and a whole curve has not is null, and its convergence is empty.
+    """
+    shares = ("first_order", "total_order")
+    indices = ("mu", "mu_star", "sigma") if snapshot["method"] == "morris" else shares
+    unknown = dict.fromkeys(("value", "low", "high"))
+    said: dict[str, Any] = {}
+    for name in snapshot.get("curves", {}):
+        of_whole = output_of(snapshot, name)
+        factors = {
+            factor: {
+                **dict.fromkeys(indices, unknown),
+                "per_unit": None,
+                "worst_case": None,
+                **found,
+            }
+            for factor, found in of_whole["factors"].items()
+        }
+        line: dict[str, Any] = {index: {"value": [], "low": [], "high": []} for index in indices}
+        said[name] = {
+            "mean": None,
+            "sd": None,
+            "n": snapshot["curves"][name]["n"],
+            **of_whole,
+            "factors": factors,
+            "convergence": {
+                "rows": [],
+                "factors": dict.fromkeys(factors, line),
+                "second_order": [],
+            },
+        }
+    return {**snapshot, "outputs": {**snapshot["outputs"], **said}}
+
+
 @dataclass(frozen=True, kw_only=True)
 class LoggedResult:
     """The one final result of one instance, as the store logged it."""

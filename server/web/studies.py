@@ -5,7 +5,9 @@ from typing import Any
 
 from sqlalchemy.engine import Engine
 
+from analysis.sensitivity.records import said_of
 from analysis.sensitivity.stopping import Advice, advise
+from models.curves import names_of
 from server.logic.progress import Pace, pace
 from server.operations import precision_goals, studies
 from server.operations.result_log import StoreResultLog
@@ -86,12 +88,12 @@ def precision(engine: Engine, study: Study, goal: PrecisionGoal | None) -> Advic
     """Return how wide a study's widest interval is, and how wide it should be; None: too early."""
     if not study.rows_complete:
         return None
-    output = goal.output if goal else study.plan.outputs[0]
+    output = goal.output if goal else names_of(study.plan.outputs, study.plan.curves)[0]
     target = goal.target if goal else None
     key = (study.id, study.edition, study.result_count, f"{output} {target}")
     if key not in _PRECISION:
         snapshot = StoreResultLog(engine).snapshot(study.id)
-        if snapshot is None or output not in snapshot["outputs"]:
+        if snapshot is None or not said_of(snapshot, output):
             return None
         found = advise({"sampling": study.plan.sampling, **snapshot}, output, target)
         if snapshot["cursor"] != study.result_count:

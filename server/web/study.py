@@ -7,10 +7,11 @@ from fastapi import APIRouter, Request, Response
 
 from analysis.reports import tables
 from analysis.reports.interactive import bars, convergence, plane, precision
-from analysis.sensitivity.records import StudyPlan
+from analysis.sensitivity.records import StudyPlan, curves_as_outputs
 from analysis.sensitivity.remarks import remarks, warning
 from analysis.sensitivity.snapshot import empty_snapshot
 from analysis.sensitivity.stopping import advise
+from models.curves import names_of as output_names
 from server.errors import NotFoundError
 from server.logic.plans import for_analysis
 from server.operations import models, precision_goals, studies
@@ -88,7 +89,7 @@ def runs(study_id: Id, store: Store, request: Request) -> Response:
 
 def chosen(study: Study, choices: Any, default: str | None) -> tuple[str, str, str]:
     """Return the output that is asked for, its name without its form, and the form."""
-    outputs = study.plan.outputs
+    outputs = _outputs(study)
     wanted = choices.get("output") or default or outputs[0]
     if wanted not in outputs and wanted not in names_of(study):
         raise NotFoundError(f"study {study.id} has no output {wanted!r}")
@@ -100,13 +101,13 @@ def chosen(study: Study, choices: Any, default: str | None) -> tuple[str, str, s
 
 def names_of(study: Study) -> list[str]:
     """Return the outputs, those in several forms once."""
-    outputs = study.plan.outputs
+    outputs = _outputs(study)
     return list(dict.fromkeys(_split(outputs, output)[0] for output in outputs))
 
 
 def forms_of(study: Study, name: str) -> list[tuple[str, str]]:
     """Return the forms that an output has."""
-    return [(end, said) for end, said in FORMS.items() if name + end in study.plan.outputs]
+    return [(end, said) for end, said in FORMS.items() if name + end in _outputs(study)]
 
 
 def units_of(asked: Look, study: Study) -> dict[str, str]:
@@ -116,6 +117,7 @@ def units_of(asked: Look, study: Study) -> dict[str, str]:
     except NotFoundError:
         return {}
     found = {factor.name: factor.unit for factor in model.factors} | dict(model.units)
+    found |= {output.name: output.unit for output in model.results}
     return {name: "" if unit == "1" else unit for name, unit in found.items()}
 
 
@@ -132,6 +134,11 @@ def _empty(study_id: str, edition: int, plan: Callable[[], StudyPlan]) -> dict[s
 _EMPTY: dict[tuple[str, int], dict[str, Any]] = {}
 
 
+def _outputs(study: Study) -> tuple[str, ...]:
+    """Return the names of a study's outputs, a curve once."""
+    return tuple(output_names(study.plan.outputs, study.plan.curves))
+
+
 def _split(outputs: tuple[str, ...], output: str) -> tuple[str, str]:
     for end in FORMS:
         if end and output.endswith(end) and output.removesuffix(end) in outputs:
@@ -143,5 +150,5 @@ def snapshot_of(asked: Look, study: Study) -> dict[str, Any]:
     """Return what is known of a study's indices; an empty snapshot before anything is."""
     found = StoreResultLog(asked.engine).snapshot(study.id)
     if found is None:
-        return _empty(study.id, study.edition, lambda: for_analysis(study))
-    return {"sampling": study.plan.sampling, **found}
+        found = _empty(study.id, study.edition, lambda: for_analysis(study))
+    return curves_as_outputs({"sampling": study.plan.sampling, **found})

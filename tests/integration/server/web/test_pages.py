@@ -7,7 +7,9 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
+from analysis.sensitivity.service import catch_up
 from server.operations import tokens
+from server.operations.result_log import StoreResultLog
 from server.web.page import Look
 from server.web.pages import PAGES
 from tests.testbed.full_house import MARKUP, SHORT, House, furnish
@@ -118,3 +120,34 @@ def test_runs_are_a_bounded_sample_and_failures_lie_where_they_happened(
     failed = [place for place, outcome in enumerate(runs["outcomes"]) if outcome != "ok"]
     for place in failed:
         assert runs["columns"]["x1"][place] > 2.0 and runs["columns"]["y"][place] is None
+
+
+@pytest.mark.parametrize("method", ["morris", "saltelli_second_order"])
+def test_a_study_of_curves_alone_has_a_page_before_and_after_results(
+    app: FastAPI, client: TestClient, method: str
+) -> None:
+    asked = {"name": "c", "model": "elbow", "method": method, "rows": 2}
+    factors = [{"name": name} for name in ("forearm_mass", "forearm_length")]
+    study = client.post(
+        "/v1/studies", json=asked | {"outputs": ["torque_over_phase"], "factors": factors}
+    ).json()
+    page = f"/studies/{study['id']}"
+    assert "torque over phase" in client.get(page, headers=BROWSER).text
+    worker = {"id": "w", "host": "h", "versions": {"mujoco": "4.0.1"}}
+    ask = {"worker": worker, "models": ["elbow"], "max_instances": 12}
+    lease = client.post("/v1/leases", json=ask).json()
+    results = [
+        {
+            "instance": one["id"],
+            "outcome": "ok",
+            "outputs": {
+                "torque_over_phase": [one["parameters"]["forearm_mass"] * i for i in range(101)]
+            },
+        }
+        for one in lease["instances"]
+    ]
+    proof = {"lease": lease["id"], "fence": lease["fence"], "worker": "w", "results": results}
+    assert client.post("/v1/results", json=proof).status_code == 200
+    catch_up(StoreResultLog(app.state.engine), study["id"])
+    for path in (page, f"{page}?output=torque_over_phase", "/", f"{page}/sample"):
+        assert client.get(path, headers=BROWSER).status_code == 200, path
