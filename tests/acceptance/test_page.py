@@ -253,3 +253,15 @@ def test_failures_are_run_again_by_cause(browser: Any, furnished: Furnished) -> 
         page.get_by_text("Nothing has failed").wait_for()
         progress = client.progress(house.study)
         assert progress["failed"] == 0 and progress["pending"] == count
+
+
+def test_a_session_that_cannot_be_used_is_refused_with_its_reason(
+    browser: Any, furnished: Furnished
+) -> None:
+    client, _, _ = furnished
+    with tab(browser, client) as page:
+        page.goto(f"{client.url}/loops")
+        file = {"name": "monday.zip", "mimeType": "application/zip", "buffer": b"no zip file"}
+        page.locator("#file").set_input_files(file)
+        page.locator("#answer", has_text="zip").wait_for()
+        assert page.locator("tr", has_text="monday").count() == 0
