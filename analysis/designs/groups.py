@@ -29,13 +29,18 @@ def units_of(
 
 
 def places_of(factors: Sequence[str], groups: Mapping[str, Sequence[str]]) -> Units:
-    """Return the places of the factors of every unit, in the order of `units_of`."""
+    """Return the places of the factors of every unit, in the order of `units_of`.
+
+    Such are the groups of Campolongo et al. 2007.
+    """
     place = {factor: i for i, factor in enumerate(factors)}
     return [[place[factor] for factor in unit] for unit in units_of(factors, groups).values()]
 
 
 def fault_in(factors: Iterable[str], groups: Mapping[str, Sequence[str]]) -> tuple[str, str] | None:
     """Say which group is wrong and why in a sentence; None if all can be sampled.
+
+    Groups share no factor (Campolongo et al. 2007).
 
     Args:
         factors: those that are sampled.

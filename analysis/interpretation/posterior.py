@@ -1,4 +1,10 @@
-"""What is believed of K_h and its like: before calibration, and as quantiles."""
+"""What is believed of K_h and its like: before calibration, and as quantiles.
+
+What was measured beside a recording conditions a joint normal distribution (Rasmussen and Williams
+2006, Gaussian processes for machine learning, equation A.6). Quantiles are those of scores of rows
+that are exchangeable with it (conformal prediction: Vovk et al. 2005, Algorithmic learning in a
+random world).
+"""
 
 from dataclasses import dataclass
 

@@ -33,7 +33,8 @@ _BODY = {
     },
 }
 Column = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE)]
-Columns = Annotated[list[Column] | None, Query(max_length=1000)]
+Outputs = Annotated[list[Column] | None, Query(max_length=1000, examples=[["y"]])]
+Factors = Annotated[list[Column] | None, Query(max_length=1000, examples=[["x1", "x2"]])]
 Called = Annotated[
     str, StringConstraints(min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f/\\]+$")
 ]
@@ -43,8 +44,8 @@ Called = Annotated[
 async def analyse(
     request: Request,
     settings: Configured,
-    output: Columns = None,
-    factor: Columns = None,
+    output: Outputs = None,
+    factor: Factors = None,
     name: Annotated[Called, Query(examples=["runs.csv"])] = "table",
 ) -> dict[str, Any]:
     """Return the indices of a CSV or Parquet file's columns; nothing of the file is kept.
@@ -61,7 +62,7 @@ async def analyse(
 
 @router.post("/studies/{study_id}/analyses")
 async def analyse_study(
-    request: Request, study_id: Id, store: Store, output: Columns = None
+    request: Request, study_id: Id, store: Store, output: Outputs = None
 ) -> dict[str, Any]:
     """Return what a study's results so far tell besides its own indices: a sample as any other."""
     study = await run_in_threadpool(studies.get, store, study_id)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import gaussian_kde, norm, skew
 
 from analysis.reports.figures.style import FAINT, INK, new_figure, open_axes, say
 from analysis.reports.wording import with_unit
@@ -24,6 +23,9 @@ def distribution_figure(values: NDArray[np.float64], output: str, unit: str = ""
     Args:
         values: finite, shape (n,).
     """
+    # A coordinator that shows a study's tables draws nothing, and this takes a second to import.
+    from scipy.stats import gaussian_kde, norm, skew
+
     figure = new_figure(7.0, 4.2)
     axes = figure.subplots()
     per_unit = f"1/({unit})" if unit else ""

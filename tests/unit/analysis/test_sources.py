@@ -18,6 +18,10 @@ CARRIERS = {
     *("given/answer.py", "given/check.py", "given/errors.py"),
     *("given/reading.py", "given/sample.py"),
     *("files/results_csv.py", "files/netcdf.py", "files/parquet.py"),
+    *("interpretation/answer.py", "interpretation/build.py", "interpretation/errors.py"),
+    *("interpretation/page.py", "interpretation/recording.py", "interpretation/sampling.py"),
+    *("reports/interactive/failures.py", "reports/interactive/shared.py"),
+    "sensitivity/curves/findings.py",
 }
 
 #: An author and a year, or a place in the paper or in an ADR.
