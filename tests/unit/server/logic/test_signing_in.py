@@ -63,7 +63,10 @@ def test_codes_that_nobody_uses_do_not_pile_up() -> None:
         ({"origin": "http://lab:9999", "host": "lab:8787"}, False),
         ({"origin": "http://elsewhere", "host": "lab:8787"}, False),
         ({"origin": "null", "host": "lab:8787"}, False),
+        ({"origin": "http://[", "host": "lab:8787"}, False),
+        ({"origin": "ftp://lab:8787", "host": "lab:8787"}, False),
         ({"host": "lab:8787"}, False),
+        ({"origin": "http://None"}, False),
     ],
 )
 def test_only_a_page_of_the_same_host_and_port_is_here(headers: dict[str, str], here: bool) -> None:
