@@ -21,7 +21,9 @@ def with_interval(value: float, low: float | None, high: float | None) -> tuple[
     """Return a number and its interval, "[low, high]", as a reader wants them.
 
     All have as many decimals as two digits of the interval's half width need: more would be noise.
-    Without an interval, or with one of no width, the number has three digits and the other is "".
+    A number that is not 0 is not rounded to it, and where the interval leaves out 0 each number
+    keeps two digits of its own: [0.011, 499] says that the lower bound is small. Without an
+    interval, or with one of no width, the number has three digits and the other is "".
     """
     if low is None or high is None:
         return f"{value:.3g}", ""
@@ -31,4 +33,14 @@ def with_interval(value: float, low: float | None, high: float | None) -> tuple[
     if half < 1e-4 or half >= 1e5:
         return f"{value:.3g}", f"[{low:.2g}, {high:.2g}]"
     decimals = max(1 - floor(log10(half)), 0)
-    return f"{value:.{decimals}f}", f"[{low:.{decimals}f}, {high:.{decimals}f}]"
+    digits = 2 if low * high > 0.0 else 1
+    said = [_rounded(number, decimals, digits) for number in (value, low, high)]
+    return said[0], f"[{said[1]}, {said[2]}]"
+
+
+def _rounded(number: float, decimals: int, digits: int) -> str:
+    """Return a number with so many decimals, or more for its first digits not to be lost."""
+    if number == 0.0:
+        return f"{0.0:.{decimals}f}"
+    needed = digits - 1 - floor(log10(abs(number)))
+    return f"{number:.{digits}g}" if needed > 6 else f"{number:.{max(decimals, needed)}f}"

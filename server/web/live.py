@@ -16,7 +16,8 @@ log = logging.getLogger(__name__)
 LOOK_SECONDS = 1.0
 PATIENCE = 100.0
 LONGEST_SECONDS = 30.0
-KEEPALIVE_SECONDS = 15.0
+#: A stream without news says so often that it is there; live.js knows how often.
+BEAT_SECONDS = 5.0
 #: A stream ends after so long, and its tab comes back: whose token was revoked does not.
 STREAM_SECONDS = 300.0
 
@@ -77,7 +78,7 @@ class Hub:
     async def follow(
         self, key: object, look: Callable[[], Parts], seconds: float = STREAM_SECONDS
     ) -> AsyncIterator[str]:
-        """Yield server-sent events: all parts at first, then those that change; "gone" at the end.
+        """Yield server-sent events: all parts, then those that change, else beats; last "gone".
 
         Args:
             key: whoever has the same sees the same.
@@ -103,9 +104,9 @@ class Hub:
                     return
                 try:
                     # What came while this was sent was told to nobody.
-                    await asyncio.wait_for(self._news(topic, told), KEEPALIVE_SECONDS)
+                    await asyncio.wait_for(self._news(topic, told), BEAT_SECONDS)
                 except TimeoutError:
-                    yield ": still here\n\n"
+                    yield "event: beat\ndata: {}\n\n"
         finally:
             topic.listeners -= 1
             if not topic.listeners and self._topics.get(key) is topic:

@@ -151,6 +151,13 @@ def test_indices_move_while_a_study_runs_and_a_link_keeps_what_was_chosen(
     final = client.indices(study["id"])["outputs"]["y"]["factors"]
     page.wait_for_function(f"x => {shown}.includes(x)", arg=final["x1"]["first_order"]["value"])
     assert page.evaluate("window.same")
+    # Axes follow the data.
+    reach = """name => { const box = document.querySelector(`[data-figure=${name}]`);
+      const axis = box._fullLayout.xaxis, [low, high] = axis.range.map(axis.r2l);
+      const of = box.data.flatMap(trace => trace.x).map(axis.d2l);
+      return low <= Math.min(...of) && Math.max(...of) <= high; }"""
+    for name in ("bars", "convergence", "precision"):
+        page.wait_for_function(reach, arg=name, timeout=5000)
     # What the pointer touches decides whose runs are shown; the link had chosen another.
     assert page.locator("#factor").input_value() == "x2"
     page.locator("#factor").select_option("x3")
@@ -200,6 +207,30 @@ def test_a_coordinator_that_is_killed_is_missed_and_caught_up_with(
     page.locator("tr", has_text="meanwhile").wait_for()
     page.locator("#banner").wait_for(state="hidden")
     assert page.evaluate("window.same")
+
+
+def test_a_coordinator_that_hangs_is_missed_and_a_button_says_that_nothing_came_of_it(
+    page: Any, client: Client, fleet: LocalFleet
+) -> None:
+    client.submit({"name": "hanging", "model": "ishigami", "method": "saltelli", "rows": 400_000})
+    # The page misses beats, and a button its answer, without our waiting for it.
+    page.clock.install()
+    page.add_init_script(
+        "const wait = AbortSignal.timeout.bind(AbortSignal); AbortSignal.timeout = () => wait(50)"
+    )
+    page.goto(f"{client.url}/")
+    live(page)
+    coordinator = fleet.pids()["coordinator"]
+    os.kill(coordinator, signal.SIGSTOP)
+    try:
+        page.locator("tr", has_text="hanging").get_by_role("button", name="Pause").click()
+        page.locator("#told.shown", has_text="has not answered").wait_for()
+        page.clock.fast_forward(15_000)
+        page.locator("#banner").wait_for()
+        assert page.locator("#link").inner_text() == "not connected"
+    finally:
+        os.kill(coordinator, signal.SIGCONT)
+    page.locator("#banner").wait_for(state="hidden")
 
 
 def test_a_reader_is_refused_what_no_button_offers(browser: Any, furnished: Furnished) -> None:

@@ -4,6 +4,8 @@
 const told = document.getElementById("told");
 const dialog = document.getElementById("question");
 
+const PATIENCE = 10000; // milliseconds
+
 /** Asks for something and returns the answer as JSON; throws an Error with the reason if refused. */
 export async function ask(method, path, body, headers = {}) {
   let answer;
@@ -12,8 +14,12 @@ export async function ask(method, path, body, headers = {}) {
       method,
       headers: { ...(body === undefined ? {} : { "Content-Type": "application/json" }), ...headers },
       body: body === undefined ? undefined : JSON.stringify(body),
+      signal: AbortSignal.timeout(PATIENCE),
     });
-  } catch {
+  } catch (error) {
+    if (error.name === "TimeoutError") {
+      throw new Error("The coordinator has not answered for 10 s: it may do this yet, or not.");
+    }
     throw new Error("The coordinator does not answer; nothing was changed.");
   }
   const text = await answer.text();

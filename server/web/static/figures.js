@@ -4,7 +4,6 @@ import { onFigure } from "./live.js";
 import { save } from "./files.js";
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
-const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const drawn = new Map();
 
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -27,8 +26,9 @@ function inked(layout) {
     plot_bgcolor: "rgba(0,0,0,0)",
     font: { color: style("--ink"), family: "system-ui, sans-serif", size: innerWidth < 500 ? 11 : 13 },
     hoverlabel: hover,
-    transition: calm.matches ? undefined : { duration: 400, easing: "cubic-in-out" },
-    uirevision: "the reader's own zoom stays",
+    // No "transition": with one, plotly.js leaves axes as they were under data that have grown.
+    // The reader's own zoom stays for as long as the axes are of the same quantities.
+    uirevision: ["xaxis", "yaxis"].map((name) => layout[name]?.title?.text).join(),
   };
 }
 
@@ -85,7 +85,8 @@ async function keep(button) {
   const paper = { paper_bgcolor: "#ffffff", font: { color: "#1c2430", family: "sans-serif", size: 13 } };
   const { data, layout } = drawn.get(name);
   const [width, height] = [box.clientWidth, box.clientHeight];
-  const figure = { data, layout: { ...layout, ...paper } };
+  // plotly.js writes into what it draws.
+  const figure = structuredClone({ data, layout: { ...layout, ...paper } });
   const uri = await Plotly.toImage(figure, { format: button.dataset.keep, width, height, scale: 2 });
   save(file, await blob(uri));
 }

@@ -8,6 +8,8 @@ import { now, showTimes } from "./times.js";
 const FIGURE = "figure:";
 // Long enough for a stream that ends as it should and is taken up again.
 const PATIENCE = 2500; // milliseconds
+// Two and a half beats (BEAT_SECONDS): a coordinator that hangs keeps its connections.
+const SILENCE = 12500;
 
 const banner = document.getElementById("banner");
 const link = document.getElementById("link");
@@ -15,6 +17,7 @@ const address = document.getElementById("live")?.dataset.stream;
 const listeners = [];
 let source = null;
 let lost = 0;
+let silent = 0;
 let heard = now();
 
 /** Calls `draw(name, figure)` with every figure that is new or has changed. */
@@ -36,24 +39,41 @@ function start() {
   stop();
   source = new EventSource(address);
   source.addEventListener("open", back);
-  source.addEventListener("parts", (event) => show(JSON.parse(event.data)));
+  source.addEventListener("beat", back);
+  source.addEventListener("parts", (event) => {
+    back();
+    show(JSON.parse(event.data));
+  });
   source.addEventListener("gone", () => {
     stop();
     say("This is not there any more.");
   });
   source.addEventListener("error", away);
+  listen();
+}
+
+/** Misses the coordinator when nothing is heard, and asks anew: a connection may be dead. */
+function listen() {
+  clearTimeout(silent);
+  silent = setTimeout(() => {
+    missed();
+    start();
+  }, SILENCE);
 }
 
 function stop() {
   source?.close();
   source = null;
   clearTimeout(lost);
+  clearTimeout(silent);
   lost = 0;
 }
 
 function back() {
   clearTimeout(lost);
   lost = 0;
+  heard = now();
+  listen();
   banner.hidden = true;
   link.textContent = "live";
   link.className = "link on";
@@ -64,12 +84,16 @@ function away() {
   const refused = source?.readyState === EventSource.CLOSED;
   lost ||= setTimeout(() => {
     lost = 0;
-    banner.querySelector("span").textContent = heard;
-    banner.hidden = false;
-    link.textContent = "not connected";
-    link.className = "link off";
+    missed();
     if (refused) again();
   }, PATIENCE);
+}
+
+function missed() {
+  banner.querySelector("span").textContent = heard;
+  banner.hidden = false;
+  link.textContent = "not connected";
+  link.className = "link off";
 }
 
 async function again() {
@@ -92,7 +116,6 @@ function say(sentence) {
 }
 
 function show(parts) {
-  heard = now();
   for (const [name, content] of Object.entries(parts)) {
     if (name.startsWith(FIGURE)) {
       for (const draw of listeners) draw(name.slice(FIGURE.length), content);

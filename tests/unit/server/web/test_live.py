@@ -91,6 +91,19 @@ def test_a_tab_that_comes_back_is_sent_everything_as_it_is_now() -> None:
     asyncio.run(run())
 
 
+def test_a_stream_without_news_beats_so_that_a_page_can_miss_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(live, "BEAT_SECONDS", 0.01)
+
+    async def run() -> None:
+        tab = Hub(asyncio.Event()).follow("page", lambda: {"n": 0})
+        # A comment would be kept from the page's script.
+        assert (await heard(tab, 3))[2] == "event: beat\ndata: {}\n\n"
+
+    asyncio.run(run())
+
+
 def test_a_look_that_goes_wrong_is_repeated(caplog: pytest.LogCaptureFixture) -> None:
     looks = iter([{"n": 0}, None, {"n": 2}])
 
