@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import rankdata
 
 from analysis.given.errors import GivenError
 from analysis.given.reading import Sheet
@@ -169,7 +170,8 @@ def _related(factors: Sequence[str], x: Array) -> list[str]:
     """Say which factors are not independent of each other, by their ranks (Spearman 1904)."""
     if len(factors) < 2:
         return []
-    ranks = np.argsort(np.argsort(x, axis=0, kind="stable"), axis=0)
+    # Equal values share a rank: by the order of rows, a grid's factors would seem to be related.
+    ranks = rankdata(x, axis=0)
     correlation: Array = np.asarray(np.corrcoef(ranks, rowvar=False))
     # Three standard errors of two columns that have nothing to do with each other.
     least = max(CORRELATED, 3.0 / np.sqrt(len(x)))

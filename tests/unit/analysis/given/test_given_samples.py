@@ -297,3 +297,9 @@ def test_of_a_design_only_points_that_share_nothing_count_as_a_sample(tmp_path: 
     assert found["design"] == {"method": "saltelli", "rows": 40, "width": 5}
     assert found["measures"]["pawn"]["rows"] == 80
     assert set(found["outputs"]["y"]["design"]) == {"first_order", "total_order"}
+
+
+def test_a_full_factorial_in_its_natural_order_has_no_related_factors(tmp_path: Path) -> None:
+    grid = np.array(list(np.ndindex(5, 5, 5)), dtype=float)
+    path = written(tmp_path / "grid.csv", np.column_stack([grid, grid.sum(axis=1)]))
+    assert "depend" not in " ".join(choose(read_sheet(path), ["y"]).remarks)
