@@ -14,6 +14,7 @@ from analysis.given.intervals import chance
 from analysis.given.measures import MEASURES, Measure
 from analysis.given.reading import read_sheet
 from analysis.given.sample import FEWEST_ROWS, Sample, choose
+from analysis.given.spread import in_parts, quasi_random, sharing_nothing
 from analysis.sensitivity.estimators import Estimate
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ def analyse(
         "design": None or {"method", "rows", "width"}, "measures": {MEASURE: {"symbol", "assumes",
         "source", "rows"}}, "outputs": {NAME: {"mean", "sd", "design": {INDEX: INTERVALS},
         "measures": {MEASURE: {FACTOR: {"value", "low", "high"} and "chance" of a biased one and
-        "p_value" of hsic}}}}}.
+        "p_value" of hsic}}}}}; None is a number that is not told, for the reason in "remarks".
 
     Raises:
         GivenError: the file cannot be analysed.
@@ -66,6 +67,20 @@ def answer(sample: Sample) -> dict[str, Any]:
                 "needed for the indices of samples: those of the design are all there is."
             )
             rows = rows[:0]
+    elif parts := in_parts(sample.x[rows]):
+        apart = sharing_nothing(sample.x[rows])
+        used = len(apart) >= FEWEST_ROWS
+        remarks.append(
+            f"{parts} of {len(rows)} rows differ from another in one factor only, as parts of a "
+            "Saltelli or Morris design do: they are not drawn independently. "
+            + (
+                f"Only the {len(apart)} rows that share no value are used. "
+                if used
+                else "Intervals are too narrow. "
+            )
+            + "If it is a design, give every line of it, in its order."
+        )
+        rows = rows[apart] if used else rows
     x, y = sample.x[rows], sample.y[rows]
     # Rows may come sorted by a factor, and equal values would then stay sorted.
     order = np.random.default_rng(0).permutation(len(rows))
@@ -74,6 +89,14 @@ def answer(sample: Sample) -> dict[str, Any]:
     if few := [f"{name} ({count})" for name, count in levels.items() if 0 < count <= 10]:
         remarks.append(
             f"Factors of few values, whose order is taken to mean something: {', '.join(few)}."
+        )
+    withheld: tuple[str, ...] = ()
+    if len(rows) and quasi_random(x):
+        withheld = tuple(measure.name for measure in MEASURES if measure.needs_drawn)
+        remarks.append(
+            "The points lie more evenly than random ones, as those of Sobol's or Halton's "
+            f"sequences do: {', '.join(withheld)} is withheld, for in such points the other "
+            "factors' waves look like those of the factor itself. See delta, pawn and hsic."
         )
     designed = {} if found is None else layout.indices(found, sample.x, sample.y, LEVEL)
     measures = MEASURES if len(rows) else ()
@@ -99,7 +122,12 @@ def answer(sample: Sample) -> dict[str, Any]:
                 "mean": _number(float(sample.y[complete, o].mean())),
                 "sd": _number(float(sample.y[complete, o].std(ddof=1))),
                 "design": _of_design(designed, o, sample.factors),
-                "measures": {m.name: _of_sample(m, x, y[:, o], sample.factors) for m in measures},
+                "measures": {
+                    m.name: _withheld(sample.factors)
+                    if m.name in withheld
+                    else _of_sample(m, x, y[:, o], sample.factors)
+                    for m in measures
+                },
             }
             for o, name in enumerate(sample.outputs)
         },
@@ -127,6 +155,11 @@ def _of_sample(measure: Measure, x: Array, y: Array, factors: Sequence[str]) -> 
         factor: {name: _number(float(column[f])) for name, column in columns.items()}
         for f, factor in enumerate(factors)
     }
+
+
+def _withheld(factors: Sequence[str]) -> dict[str, Any]:
+    """Return a measure of every factor that is not told."""
+    return {factor: dict.fromkeys(("value", "low", "high")) for factor in factors}
 
 
 def _of_design(

@@ -92,6 +92,8 @@ class Measure:
     least: float | None
     #: An index of no influence is not 0: what it is, is found by permuting the output.
     biased: bool
+    #: Points of a low-discrepancy sequence mislead it.
+    needs_drawn: bool = False
     assumes: str
     source: str
 
@@ -105,7 +107,9 @@ MEASURES = (
         most_rows=20_000,
         least=None,
         biased=False,
-        assumes="factors are independent of each other, and the output changes with each of them "
+        needs_drawn=True,
+        assumes="factors are independent of each other, points are drawn at random or as a Latin "
+        "hypercube (of Sobol's points it is withheld), and the output changes with each of them "
         f"no more often than {HARMONICS} harmonics follow; says nothing of interactions",
         source="Tarantola, Gatelli and Mara 2006; Plischke 2010; Tissot and Prieur 2012 (SALib)",
     ),

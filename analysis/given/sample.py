@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 FEWEST_ROWS = 64
 #: Columns that a study's own table has besides factors and outputs, in their places.
 _OURS = ("row", "position", "outcome", "wall_seconds", "worker")
+#: Of a column with more than this share of values of its own, equal rows are copies.
+_HARDLY = 0.5
 #: Rank correlation of two factors from which the answer mentions it: beyond chance, and not small.
 CORRELATED = 0.2
 
@@ -85,13 +87,24 @@ def choose(
 def _sample(
     sheet: Sheet, factors: Sequence[str], outputs: Sequence[str], remarks: list[str]
 ) -> Sample:
-    columns = [sheet.numbers[name] for name in (*factors, *outputs)]
-    lines = len(columns[0])
-    complete = _finite(np.column_stack(columns))
+    names = (*factors, *outputs)
+    table = np.column_stack([sheet.numbers[name] for name in names])
+    first = _first_of_each(table)
+    if copies := len(table) - len(first):
+        remarks.append(
+            f"{copies} of {len(table)} rows are exact copies of others and are "
+            "left out: they tell nothing new."
+        )
+        table = table[first]
+        kept = {name: table[:, n] for n, name in enumerate(names)}
+        sheet = replace(sheet, numbers=kept)
+    lines = len(table)
+    complete = _finite(table)
     if complete.sum() < FEWEST_ROWS:
         least = f"and not the {FEWEST_ROWS} or more that indices need"
         if lines < FEWEST_ROWS:
-            raise GivenError(f"it has {lines} rows, {least}", file=sheet.file)
+            which = "different rows" if copies else "rows"
+            raise GivenError(f"it has {lines} {which}, {least}", file=sheet.file)
         emptiest = max((*factors, *outputs), key=lambda n: np.isnan(sheet.numbers[n]).sum())
         raise GivenError(
             f"only {complete.sum()} of its {lines} rows have all factors and outputs, {least}; "
@@ -127,6 +140,20 @@ def _sample(
         y=np.column_stack([sheet.numbers[name] for name in outputs]),
         remarks=tuple(remarks),
     )
+
+
+def _first_of_each(table: Array) -> NDArray[np.intp]:
+    """Return the rows of a table without copies, in order; all of it where copies may be chance.
+
+    They are no chance where a column of the rest hardly repeats a value.
+    """
+    # No number is infinite here, and empty cells are equal.
+    _, first = np.unique(np.where(np.isnan(table), np.inf, table), axis=0, return_index=True)
+    first = np.sort(first)
+    rest = table[first]
+    if any(len(np.unique(column)) > _HARDLY * len(rest) for column in rest.T):
+        return first
+    return np.arange(len(table))
 
 
 def _of_a_study(sheet: Sheet) -> tuple[list[str], list[str]]:

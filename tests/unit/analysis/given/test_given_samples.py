@@ -1,6 +1,7 @@
 """What rows that somebody else sampled tell."""
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from SALib.analyze import delta as salib_delta
 from SALib.analyze import pawn as salib_pawn
 from SALib.analyze import rbd_fast as salib_rbd_fast
+from scipy.stats import qmc
 
 from analysis.designs import unit_row
 from analysis.given import layout, measures
@@ -18,6 +20,7 @@ from analysis.given.hsic import hsic
 from analysis.given.intervals import by_halves
 from analysis.given.reading import read_sheet
 from analysis.given.sample import choose
+from analysis.given.spread import in_parts, quasi_random, sharing_nothing
 from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
 
 ROWS = 80
@@ -303,3 +306,56 @@ def test_a_full_factorial_in_its_natural_order_has_no_related_factors(tmp_path: 
     grid = np.array(list(np.ndindex(5, 5, 5)), dtype=float)
     path = written(tmp_path / "grid.csv", np.column_stack([grid, grid.sum(axis=1)]))
     assert "depend" not in " ".join(choose(read_sheet(path), ["y"]).remarks)
+
+
+@pytest.mark.parametrize(
+    ("engine", "rows"), [(qmc.Sobol, 128), (qmc.Sobol, 250), (qmc.Halton, 256)]
+)
+def test_points_of_a_sequence_are_told_from_drawn_ones(engine: Any, rows: int) -> None:
+    with warnings.catch_warnings(action="ignore"):
+        points = engine(4, seed=3).random(rows)
+    shuffled = np.random.default_rng(3).permutation(points)[: rows - rows // 40] ** 2
+    assert quasi_random(points) and quasi_random(np.column_stack([shuffled, shuffled[:, 0]]))
+    assert not quasi_random(qmc.LatinHypercube(4, seed=3).random(rows))
+    assert not quasi_random(np.random.default_rng(3).random((rows, 4)))
+
+
+def test_of_sobol_points_rbd_fast_is_withheld_and_why_is_said(tmp_path: Path) -> None:
+    x = qmc.Sobol(3, seed=2).random(64)
+    found = analyse(written(tmp_path / "s.csv", np.column_stack([x, ishigami(x)])), ["y"])
+    of_y = found["outputs"]["y"]["measures"]
+    assert of_y["rbd_fast"]["a"] == {"value": None, "low": None, "high": None}
+    assert of_y["delta"]["a"]["value"] > 0.0
+    assert "rbd_fast is withheld" in " ".join(found["remarks"])
+
+
+def test_copies_of_rows_tell_nothing_new(tmp_path: Path, table: Any) -> None:
+    sample = choose(read_sheet(written(tmp_path / "c.csv", np.tile(table, (3, 1)))), ["y"])
+    assert np.array_equal(sample.x, table[:, :3])
+    assert "160 of 240 rows are exact copies of others and are left out" in sample.remarks[0]
+    with pytest.raises(GivenError, match="it has 40 different rows, and not the 64"):
+        choose(read_sheet(written(tmp_path / "c.csv", np.tile(table[:40], (3, 1)))), ["y"])
+
+
+def test_equal_rows_of_few_values_are_no_copies(tmp_path: Path) -> None:
+    x = np.random.default_rng(4).integers(0, 3, (80, 2)).astype(float)
+    sample = choose(read_sheet(written(tmp_path / "d.csv", x, "a,y")), ["y"])
+    assert len(sample.x) == 80
+
+
+def test_parts_of_a_design_are_seen_in_any_order_and_thinned(tmp_path: Path) -> None:
+    x = np.random.default_rng(6).permutation(saltelli(80).reshape(-1, 3))[:-3]
+    assert in_parts(x) > 200
+    apart = x[sharing_nothing(x)]
+    assert all(len(np.unique(column)) == len(apart) for column in apart.T)
+    found = answer(
+        choose(read_sheet(written(tmp_path / "p.csv", np.column_stack([x, ishigami(x)]))), ["y"])
+    )
+    assert "give every line of it, in its order" in " ".join(found["remarks"])
+    assert found["measures"]["pawn"]["rows"] == len(apart)
+
+
+def test_drawn_rounded_and_crossed_points_are_no_parts_of_a_design(points: Any) -> None:
+    grid = np.array(list(np.ndindex(5, 5, 5)), dtype=float)
+    for x in (points, points.round(1), grid):
+        assert in_parts(x) == 0
