@@ -4,9 +4,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
 
 from analysis.interpretation.bank import PLACES, Bank
 from analysis.interpretation.errors import InterpretationError
+from analysis.interpretation.familiarity import CALLED_STRANGE
 from analysis.interpretation.features import RECORDED
 from analysis.interpretation.inference import Interpreter, Known, targets_of
 from analysis.interpretation.plan import (
@@ -77,16 +79,9 @@ def interpret(bank: Bank, question: Question) -> dict[str, Any]:
             bank, question, f"it was recorded by {recording.device}, and the bank is of {NESM.name}"
         )
     values = recording.values()
-    scaled = interpreter.features.scaled(values[None])[0]
-    distance, limit = interpreter.familiarity.distance(scaled), interpreter.familiarity.limit
+    why = _unfamiliar(interpreter, recording, values)
     view = interpreter.look(values)
     posterior = interpreter.infer(view, known)
-    why: str | None = None
-    if distance > limit:
-        why = (
-            f"{interpreter.familiarity.strangest(scaled)} is unlike the bank's recordings (squared "
-            f"distance {distance:.0f}, of the bank's own {limit:.0f} at most)"
-        )
     offered = steps(interpreter, known)
     after = {step.factor: half_width_after(interpreter, view, known, (step,)) for step in offered}
     now = posterior.half_width()
@@ -112,6 +107,46 @@ def interpret(bank: Bank, question: Question) -> dict[str, Any]:
             "advice": [] if why is None else [ADVICE],
         }
     )
+
+
+def _unfamiliar(interpreter: Interpreter, recording: Recording, values: np.ndarray) -> str | None:
+    """Return why a recording is unlike the bank's, or None."""
+    features, familiarity = interpreter.features, interpreter.familiarity
+    gain, off = recording.velocity_check()
+    allowed = _velocity_error(interpreter)
+    if off > allowed:
+        return (
+            f"the elbow's velocity is not the slope of its angle over time: it is {gain:.2f} times "
+            f"it, and off by {off:.2g} rad/s, where {allowed:.2g} is as much as goes unnoticed"
+        )
+    scaled = features.scaled(values[None])[0]
+    if offset := familiarity.offset(scaled):
+        joint, found, most = offset
+        # The motor's torque is subtracted in the curve.
+        unit = features.scale[1, WINDOWS * (joint + 1)]
+        return (
+            f"the torque of J{joint + 1} has an offset of about {-found * unit:+.2g} Nm that the "
+            f"bank's recordings do not have ({most * unit:.2g} Nm at most)"
+        )
+    distance, limit = familiarity.distance(scaled), familiarity.limit
+    if distance > limit:
+        return (
+            f"{familiarity.strangest(scaled)} is unlike the bank's recordings (squared "
+            f"distance {distance:.0f}, of the bank's own {limit:.0f} at most)"
+        )
+    return None
+
+
+def _velocity_error(interpreter: Interpreter) -> float:
+    """Return what a velocity may be off by, rad/s, root mean square.
+
+    Times the damping of the bank's regressions it is a torque that its sensors' zero error has in
+    all but CALLED_STRANGE; without such an error, what these regressions leave.
+    """
+    usual = interpreter.features.scale[0]
+    torque = interpreter.population.torque_zero * float(ndtri(1.0 - CALLED_STRANGE / 2.0))
+    torque = torque or abs(float(usual[RECORDED.index("residual")]))
+    return torque / abs(float(usual[RECORDED.index("affine_damping")]))
 
 
 def _said(step: Step, width: float) -> dict[str, Any]:

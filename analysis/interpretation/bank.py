@@ -7,7 +7,6 @@ archive without pickle.
 
 import hashlib
 import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.interpretation.archive import is_finite, read_arrays
 from analysis.interpretation.errors import InterpretationError
 from analysis.interpretation.population import (
     WITH_CONTACT,
@@ -166,24 +166,25 @@ def load_bank(path: Path) -> Bank:
     """Read a bank.
 
     Raises:
-        InterpretationError: there is none, or it is of another version.
+        InterpretationError: there is none, it is of another version, or damaged.
     """
     if not path.is_file():
         raise InterpretationError(
             f"there is no bank at {path}: `rehyb bank build --out {path}` makes one"
         )
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = read_arrays(path)
         meta = json.loads(str(arrays.pop("meta")))
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+    except (ValueError, KeyError):
         raise InterpretationError(
             f"{path} is no bank: `rehyb bank build --out FILE` makes one"
         ) from None
+    meta = meta if isinstance(meta, dict) else {}
     if meta.get("schema") != SCHEMA or meta.get("kept") != list(KEPT):
         raise InterpretationError(
             f"{path} is a bank of another version of rehyb: build it again with `rehyb bank build`"
         )
+    _check(arrays, meta, path)
     parts = {
         level: Samples(
             rows=arrays.pop(f"{level}.rows"),
@@ -200,3 +201,26 @@ def load_bank(path: Path) -> Bank:
         fitted={name.removeprefix("fitted."): array for name, array in arrays.items()},
         **parts,
     )
+
+
+def _check(arrays: Mapping[str, np.ndarray], meta: Mapping[str, Any], path: Path) -> None:
+    """Raise InterpretationError if something is missing, not finite, or does not fit."""
+    own = [f"{level}.{part}" for level in LEVELS for part in ("rows", "factors", "values")]
+    missing = [name for name in own if name not in arrays]
+    missing += [name for name in ("population", "seed", "versions", "failed") if name not in meta]
+    if missing:
+        raise InterpretationError(f"{path} is a damaged bank: it has no {missing[0]}")
+    for name, array in arrays.items():
+        if not is_finite(array):
+            raise InterpretationError(
+                f"{path} is a damaged bank: {name} has values that are not finite numbers"
+            )
+    for level in LEVELS:
+        rows, factors, values = (
+            arrays[f"{level}.{part}"] for part in ("rows", "factors", "values")
+        )
+        fits = rows.ndim == 1 and values.shape == (len(rows), len(KEPT))
+        if not fits or factors.ndim != 2 or len(factors) != len(rows):
+            raise InterpretationError(
+                f"{path} is a damaged bank: rows, factors and values of {level} do not fit"
+            )

@@ -76,6 +76,7 @@ def judge(
         errors.append(posterior.quantiles(np.array([0.5]))[0] - truth)
         familiar.append(
             interpreter.familiarity.distance(scaled[row]) <= interpreter.familiarity.limit
+            and interpreter.familiarity.offset(scaled[row]) is None
         )
     return Judged(
         ranks=np.array(ranks),

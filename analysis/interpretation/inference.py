@@ -10,7 +10,7 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -134,7 +134,11 @@ class Interpreter:
 
     @classmethod
     def read(cls, bank: Bank) -> "Interpreter":
-        """Return what was learnt from a bank when it was built."""
+        """Return what was learnt from a bank when it was built.
+
+        Raises:
+            InterpretationError: an array is missing.
+        """
 
         def part(name: str) -> dict[str, np.ndarray]:
             prefix = f"{name}."
@@ -145,6 +149,15 @@ class Interpreter:
             }
 
         own = ("places", "errors", "scores", "sorted_factors")
+        parts = {"features": Features, "familiarity": Familiarity, "first": GaussianProcess}
+        if part("correction"):
+            parts["correction"] = GaussianProcess
+        wanted = [f"{name}.{field.name}" for name, kind in parts.items() for field in fields(kind)]
+        if missing := [name for name in (*own, *wanted) if name not in bank.fitted]:
+            raise InterpretationError(
+                f"what was learnt from this bank has no {missing[0]}: `rehyb bank build --extend` "
+                "learns from its rows again"
+            )
         return cls(
             population=bank.population,
             features=Features(**part("features")),
@@ -269,11 +282,12 @@ class Interpreter:
         for i, one in enumerate(known):
             ordered = self.sorted_factors[:, columns[i] - len(TARGETS)]
             reach = 2.0 * one.sd
-            if not ordered[0] - reach <= one.value <= ordered[-1] + reach:
+            low, high = self.population.ends(one.name)
+            if not low - reach <= one.value <= high + reach:
                 unit = self.population.units()[one.name]
                 raise InterpretationError(
                     f"{one.name} cannot be {one.value:g} {unit}: in this bank's population it is "
-                    f"{ordered[0]:.4g} to {ordered[-1]:.4g} {unit}"
+                    f"{low:.4g} to {high:.4g} {unit}"
                 )
             values[i] = normal_scores(ordered[:, None], np.array([[one.value]]))[0, 0]
             sds[i] = self._scored_sd(columns[i], one.value, one.sd)

@@ -67,6 +67,11 @@ class Population:
         known = _factors()
         return {name: known[name].unit for name in self.names}
 
+    def ends(self, name: str) -> tuple[float, float]:
+        """Return between what a factor lies, in its unit; all but one in 10^9 where none is set."""
+        low, high = self.distributions[name].ppf([1e-9, 1.0 - 1e-9])
+        return float(low), float(high)
+
     def draw(self, seed: int, rows: np.ndarray) -> np.ndarray:
         """Return wearers of `seed` by their numbers, shape (len(rows), factors).
 
@@ -132,7 +137,7 @@ def population_of(content: Any, where: str) -> Population:
         if name not in known:
             raise InterpretationError(
                 f"{where}: {name!r} is no factor of {WITH_CONTACT}; "
-                f"`rehyb models show {WITH_CONTACT}` lists them"
+                f"`rehyb model show {WITH_CONTACT}` lists them"
             )
         if not isinstance(entry, dict) or not entry.get("source"):
             raise InterpretationError(f"{where}: {name} needs a distribution and its source")
@@ -244,6 +249,7 @@ def _measure(content: Any, name: str, where: str) -> Measure:
 
 def _correlation(pairs: Any, names: tuple[str, ...], where: str) -> np.ndarray:
     matrix = np.eye(len(names))
+    said: list[set[str]] = []
     for pair in pairs if isinstance(pairs, list) else [None]:
         if not isinstance(pair, list) or len(pair) != 3 or not is_finite_number(pair[2]):
             raise InterpretationError(
@@ -256,6 +262,11 @@ def _correlation(pairs: Any, names: tuple[str, ...], where: str) -> np.ndarray:
                 "-1 and 1"
             )
         i, j = names.index(one), names.index(other)
+        if {one, other} in said:
+            raise InterpretationError(
+                f"{where}: {one} and {other} are a pair twice in the correlations: say it once"
+            )
+        said.append({one, other})
         matrix[i, j] = matrix[j, i] = value
     if np.linalg.eigvalsh(matrix).min() < 1e-9:
         raise InterpretationError(

@@ -1,6 +1,5 @@
 """What a robot recorded: a file of `rehyb assess --record`, or a measured session."""
 
-import zipfile
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,14 +12,25 @@ from analysis.closeloop.session.contents import NOMINAL, Session, Trial
 from analysis.closeloop.session.mjcf import load_device as session_device
 from analysis.closeloop.session.reading import read_session
 from analysis.closeloop.session.trial_csv import read_trial
+from analysis.interpretation.archive import is_finite, read_arrays
 from analysis.interpretation.errors import InterpretationError
-from sim.assessment.summary import Motion, RecordingError, summarise
+from sim.assessment.summary import (
+    AFTER,
+    BEFORE,
+    Motion,
+    RecordingError,
+    half_way,
+    summarise,
+)
 from sim.effects.catalogue import BY_NAME
-from sim.models import CURVES, ESTIMATES
+from sim.models import CURVES, ESTIMATES, WINDOWS
 from sim.robot.device import ELBOW_JOINT, NESM
 
 #: What a file of `rehyb assess --record` has under these names.
-ARRAYS = ("time", "theta", "theta_velocity", "motor_torque", "device", "exo_joint", "joint")
+MOTION = ("time", "theta", "theta_velocity", "motor_torque")
+ARRAYS = (*MOTION, "device", "exo_joint", "joint")
+#: Fewest samples of a recording.
+LEAST_SAMPLES = 10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,8 +52,45 @@ class Recording:
         try:
             found = summarise(self.motion, NESM)
         except ValueError as error:
-            raise InterpretationError(f"{self.source}: {error}") from None
+            raise InterpretationError(f"{self.source}: {error}{self._hint}") from None
         return np.array([found[name] for name in (*CURVES, *ESTIMATES)])
+
+    @property
+    def _hint(self) -> str:
+        """What may be wrong if no movement is found."""
+        apart = float(np.median(np.diff(self.motion.time)))
+        if apart < (BEFORE + AFTER) / WINDOWS:
+            return ""
+        return f" (samples are {apart:g} s apart: time must be in seconds)"
+
+    def velocity_check(self) -> tuple[float, float]:
+        """Compare the moved joint's velocity with the slope of its angle, both window by window.
+
+        Returns:
+            The velocity's gain over the slope, and the root mean square of their difference, rad/s.
+
+        Raises:
+            InterpretationError: it holds no movement, or a velocity that is none of this angle.
+        """
+        time, joint = self.motion.time, self.motion.joint
+        angle, velocity = self.motion.theta[:, joint], self.motion.velocity[:, joint]
+        try:
+            middle = half_way(time, angle)
+        except RecordingError as error:
+            raise InterpretationError(f"{self.source}: {error}") from None
+        steps = np.diff(time) * (velocity[1:] + velocity[:-1]) / 2.0
+        travelled = np.concatenate([[0.0], np.cumsum(steps)])
+        edges = np.linspace(middle - BEFORE, middle + AFTER, WINDOWS + 1)
+        width = edges[1] - edges[0]
+        slope = np.diff(np.interp(edges, time, angle)) / width
+        mean = np.diff(np.interp(edges, time, travelled)) / width
+        gain = float(mean @ slope / (slope @ slope))
+        if gain <= 0.0:
+            raise InterpretationError(
+                f"{self.source}: the velocity of the moved joint is not of its angle (it is "
+                f"{gain:.2f} times the angle's slope): both must be in rad and rad/s, with one sign"
+            )
+        return gain, float(np.sqrt(np.mean((mean - slope) ** 2)))
 
 
 def read_recording(path: Path) -> Recording:
@@ -67,36 +114,52 @@ def read_recording(path: Path) -> Recording:
 
 def _from_archive(path: Path) -> Recording:
     try:
-        with np.load(path, allow_pickle=False) as file:
-            missing = [name for name in ARRAYS if name not in file.files]
-            arrays = {name: file[name] for name in ARRAYS if name in file.files}
+        arrays = read_arrays(path)
     except FileNotFoundError:
         raise InterpretationError(f"{path}: there is no such file") from None
-    except (OSError, ValueError, zipfile.BadZipFile):
+    except ValueError:
         raise InterpretationError(
             f"{path} is no recording: take a file of `rehyb assess --record`, or a session"
         ) from None
-    if missing:
+    if missing := [name for name in ARRAYS if name not in arrays]:
         what = "velocities" if missing == ["theta_velocity"] else ", ".join(missing)
         raise InterpretationError(f"{path} has no {what}: record angles, velocities and torques")
-    if int(arrays["joint"]) != 3:
+    for name in MOTION:
+        if arrays[name].dtype.kind not in "iuf":
+            raise InterpretationError(f"{path}: {name} must be real numbers")
+    device = arrays["device"]
+    if device.shape or device.dtype.kind != "U":
+        raise InterpretationError(f"{path}: device must be one name, such as {NESM.name}")
+    exo_joint = _whole(arrays["exo_joint"], f"{path}: exo_joint")
+    if _whole(arrays["joint"], f"{path}: joint") != 3:
         raise InterpretationError(f"{path} is of the shoulder: banks are of the elbow")
     motion = Motion(
         time=np.asarray(arrays["time"], dtype=float),
         theta=np.asarray(arrays["theta"], dtype=float),
         velocity=np.asarray(arrays["theta_velocity"], dtype=float),
         torque=np.asarray(arrays["motor_torque"], dtype=float),
-        joint=int(arrays["exo_joint"]),
+        joint=exo_joint,
     )
     _check(motion, str(path))
-    return Recording(source=str(path), device=str(arrays["device"]), motion=motion)
+    return Recording(source=str(path), device=str(device), motion=motion)
+
+
+def _whole(array: np.ndarray, what: str) -> int:
+    if array.shape or not is_finite(array) or array != np.round(array):
+        raise InterpretationError(f"{what} must be one whole number")
+    return int(array)
 
 
 def _check(motion: Motion, source: str) -> None:
     """Raise InterpretationError if arrays do not fit each other or are not finite."""
     count = len(motion.time) if motion.time.ndim == 1 else 0
+    if motion.time.ndim == 1 and count < LEAST_SAMPLES:
+        raise InterpretationError(
+            f"{source} has {count} sample{'' if count == 1 else 's'}: a recording has at least "
+            f"{LEAST_SAMPLES}"
+        )
     shape = motion.theta.shape
-    fits = motion.theta.ndim == 2 and shape[0] == count >= 10 and 0 <= motion.joint < shape[1]
+    fits = motion.theta.ndim == 2 and shape[0] == count and 0 <= motion.joint < shape[1]
     if not fits or motion.velocity.shape != shape or motion.torque.shape != shape:
         raise InterpretationError(
             f"{source}: time must have n values, and angles, velocities and torques n rows and a "

@@ -1,13 +1,15 @@
 """K_h with an interval, on a bank without a simulation."""
 
 import json
+from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from analysis.interpretation.answer import Question, interpret
-from analysis.interpretation.bank import load_bank
+from analysis.interpretation.bank import load_bank, with_zero_errors
 from analysis.interpretation.build import empty_bank, grow
 from analysis.interpretation.errors import InterpretationError
 from analysis.interpretation.features import RECORDED
@@ -15,6 +17,7 @@ from analysis.interpretation.inference import Interpreter, Known, targets_of
 from analysis.interpretation.plan import half_width_after, parts, shortest_plan, steps
 from analysis.interpretation.recording import Recording
 from sim.assessment.summary import Motion
+from sim.models import WINDOWS
 from tests.testbed.bank import bank, samples
 
 
@@ -99,7 +102,7 @@ def test_what_is_known_well_enough_is_not_offered_again(interpreter: Interpreter
     [
         (Known(name="weather", value=1.0, sd=1.0), "there is no 'weather' to be known"),
         (Known(name="muscles", value=1.0, sd=1.0), "muscles is a choice"),
-        (Known(name="forearm_length", value=0.9, sd=0.01), "cannot be 0.9 m"),
+        (Known(name="forearm_length", value=0.9, sd=0.01), "cannot be 0.9 m.* 0.25 to 0.35 m"),
     ],
 )
 def test_what_cannot_be_known_is_one_sentence(
@@ -121,6 +124,67 @@ def test_a_recording_like_the_banks_is_familiar_and_one_unlike_them_is_not(
     assert interpreter.familiarity.strangest(odd[0]) == "the elbow's angle over time"
 
 
+def moved(velocity: float) -> Recording:
+    """Return a movement of J4, whose velocity is `velocity` times the slope of its angle."""
+    time = np.linspace(0.0, 6.0, 601)
+    phase = np.clip((time - 2.0) / 2.0, 0.0, 1.0)
+    theta, slope = np.zeros((601, 4)), np.zeros((601, 4))
+    theta[:, 3] = 1.9 - 0.875 * (1.0 - np.cos(np.pi * phase))
+    slope[:, 3] = -0.4375 * np.pi * np.sin(np.pi * phase)
+    motion = Motion(
+        time=time, theta=theta, velocity=velocity * slope, torque=np.zeros_like(theta), joint=3
+    )
+    return Recording(source="a.npz", device="nesm", motion=motion)
+
+
+def test_a_velocity_that_is_not_the_angles_slope_is_not_familiar_and_named() -> None:
+    made = bank()
+    scale = made.fitted["features.scale"].copy()
+    scale[0, RECORDED.index("affine_damping")] = -1.0
+    damped = replace(made, fitted={**made.fitted, "features.scale": scale})
+    found = interpret(damped, Question(recording=moved(2.0)))
+    assert not found["familiar"]
+    assert "velocity is not the slope of its angle over time: it is 2.00 times" in found["why_not"]
+    assert "velocity" not in interpret(damped, Question(recording=moved(1.0)))["why_not"]
+
+
+@pytest.mark.parametrize("joint", [0, 1, 2, 3])
+def test_an_offset_of_a_torque_is_not_familiar_and_named(
+    interpreter: Interpreter, joint: int
+) -> None:
+    own = interpreter.features.scaled(RECORDINGS)
+    called = [interpreter.familiarity.offset(one) is not None for one in own]
+    assert np.mean(called) <= 0.06
+    errors = 3.0 * np.eye(4)[[joint]]
+    (odd,) = interpreter.features.scaled(with_zero_errors(RECORDINGS[:1], errors))
+    found = interpreter.familiarity.offset(odd)
+    assert found is not None
+    assert found[0] == joint
+    unit = interpreter.features.scale[1, WINDOWS * (joint + 1)]
+    assert -found[1] * unit == pytest.approx(3.0, rel=0.2)
+
+
+def test_a_damaged_bank_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "bank.npz"
+    bank().save(path)
+    with np.load(path) as file:
+        own = {name: file[name] for name in file.files}
+
+    def sentence(arrays: dict[str, np.ndarray]) -> str:
+        np.savez(path, **arrays)  # type: ignore[arg-type]
+        with pytest.raises(InterpretationError) as raised:
+            Interpreter.read(load_bank(path))
+        assert "\n" not in str(raised.value)
+        return str(raised.value)
+
+    for name, array in own.items():
+        assert name.partition(".")[2] in sentence({n: a for n, a in own.items() if n != name})
+        if array.dtype.kind == "f" and array.size:
+            assert f"{name} has values that are not" in sentence({**own, name: np.nan * array})
+    short = {**own, "bushing.factors": own["bushing.factors"][:-1]}
+    assert "of bushing do not fit" in sentence(short)
+
+
 def test_a_bank_is_one_file(tmp_path: Path) -> None:
     made = bank()
     made.save(tmp_path / "bank.npz")
@@ -130,13 +194,18 @@ def test_a_bank_is_one_file(tmp_path: Path) -> None:
     assert np.array_equal(view.mean, Interpreter.read(made).look(RECORDINGS[0]).mean)
 
 
+PLAIN = BytesIO()
+np.save(PLAIN, np.zeros(3))
+
+
 def test_what_is_no_bank_is_one_sentence(tmp_path: Path) -> None:
     path = tmp_path / "bank.npz"
     with pytest.raises(InterpretationError, match="there is no bank"):
         load_bank(path)
-    path.write_text("a bank")
-    with pytest.raises(InterpretationError, match="is no bank"):
-        load_bank(path)
+    for content in (b"", b"a bank", PLAIN.getvalue()):
+        path.write_bytes(content)
+        with pytest.raises(InterpretationError, match="is no bank"):
+            load_bank(path)
     np.savez(path, a=np.zeros(2))
     with pytest.raises(InterpretationError, match="is no bank"):
         load_bank(path)

@@ -86,6 +86,15 @@ SAID = {"distribution": UNIFORM, "source": "us"}
         (
             changed(
                 correlations=[
+                    ["forearm_length", "forearm_mass", 0.5],
+                    ["forearm_mass", "forearm_length", 0.5],
+                ]
+            ),
+            "forearm_mass and forearm_length are a pair twice",
+        ),
+        (
+            changed(
+                correlations=[
                     ["forearm_length", "upper_arm_length", 0.9],
                     ["forearm_length", "forearm_mass", 0.9],
                     ["upper_arm_length", "forearm_mass", -0.9],

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -79,6 +80,15 @@ def changed(saved: Path, to: Path, **arrays: object) -> Path:
         (lambda own: {"exo_joint": np.array(7)}, "n rows and a column for each joint"),
         (lambda own: {"theta": np.nan * own["theta"]}, "theta has values that are not finite"),
         (lambda own: {"time": own["time"][::-1]}, "time must rise"),
+        (lambda own: {"time": 1000.0 * own["time"]}, "samples are 10 s apart: time must be in sec"),
+        (lambda own: {"joint": np.array([3])}, "joint must be one whole number"),
+        (lambda own: {"joint": np.array(np.nan)}, "joint must be one whole number"),
+        (lambda own: {"exo_joint": np.array("J4")}, "exo_joint must be one whole number"),
+        (lambda own: {"device": np.array(["nesm"])}, "device must be one name"),
+        (lambda own: {"theta": own["theta"] + 1.0j}, "theta must be real numbers"),
+        (lambda own: {"time": own["time"].astype(str)}, "time must be real numbers"),
+        (lambda own: {"time": own["time"][:1]}, "has 1 sample: a recording has at least 10"),
+        (lambda own: {"time": own["time"][:0]}, "has 0 samples: a recording has at least 10"),
         (lambda own: {"theta": 0.0 * own["theta"]}, "moves by 0.00 rad"),
     ],
 )
@@ -99,6 +109,13 @@ def test_what_is_no_recording_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(InterpretationError, match="no such file or folder"):
         read_recording(tmp_path / "session")
     (tmp_path / "a.npz").write_text("angles")
+    with pytest.raises(InterpretationError, match="is no recording"):
+        read_recording(tmp_path / "a.npz")
+    (tmp_path / "a.npz").write_bytes(b"")
+    with pytest.raises(InterpretationError, match="is no recording"):
+        read_recording(tmp_path / "a.npz")
+    with (tmp_path / "a.npz").open("wb") as file:
+        np.save(file, np.zeros(3))
     with pytest.raises(InterpretationError, match="is no recording"):
         read_recording(tmp_path / "a.npz")
     with pytest.raises(InterpretationError, match=r"session\.json"):
@@ -133,3 +150,22 @@ def test_a_session_that_holds_no_movement_says_why(record: Record, tmp_path: Pat
         InterpretationError, match=r"down\.csv: .*(at least 0\.25 rad|record longer)"
     ):
         read_recording(folder)
+
+
+def test_a_velocity_is_compared_with_the_slope_of_its_angle(saved: Path) -> None:
+    own = read_recording(saved)
+
+    def checked(velocity: np.ndarray) -> tuple[float, float]:
+        return replace(own, motion=replace(own.motion, velocity=velocity)).velocity_check()
+
+    velocity = own.motion.velocity
+    gain, off = own.velocity_check()
+    assert gain == pytest.approx(1.0, abs=0.01)
+    assert off < 0.01
+    gain, off = checked(2.0 * velocity)
+    assert gain == pytest.approx(2.0, abs=0.02)
+    assert off > 0.2
+    late = int(0.5 / (own.motion.time[1] - own.motion.time[0]))
+    assert checked(np.roll(velocity, late, axis=0))[1] > 0.1
+    with pytest.raises(InterpretationError, match="is not of its angle"):
+        checked(-velocity)
