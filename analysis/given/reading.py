@@ -6,7 +6,7 @@ import csv
 import re
 import warnings
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given.errors import GivenError
+from analysis.given.thousands import refuse_thousands
 
 if TYPE_CHECKING:
     import pandas
@@ -25,11 +26,13 @@ _BLANKS = r"\s+"
 #: 1.5, -2, 1e-3, .5; and with a comma.
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+#: How a spreadsheet's CSV may begin: which separator it has.
+_SAID = re.compile(r'"?sep=(.)"?', re.IGNORECASE)
 #: How a spreadsheet's "Unicode text" begins.
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 #: Programs write them for 1 and 0.
 _TRUTHS = {"true": 1.0, "false": 0.0}
-#: No number may be larger: its square is none.
+#: No number may be larger, nor all of a column's smaller than its inverse: their squares are none.
 _LARGEST = 1e100
 #: What programs write where there is no number, besides nothing.
 _MISSING = ("", "na", "n/a", "nan", "-nan", "null", "none", "-", "?", "#n/a", "#na", "<na>")
@@ -81,15 +84,16 @@ def _parquet(path: Path) -> Sheet:
     import pyarrow.parquet
 
     try:
-        table = pyarrow.parquet.read_table(path)
+        with pyarrow.parquet.ParquetFile(path) as file:
+            _check_names(path.name, file.schema_arrow.names, line=None)
+            table = file.read()
     except (pa.ArrowException, OSError):
         raise GivenError("it cannot be read as Parquet", file=path.name) from None
-    _check_names(path.name, table.column_names, line=None)
     numbers: dict[str, NDArray[np.float64]] = {}
     texts: dict[str, str] = {}
     for name, column in zip(table.column_names, table.columns, strict=True):
         kind = column.type
-        if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind):
+        if any(is_kind(kind) for is_kind in _number_kinds()):
             found = np.array(
                 column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=float
             )
@@ -98,6 +102,12 @@ def _parquet(path: Path) -> Sheet:
             texts[name] = next((str(cell) for cell in column.to_pylist() if cell is not None), "")
     columns = tuple(table.column_names)
     return Sheet(file=path.name, columns=columns, numbers=numbers, texts=texts)
+
+
+def _number_kinds() -> Sequence[Callable[[Any], bool]]:
+    from pyarrow import types
+
+    return types.is_floating, types.is_integer, types.is_boolean, types.is_decimal
 
 
 def _csv(path: Path, start: bytes) -> Sheet:
@@ -109,20 +119,29 @@ def _csv(path: Path, start: bytes) -> Sheet:
     except UnicodeDecodeError:
         encoding, text = "latin-1", start.decode("latin-1")
     every = text.splitlines()
+    said = _SAID.fullmatch(every[0])
     # Some programs say above a table what it is.
     above = next(
-        (n for n, line in enumerate(every) if line.strip() and not line.startswith("#")), None
+        (
+            n
+            for n, line in enumerate(every)
+            if line.strip() and not line.startswith("#") and not (said and n == 0)
+        ),
+        None,
     )
     if above is None:
         raise GivenError("it has no table", file=path.name)
     lines = [line for line in every[above:] if line.strip()]
-    separator = _separator(lines)
-    first = lines[0].split()
+    separator = said[1] if said else _separator(lines)
+    first, header_lines = lines[0].split(), 1
     if separator != _BLANKS:
-        first = next(csv.reader([lines[0]], delimiter=separator, skipinitialspace=True))
+        # A name in quotes may go on in the next line.
+        ended = (f"{line}\n" for line in lines)
+        reader = csv.reader(ended, delimiter=separator, skipinitialspace=True)
+        first, header_lines = next(reader), reader.line_num
     # A name of a column may be a year, but not all of them.
     unlabelled = all(_is_number(cell) or cell.strip().lower() in _MISSING for cell in first)
-    names = [cell.strip() for cell in first]
+    names = [" ".join(cell.split()) for cell in first]
     # Such as behind a separator at the end of every line.
     nameless = {f"column_{n}" for n, name in enumerate(names, 1) if not name}
     if unlabelled:
@@ -130,6 +149,7 @@ def _csv(path: Path, start: bytes) -> Sheet:
     names = [name or f"column_{number}" for number, name in enumerate(names, 1)]
     _check_names(path.name, names, line=above + 1)
     skipped = above + (0 if unlabelled else 1)
+    before = above + (0 if unlabelled else header_lines)
     try:
         # A line with more cells than the first one has is only warned of.
         with warnings.catch_warnings(action="error", category=pd.errors.ParserWarning):
@@ -164,10 +184,11 @@ def _csv(path: Path, start: bytes) -> Sheet:
             file=path.name,
             line=line,
         ) from None
+    refuse_thousands(path.name, {name: table[name].tolist() for name in names})
     numbers: dict[str, NDArray[np.float64]] = {}
     texts: dict[str, str] = {}
     for name in names:
-        found_numbers = _numbers(path.name, name, table[name], skipped)
+        found_numbers = _numbers(path.name, name, table[name], before)
         if name in nameless and _is_empty(found_numbers):
             continue
         if isinstance(found_numbers, str):
@@ -191,10 +212,9 @@ def _separator(lines: Sequence[str]) -> str:
     """Return what cuts the first lines into equally many cells, most of them; "," if nothing."""
     counted = {}
     for separator in _SEPARATORS:
-        counts = [
-            len(cells) for cells in csv.reader(lines[:20], delimiter=separator) if len(cells) > 1
-        ]
-        if len(counts) >= min(len(lines), 20):
+        records = list(csv.reader(lines[:20], delimiter=separator))
+        counts = [len(cells) for cells in records if len(cells) > 1]
+        if len(counts) >= len(records):
             usual, often = Counter(counts).most_common(1)[0]
             # Decimal commas may cut as evenly as semicolons do: what cuts the header cuts more.
             counted[separator] = (often == len(counts), separator != ",", usual)
@@ -246,6 +266,12 @@ def _numbers(
 def _checked(file: str, name: str, numbers: NDArray[np.float64]) -> NDArray[np.float64]:
     if np.any(np.abs(numbers) > _LARGEST):
         raise GivenError(f"column {name} has numbers beyond ±{_LARGEST:g}", file=file, column=name)
+    if 0.0 < np.max(np.abs(numbers), initial=0.0, where=~np.isnan(numbers)) < 1.0 / _LARGEST:
+        raise GivenError(
+            f"column {name} has no number beyond ±{1.0 / _LARGEST:g}: give it in a smaller unit",
+            file=file,
+            column=name,
+        )
     return numbers
 
 

@@ -70,9 +70,11 @@ def choose(
     remarks: list[str] = []
     if factors is None:
         factors = known_factors or [name for name in sheet.numbers if name not in outputs]
-        if sheet.texts and not known_factors:
-            shown = ", ".join(f"{name} ({text[:20]!r})" for name, text in sheet.texts.items())
+        texts = {} if known_factors else sheet.texts
+        if shown := ", ".join(f"{name} ({text[:20]!r})" for name, text in texts.items() if text):
             remarks.append(f"Columns of text are left out: {shown}.")
+        if shown := ", ".join(name for name, text in texts.items() if not text):
+            remarks.append(f"Columns that are empty are left out: {shown}.")
     else:
         factors = list(dict.fromkeys(factors))
         for name in factors:
@@ -89,7 +91,7 @@ def _sample(
 ) -> Sample:
     names = (*factors, *outputs)
     table = np.column_stack([sheet.numbers[name] for name in names])
-    first = _first_of_each(table)
+    first = _first_of_each(table, len(factors))
     if copies := len(table) - len(first):
         remarks.append(
             f"{copies} of {len(table)} rows are exact copies of others and are "
@@ -142,14 +144,15 @@ def _sample(
     )
 
 
-def _first_of_each(table: Array) -> NDArray[np.intp]:
+def _first_of_each(table: Array, factors: int) -> NDArray[np.intp]:
     """Return the rows of a table without copies, in order; all of it where copies may be chance.
 
     They are no chance where a column of the rest hardly repeats a value.
     """
     # No number is infinite here, and empty cells are equal.
     _, first = np.unique(np.where(np.isnan(table), np.inf, table), axis=0, return_index=True)
-    first = np.sort(first)
+    # Rows without all factors are left out anyway, which is said elsewhere.
+    first = np.union1d(first, np.flatnonzero(np.isnan(table[:, :factors]).any(axis=1)))
     rest = table[first]
     if any(len(np.unique(column)) > _HARDLY * len(rest) for column in rest.T):
         return first
@@ -180,6 +183,8 @@ def _finite(values: Array) -> NDArray[np.bool_]:
 
 
 def _check_column(sheet: Sheet, name: str) -> None:
+    if sheet.texts.get(name) == "":
+        raise GivenError(f"column {name} is empty", file=sheet.file, column=name)
     if name in sheet.texts:
         raise GivenError(
             f"column {name} is text ({sheet.texts[name][:20]!r}): indices need numbers, such as a "

@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -333,6 +334,9 @@ def test_copies_of_rows_tell_nothing_new(tmp_path: Path, table: Any) -> None:
     sample = choose(read_sheet(written(tmp_path / "c.csv", np.tile(table, (3, 1)))), ["y"])
     assert np.array_equal(sample.x, table[:, :3])
     assert "160 of 240 rows are exact copies of others and are left out" in sample.remarks[0]
+    holes = np.vstack([table, np.full((3, 4), np.nan)])
+    sample = choose(read_sheet(written(tmp_path / "c.csv", holes)), ["y"])
+    assert "copies" not in sample.remarks[0] and "3 of 83 rows lack a cell" in sample.remarks[0]
     with pytest.raises(GivenError, match="it has 40 different rows, and not the 64"):
         choose(read_sheet(written(tmp_path / "c.csv", np.tile(table[:40], (3, 1)))), ["y"])
 
@@ -359,3 +363,51 @@ def test_drawn_rounded_and_crossed_points_are_no_parts_of_a_design(points: Any) 
     grid = np.array(list(np.ndindex(5, 5, 5)), dtype=float)
     for x in (points, points.round(1), grid):
         assert in_parts(x) == 0
+
+
+@pytest.mark.parametrize("mark", [".", ","])
+def test_marks_that_may_be_of_thousands_are_refused(tmp_path: Path, mark: str) -> None:
+    path, other = tmp_path / "t.csv", {".": ",", ",": "."}[mark]
+    path.write_text(f"a;y\n12{mark}345;345\n345;1{mark}500\n")
+    with pytest.raises(GivenError, match=r"beside '345': the .* may be of thousands"):
+        read_sheet(path)
+    path.write_text(f"a;y\n12{mark}345;0{mark}5\n345;1{mark}5\n")
+    assert list(read_sheet(path).numbers["a"]) == [12.345, 345.0]
+    path.write_text(f"a;y\n12{mark}345;0{other}5\n13{mark}345;1{other}5\n")
+    with pytest.raises(GivenError, match="may be of thousands"):
+        read_sheet(path)
+    path.write_text(f"a;y\n12{mark}345;7{mark}000\n13{mark}345;8{mark}125\n")
+    assert list(read_sheet(path).numbers["y"]) == [7.0, 8.125]
+
+
+def test_numbers_too_small_for_their_squares_are_one_sentence(tmp_path: Path, table: Any) -> None:
+    path = written(tmp_path / "tiny.csv", table * [1.0, 1.0, 1.0, 1e-310])
+    with pytest.raises(GivenError, match=r"column y has no number beyond ±1e-100"):
+        read_sheet(path)
+
+
+def test_what_spreadsheets_write_first_is_understood(tmp_path: Path) -> None:
+    path = tmp_path / "excel.csv"
+    path.write_text('sep=;\n"a\n(m)";"b; c"\n1;2\n3;4\n')
+    sheet = read_sheet(path)
+    assert sheet.columns == ("a (m)", "b; c") and list(sheet.numbers["a (m)"]) == [1.0, 3.0]
+    path.write_text('"a\n(m)",b\n1,2\nx,4\n3,3\n')
+    with pytest.raises(GivenError, match=r"line 4 of column a \(m\) reads 'x'"):
+        read_sheet(path)
+
+
+def test_parquet_of_decimals_empty_columns_and_equal_names(tmp_path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    from pyarrow.parquet import write_table
+
+    path = tmp_path / "odd.parquet"
+    y = pa.array([Decimal(row) / 4 for row in range(ROWS)])
+    write_table(pa.table({"a": list(range(ROWS)), "z": pa.nulls(ROWS), "y": y}), path)
+    sample = choose(read_sheet(path), ["y"])
+    assert sample.y[3, 0] == 0.75
+    assert sample.remarks == ("Columns that are empty are left out: z.",)
+    with pytest.raises(GivenError, match="column z is empty"):
+        choose(read_sheet(path), ["z"])
+    write_table(pa.Table.from_arrays([y, y], names=["a", "a"]), path)
+    with pytest.raises(GivenError, match="two columns are called 'a'"):
+        read_sheet(path)
