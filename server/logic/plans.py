@@ -139,10 +139,12 @@ def draw_up(
     kept = _outputs(model, outputs)
     if method == "shapley" and (curved := [name for name in kept if name in model.curves]):
         if outputs is not None:
+            whole = any(one.name == curved[0] and one.optional for one in model.results)
+            point = columns_of(curved, model.curves)[0]
             raise InvalidStudyError(
                 f"/outputs/{outputs.index(curved[0])}",
-                f"{curved[0]} is a curve, and shapley has indices of numbers only: keep points of "
-                f"it, such as {columns_of(curved, model.curves)[0]}",
+                f"{curved[0]} is a curve, and shapley has indices of numbers only: "
+                + ("leave it out" if whole else f"keep points of it, such as {point}"),
             )
         kept = tuple(name for name in kept if name not in curved)
     _check_groups(groups, [factor for factor in known if factor in sampled], method, sampling)

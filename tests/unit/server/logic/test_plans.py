@@ -208,6 +208,11 @@ def test_a_curve_is_kept_whole_and_once(plan: Drawing, outputs: list[str], sente
         plan(model="elbow", outputs=outputs)
 
 
+def test_shapley_effects_of_a_curve_without_points_advise_to_leave_it_out(plan: Drawing) -> None:
+    with pytest.raises(InvalidStudyError, match="torque_over_phase is a curve.*leave it out"):
+        plan(model="elbow", method="shapley", outputs=["torque_over_phase"])
+
+
 def test_a_study_of_groups_has_as_many_runs_a_row_as_groups_need(plan: Drawing) -> None:
     drawn = plan(method="saltelli", groups={"outer": ["x1", "x3"]})
     assert drawn.groups == {"outer": ("x1", "x3")} and drawn.width == 4
