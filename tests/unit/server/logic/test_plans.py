@@ -209,7 +209,7 @@ def test_a_curve_is_kept_whole_and_once(plan: Drawing, outputs: list[str], sente
 
 
 def test_shapley_effects_of_a_curve_without_points_advise_to_leave_it_out(plan: Drawing) -> None:
-    with pytest.raises(InvalidStudyError, match="torque_over_phase is a curve.*leave it out"):
+    with pytest.raises(InvalidStudyError, match=r"torque_over_phase is a curve.*leave it out"):
         plan(model="elbow", method="shapley", outputs=["torque_over_phase"])
 
 
