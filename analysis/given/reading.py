@@ -27,7 +27,7 @@ _BLANKS = r"\s+"
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 #: How a spreadsheet's CSV may begin: which separator it has.
-_SAID = re.compile(r'"?sep=(.)"?', re.IGNORECASE)
+_SAID = re.compile(r'"?sep=([,;|:\t])"?', re.IGNORECASE)
 #: How a spreadsheet's "Unicode text" begins.
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 #: Programs write them for 1 and 0.
@@ -119,7 +119,7 @@ def _csv(path: Path, start: bytes) -> Sheet:
     except UnicodeDecodeError:
         encoding, text = "latin-1", start.decode("latin-1")
     every = text.splitlines()
-    said = _SAID.fullmatch(every[0])
+    said = _SAID.fullmatch(every[0]) if every else None
     # Some programs say above a table what it is.
     above = next(
         (

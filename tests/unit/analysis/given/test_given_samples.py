@@ -239,6 +239,8 @@ def test_what_is_left_out_is_said(tmp_path: Path, table: Any) -> None:
         (lambda t: [t[0], *(r.rpartition(",")[0] + ",2" for r in t[1:])], ["y"], "y is the same"),
         (lambda t: [*t[:6], "1e101,1,2,3", *t[7:]], ["y"], "column a has numbers beyond ±1e+100"),
         (lambda t: ["# nothing else"], ["y"], "it has no table"),
+        (lambda t: ["\ufeff"], ["y"], "it has no table"),
+        (lambda t: ["sep=;"], ["y"], "it has no table"),
         (lambda t: [t[0], *("x" + r for r in t[1:])], ["a"], "column a is text ('x0."),
         (lambda t: [t[0], *(r + "\0" for r in t[1:])], ["y"], "neither CSV nor Parquet"),
         (lambda t: [t[0], *(",,," + r.rpartition(",")[2] for r in t[1:])], ["y"], "only 0 of its"),
