@@ -149,6 +149,7 @@ def create_app(settings: Settings) -> FastAPI:
         token=settings.token.get_secret_value(),
         look_up=lambda secret_or_id: tokens.good(app.state.engine, secret_or_id),
         clock=lambda: float(app.state.clock()),
+        believed=app.state.sign_in.believed,
     )
     return app
 

@@ -16,7 +16,7 @@ from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.logic.signing_in import OPERATOR, READING, Seal, comes_from_here
-from server.logic.tokens import FAILURE_SECONDS, Failures, may, scopes_needed
+from server.logic.tokens import FAILURE_SECONDS, Believed, Failures, may, scopes_needed
 from server.problems import problem
 from server.records import Token
 
@@ -50,10 +50,16 @@ class Guard:
         token: the operator's own, which may do everything.
         look_up: finds all others in the database.
         clock: seconds, UTC epoch.
+        believed: where it remembers good tokens.
     """
 
     def __init__(
-        self, app: ASGIApp, token: str, look_up: LookUp, clock: Callable[[], float]
+        self,
+        app: ASGIApp,
+        token: str,
+        look_up: LookUp,
+        clock: Callable[[], float],
+        believed: Believed,
     ) -> None:
         self._app = app
         self._expected = token.encode()
@@ -61,7 +67,7 @@ class Guard:
         self._clock = clock
         self._seal = Seal(token)
         self._failures = Failures()
-        self._believed: dict[bytes | str, tuple[float, Asker]] = {}
+        self._believed = believed
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request (ASGI)."""

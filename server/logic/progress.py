@@ -46,7 +46,12 @@ def block_ends(result_count: int) -> list[int]:
 
 
 def pace(
-    study: Study, *, window_opened_at: float, now: float, passed_at: Sequence[float] = ()
+    study: Study,
+    *,
+    window_opened_at: float,
+    now: float,
+    passed_at: Sequence[float] = (),
+    at_work: bool = True,
 ) -> Pace:
     """Return how fast results come.
 
@@ -55,6 +60,7 @@ def pace(
             the study was created if that is 0.
         now: seconds, UTC epoch. While the study runs, silence therefore lowers the rate.
         passed_at: when the results `block_ends(study.result_count)` arrived.
+        at_work: whether anybody computes it; else nobody knows when it ends.
     """
     if study.finished_at is not None:
         elapsed = study.finished_at - study.created_at
@@ -70,7 +76,7 @@ def pace(
     since = now - window_opened_at
     rate = counted / since if since > 0.0 else 0.0
     left = study.plan.instances - study.result_count
-    eta = left / rate if rate > 0.0 else None
+    eta = left / rate if rate > 0.0 and at_work else None
     off = None if eta is None else _half_width(passed_at, left * BLOCKS / counted)
     return Pace(
         results_per_second=rate,
@@ -90,4 +96,7 @@ def _half_width(passed_at: Sequence[float], blocks_left: float) -> float | None:
     if len(passed_at) != BLOCKS + 1:
         return None
     spread = stdev(after - before for before, after in pairwise(passed_at))
+    if not spread > 0.0:
+        # As when all came at once: that says nothing of those to come.
+        return None
     return STUDENT_T * spread * sqrt(blocks_left + blocks_left**2 / BLOCKS)

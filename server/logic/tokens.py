@@ -14,6 +14,9 @@ SECRET_BYTES = 24
 FAILURES = 20
 FAILURE_SECONDS = 60.0
 
+#: By secret or id of tokens that were good: until when that is believed, the id and the scopes.
+Believed = dict[bytes | str, tuple[float, tuple[str, tuple[str, ...]]]]
+
 #: What whoever works must have.
 _OF_WORK = re.compile(r"/v1/sessions/[^/]+/archive|/v1/models(/.*)?|/v1/work")
 

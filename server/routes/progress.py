@@ -76,6 +76,7 @@ def _shown(standing: Standing, now: float) -> dict[str, Any]:
         window_opened_at=standing.window_opened_at,
         now=now,
         passed_at=standing.passed_at,
+        at_work=standing.workers > 0,
     )
     return {
         "study": study.id,

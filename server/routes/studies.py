@@ -4,7 +4,14 @@ import hashlib
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Response
-from pydantic import Field, PlainValidator, StringConstraints, WithJsonSchema, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    PlainValidator,
+    StringConstraints,
+    WithJsonSchema,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 from sqlalchemy.engine import Engine
 
@@ -35,8 +42,19 @@ _OF_PLAN = {
     "groups",
 }
 
+
+def _not_blank(text: str) -> str:
+    if not text.strip():
+        raise PydanticCustomError("blank", "a name needs a character that is no blank")
+    return text
+
+
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
-Title = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE)]
+Title = Annotated[
+    str,
+    StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE),
+    AfterValidator(_not_blank),
+]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
 Key = Annotated[
     str | None, Header(alias="Idempotency-Key", min_length=1, max_length=255, examples=["masses-1"])

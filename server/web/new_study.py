@@ -12,6 +12,9 @@ from server.web.page import Look, Page
 #: Rows that the form begins with, by method.
 ROWS = {"morris": 20, "saltelli": 256, "saltelli_second_order": 256}
 
+#: Seconds that a run takes a worker at least: to be handed out and to come back costs as much.
+LEAST_SECONDS = 0.0015
+
 
 def look(asked: Look) -> dict[str, Any]:
     """Return the model that is asked for, and what the form computes with."""
@@ -22,6 +25,7 @@ def look(asked: Look) -> dict[str, Any]:
     method = method if method in METHODS else "morris"
     factors = model.description.factors
     alike = [s for s in studies.every(asked.engine) if s.plan.model in (model.name, model.called)]
+    seconds = watching.mean_seconds(asked.engine, alike)
     fleet = watching.fleet(asked.engine, since_fence=2**62)
     return {
         "names": [one.name for one in every],
@@ -41,7 +45,7 @@ def look(asked: Look) -> dict[str, Any]:
                     row_width(method, number) if number >= fewest_factors(method) else None
                     for number in range(len(factors) + 1)
                 ],
-                "seconds": watching.mean_seconds(asked.engine, alike),
+                "seconds": None if seconds is None else max(seconds, LEAST_SECONDS),
                 "workers": sum(w.last_seen > asked.now - GONE_SECONDS for w in fleet.workers),
             }
         ),

@@ -2,6 +2,7 @@
 
 import asyncio
 import hmac
+from collections.abc import Sequence
 from http import HTTPStatus
 from typing import Any
 
@@ -10,7 +11,7 @@ from fastapi.responses import HTMLResponse
 from pydantic import Field
 
 from server.logic.signing_in import OPERATOR, SIGNED_IN_SECONDS, Codes, Seal, comes_from_here
-from server.logic.tokens import FAILURE_SECONDS, Failures
+from server.logic.tokens import FAILURE_SECONDS, Believed, Failures, may
 from server.operations import tokens
 from server.problems import problem
 from server.routes.common import Body, Now, Store
@@ -31,6 +32,8 @@ class SignIn:
         self.seal = Seal(token)
         self.codes = Codes()
         self.failures = Failures()
+        #: Tokens that were good, which `Guard` keeps.
+        self.believed: Believed = {}
 
 
 class SignInBody(Body):
@@ -61,28 +64,42 @@ async def sign_in(body: SignInBody, request: Request, store: Store, now: Now) ->
     if not comes_from_here(request.headers):
         return problem(HTTPStatus.FORBIDDEN, "only this coordinator's own page signs in")
     address = request.client.host if request.client else ""
-    if knows.failures.too_many(address, now):
+    secret = (body.token or "").strip().encode()
+    operator = hmac.compare_digest(secret, knows.token)
+    # Who has a good token must not suffer from what others send from the same address.
+    known = operator or secret in knows.believed
+    if not known and knows.failures.too_many(address, now):
         return problem(
             HTTPStatus.TOO_MANY_REQUESTS,
             f"too many wrong tokens came from this address: wait {FAILURE_SECONDS:.0f} s",
         )
-    who = None
+    who: str | None = None
+    scopes: Sequence[str] = ()
+    look_for: bytes | str | None = secret or None
     if body.code is not None:
-        who = knows.codes.take(body.code, now=now)
-    elif body.token is not None:
-        secret = body.token.strip().encode()
-        if hmac.compare_digest(secret, knows.token):
-            who = OPERATOR
-        elif found := await asyncio.to_thread(tokens.good, store, secret):
-            who = found.id
+        look_for = knows.codes.take(body.code, now=now)
+        operator = look_for == OPERATOR
+    if operator:
+        who, scopes = OPERATOR, ("admin",)
+    elif look_for and (found := await asyncio.to_thread(tokens.good, store, look_for)):
+        who, scopes = found.id, found.scopes
     if who is None:
         knows.failures.count(address, now)
         return problem(
             HTTPStatus.UNAUTHORIZED,
-            "this code was used already or is older than an hour: sign in with a token"
+            "this code was used already, is older than an hour or its token was revoked: "
+            "sign in with a token"
             if body.code is not None
             else "this is no token of this coordinator, or it was revoked",
         )
+    if not may(scopes, ("read",)):
+        return problem(
+            HTTPStatus.FORBIDDEN,
+            "pages need a token with the scope read or admin; this one has " + ", ".join(scopes),
+        )
+    if body.code is None and who != OPERATOR:
+        # To be looked up again, but not to be turned away unasked.
+        knows.believed.setdefault(secret, (0.0, (who, tuple(scopes))))
     response = Response(status_code=HTTPStatus.NO_CONTENT)
     response.set_cookie(
         knows.seal.cookie,

@@ -71,6 +71,7 @@ def detail(engine: Engine, study: Study, goal: PrecisionGoal | None, now: float)
             window_opened_at=standing.window_opened_at,
             now=now,
             passed_at=standing.passed_at,
+            at_work=standing.workers > 0,
         )
     elif study.finished_at is not None:
         speed = pace(study, window_opened_at=study.created_at, now=now)

@@ -120,6 +120,10 @@ def test_a_study_that_is_submitted_appears_and_is_paused_resumed_and_cancelled(
     assert client.study(study["id"])["state"] == "paused"
     line.get_by_role("button", name="Resume").click()
     line.locator(".state.running").wait_for()
+    # What is no priority goes away, and the true one is back.
+    line.get_by_role("spinbutton").fill("5000")
+    line.get_by_role("spinbutton").blur()
+    assert line.get_by_role("spinbutton").input_value() == "0"
     line.get_by_role("spinbutton").fill("7")
     line.get_by_role("spinbutton").press("Enter")
     page.locator("#told.shown", has_text="Done").wait_for()

@@ -56,6 +56,7 @@ async function order(element, method, path, body) {
     if (element.dataset.then) location.assign(element.dataset.then);
   } catch (error) {
     say(error.message, true);
+    if (element instanceof HTMLFormElement) element.reset();
   } finally {
     element.disabled = false;
   }
@@ -86,6 +87,10 @@ export function act() {
   };
   document.addEventListener("submit", send);
   document.addEventListener("change", send);
+  // What was refused is not shown as if it were so.
+  document.addEventListener("focusout", ({ target }) => {
+    if (target.closest("form[data-path]") && !target.validity.valid) target.value = target.defaultValue;
+  });
   document.getElementById("sign-out").addEventListener("click", async () => {
     await fetch("/sign-out", { method: "POST" });
     location.assign("/sign-in");

@@ -59,8 +59,8 @@ function cost(wanted) {
   if (computes.seconds === null) return `${said} Nobody has timed this model yet.`;
   if (!computes.workers) return `${said} No worker is there to compute them.`;
   const seconds = (runs * computes.seconds) / computes.workers;
-  const whom = computes.workers === 1 ? "the one worker" : `all ${computes.workers} workers`;
-  return `${said} About ${duration(seconds)} if ${whom} that are there do nothing else.`;
+  const whom = computes.workers === 1 ? "the one worker that is there does" : `all ${computes.workers} workers that are there do`;
+  return `${said} About ${duration(seconds)} if ${whom} nothing else.`;
 }
 
 /** Returns JSON as Python writes it. */

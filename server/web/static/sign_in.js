@@ -30,8 +30,13 @@ document.getElementById("sign-in").addEventListener("submit", (event) => {
   signIn({ token: event.target.elements.token.value });
 });
 
-const code = location.hash.slice(1);
-if (code) {
+function useCode() {
+  const code = location.hash.slice(1);
+  if (!code) return;
   history.replaceState(null, "", location.pathname + location.search);
   signIn({ code });
 }
+
+// An address that is pasted into this very tab changes only what is behind its "#".
+addEventListener("hashchange", useCode);
+useCode();

@@ -105,6 +105,7 @@ def test_a_repeated_submission_makes_no_second_study(client: TestClient) -> None
         ({"rows": True}, "/rows"),
         ({"name": ""}, "/name"),
         ({"name": "two\nlines"}, "/name"),
+        ({"name": "  \u3000"}, "/name"),
         ({"seed": -1}, "/seed"),
         ({"seed": 2**63}, "/seed"),
         ({"factors": [{"name": "x1", "range": [0.0]}]}, "/factors/0/range"),

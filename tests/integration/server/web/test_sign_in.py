@@ -128,6 +128,42 @@ def test_guessing_is_slowed_down_but_looking_is_not(browser: TestClient) -> None
     assert browser.post("/sign-in", json={"token": "x"}, headers=HERE).status_code == 429
 
 
+def test_who_has_a_good_token_gets_in_while_others_guess_from_the_same_address(
+    browser: TestClient, engine: Engine
+) -> None:
+    _, secret = tokens.create(engine, name="anna", scopes=["read"], now=1.0)
+    _, unseen = tokens.create(engine, name="berta", scopes=["read"], now=1.0)
+    assert browser.get("/v1/studies", headers={"Authorization": f"Bearer {secret}"}).is_success
+    for _ in range(FAILURES):
+        browser.post("/sign-in", json={"token": "x"}, headers=HERE)
+    for token in ("correct horse", secret):
+        sign_in(browser, token)
+    assert browser.post("/sign-in", json={"token": unseen}, headers=HERE).status_code == 429
+
+
+def test_a_token_that_may_not_look_is_told_so_at_the_door(
+    browser: TestClient, engine: Engine
+) -> None:
+    _, secret = tokens.create(engine, name="node", scopes=["work", "submit"], now=1.0)
+    bearer = {"Authorization": f"Bearer {secret}"}
+    code = browser.post("/v1/sign-in-codes", headers=bearer).json()["code"]
+    for body in ({"token": secret}, {"code": code}):
+        answer = browser.post("/sign-in", json=body, headers=HERE)
+        assert answer.status_code == 403 and "set-cookie" not in answer.headers
+        assert "scope read" in answer.json()["detail"]
+
+
+def test_the_code_of_a_token_that_was_revoked_is_no_good(
+    browser: TestClient, engine: Engine
+) -> None:
+    token, secret = tokens.create(engine, name="anna", scopes=["read"], now=1.0)
+    bearer = {"Authorization": f"Bearer {secret}"}
+    code = browser.post("/v1/sign-in-codes", headers=bearer).json()["code"]
+    tokens.revoke(engine, token.id, now=2.0)
+    answer = browser.post("/sign-in", json={"code": code}, headers=HERE)
+    assert answer.status_code == 401 and "set-cookie" not in answer.headers
+
+
 @pytest.mark.parametrize("body", [{}, {"token": None}, {"token": "ä" * 9}, {"code": ""}])
 def test_what_is_neither_token_nor_code_signs_nobody_in(
     browser: TestClient, body: dict[str, str | None]

@@ -72,11 +72,18 @@ def test_the_remaining_time_is_as_certain_as_the_last_results_were_regular(
     calm, rough = (
         pace(running, window_opened_at=100.0, now=200.0, passed_at=at) for at in (regular, uneven)
     )
-    assert (calm.eta_low_seconds, calm.eta_seconds, calm.eta_high_seconds) == (3900.0,) * 3
+    # Nobody is certain to the second because blocks happened to take the same time.
+    assert (calm.eta_low_seconds, calm.eta_seconds, calm.eta_high_seconds) == (None, 3900.0, None)
     # Blocks take 11 and 9 s in turn: a spread of sqrt(10 / 9) s. 390 blocks are left.
     half = 1.833 * sqrt(10 / 9) * sqrt(390 + 390**2 / 10)
     assert rough.eta_low_seconds == pytest.approx(3900.0 - half)
     assert rough.eta_high_seconds == pytest.approx(3900.0 + half)
+
+
+def test_no_end_is_foretold_while_nobody_is_at_work(study: Callable[..., Study]) -> None:
+    speed = pace(study(result_count=400), window_opened_at=100.0, now=120.0, at_work=False)
+    assert speed.results_per_second == 20.0
+    assert (speed.eta_seconds, speed.eta_low_seconds, speed.eta_high_seconds) == (None,) * 3
 
 
 def test_nine_of_ten_predictions_hold_when_results_come_at_random(
