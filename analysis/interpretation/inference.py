@@ -155,8 +155,8 @@ class Interpreter:
         wanted = [f"{name}.{field.name}" for name, kind in parts.items() for field in fields(kind)]
         if missing := [name for name in (*own, *wanted) if name not in bank.fitted]:
             raise InterpretationError(
-                f"what was learnt from this bank has no {missing[0]}: `rehyb bank build --extend` "
-                "learns from its rows again"
+                f"what was learnt from this bank has no {missing[0]}: `rehyb bank build --extend "
+                f"--rows {bank.bushing.drawn} --contact-rows {bank.contact.drawn}` learns again"
             )
         return cls(
             population=bank.population,
