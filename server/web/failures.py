@@ -57,7 +57,9 @@ def look(asked: Look) -> dict[str, Any]:
     }
 
 
-PAGE = Page(path="/studies/{study_id}/failures", template="failures.html", look=look)
+PAGE = Page(
+    path="/studies/{study_id}/failures", template="failures.html", look=look, choices=("x", "y")
+)
 
 
 def _axes(study: Study, snapshot: dict[str, Any], asked: Look) -> tuple[str, str]:
@@ -81,7 +83,10 @@ def _figure(study: Study, seen: list[dict[str, Any]], x: str, y: str) -> dict[st
     rows = min(study.rows_complete, MOST_DRAWN)
     fine = [sample.point(study, row, 0) for row in range(rows)]
     bad = {(one["row"], one["position"]) for one in seen}
-    return failures([p for row, p in enumerate(fine) if (row, 0) not in bad], failed, x, y)
+    good = [p for row, p in enumerate(fine) if (row, 0) not in bad]
+    # A run that is counted no more, as it was run again meanwhile, is drawn until the next look.
+    of = {cause: max(study.failures.get(cause, 0), len(runs)) for cause, runs in failed.items()}
+    return failures(good, failed, x, y, of | {"ok": max(study.ok_count, len(good))})
 
 
 def _example(one: dict[str, Any] | None) -> dict[str, Any] | None:

@@ -79,4 +79,4 @@ def look(asked: Look) -> dict[str, Any]:
     }
 
 
-PAGE = Page(path="/fleet", template="fleet.html", look=look)
+PAGE = Page(path="/fleet", template="fleet.html", look=look, choices=("all",))

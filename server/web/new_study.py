@@ -52,4 +52,4 @@ def look(asked: Look) -> dict[str, Any]:
     }
 
 
-PAGE = Page(path="/new-study", template="new_study.html", look=look)
+PAGE = Page(path="/new-study", template="new_study.html", look=look, choices=("model", "method"))

@@ -39,6 +39,13 @@ class Page:
     path: str
     template: str
     look: Callable[[Look], Mapping[str, Any]]
+    #: What `look` reads of the address behind the "?"; the rest changes nothing that is shown.
+    choices: tuple[str, ...] = ()
+
+    def key(self, look: Look) -> tuple[object, ...]:
+        """Return what those have in common who are shown the same."""
+        chosen = [(name, look.choices.get(name)) for name in self.choices]
+        return (self.path, *sorted(look.names.items()), "?", *chosen, look.may_submit)
 
     def parts(self, look: Look) -> dict[str, Any]:
         """Return what may change of a page: the HTML of each part, and its figures."""

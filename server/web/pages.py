@@ -61,15 +61,8 @@ def _followed(page: Page) -> Callable[[Request], Awaitable[Response]]:
         def parts() -> dict[str, object]:
             return page.parts(_look(request))
 
-        key = (
-            page.path,
-            *sorted(first.names.items()),
-            "?",
-            *sorted(first.choices.items()),
-            first.may_submit,
-        )
         return StreamingResponse(
-            request.app.state.hub.follow(key, parts),
+            request.app.state.hub.follow(page.key(first), parts),
             media_type="text/event-stream",
             headers=_NO_BUFFER,
         )

@@ -58,7 +58,7 @@ def look(asked: Look) -> dict[str, Any]:
     }
 
 
-PAGE = Page(path="/", template="studies.html", look=look)
+PAGE = Page(path="/", template="studies.html", look=look, choices=("state", "find", "sort"))
 
 
 def detail(engine: Engine, study: Study, goal: PrecisionGoal | None, now: float) -> dict[str, Any]:

@@ -75,7 +75,9 @@ def look(asked: Look) -> dict[str, Any]:
     }
 
 
-PAGE = Page(path="/studies/{study_id}", template="study.html", look=look)
+PAGE = Page(
+    path="/studies/{study_id}", template="study.html", look=look, choices=("output", "form")
+)
 
 
 @router.get("/studies/{study_id}/sample")

@@ -14,6 +14,7 @@ def failures(
     failed: Mapping[str, Sequence[Mapping[str, float]]],
     x: str,
     y: str,
+    of: Mapping[str, int],
 ) -> Figure | None:
     """Draw two factors of runs that went well and, glowing, of those that failed.
 
@@ -22,6 +23,7 @@ def failures(
         failed: factors of failed ones, by cause.
         x: the factor of the horizontal axis.
         y: that of the vertical one.
+        of: how many runs there are of each cause, and "ok".
     """
     if not any(failed.values()):
         return None
@@ -29,7 +31,7 @@ def failures(
         {
             "type": "scatter",
             "mode": "markers",
-            "name": "ok",
+            "name": f"ok, {len(fine):,} of {of['ok']:,}",
             "x": [run[x] for run in fine],
             "y": [run[y] for run in fine],
             "marker": {"size": 5, "color": "#8C8C8C", "opacity": 0.45},
@@ -44,8 +46,9 @@ def failures(
         core = {"size": 8, "color": GLOW, "symbol": symbols[place % len(symbols)]}
         core["line"] = {"width": 1, "color": "#ffffff"}
         data.append({**where, **at, "marker": halo, "hoverinfo": "skip", "showlegend": False})
+        name = f"{words(cause)}, {len(runs):,} of {of[cause]:,}"
         told = f"{words(cause)}<br>{words(x)} %{{x}}<br>{words(y)} %{{y}}<extra></extra>"
-        data.append({**where, **at, "name": words(cause), "marker": core, "hovertemplate": told})
+        data.append({**where, **at, "name": name, "marker": core, "hovertemplate": told})
     return {
         "data": data,
         "layout": layout(

@@ -7,6 +7,7 @@ import pytest
 
 from analysis.reports.figures.style import COLOURS
 from analysis.reports.interactive import bars, convergence, plane, precision
+from analysis.reports.interactive.failures import failures
 from analysis.reports.interactive.shared import plain
 from analysis.sensitivity.service import analyse
 from analysis.sensitivity.snapshot import empty_snapshot
@@ -99,3 +100,11 @@ def test_a_snapshot_of_an_earlier_version_is_drawn_as_far_as_it_goes(
     drawn = figures({**snapshot, "outputs": {"y": old}})
     assert drawn["bars"] is not None
     assert drawn["convergence"] is drawn["precision"] is None
+
+
+def test_a_plot_of_failures_says_how_many_of_how_many_it_shows() -> None:
+    points = [{"a": 0.1, "b": 0.2}]
+    found = failures(points, {"diverged": points * 2}, "a", "b", {"ok": 1234, "diverged": 5})
+    assert found is not None
+    names = [trace["name"] for trace in found["data"] if "name" in trace]
+    assert names == ["ok, 1 of 1,234", "diverged, 2 of 5"]
