@@ -276,6 +276,31 @@ def test_every_page_is_readable_for_everybody_and_runs_nobody_s_script(
             assert serious == [], path
 
 
+def test_a_one_time_address_works_in_a_tab_that_is_at_the_door_already(
+    browser: Any, furnished: Furnished
+) -> None:
+    client, _, _ = furnished
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto(f"{client.url}/sign-in")
+    page.goto(client.page_address())
+    page.wait_for_url(f"{client.url}/")
+    context.close()
+
+
+def test_nothing_runs_out_of_its_card(browser: Any, furnished: Furnished) -> None:
+    client, house, _ = furnished
+    fits = "card => card.scrollWidth <= card.clientWidth"
+    with tab(browser, client) as page:
+        page.set_viewport_size({"width": 400, "height": 900})
+        page.goto(f"{client.url}/models")
+        assert page.locator("#upload").evaluate(fits)
+        page.goto(f"{client.url}/studies/{house.study}/failures")
+        card = page.locator("section.card").first
+        card.evaluate("card => card.querySelector('p').append('w'.repeat(300))")
+        assert card.evaluate(fits)
+
+
 def test_failures_are_run_again_by_cause(browser: Any, furnished: Furnished) -> None:
     client, house, _ = furnished
     with tab(browser, client) as page:

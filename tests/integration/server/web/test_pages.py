@@ -1,6 +1,8 @@
 """Every page of a coordinator whose users and workers call things by markup."""
 
+import html
 import json
+import re
 from html.parser import HTMLParser
 
 import pytest
@@ -10,6 +12,7 @@ from fastapi.testclient import TestClient
 from analysis.sensitivity.service import catch_up
 from server.operations import tokens
 from server.operations.result_log import StoreResultLog
+from server.web.new_study import LEAST_SECONDS
 from server.web.page import Look
 from server.web.pages import PAGES
 from tests.testbed.full_house import MARKUP, SHORT, House, furnish
@@ -151,3 +154,11 @@ def test_a_study_of_curves_alone_has_a_page_before_and_after_results(
     catch_up(StoreResultLog(app.state.engine), study["id"])
     for path in (page, f"{page}?output=torque_over_phase", "/", f"{page}/sample"):
         assert client.get(path, headers=BROWSER).status_code == 200, path
+
+
+def test_the_form_counts_on_no_run_that_takes_less_than_it_costs_to_hand_it_out(
+    client: TestClient, house: House
+) -> None:
+    found = client.get("/new-study?model=ishigami", headers=BROWSER).text
+    said = re.search(r'"seconds": ([^,]+),', html.unescape(found))
+    assert said is not None and float(said[1]) >= LEAST_SECONDS
