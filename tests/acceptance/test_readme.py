@@ -95,8 +95,9 @@ def test_one_assessment_prints_one_json_object_with_the_fixed_names() -> None:
 
 
 def test_an_assessment_that_fails_has_a_reason_a_state_and_no_outputs() -> None:
+    far = ("--set", "upper_arm_length=0.50", "--outside-range", "--json")
     ran = subprocess.run(
-        [sys.executable, "-m", "rehyb", "assess", "--set", "upper_arm_length=0.50", "--json"],
+        [sys.executable, "-m", "rehyb", "assess", *far],
         cwd=ROOT,
         capture_output=True,
         text=True,

@@ -90,7 +90,8 @@ def test_a_report_holds_every_figure_of_its_method_and_nothing_from_outside(
     outline.feed(text)
     assert outline.open == []
     sources = [value or "" for name, value in outline.attributes if name == "src"]
-    assert len(sources) == (6 if method == "saltelli_second_order" else 5)
+    # Pairs are shown as bars and as a map.
+    assert len(sources) == (7 if method == "saltelli_second_order" else 5)
     assert all(source.startswith("data:image/svg+xml;base64,") for source in sources)
     assert not [name for name, _ in outline.attributes if name == "href"]
     assert "url(" not in text and "@import" not in text
