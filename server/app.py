@@ -87,7 +87,7 @@ def create_app(settings: Settings) -> FastAPI:
                     with suppress(asyncio.CancelledError):
                         await task
         finally:
-            # Also of what refuses to start. A thread that is still looking gives its connection back
+            # Also of what refuses to start. A thread that still looks gives its connection back
             # first, or it would stay open beyond the engine's end.
             await asyncio.get_running_loop().shutdown_default_executor()
             app.state.exchange.close()

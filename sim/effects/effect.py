@@ -211,7 +211,7 @@ class Law(AppliedEffect):
 
     def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
         """Return the recorded motion as the law is told it."""
-        return replace(joint, smooth=theta.get("smooth", 0.0), slide=theta.get("slide", 0.0))
+        return replace(joint, smooth=theta.get("smooth", 0.0))
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         motion = self.motion(joint, theta)

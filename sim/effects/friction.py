@@ -15,7 +15,7 @@ import numpy as np
 from sim.effects.effect import Columns, Law, Theta
 from sim.effects.elements import add_damping, joint_of
 from sim.effects.functions import Signal, choose, exp, magnitude
-from sim.effects.motion import PRESLIDING_SHARE, Motion, RecordedJoint
+from sim.effects.motion import Motion, RecordedJoint
 from sim.effects.parameter import (
     RELATIVE,
     Nonlinear,
@@ -32,9 +32,6 @@ if TYPE_CHECKING:
 #: Width over which the direction changes, over the top speed.
 SMOOTH = Nonlinear("smooth", (0.004, 0.02, 0.06), scaling=0.4)
 COARSE = Nonlinear("smooth", (0.004, 0.02))
-#: Way over which the direction changes instead, over half the travel: contacts give way by some
-#: milliradians before they slide (presliding; Dahl 1968, Canudas de Wit et al. 1995).
-SLIDE = Nonlinear("slide", (0.0, 0.002, 0.006), scaling=0.4)
 
 
 class Friction(Law):
@@ -42,7 +39,7 @@ class Friction(Law):
 
     owner: Literal["robot", "human"] | None = "robot"
     lower: tuple[float, ...] = (0.0,)
-    nonlinear: tuple[Nonlinear, ...] = (SMOOTH, SLIDE)
+    nonlinear: tuple[Nonlinear, ...] = (SMOOTH,)
     rubs = directed = at_reversals = True
     #: Whether the level is another from step to step, for which MuJoCo has no element.
     varies: bool = True
@@ -53,23 +50,6 @@ class Friction(Law):
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         return self.level(parameters, motion) * motion.direction
-
-    def thetas(self, joint: RecordedJoint) -> list[Theta]:
-        """Return the grid: the direction changes at a speed, or over a way."""
-        return [
-            theta
-            for theta in super().thetas(joint)
-            if not theta["slide"] or theta["smooth"] == COARSE.grid[0]
-        ]
-
-    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
-        # A direction that changes over a way knows no speed.
-        idle = "smooth" if theta["slide"] else "slide"
-        return [
-            near
-            for near in super().neighbours(theta, scale)
-            if near[idle] == theta[idle] and near["slide"] <= PRESLIDING_SHARE and near != theta
-        ]
 
 
 class Coulomb(Friction):
@@ -132,7 +112,6 @@ class Stribeck(Friction):
     coefficients = ("torque", "breakaway_excess")
     nonlinear = (
         replace(SMOOTH, grid=COARSE.grid),
-        SLIDE,
         Nonlinear("speed", (0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE),
     )
 
@@ -173,7 +152,7 @@ class Asymmetric(Friction):
         ),
     )
     lower = (0.0, -np.inf, -np.inf)
-    nonlinear = (SMOOTH, SLIDE, Nonlinear("viscous", (0.0, 1.0)))
+    nonlinear = (SMOOTH, Nonlinear("viscous", (0.0, 1.0)))
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         return self._constant(parameters, motion) + self._slope(parameters) * motion.velocity
@@ -215,7 +194,7 @@ class PositionDependent(Friction):
         middle=Parameter("rad", "middle of the range", 0.5, 1.5, neutral=1.0, in_joint_frame=True),
     )
     lower = (0.0, -np.inf, -np.inf)
-    nonlinear = (COARSE, SLIDE)
+    nonlinear = (COARSE,)
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         x = motion.position - parameters["middle"]

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from sim.effects.effect import Theta
-from sim.effects.friction import COARSE, SLIDE, Friction
+from sim.effects.friction import COARSE, Friction
 from sim.effects.functions import Signal, choose, exp, magnitude
 from sim.effects.motion import Motion, RecordedJoint
 from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Values, named, size
@@ -39,7 +39,7 @@ class LoadDependent(Friction):
         ),
     )
     coefficients = ("torque", "load_share")
-    nonlinear = (COARSE, SLIDE, Nonlinear("load", (0, 1, 2)))
+    nonlinear = (COARSE, Nonlinear("load", (0, 1, 2)))
     uses_estimate = True
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
@@ -74,7 +74,6 @@ class StribeckLoad(Friction):
     coefficients = ("torque", "load_share", "breakaway_excess", "slow_load_share")
     nonlinear = (
         COARSE,
-        SLIDE,
         Nonlinear("speed", (0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE),
         Nonlinear("load", (0, 1)),
     )
@@ -115,7 +114,7 @@ class DirectionalLoad(Friction):
         driven_share=share("friction over the load where the load drives"),
     )
     coefficients = ("torque", "driving_share", "driven_share")
-    nonlinear = (COARSE, SLIDE, Nonlinear("load", (0, 1)))
+    nonlinear = (COARSE, Nonlinear("load", (0, 1)))
     uses_estimate = True
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
@@ -143,7 +142,7 @@ class QuadraticLoad(Friction):
         load_curvature=Parameter("1/Nm", "further friction over its square", floor=0.0),
     )
     coefficients = ("torque", "load_share", "load_curvature")
-    nonlinear = (COARSE, SLIDE, Nonlinear("load", (0, 1)))
+    nonlinear = (COARSE, Nonlinear("load", (0, 1)))
     uses_estimate = True
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
@@ -165,6 +164,5 @@ def under_load(joint: RecordedJoint, theta: Theta) -> RecordedJoint:
     return replace(
         joint,
         smooth=theta["smooth"],
-        slide=theta.get("slide", 0.0),
         load=loads[int(theta["load"])],
     )

@@ -117,8 +117,6 @@ class RecordedJoint:
     estimate: Estimate
     #: Share of the top speed below which the direction is smooth.
     smooth: float = 0.0
-    #: Share of half the travel over which the direction turns instead; 0 for none.
-    slide: float = 0.0
     #: Torque that the joint carries, with its sign.
     load: Signal = 0.0
 
@@ -136,8 +134,6 @@ class RecordedJoint:
 
     @cached_property
     def direction(self) -> np.ndarray:
-        if self.slide:
-            return self.wound(self.slide * self.travel[1])
         return np.asarray(np.tanh(self.velocity / (self.smooth * self.top_speed)))
 
     @property

@@ -17,18 +17,18 @@ from tests.testbed.sessions import mjcf
 ELBOW = 1
 #: For every effect, a place in its grid and its coefficients.
 TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
-    "coulomb_friction": ({"smooth": 0.02, "slide": 0.0}, (0.8,)),
+    "coulomb_friction": ({"smooth": 0.02}, (0.8,)),
     "viscous_friction": ({}, (0.5,)),
-    "stribeck_friction": ({"smooth": 0.004, "slide": 0.0, "speed": 0.24}, (0.6, 0.9)),
-    "asymmetric_friction": ({"smooth": 0.004, "slide": 0.0, "viscous": 1.0}, (0.9, 0.3, 0.1)),
-    "load_dependent_friction": ({"smooth": 0.004, "slide": 0.0, "load": 0}, (0.3, 0.2)),
+    "stribeck_friction": ({"smooth": 0.004, "speed": 0.24}, (0.6, 0.9)),
+    "asymmetric_friction": ({"smooth": 0.004, "viscous": 1.0}, (0.9, 0.3, 0.1)),
+    "load_dependent_friction": ({"smooth": 0.004, "load": 0}, (0.3, 0.2)),
     "stribeck_load_friction": (
-        {"smooth": 0.004, "slide": 0.0, "speed": 0.24, "load": 0},
+        {"smooth": 0.004, "speed": 0.24, "load": 0},
         (0.3, 0.1, 0.4, 0.1),
     ),
-    "directional_load_friction": ({"smooth": 0.004, "slide": 0.0, "load": 0}, (0.3, 0.3, 0.15)),
-    "quadratic_load_friction": ({"smooth": 0.004, "slide": 0.0, "load": 0}, (0.3, 0.1, 0.02)),
-    "position_dependent_friction": ({"smooth": 0.004, "slide": 0.0}, (0.9, 0.3, 0.2)),
+    "directional_load_friction": ({"smooth": 0.004, "load": 0}, (0.3, 0.3, 0.15)),
+    "quadratic_load_friction": ({"smooth": 0.004, "load": 0}, (0.3, 0.1, 0.02)),
+    "position_dependent_friction": ({"smooth": 0.004}, (0.9, 0.3, 0.2)),
     "torque_offset": ({}, (0.7,)),
     "torque_gain": ({}, (-0.1,)),
     "payload": ({"distance": 1.6}, (0.4,)),

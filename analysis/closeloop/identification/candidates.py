@@ -39,7 +39,7 @@ ONE_WAY = (
 )
 REFINEMENTS = (1.0, 0.5, 0.25, 0.12)
 #: Non-linear parameters of how friction passes through zero.
-TURNING = ("smooth", "slide")
+TURNING = ("smooth",)
 #: Options that are refined before they are compared.
 CONTENDERS = 6
 
