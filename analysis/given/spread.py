@@ -1,4 +1,8 @@
-"""How the points of a sample lie: more evenly than drawn ones, or in groups that share values."""
+"""How the points of a sample lie: more evenly than drawn ones, or in groups that share values.
+
+Points of a Sobol sequence (Sobol 1967) fill cells evenly where drawn ones scatter; rows that differ
+in one factor only are what Saltelli et al. 2010 and Campolongo et al. 2011 make designs of.
+"""
 
 from itertools import combinations
 
