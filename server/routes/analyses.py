@@ -36,7 +36,11 @@ Column = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=
 Outputs = Annotated[list[Column] | None, Query(max_length=1000, examples=[["y"]])]
 Factors = Annotated[list[Column] | None, Query(max_length=1000, examples=[["x1", "x2"]])]
 Called = Annotated[
-    str, StringConstraints(min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f/\\]+$")
+    # A file's name has 255 bytes at most, and is neither . nor ..
+    str,
+    StringConstraints(
+        min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f/\\.][^\x00-\x1f\x7f/\\]*$"
+    ),
 ]
 
 
