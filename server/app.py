@@ -48,6 +48,7 @@ from server.settings import Settings
 from server.store import create_engine, require_current
 from server.store.database.engine import server_time
 from server.store.database.write_batching import WriteBatches
+from server.threads import in_thread
 from server.web import assets, fleet, pages, sign_in
 from server.web.live import Hub
 
@@ -87,9 +88,7 @@ def create_app(settings: Settings) -> FastAPI:
                     with suppress(asyncio.CancelledError):
                         await task
         finally:
-            # Also of what refuses to start. A thread that still looks gives its connection back
-            # first, or it would stay open beyond the engine's end.
-            await asyncio.get_running_loop().shutdown_default_executor()
+            # Also of what refuses to start.
             app.state.exchange.close()
             app.state.write.close()
             engine.dispose()
@@ -165,14 +164,14 @@ async def _reap_for_ever(
         await asyncio.sleep(ttl / 4.0)
         freed = 0
         try:
-            lost = await asyncio.to_thread(lease_operations.reap, engine, now=clock())
-            silent = await asyncio.to_thread(close_loop_operations.reap, engine, now=clock())
+            lost = await in_thread(lease_operations.reap, engine, now=clock())
+            silent = await in_thread(close_loop_operations.reap, engine, now=clock())
             if silent:
                 log.warning("%d close-loops came back from workers that fell silent", silent)
-            await asyncio.to_thread(comparisons.give_up, engine, now=clock(), patience=patience)
+            await in_thread(comparisons.give_up, engine, now=clock(), patience=patience)
             # Whoever has not listened for so long cannot say that nobody spoke.
             if monotonic() - started >= patience:
-                freed = await asyncio.to_thread(
+                freed = await in_thread(
                     reruns.free_stranded_rows, engine, now=clock(), patience=patience
                 )
         except (SQLAlchemyError, NotFoundError):

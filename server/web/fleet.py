@@ -12,6 +12,7 @@ from server.logic.fleet_history import EVERY_SECONDS, FleetHistory, Glance
 from server.logic.hosts import GONE_SECONDS
 from server.logic.waiting import why_it_waits
 from server.operations import comparisons, studies, watching
+from server.threads import in_thread
 from server.web.page import Look, Page
 
 log = logging.getLogger(__name__)
@@ -27,7 +28,7 @@ async def watch(state: Any) -> None:
     while True:
         try:
             since = history.first_fence
-            found = await asyncio.to_thread(
+            found = await in_thread(
                 watching.fleet, state.engine, since_fence=2**62 if since is None else since
             )
             done = {worker.id: worker.instances_done for worker in found.workers}

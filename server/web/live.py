@@ -8,6 +8,7 @@ from time import monotonic, thread_time
 from typing import Any
 
 from server.errors import NotFoundError
+from server.threads import in_thread
 
 log = logging.getLogger(__name__)
 
@@ -123,7 +124,7 @@ class Hub:
         while self._topics.get(key) is topic and not topic.gone:
             changed, cost = False, 0.0
             try:
-                parts, cost = await asyncio.to_thread(_measured, look)
+                parts, cost = await in_thread(_measured, look)
                 changed = topic.take(parts)
             except NotFoundError:
                 topic.gone = True
