@@ -30,12 +30,10 @@ from sim.validation.isometric import (
     co_contraction_stiffness,
     run_isometric_test,
 )
-from sim.validation.moment_arms import PIGEON
+from sim.validation.moment_arms import PIGEON, SUGISAKI
 
 #: Lengths at which curves are compared, in optimal ones.
 LENGTHS = np.linspace(0.5, 1.6, 111)
-#: Sugisaki et al. 2010, by magnetic resonance: degrees, mean and standard deviation, mm.
-SUGISAKI = ((30.0, 23.9, 1.4), (110.0, 17.4, 1.3))
 #: Wiegner and Watts 1986: stiffness of relaxed elbows, Nm/rad, from 20 to 107 degrees.
 RELAXED = (0.4, 1.8)
 
@@ -112,8 +110,8 @@ def print_trochlea() -> None:
     for name, wrap in (("fitted", fitted), ("in the code", TROCHLEA)):
         rms = np.sqrt(np.mean((lever(wrap, degrees) - measured) ** 2))
         shown = ", ".join(
-            f"{lever(wrap, np.array([angle]))[0]:.1f} at {angle:g} degrees ({mean} sd {sd})"
-            for angle, mean, sd in SUGISAKI
+            f"{lever(wrap, np.array([angle]))[0]:.1f} at {angle} degrees ({-mean} sd {sd})"
+            for angle, (mean, sd) in SUGISAKI.items()
         )
         print(f"  {name:12s} {rms:.1f} mm rms from Pigeon; Sugisaki et al. 2010: {shown}")
 

@@ -20,7 +20,7 @@ from sim.validation.compression import (
 )
 from sim.validation.figures import compression_figure, isometric_figure, moment_arm_figure
 from sim.validation.isometric import MEASURED, IsometricTest, run_isometric_test
-from sim.validation.moment_arms import PIGEON, measured_mm, moment_arms_mm
+from sim.validation.moment_arms import ANGLES_DEG, PIGEON, SUGISAKI, measured_mm, moment_arms_mm
 from sim.validation.skin import beside
 
 #: A peak agrees with the paper's figure 3 if it lies within this share of it.
@@ -116,6 +116,15 @@ def _arms(arms: Mapping[str, Mapping[str, np.ndarray]]) -> Iterator[Row]:
                 f"within {ARM_TOLERANCE:g} of Pigeon et al. 1996",
                 "mm",
                 gap <= ARM_TOLERANCE,
+            )
+        for angle, (mean, deviation) in SUGISAKI.items():
+            arm = float(np.interp(angle, ANGLES_DEG, ours["triceps"]))
+            yield Row(
+                f"moment arm of the triceps, {name}, at {angle} degrees",
+                arm,
+                f"{mean:g} +- {2.0 * deviation:g} (95 % of people, Sugisaki et al. 2010)",
+                "mm",
+                abs(arm - mean) <= 2.0 * deviation,
             )
 
 

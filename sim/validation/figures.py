@@ -9,7 +9,7 @@ from sim.pictures.figures import new_figure
 from sim.validation.compression import OGNEVA_CONTRACTED, OGNEVA_RELAXED, CompressionTest
 from sim.validation.isometric import ANGLES_DEG, MEASURED, IsometricTest
 from sim.validation.moment_arms import ANGLES_DEG as MOVED_DEG
-from sim.validation.moment_arms import PIGEON, measured_mm
+from sim.validation.moment_arms import PIGEON, SUGISAKI, measured_mm
 
 #: Colour and place of the peak's label of each set of muscles.
 _STYLES = (("tab:orange", -48), ("tab:green", 0), ("tab:blue", 48))
@@ -70,8 +70,13 @@ def moment_arm_figure(arms: Mapping[str, Mapping[str, np.ndarray]], path: Path) 
             axes.plot(MOVED_DEG, ours[muscle], color=colour, linewidth=2, label=name)
         axes.plot(MOVED_DEG, measured_mm(muscle), "--", color="0.4", label="Pigeon et al. 1996")
         axes.set(title=muscle, xlabel="elbow flexion (degrees)", ylabel="moment arm (mm)")
-        if number == 1:
-            axes.legend(frameon=False, fontsize=8)
+        if muscle == "triceps":
+            means, deviations = zip(*SUGISAKI.values(), strict=True)
+            people = "Sugisaki et al. 2010 (2 sd)"
+            axes.errorbar(
+                list(SUGISAKI), means, 2.0 * np.array(deviations), fmt="ks", capsize=3, label=people
+            )
+        axes.legend(frameon=False, fontsize=8)
     figure.savefig(path)
     return path
 

@@ -22,6 +22,8 @@ def test_validation_reports_the_papers_figures_3_and_6_with_pictures(tmp_path: P
     # The paper's biceps is farther from the joint than cadavers', its relaxed muscles are stiff.
     assert not rows["moment arm of the biceps, paper: rms from 10 to 110 degrees"].agrees
     assert rows["moment arm of the triceps, physiological: rms from 10 to 110 degrees"].agrees
+    assert not rows["moment arm of the triceps, paper, at 110 degrees"].agrees
+    assert rows["moment arm of the triceps, physiological, at 110 degrees"].agrees
     assert not rows["stiffness of relaxed muscles, paper"].agrees
     assert 5.0 < rows["mean pressure under the forearm's cuff"].measured < 10.0
     assert not rows["peak pressure under the forearm's cuff"].agrees
