@@ -104,6 +104,8 @@ def _phase(number: int, title: str, plan: Plan, design: Mapping[str, Any]) -> Ph
         "seed": plan.seed,
         **design,
     }
+    if plan.outside_range:
+        study["outside_range"] = True
     return Phase(number=number, title=title, study=study)
 
 

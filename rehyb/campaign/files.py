@@ -113,7 +113,7 @@ def load_manifest(directory: Path, plan: Plan) -> Json:
         manifest: Json = json.loads(path.read_text())
         # A campaign that an earlier version began lacks what came later.
         later: Json = {"most_rows": None, "target": None, "fixed": {}, "ranges": "table_1"}
-        later["described"] = None
+        later |= {"outside_range": False, "described": None}
         kept: Json = manifest.get("plan", {})
         if {**later, **kept} != asdict(plan):
             words = ", ".join(f"{name} {value}" for name, value in kept.items())

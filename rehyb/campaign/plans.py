@@ -29,6 +29,8 @@ class Plan:
     #: `sim.parameters.wearer.RANGES`.
     fixed: Mapping[str, float] = field(default_factory=dict)
     ranges: str = "table_1"
+    #: Whether `fixed` may lie far outside what a factor was validated for.
+    outside_range: bool = False
     #: Description of a model that does not come with rehyb, as JSON.
     described: Mapping[str, Any] | None = None
 

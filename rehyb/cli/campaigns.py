@@ -91,6 +91,9 @@ def run(
         list[str] | None,
         optional(metavar="NAME=VALUE", help="A factor that is not nominal throughout; repeat."),
     ] = None,
+    outside_range: Annotated[
+        bool, typer.Option("--outside-range", help="Allow --fix far outside a factor's range.")
+    ] = False,
     ranges: Annotated[
         str,
         typer.Option(
@@ -114,6 +117,7 @@ def run(
         "sampling": sampling or None,
     }
     sizes |= {"ranges": ranges, "seed": seed, "most_rows": up_to, "target": target}
+    sizes["outside_range"] = outside_range
     from models.own import own_models
 
     own = own_models().get(model)

@@ -46,6 +46,14 @@ def test_a_campaign_may_fix_a_choice_and_take_other_lengths() -> None:
     assert len(aligned["factors"]) == 4
 
 
+def test_a_campaign_goes_far_outside_a_range_only_if_it_is_asked_to() -> None:
+    far = replace(PLAN, fixed={"friction": 9.0})
+    assert "outside_range" not in screening_phase(far).study
+    asked = replace(far, outside_range=True)
+    assert screening_phase(asked).study["outside_range"] is True
+    assert variance_phase(asked, "upper_arm_mass").study["outside_range"] is True
+
+
 @pytest.mark.parametrize(
     ("progress", "seen", "answer"),
     [
