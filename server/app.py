@@ -17,32 +17,28 @@ from server.clocks import not_before, steady
 from server.compression import Gunzip
 from server.errors import NotFoundError
 from server.guards import MAX_BODY_BYTES, BodyLimit, Guard
-from server.logic.fleet_history import FleetHistory
-from server.logic.idling import Idle
+from server.logic.fleet.history import FleetHistory
+from server.logic.fleet.idling import Idle
 from server.metrics import Metrics
 from server.operations import close_loops as close_loop_operations
-from server.operations import comparisons, reruns, tokens
-from server.operations import leases as lease_operations
 from server.operations import models as model_operations
-from server.operations.exchanges import Exchanges
+from server.operations import tokens
+from server.operations.fleet import comparisons
+from server.operations.fleet import leases as lease_operations
+from server.operations.fleet.exchanges import Exchanges
 from server.operations.readiness import Readiness
+from server.operations.study import reruns
 from server.routes import (
     analyses,
     close_loop_leases,
     close_loops,
     health,
-    indices,
-    instances,
-    leases,
     metrics,
     models,
-    precision_goals,
-    progress,
-    results,
     sessions,
-    studies,
-    workers,
 )
+from server.routes.fleet import leases, results, workers
+from server.routes.study import indices, instances, precision_goals, progress, studies
 from server.sandbox import CHECKS
 from server.settings import Settings
 from server.store import create_engine, require_current

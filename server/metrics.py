@@ -6,7 +6,7 @@ from prometheus_client import CollectorRegistry, Counter, Histogram
 from prometheus_client.core import GaugeMetricFamily, Metric
 from sqlalchemy.engine import Engine
 
-from server.logic.hosts import GONE_SECONDS
+from server.logic.fleet.hosts import GONE_SECONDS
 from server.store import gauges
 from server.store.database.engine import reading
 

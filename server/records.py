@@ -104,7 +104,7 @@ class Study:
     priority: int = 0
     #: What a worker must call itself to be given any of it.
     tags: tuple[str, ...] = ()
-    #: The code that began it (`server.logic.hosts.identity`); None before its first lease.
+    #: The code that began it (`server.logic.fleet.hosts.identity`); None before its first lease.
     identity: Mapping[str, str] | None = None
     #: Grows with every change that makes earlier readings of its log or its size obsolete.
     edition: int = 0

@@ -21,10 +21,11 @@ from benchmarks.measuring import percentile
 from benchmarks.service.coordinator import TOKEN, coordinator, done, submit, throughput
 from benchmarks.service.throughput import PROCESSES, ROWS, SECONDS
 from server.app import create_app
-from server.logic.plans import draw_up, parameters
-from server.logic.verdicts import Report
-from server.operations import leasing, results, studies
-from server.operations.leasing import LeaseRequest
+from server.logic.fleet.verdicts import Report
+from server.logic.study.plans import draw_up, parameters
+from server.operations.fleet import leasing, results
+from server.operations.fleet.leasing import LeaseRequest
+from server.operations.study import studies
 from server.records import Introduction
 from server.settings import Settings
 from server.store import upgrade

@@ -23,7 +23,7 @@ from benchmarks.measuring import Target, cpu_seconds
 from benchmarks.service.coordinator import TOKEN, complete, coordinator, submit
 from benchmarks.service.million import BATCH, ROWS, WIDTH, WORKER, fill
 from rehyb.client import Client
-from server.operations.result_log import StoreResultLog
+from server.operations.study.result_log import StoreResultLog
 from server.store import create_engine
 
 TABS = 50

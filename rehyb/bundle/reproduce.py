@@ -86,7 +86,7 @@ def plan_of(bundle: Bundle) -> "Plan":
         Invalid: it is no study that this version knows.
     """
     from server.errors import InvalidStudyError
-    from server.logic.plans import FactorChoice, draw_up
+    from server.logic.study.plans import FactorChoice, draw_up
 
     study, model = bundle.study, model_of(bundle)
     try:
@@ -211,7 +211,7 @@ def _lies_in(plan: "Plan", place: tuple[int, int]) -> bool:
 
 def _design(plan: "Plan", table: "Table") -> Judgement:
     """Compare every parameter with the one that the study's seed gives."""
-    from server.logic.plans import parameters
+    from server.logic.study.plans import parameters
 
     places = _places(table)
     outside = [place for place in places if not _lies_in(plan, place)]
@@ -280,7 +280,7 @@ def _indices(bundle: Bundle, table: "Table") -> Judgement:
 
 def _chosen(plan: "Plan", table: "Table", sample: int, seed: int) -> list[int]:
     """Choose the results to compute again, of those that say more of the model than a machine."""
-    from server.logic.instances import BUDGETS
+    from server.logic.study.instances import BUDGETS
 
     eligible = [
         line
@@ -302,7 +302,7 @@ def _runs(
     evaluate: "Callable[[Json], Evaluation]",
 ) -> Judgement:
     """Compute some runs again."""
-    from server.logic.plans import parameters, point
+    from server.logic.study.plans import parameters, point
 
     sd = np.array([_spread(column) for column in table.values.T])
     worst, where = 0.0, ""

@@ -123,7 +123,7 @@ def analysis() -> None:
     """
     with needs_extra("rehyb analysis", "server"):
         from analysis.sensitivity.service import follow
-        from server.operations.result_log import StoreResultLog
+        from server.operations.study.result_log import StoreResultLog
 
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -12,10 +12,10 @@ from math import ceil
 from typing import Any
 
 from analysis.closeloop.contract import SCHEMA, Verdict
-from server.logic.hosts import GONE_SECONDS
-from server.logic.instances import BUDGETS
+from server.logic.fleet.hosts import GONE_SECONDS
+from server.logic.fleet.leases import expiry
 from server.logic.json_values import flaw_in
-from server.logic.leases import expiry
+from server.logic.study.instances import BUDGETS
 from server.records import Attempt, CloseLoopJob, Introduction, Lease
 from server.states import CloseLoopState, LeaseState
 
@@ -70,7 +70,7 @@ def is_noted(noted: float | None, now: float) -> bool:
 
 
 def lease_of(job: CloseLoopJob, lease: str) -> Lease | None:
-    """Return one of a job's leases, as `server.logic.leases` judges them; None if it never was."""
+    """Return one of a job's leases, as `fleet.leases` judges them; None if it never was."""
     for attempt in job.attempts:
         if attempt.lease == lease:
             held = attempt is job.current

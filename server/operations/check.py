@@ -11,8 +11,9 @@ from analysis.closeloop.contract import REPORT_FILES
 from server.errors import ConflictError, DamagedError, NotFoundError
 from server.records import CloseLoopJob, Study
 from server.states import CloseLoopState, StudyState
-from server.store import audit, close_loops, sessions, studies
+from server.store import audit, close_loops, sessions
 from server.store.database.engine import create_engine, reading
+from server.store.study import studies
 
 
 def faults(engine: Engine) -> list[str]:

@@ -10,8 +10,8 @@ from sqlalchemy.engine import Connection, Engine
 
 from server.errors import ConflictError, NotFoundError
 from server.logic import close_loops as life
-from server.logic.hosts import GONE_SECONDS, host_class
-from server.logic.leases import (
+from server.logic.fleet.hosts import GONE_SECONDS, host_class
+from server.logic.fleet.leases import (
     expiry,
     objection_to_release,
     objection_to_renewal,
@@ -19,8 +19,9 @@ from server.logic.leases import (
 )
 from server.records import CloseLoopJob, Introduction, Session
 from server.states import CloseLoopState, LeaseState, Outcome
-from server.store import close_loops, sessions, workers
+from server.store import close_loops, sessions
 from server.store.database.engine import alone_reading, reading, writing
+from server.store.fleet import workers
 
 get = alone_reading(close_loops.find)
 

@@ -7,8 +7,9 @@ from typing import Any
 from sqlalchemy.engine import Engine
 
 from server.records import Study, Worker
-from server.store import close_loops, leases, results, workers
+from server.store import close_loops
 from server.store.database.engine import alone_reading, reading
+from server.store.fleet import leases, results, workers
 
 every_close_loop = alone_reading(close_loops.every)
 first_of_rows = alone_reading(results.first_of_rows)

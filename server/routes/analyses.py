@@ -11,10 +11,11 @@ from sqlalchemy.engine import Engine
 from starlette.concurrency import run_in_threadpool
 
 from analysis.files.results_csv import columns
-from server.logic.table import lines
-from server.operations import results, studies
+from server.logic.study.table import lines
+from server.operations.fleet import results
+from server.operations.study import studies
 from server.routes.common import PRINTABLE, Configured, Id, Store
-from server.routes.results import csv_text
+from server.routes.fleet.results import csv_text
 from server.routes.uploads import receive
 from server.sandbox import check
 

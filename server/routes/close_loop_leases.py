@@ -12,8 +12,8 @@ from starlette.datastructures import UploadFile
 
 from analysis.closeloop.contract import REPORT_FILES
 from server.logic.close_loops import MAX_REPORT_BYTES, PROGRESS_LENGTH, ask_again_in, verdict_of
+from server.logic.fleet.verdicts import REASON_LENGTH
 from server.logic.json_values import cut
-from server.logic.verdicts import REASON_LENGTH
 from server.operations import close_loops
 from server.operations.close_loops import Proof
 from server.routes.common import (
@@ -27,7 +27,7 @@ from server.routes.common import (
     as_json,
     example,
 )
-from server.routes.leases import Fence, WorkerBody
+from server.routes.fleet.leases import Fence, WorkerBody
 from server.states import Outcome, Verdict
 
 log = logging.getLogger(__name__)

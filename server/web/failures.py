@@ -9,8 +9,9 @@ from analysis.reports import tables
 from analysis.reports.interactive.failures import failures
 from analysis.sensitivity.ranking import RANKED_BY
 from analysis.sensitivity.remarks import warning
-from server.logic.instances import BUDGETS
-from server.operations import studies, watching
+from server.logic.study.instances import BUDGETS
+from server.operations import watching
+from server.operations.study import studies
 from server.records import Study
 from server.web import sample
 from server.web.page import Look, Page

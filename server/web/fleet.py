@@ -7,11 +7,13 @@ from typing import Any
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from server.logic.comparisons import Reputation
-from server.logic.fleet_history import EVERY_SECONDS, FleetHistory, Glance
-from server.logic.hosts import GONE_SECONDS
-from server.logic.waiting import why_it_waits
-from server.operations import comparisons, studies, watching
+from server.logic.fleet.comparisons import Reputation
+from server.logic.fleet.history import EVERY_SECONDS, FleetHistory, Glance
+from server.logic.fleet.hosts import GONE_SECONDS
+from server.logic.fleet.waiting import why_it_waits
+from server.operations import watching
+from server.operations.fleet import comparisons
+from server.operations.study import studies
 from server.threads import in_thread
 from server.web.page import Look, Page
 

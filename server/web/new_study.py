@@ -4,9 +4,10 @@ import json
 from typing import Any
 
 from analysis.designs import DEFAULT_SAMPLING, METHODS, fewest_factors, row_width, samplings
-from server.logic.hosts import GONE_SECONDS
-from server.logic.plans import MAX_ROWS
-from server.operations import models, studies, watching
+from server.logic.fleet.hosts import GONE_SECONDS
+from server.logic.study.plans import MAX_ROWS
+from server.operations import models, watching
+from server.operations.study import studies
 from server.web.page import Look, Page
 
 #: Rows that the form begins with, by method.

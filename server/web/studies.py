@@ -8,9 +8,9 @@ from sqlalchemy.engine import Engine
 from analysis.sensitivity.records import said_of
 from analysis.sensitivity.stopping import Advice, advise
 from models.curves import names_of
-from server.logic.progress import Pace, pace
-from server.operations import precision_goals, studies
-from server.operations.result_log import StoreResultLog
+from server.logic.study.progress import Pace, pace
+from server.operations.study import precision_goals, studies
+from server.operations.study.result_log import StoreResultLog
 from server.records import PrecisionGoal, Study
 from server.states import StudyState
 from server.web.page import Look, Page

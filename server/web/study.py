@@ -13,9 +13,10 @@ from analysis.sensitivity.snapshot import empty_snapshot
 from analysis.sensitivity.stopping import advise
 from models.curves import names_of as output_names
 from server.errors import NotFoundError
-from server.logic.plans import for_analysis
-from server.operations import models, precision_goals, studies
-from server.operations.result_log import StoreResultLog
+from server.logic.study.plans import for_analysis
+from server.operations import models
+from server.operations.study import precision_goals, studies
+from server.operations.study.result_log import StoreResultLog
 from server.records import Study
 from server.routes.common import Id, Store
 from server.web import sample

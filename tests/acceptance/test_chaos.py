@@ -19,7 +19,8 @@ import pytest
 
 from rehyb import Client, RehybError
 from rehyb.client import Json
-from server.operations import check, comparisons
+from server.operations import check
+from server.operations.fleet import comparisons
 from server.store import create_engine
 from tests.testbed.fleet.adversary import Adversary
 from tests.testbed.fleet.bad_lab import LEASE_SECONDS, PATIENCE, TOKEN, BadLab

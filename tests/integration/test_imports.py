@@ -18,7 +18,7 @@ HEAVY = {"mujoco", "numpy", "scipy", "sqlalchemy", "fastapi", "pydantic", "matpl
         ("worker.cli", HEAVY | {"analysis"}),
         ("worker.agent", HEAVY),
         (
-            "server.run, server.operations.result_log",
+            "server.run, server.operations.study.result_log",
             {"mujoco", "sim", "matplotlib", "worker", "pandas", "scipy.stats"},
         ),
         ("analysis.closeloop.code", {"mujoco", "numpy"}),

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError
-from server.logic.verdicts import Judgement, Report
-from server.operations import leasing, results
-from server.operations.leasing import Deferred, Grant, Ineligible, LeaseRequest
+from server.logic.fleet.verdicts import Judgement, Report
+from server.operations.fleet import leasing, results
+from server.operations.fleet.leasing import Deferred, Grant, Ineligible, LeaseRequest
 from server.records import Introduction, Lease
 from server.store.database.engine import writing
 

@@ -12,11 +12,12 @@ from sqlalchemy.engine import Engine
 from analysis.closeloop.contract import REPORT_FILES
 from analysis.sensitivity.service import catch_up
 from models.description import Description
-from server.logic.plans import draw_up, instance_id, parameters
-from server.logic.verdicts import Report
-from server.operations import close_loops, models, sessions, studies
+from server.logic.fleet.verdicts import Report
+from server.logic.study.plans import draw_up, instance_id, parameters
+from server.operations import close_loops, models, sessions
 from server.operations.close_loops import Proof
-from server.operations.result_log import StoreResultLog
+from server.operations.study import studies
+from server.operations.study.result_log import StoreResultLog
 from server.records import Introduction
 from tests.testbed import exchanges
 from tests.testbed.records import plan

@@ -3,8 +3,8 @@
 from typing import Any
 
 from models.own import own_models
-from server.logic.plans import draw_up
-from server.logic.verdicts import Report
+from server.logic.fleet.verdicts import Report
+from server.logic.study.plans import draw_up
 from server.records import Plan
 
 

@@ -11,8 +11,8 @@ from pydantic import SecretStr
 from sqlalchemy.engine import Engine
 
 from server.app import create_app
-from server.logic.verdicts import Report
-from server.operations.leasing import Grant
+from server.logic.fleet.verdicts import Report
+from server.operations.fleet.leasing import Grant
 from server.records import Plan
 from server.settings import Settings
 from server.store import create_engine, upgrade

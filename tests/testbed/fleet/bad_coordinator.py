@@ -17,7 +17,7 @@ from sqlalchemy.engine import Connection, Engine
 from server import app
 from server.run import serve
 from server.settings import Settings
-from server.store.turns import Turn
+from server.store.fleet.turns import Turn
 
 #: What either database cannot do then, so that it says so in its own words.
 TOO_MUCH = {

@@ -18,7 +18,7 @@ _CONTEXT.set_forkserver_preload(
     [
         "rehyb.cli",
         "server.run",
-        "server.operations.result_log",
+        "server.operations.study.result_log",
         "analysis.sensitivity.service",
         # Whoever draws up the first Sobol row imports it.
         "scipy.stats",

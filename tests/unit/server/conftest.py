@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from server.logic.verdicts import Report
+from server.logic.fleet.verdicts import Report
 from server.records import Plan
 from tests.testbed import records
 

@@ -12,10 +12,11 @@ from sqlalchemy.engine import Engine
 from rehyb.cli import main
 from server.errors import ConflictError, DamagedError
 from server.instance_lock import instance_lock
-from server.logic.plans import instance_id
-from server.logic.verdicts import Report
-from server.operations import check, studies
-from server.operations.leasing import Grant
+from server.logic.fleet.verdicts import Report
+from server.logic.study.plans import instance_id
+from server.operations import check
+from server.operations.fleet.leasing import Grant
+from server.operations.study import studies
 from server.records import Plan
 from server.store import create_engine, upgrade
 from server.store.database.engine import writing

@@ -22,10 +22,12 @@ from hypothesis.stateful import (
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError
-from server.logic.plans import draw_up, instance_id
-from server.logic.verdicts import Report
-from server.operations import check, comparisons, leases, reruns, results, studies
-from server.operations.leasing import Grant, LeaseRequest
+from server.logic.fleet.verdicts import Report
+from server.logic.study.plans import draw_up, instance_id
+from server.operations import check
+from server.operations.fleet import comparisons, leases, results
+from server.operations.fleet.leasing import Grant, LeaseRequest
+from server.operations.study import reruns, studies
 from server.records import Introduction
 from server.states import StudyState
 from server.store import create_engine, upgrade

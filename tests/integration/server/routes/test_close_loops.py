@@ -12,7 +12,8 @@ from fastapi.testclient import TestClient
 
 from analysis.closeloop.code import digest
 from analysis.closeloop.contract import REPORT_FILES
-from server.operations import check, leases, sessions
+from server.operations import check, sessions
+from server.operations.fleet import leases
 from server.store.database.engine import writing
 from server.store.database.schema import close_loops as close_loops_table
 from tests.testbed.clock import Clock

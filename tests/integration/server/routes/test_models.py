@@ -18,7 +18,7 @@ from analysis.sensitivity.service import catch_up
 from models.folder import pack, read_folder
 from server.app import create_app
 from server.operations import tokens
-from server.operations.result_log import StoreResultLog
+from server.operations.study.result_log import StoreResultLog
 from server.settings import Settings
 from server.store import upgrade
 from server.store.database.engine import writing

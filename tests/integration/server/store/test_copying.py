@@ -11,15 +11,18 @@ from analysis.sensitivity.service import catch_up
 from rehyb.cli import main
 from server.errors import ConflictError
 from server.instance_lock import instance_lock
-from server.logic.plans import instance_id
-from server.logic.verdicts import Report
-from server.operations import check, leases, studies
-from server.operations.leasing import Grant
-from server.operations.result_log import StoreResultLog
+from server.logic.fleet.verdicts import Report
+from server.logic.study.plans import instance_id
+from server.operations import check
+from server.operations.fleet import leases
+from server.operations.fleet.leasing import Grant
+from server.operations.study import studies
+from server.operations.study.result_log import StoreResultLog
 from server.records import Plan
-from server.store import create_engine, snapshots, upgrade
+from server.store import create_engine, upgrade
 from server.store.copying import copy
 from server.store.database.engine import reading
+from server.store.study import snapshots
 from tests.testbed import exchanges
 
 Moved = tuple[Engine, Engine]

@@ -13,9 +13,11 @@ from alembic import command
 from alembic.script import ScriptDirectory
 from sqlalchemy.engine import Engine
 
-from server.logic.plans import instance_id
-from server.logic.verdicts import Report
-from server.operations import check, leases, studies
+from server.logic.fleet.verdicts import Report
+from server.logic.study.plans import instance_id
+from server.operations import check
+from server.operations.fleet import leases
+from server.operations.study import studies
 from server.store import create_engine, upgrade
 from server.store.database.engine import reading, writing
 from server.store.database.upgrade import _config

@@ -9,8 +9,9 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy.engine import Connection, Engine
 
-from server.logic.verdicts import Report
-from server.operations import results, studies
+from server.logic.fleet.verdicts import Report
+from server.operations.fleet import results
+from server.operations.study import studies
 from server.store import create_engine, upgrade
 from server.store.database.engine import writing
 from server.store.database.schema import metadata

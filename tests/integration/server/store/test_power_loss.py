@@ -9,8 +9,9 @@ import apsw
 import pytest
 import sqlalchemy as sa
 
-from server.logic.plans import instance_id
-from server.operations import check, studies
+from server.logic.study.plans import instance_id
+from server.operations import check
+from server.operations.study import studies
 from server.settings import Settings
 from server.store import create_engine
 from tests.testbed import exchanges, records

@@ -5,7 +5,7 @@ import time
 import pytest
 from sqlalchemy.engine import Engine
 
-from server.operations import leases
+from server.operations.fleet import leases
 from server.store import create_engine
 from server.store.database.engine import alone_at, server_time
 

@@ -11,7 +11,7 @@ from fastapi.testclient import TestClient
 
 from analysis.sensitivity.service import catch_up
 from server.operations import tokens
-from server.operations.result_log import StoreResultLog
+from server.operations.study.result_log import StoreResultLog
 from server.web.new_study import LEAST_SECONDS
 from server.web.page import Look
 from server.web.pages import PAGES

@@ -20,9 +20,9 @@ from server.logic.close_loops import (
     released,
     verdict_of,
 )
-from server.logic.instances import BUDGETS
+from server.logic.fleet.leases import objection_to_renewal, objection_to_results
 from server.logic.json_values import cut
-from server.logic.leases import objection_to_renewal, objection_to_results
+from server.logic.study.instances import BUDGETS
 from server.records import CloseLoopJob, Introduction, Lease
 
 WAITING = CloseLoopJob(id="j", session_id="s", state="waiting", created_at=1.0)

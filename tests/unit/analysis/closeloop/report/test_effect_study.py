@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from analysis.closeloop.report.effect_study import EffectStudyError, study_with_effects
 from models.own import own_models
 from rehyb.cli import app
-from server.logic.plans import FactorChoice, draw_up
+from server.logic.study.plans import FactorChoice, draw_up
 from sim.effects.catalogue import ASSESSED
 from sim.parameters.wearer import TABLE_1
 

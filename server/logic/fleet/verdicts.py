@@ -1,0 +1,217 @@
+"""What the coordinator makes of a posted result: accepted, duplicate, conflict and so on."""
+
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+from analysis.json_values import is_finite_number
+from analysis.sensitivity.records import LARGEST_OUTPUT
+from models.curves import Curve, CurveError, unfolded
+from server.logic.json_values import cut, flaw_in
+from server.logic.study.instances import BUDGETS, RESERVED, RETRIED, after_attempt, settled
+from server.records import Instance, Lease, Place, Result, record
+from server.states import InstanceState, Outcome, Verdict
+
+#: Characters kept of a reason: a sentence or a traceback, not a log.
+REASON_LENGTH = 4000
+#: Levels of nesting a state may have.
+STATE_DEPTH = 32
+
+_NONE: Mapping[str, Curve] = MappingProxyType({})
+_OUTCOME = re.compile(r"[a-z_]{1,40}")
+
+# Looked up once: in Python 3.11 a member of an enum takes as long as a call.
+_OK, _LEASED, _ACCEPTED = Outcome.OK, InstanceState.LEASED, Verdict.ACCEPTED
+
+
+@record
+class Report:
+    """One result as a worker reports it; nothing about its values has been checked."""
+
+    instance: str
+    outcome: str
+    outputs: Mapping[str, Any] | None
+    reason: str | None
+    state: Mapping[str, Any] | None
+    wall_seconds: Any
+
+
+@record
+class Judgement:
+    """What the worker is told about one result, and what changes with it."""
+
+    #: Identifies the instance.
+    about: str
+    verdict: Verdict
+    #: One sentence; empty if there is nothing to add.
+    detail: str = ""
+    #: The instance as it is now; None if it stays as it was.
+    instance: Instance | None = None
+    #: The instance's final result; None if there is none to store.
+    result: Result | None = None
+    #: A result that contradicts the stored one; None if there is none.
+    conflict: Result | None = None
+
+
+def judge_all(
+    reports: Sequence[Report],
+    *,
+    places: Mapping[str, Place],
+    instances: Mapping[Place, Instance],
+    stored: Mapping[Place, Result],
+    **known: Any,
+) -> list[Judgement]:
+    """Judge reports one after the other, each in the light of those before it.
+
+    Args:
+        places: of the instances that the lease was given.
+        instances: those that are named, as they stand.
+        stored: the final results of those that are done.
+        known: lease, outputs, curves and at_work as in `judge`.
+    """
+    instances, stored = dict(instances), dict(stored)
+    judgements = []
+    for report in reports:
+        place = places.get(report.instance, (-1, -1))
+        judgement = judge(report, instance=instances.get(place), stored=stored.get(place), **known)
+        if judgement.instance is not None:
+            instances[place] = judgement.instance
+        if judgement.result is not None:
+            stored[place] = judgement.result
+        judgements.append(judgement)
+    return judgements
+
+
+def judge(
+    report: Report,
+    *,
+    instance: Instance | None,
+    stored: Result | None,
+    lease: Lease,
+    outputs: Sequence[str],
+    curves: Mapping[str, Curve] = _NONE,
+    at_work: Callable[[], Collection[str]] = tuple,
+) -> Judgement:
+    """Judge one report on an instance.
+
+    Args:
+        instance: where the instance stands; None if the lease never held it.
+        stored: its final result; None unless it is done.
+        outputs: the outputs an "ok" result must carry; of a curve, every point.
+        curves: those that it must carry as lists, by name.
+        at_work: returns the hosts of the lease's class that work on the study now.
+    """
+
+    def say(verdict: Verdict, detail: str = "", **changes: Any) -> Judgement:
+        return Judgement(about=report.instance, verdict=verdict, detail=detail, **changes)
+
+    if instance is None:
+        return say(Verdict.UNKNOWN, "the lease never held this instance")
+    held = instance.state == _LEASED and instance.lease == lease.id
+    fault = fault_in(report, outputs, curves)
+    if fault is not None:
+        if not held:
+            return say(Verdict.INVALID, fault)
+        # Otherwise a worker that only talks nonsense could lease and return an instance for ever.
+        counted, final = after_attempt(
+            instance, cause=Outcome.INVALID, reason=fault, host=lease.host, at_work=at_work()
+        )
+        return say(Verdict.INVALID, fault, instance=counted, result=final)
+    result = as_result(report, instance.row, instance.position, outputs, curves)
+    if result.outcome in RETRIED and not held:
+        return say(Verdict.DUPLICATE, "this attempt no longer counts")
+    if stored is not None:
+        if stored.same_as(result):
+            return say(Verdict.DUPLICATE)
+        detail = f"the instance already has another result, {stored.outcome}"
+        return say(Verdict.CONFLICT, detail, conflict=result)
+    if not held and instance.host_class != lease.host_class:
+        # Its bits may not be mixed with those that the rest of the row will have.
+        detail = "the row was given to another kind of machine meanwhile"
+        return say(Verdict.CONFLICT, detail, conflict=result)
+    if result.outcome not in RETRIED:
+        # As `say` would, without its detour: most reports end here.
+        return Judgement(
+            about=report.instance, verdict=_ACCEPTED, instance=settled(instance), result=result
+        )
+    counted, final = after_attempt(
+        instance,
+        cause=result.outcome,
+        reason=result.reason,
+        host=lease.host,
+        at_work=at_work(),
+        state=result.state,
+        wall_seconds=result.wall_seconds,
+    )
+    count, budget = counted.attempts[result.outcome], BUDGETS[result.outcome]
+    return say(
+        _ACCEPTED, f"attempt {count} of {max(count, budget)}", instance=counted, result=final
+    )
+
+
+def fault_in(
+    report: Report, outputs: Sequence[str], curves: Mapping[str, Curve] = _NONE
+) -> str | None:
+    """Say in a sentence what is wrong with a report; None if it can be taken.
+
+    The outputs of a failure are ignored: they are not numbers anybody may use.
+    """
+    ok = report.outcome == _OK
+    if not ok and not _OUTCOME.fullmatch(report.outcome):
+        return "the outcome must be 'ok' or a failure in 1 to 40 lower-case letters and underscores"
+    if report.outcome in RESERVED:
+        return f"only the coordinator concludes {report.outcome!r}"
+    wall = report.wall_seconds
+    if wall is not None and not (is_finite_number(wall) and wall >= 0):
+        return "wall_seconds must be a finite number, 0 or more, or null"
+    if report.state is not None and (flaw := flaw_in(report.state, STATE_DEPTH)) is not None:
+        return _FLAWS[flaw]
+    if not ok:
+        return None
+    given = report.outputs or {}
+    if curves:
+        for name in curves:
+            if name not in given:
+                return f"output {name} is missing"
+        try:
+            given = unfolded(given, curves)
+        except CurveError as error:
+            return str(error)
+    for name in outputs:
+        if name not in given:
+            return f"output {name} is missing"
+        if not is_finite_number(given[name]):
+            return f"output {name} must be a finite number"
+        if abs(given[name]) > LARGEST_OUTPUT:
+            return f"output {name} must be within ±{LARGEST_OUTPUT:g}: no larger number has indices"
+    return None
+
+
+def as_result(
+    report: Report,
+    row: int,
+    position: int,
+    outputs: Sequence[str],
+    curves: Mapping[str, Curve] = _NONE,
+) -> Result:
+    """Return a faultless report as a result of the instance at `row` and `position`."""
+    ok = report.outcome == _OK
+    wall, given = report.wall_seconds, report.outputs or {}
+    if ok and curves:
+        given = unfolded(given, curves)
+    return Result(
+        row=row,
+        position=position,
+        outcome=report.outcome,
+        outputs={name: float(given[name]) for name in outputs} if ok else None,
+        reason=cut(report.reason or "", REASON_LENGTH),
+        state=report.state,
+        wall_seconds=None if wall is None else float(wall),
+    )
+
+
+_FLAWS = {
+    "nested": f"the state is nested more than {STATE_DEPTH} deep",
+    "infinite": "the state holds a number that is not finite: send null instead",
+}

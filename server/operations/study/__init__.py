@@ -1,0 +1,1 @@
+"""Studies, their instances and their results, from making one to running it again."""

@@ -1,0 +1,189 @@
+"""Leases: ask for work, keep it, give it back."""
+
+import asyncio
+import logging
+import sqlite3
+from collections.abc import Sequence
+from http import HTTPStatus
+from math import inf
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Request, Response
+from pydantic import Field, StringConstraints
+from sqlalchemy.engine import Engine
+from sqlalchemy.exc import SQLAlchemyError
+
+from server.errors import ConflictError
+from server.logic.study.plans import instance_id, parameters, point
+from server.metrics import Metrics
+from server.operations.fleet import leases
+from server.operations.fleet.exchange import Exchange
+from server.operations.fleet.leasing import Grant, Ineligible, LeaseRequest
+from server.records import Introduction
+from server.routes.common import (
+    MAX_INTEGER,
+    Body,
+    Configured,
+    Direct,
+    LeaseId,
+    Name,
+    Now,
+    Store,
+    as_json,
+    example,
+)
+
+log = logging.getLogger(__name__)
+
+router = APIRouter(prefix="/v1/leases", tags=["leases"])
+
+#: Seconds between two looks for leases that have expired.
+SWEEP_SECONDS = 1.0
+
+Fence = Annotated[int, Field(ge=0, le=MAX_INTEGER)]
+
+
+class WorkerBody(Body):
+    """Who asks."""
+
+    id: Name
+    host: Annotated[str, StringConstraints(max_length=255, pattern=r"^[^\x00-\x1f]*$")]
+    versions: dict[Name, Name] = Field(default_factory=dict, max_length=50)
+    tags: list[Name] = Field(default_factory=list, max_length=20)
+    canaries: dict[Name, Name] = Field(
+        default_factory=dict,
+        max_length=100,
+        description="Of models that are not rehyb's own: what this machine computes at a few "
+        "points, in a digest.",
+    )
+
+    def introduced(self, models: Sequence[str] = ()) -> Introduction:
+        """Return who asks, as operations know it; rehyb's own among the models are left out.
+
+        Those need no version: which code computes them is told by `versions`.
+        """
+        told = dict(self)
+        canaries = told.pop("canaries")
+        others = {model: canaries.get(model, "") for model in models if "@" in model}
+        return Introduction(**told, models=others)
+
+
+class LeaseBody(Body):
+    """What a worker asks for."""
+
+    model_config = example(
+        worker={"id": "pc7-4711", "host": "pc7", "versions": {"mujoco": "4.0.1"}, "tags": []},
+        models=["ishigami"],
+        max_instances=4,
+    )
+
+    worker: WorkerBody
+    models: list[Name] = Field(min_length=1, max_length=100)
+    max_instances: int = Field(ge=1, le=1000)
+
+
+class FenceBody(Body):
+    """Proof that a lease is the bearer's."""
+
+    model_config = example(fence=17)
+
+    fence: Fence
+
+
+class Sweep:
+    """Takes back what silent workers hold, once in a while however many ask for work."""
+
+    def __init__(self) -> None:
+        self._last = -inf
+
+    async def __call__(self, engine: Engine, *, now: float) -> int:
+        """Return how many instances came back; 0 if the last time was just before."""
+        if self._last <= now < self._last + SWEEP_SECONDS:
+            return 0
+        self._last = now
+        return await asyncio.to_thread(leases.reap, engine, now=now)
+
+
+async def lease(body: LeaseBody, request: Request) -> Response:
+    """Lease instances of one study; 204: nothing to do now; 409: nothing that the worker fits."""
+    state, wanted = request.app.state, requested(body)
+    now, ttl = state.clock(), state.settings.lease_seconds
+    state.metrics.lost.inc(await state.sweep(state.engine, now=now))
+    with state.metrics.lease_seconds.time():
+        try:
+            _, found = await state.exchange(Exchange(request=wanted, now=now, ttl=ttl))
+        except (SQLAlchemyError, sqlite3.Error) as error:
+            state.readiness.failed(error)
+            raise
+    state.readiness.served()
+    if isinstance(found, Ineligible):
+        state.metrics.misfits.inc()
+        raise ConflictError(found.why)
+    if found is None:
+        pause = state.idle.tell(body.worker.id, now)
+        return Response(status_code=204, headers={"Retry-After": str(pause)})
+    state.idle.busy(body.worker.id)
+    return as_json(granted(found, ttl, state.metrics), HTTPStatus.CREATED)
+
+
+router.add_api_route(
+    "", lease, methods=["POST"], status_code=201, response_model=None, route_class_override=Direct
+)
+
+
+def requested(body: LeaseBody) -> LeaseRequest:
+    """Return what a worker asks for as operations know it."""
+    worker = body.worker.introduced(body.models)
+    return LeaseRequest(worker=worker, models=body.models, max_instances=body.max_instances)
+
+
+def granted(grant: Grant, ttl: float, measures: Metrics) -> dict[str, Any]:
+    """Return a new lease as its worker is told of it."""
+    measures.leases.inc()
+    lease, count = grant.lease, len(grant.lease.instances)
+    about = {"study": lease.study, "lease": lease.id, "worker": lease.worker, "instances": count}
+    log.info("lease granted", extra=about)
+    return {
+        "id": lease.id,
+        "fence": lease.fence,
+        "expires_at": lease.expires_at,
+        "ttl_seconds": ttl,
+        "instances": _instances(grant),
+    }
+
+
+@router.post("/{lease_id}/renew")
+def renew(
+    lease_id: LeaseId, body: FenceBody, store: Store, settings: Configured, now: Now
+) -> dict[str, Any]:
+    """Keep a lease for another ttl."""
+    ttl = settings.lease_seconds
+    expires_at = leases.renew(store, lease_id, fence=body.fence, now=now, ttl=ttl)
+    return {"expires_at": expires_at, "ttl_seconds": ttl}
+
+
+@router.post("/{lease_id}/release")
+def release(lease_id: LeaseId, body: FenceBody, store: Store, now: Now) -> dict[str, Any]:
+    """Give back, unharmed, what a lease still holds."""
+    leases.release(store, lease_id, fence=body.fence, now=now)
+    return {"released": True}
+
+
+def _instances(grant: Grant) -> list[dict[str, Any]]:
+    """Return the leased instances with their parameters, which no table holds."""
+    plan = grant.study.plan
+    rows = {row: parameters(plan, row) for row in {row for row, _ in grant.lease.instances}}
+    # What a worker gives as lists, and what it leaves out unless it is asked.
+    curves = {"curves": {name: c.as_json() for name, c in plan.curves.items()}}
+    return [
+        {
+            "id": instance_id(grant.study.id, row, position),
+            "study": grant.study.id,
+            "model": plan.model,
+            "row": row,
+            "position": position,
+            **point(plan, row, rows[row][position]),
+            **(curves if plan.curves else {}),
+        }
+        for row, position in grant.lease.instances
+    ]

@@ -1,0 +1,1 @@
+"""Studies over HTTP: submitted, followed, steered, their instances and their indices."""

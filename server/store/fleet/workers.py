@@ -1,0 +1,174 @@
+"""Who works for this coordinator, and who of them can close loops."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.engine import Connection
+
+from server.records import Introduction, Worker
+from server.store.database.engine import insert
+from server.store.database.prepared import Prepared, as_text
+from server.store.database.schema import leases, loop_workers, studies, workers
+
+# Built once: see `server.store.study.studies`.
+_HOSTS_AT_WORK = Prepared(
+    sa.select(workers.c.host)
+    .select_from(leases.join(workers, workers.c.id == leases.c.worker_id))
+    .where(
+        # As the index has it: see `server.store.study.instances`.
+        leases.c.state == sa.literal_column("'open'"),
+        leases.c.study_id == sa.bindparam("of_study"),
+        leases.c.expires_at > sa.bindparam("now"),
+        leases.c.host_class == sa.bindparam("of_class"),
+    )
+    .distinct()
+)
+#: What a worker tells each time.
+_TOLD = ("host", "versions", "host_class", "tags", "models", "last_seen")
+_INTRODUCE = {
+    dialect: Prepared(
+        statement.on_conflict_do_update(
+            index_elements=["id"],
+            set_={
+                **{name: statement.excluded[name] for name in _TOLD},
+                "instances_done": workers.c.instances_done + statement.excluded.instances_done,
+            },
+        ),
+        "id",
+        "instances_done",
+        *_TOLD,
+    )
+    for dialect, statement in (
+        ("sqlite", sqlite.insert(workers)),
+        ("postgresql", postgresql.insert(workers)),
+    )
+}
+_HEARD_FROM = Prepared(
+    sa.update(workers)
+    .where(workers.c.id == sa.bindparam("of_worker"))
+    .values(
+        last_seen=sa.bindparam("now"),
+        instances_done=workers.c.instances_done + sa.bindparam("done"),
+    )
+)
+
+
+def latest(connection: Connection) -> float:
+    """Return when the last worker was heard from or the last study made; 0 if there was none."""
+    seen = (workers.c.last_seen, loop_workers.c.last_seen, studies.c.created_at)
+    return max(connection.scalar(sa.select(sa.func.max(column))) or 0.0 for column in seen)
+
+
+def every(connection: Connection) -> list[Worker]:
+    """Return all workers ever seen, the latest first."""
+    query = sa.select(workers).order_by(workers.c.last_seen.desc(), workers.c.id)
+    return [_worker(row) for row in connection.execute(query)]
+
+
+def heard(connection: Connection, *, after: float) -> list[Worker]:
+    """Return the workers that were heard from since then."""
+    query = sa.select(workers).where(workers.c.last_seen > after)
+    return [_worker(row) for row in connection.execute(query)]
+
+
+def introduce(
+    connection: Connection,
+    worker: Introduction,
+    *,
+    host_class: str,
+    done: int = 0,
+    now: float,
+) -> None:
+    """Remember a worker, or what it now says of itself, and how many final results it brought."""
+    _INTRODUCE[connection.dialect.name].execute(
+        connection,
+        worker.id,
+        done,
+        worker.host,
+        as_text(dict(worker.versions)),
+        host_class,
+        as_text(list(worker.tags)),
+        as_text(dict(worker.models)),
+        now,
+    )
+
+
+def models_of(connection: Connection, worker: str) -> Mapping[str, str]:
+    """Return the models that a worker last said it has, with their canaries."""
+    found = connection.execute(sa.select(workers).where(workers.c.id == worker)).one_or_none()
+    return {} if found is None else _worker(found).models
+
+
+def any_has(connection: Connection, model: str, *, heard_after: float, now: float) -> bool:
+    """Say whether a worker that is there has a model, "name@digest".
+
+    A worker is there that was heard from since `heard_after`, or that holds a lease: one that is
+    busy need not say a word in between.
+    """
+    holding = sa.select(leases.c.worker_id).where(
+        leases.c.state == sa.literal_column("'open'"), leases.c.expires_at > now
+    )
+    there = sa.or_(workers.c.last_seen > heard_after, workers.c.id.in_(holding))
+    return any(
+        model in models for models in connection.scalars(sa.select(workers.c.models).where(there))
+    )
+
+
+def any_holds_a_lease(connection: Connection, *, now: float) -> bool:
+    """Say whether any worker is busy, and will look for new models when it is not."""
+    query = sa.select(leases.c.id).where(
+        leases.c.state == sa.literal_column("'open'"), leases.c.expires_at > now
+    )
+    return connection.scalar(query.limit(1)) is not None
+
+
+def hosts_at_work(
+    connection: Connection, study_id: str, *, host_class: str | None, now: float
+) -> set[str]:
+    """Return the hosts of a class that work on a study now."""
+    found = _HOSTS_AT_WORK.execute(connection, study_id, now, host_class)
+    return {host for (host,) in found}
+
+
+def heard_from(connection: Connection, worker: str, *, done: int = 0, now: float) -> None:
+    """Note that a worker was in touch and how many final results it brought."""
+    _HEARD_FROM.execute(connection, now, done, worker)
+
+
+def note_close_loops(connection: Connection, worker: str, *, now: float) -> None:
+    """Note that a worker, which was introduced before, is there to close loops."""
+    statement = insert(connection, loop_workers).values(worker_id=worker, last_seen=now)
+    connection.execute(
+        statement.on_conflict_do_update(index_elements=["worker_id"], set_={"last_seen": now})
+    )
+
+
+def close_loops_noted(connection: Connection, worker: str) -> float | None:
+    """Return when it was last noted that a worker is there to close loops; None: never."""
+    query = sa.select(loop_workers.c.last_seen).where(loop_workers.c.worker_id == worker)
+    noted: float | None = connection.scalar(query)
+    return noted
+
+
+def closing_loops(connection: Connection, *, heard_after: float, but_on: str | None = None) -> int:
+    """Return how many workers that can close loops were heard from since then.
+
+    `but_on`: without those on this host.
+    """
+    joined = loop_workers.join(workers, workers.c.id == loop_workers.c.worker_id)
+    query = sa.select(sa.func.count()).select_from(joined)
+    query = query.where(loop_workers.c.last_seen > heard_after)
+    if but_on is not None:
+        query = query.where(workers.c.host != but_on)
+    return connection.scalar(query) or 0
+
+
+def _worker(row: sa.Row[Any]) -> Worker:
+    values = dict(row._mapping)
+    # Before there were canaries, names alone were told.
+    models = values["models"]
+    return Worker(
+        **values | {"models": models if isinstance(models, dict) else dict.fromkeys(models, "")}
+    )

@@ -1,0 +1,1 @@
+"""Studies, their instances, and what is known of them."""

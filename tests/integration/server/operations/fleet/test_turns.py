@@ -1,0 +1,274 @@
+"""A turn serves many workers as transactions of their own would have, one after the other."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+from typing import Any
+from uuid import UUID
+
+import pytest
+import sqlalchemy as sa
+from sqlalchemy.engine import Engine
+
+from server.logic.study.plans import instance_id
+from server.operations import check
+from server.operations.fleet import leases
+from server.operations.fleet.exchange import Answer, Exchange
+from server.operations.fleet.leasing import Deferred, Grant, LeaseRequest
+from server.operations.fleet.results import Post
+from server.operations.fleet.turns import take_turn
+from server.operations.study import studies
+from server.records import Introduction, Plan
+from server.states import StudyState
+from server.store import create_engine
+from server.store.database.engine import reading, writing
+from server.store.database.schema import comparisons, instances, results, workers
+from server.store.database.schema import leases as lease_table
+from server.store.database.schema import studies as study_table
+from server.store.fleet.turns import TurnConnection
+from tests.testbed.records import report
+
+TTL = 60.0
+
+
+class Twin:
+    """One of two coordinators' databases, and what its workers hold."""
+
+    def __init__(self, engine: Engine, turns: TurnConnection | None) -> None:
+        self.engine = engine
+        self.turns = turns
+        self.held: dict[str, Grant] = {}
+
+    def served(self, exchanges: list[Exchange], study: str) -> list[Answer | None]:
+        """Serve all in a turn, or each by itself; None: left to a transaction of its own."""
+        if self.turns is None:
+            return [self.alone(one) for one in exchanges]
+        return [answer for _, answer in take_turn(self.turns, study, lambda: exchanges).answers]
+
+    def alone(self, exchange: Exchange) -> Answer:
+        with writing(self.engine) as connection:
+            judgements, found = exchange.alone(connection)
+        return self.granted(exchange, (judgements, found))
+
+    def granted(self, exchange: Exchange, answer: Answer) -> Answer:
+        """Return an answer with the lease for which another transaction has to look."""
+        judgements, found = answer
+        if isinstance(found, Deferred):
+            _, found = self.alone(replace(exchange, posted=None))
+        return judgements, found
+
+    def tables(self) -> dict[str, Any]:
+        """Return what is stored, but for ids that chance made."""
+        with reading(self.engine) as connection:
+
+            def of(table: sa.Table, *names: str, **renamed: sa.ColumnElement[Any]) -> Any:
+                columns = [*(table.c[name] for name in names), *renamed.values()]
+                return sorted(map(repr, connection.execute(sa.select(*columns)).all()))
+
+            held = instances.c.lease_id.is_not(None)
+            place = ("study_id", "row", "position")
+            counts = ("handed_out", "leased", "result_count", "ok_count", "rows_complete")
+            return {
+                "studies": of(study_table, "id", "state", *counts, "failures", "identity"),
+                "instances": of(instances, *place, "state", "attempts", "host_class", held=held),
+                "results": of(results, *place, "seq", "outcome", "outputs", "worker_id"),
+                "leases": of(lease_table, "worker_id", "state", "instances", "expires_at"),
+                "workers": of(workers, "id", "host", "last_seen", "instances_done", "host_class"),
+                "comparisons": of(comparisons, *place, "state", "first_host"),
+            }
+
+
+@pytest.fixture
+def kind() -> str:
+    return "postgresql"
+
+
+@pytest.fixture
+def turns(engine: Engine) -> Iterator[TurnConnection]:
+    connection = TurnConnection(engine)
+    yield connection
+    connection.close()
+
+
+@pytest.fixture
+def twins(engine: Engine, turns: TurnConnection, upgraded_file: Path, tmp_path: Path) -> list[Twin]:
+    """The same coordinator on PostgreSQL, in turns, and on SQLite, one by one."""
+    file = tmp_path / "twin.sqlite3"
+    file.write_bytes(upgraded_file.read_bytes())
+    return [Twin(engine, turns), Twin(create_engine(f"sqlite:///{file}"), None)]
+
+
+def asking(worker: str, most: int, **said: Any) -> LeaseRequest:
+    host = said.pop("host", "h")
+    versions = said.pop("versions", {})
+    introduction = Introduction(id=worker, host=host, versions=versions, **said)
+    return LeaseRequest(worker=introduction, models=["ishigami"], max_instances=most)
+
+
+def posting(grant: Grant, how: list[tuple[int, dict[str, Any]]], **said: Any) -> Post:
+    """Post results of the instances of a lease at these places, changed so."""
+    lease, study = grant.lease, grant.study.id
+    about = {"lease": lease.id, "fence": lease.fence, "worker": lease.worker, **said}
+    names = [instance_id(study, *place) for place in lease.instances]
+    return Post(reports=[report(names[n], **change) for n, change in how], **about)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_turn_stores_and_answers_what_single_transactions_do(
+    twins: list[Twin], plan: Callable[..., Plan], seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = Random(seed)
+    ids = []
+    for number, rows in enumerate((9, 6)):
+        called = UUID(int=(number + 1) << 100)
+        monkeypatch.setattr("server.operations.study.studies.uuid4", lambda called=called: called)
+        drawn = plan(rows=rows, seed=number)
+        for twin in twins:
+            study, _ = studies.create(twin.engine, drawn, key=None, digest="", now=float(number))
+        ids.append(study.id)
+    kinds: list[dict[str, str]] = [{}, {}, {"numpy": "3"}]
+    for step in range(40):
+        now = float(step)
+        if rng.random() < 0.1:
+            state = rng.choice([StudyState.DRAINING, StudyState.RUNNING])
+            for twin in twins:
+                if not studies.get(twin.engine, ids[0]).state.has_ended:
+                    studies.switch(twin.engine, ids[0], state)
+        asked: list[tuple[str, int, list[tuple[int, dict[str, Any]]], dict[str, Any], bool]] = []
+        company = rng.sample(range(6), rng.randint(1, 4))
+        for worker in company:
+            how = _reports(rng, twins[0].held.get(f"w{worker}"))
+            said: dict[str, Any] = {"fence": 0} if rng.random() < 0.05 else {}
+            # Second opinions that are asked for in a turn are handed out from the next one on.
+            said["share"] = 0.2 if len(company) == 1 else 0.0
+            asked.append((f"w{worker}", rng.randint(1, 7), how, said, rng.random() < 0.9))
+        outcomes = []
+        spared: list[int] = []
+        for twin in twins:
+            exchanges = []
+            for worker, most, how, said, wants in asked:
+                held = twin.held.get(worker)
+                posted = posting(held, how, **said) if held is not None and how else None
+                versions = kinds[int(worker[1:]) % 3]
+                host = f"h{int(worker[1:]) % 2}"
+                request = asking(worker, most, host=host, versions=versions)
+                exchanges.append(
+                    Exchange(now=now, ttl=TTL, posted=posted, request=request)
+                    if wants or posted is None
+                    else Exchange(now=now, ttl=TTL, posted=posted)
+                )
+            if twin.turns is not None:
+                answers = twin.served(exchanges, ids[0])
+                spared = [n for n, answer in enumerate(answers) if answer is None]
+                later = [n for n, a in enumerate(answers) if a and isinstance(a[1], Deferred)]
+            else:
+                answers = [None] * len(exchanges)
+                for n, one in enumerate(exchanges):
+                    if n in spared:
+                        continue
+                    part = replace(one, request=None) if n in later else one
+                    answers[n] = twin.alone(part)
+                    if n in later:
+                        assert one.request is not None
+                        answers[n] = answers[n][0], Deferred()  # type: ignore[index]
+            for n, one in enumerate(exchanges):
+                answers[n] = twin.granted(one, answers[n] or twin.alone(one))
+            for one, answer in zip(exchanges, answers, strict=True):
+                assert answer is not None
+                if isinstance(answer[1], Grant) and one.request is not None:
+                    twin.held[one.request.worker.id] = answer[1]
+            outcomes.append([_told(answer, ids) for answer in answers if answer])
+        assert outcomes[0] == outcomes[1], (seed, step)
+        assert twins[0].tables() == twins[1].tables(), (seed, step)
+    for twin in twins:
+        assert check.faults(twin.engine) == []
+
+
+def _reports(rng: Random, held: Grant | None) -> list[tuple[int, dict[str, Any]]]:
+    """Return results of some of a lease's instances: most of them good."""
+    if held is None:
+        return []
+    count = len(held.lease.instances)
+    chosen = range(count) if rng.random() < 0.7 else rng.sample(range(count), rng.randint(1, count))
+    odd = [{"outcome": "crashed", "outputs": None}, {"outputs": {}}, {"outcome": "slipped"}]
+    return [(n, rng.choice(odd) if rng.random() < 0.05 else {}) for n in chosen]
+
+
+def _told(answer: Answer, ids: list[str]) -> Any:
+    judgements, found = answer
+    said = [(j.about, j.verdict, j.detail) for j in judgements]
+    if isinstance(found, Grant):
+        return said, ids.index(found.study.id), found.lease.instances, found.lease.compares
+    return said, type(found).__name__
+
+
+def test_what_is_unusual_is_left_alone_and_changes_nothing(
+    engine: Engine, turns: TurnConnection, plan: Callable[..., Plan]
+) -> None:
+    study, _ = studies.create(engine, plan(), key=None, digest="", now=0.0)
+    ((_, answer),) = take_turn(
+        turns, study.id, lambda: [Exchange(now=0.0, ttl=TTL, request=asking("w", 4))]
+    ).answers
+    assert answer is not None and isinstance(answer[1], Grant)
+    grant = answer[1]
+    before = Twin(engine, None).tables()
+    odd = [
+        posting(grant, [(0, {"outcome": "crashed", "outputs": None})]),
+        posting(grant, [(0, {"outputs": {"y": float("nan")}})]),
+        posting(grant, [(0, {})], fence=99),
+        posting(grant, [(0, {}), (0, {})]),
+        posting(grant, [(0, {})], lease="no such lease"),
+        posting(grant, [(0, {"outcome": "slipped", "state": {"x": ["\0"]}})]),
+    ]
+    waiting = [Exchange(now=1.0, ttl=TTL, posted=post) for post in odd]
+    assert {answer for _, answer in take_turn(turns, study.id, lambda: waiting).answers} == {None}
+    assert Twin(engine, None).tables() == before
+
+
+def test_an_instance_of_any_name_disturbs_no_turn(
+    engine: Engine, turns: TurnConnection, plan: Callable[..., Plan]
+) -> None:
+    post = Post(reports=[report("\0 ' or 1:0:0")], lease="l", fence=1, worker="w")
+    exchange = Exchange(now=0.0, ttl=TTL, posted=post)
+    assert exchange.study == ""
+    assert take_turn(turns, exchange.study, lambda: [exchange]).answers == [(exchange, None)]
+
+
+def test_a_late_result_is_not_given_out_again_in_the_same_turn(
+    engine: Engine, turns: TurnConnection, plan: Callable[..., Plan]
+) -> None:
+    study, _ = studies.create(engine, plan(rows=1), key=None, digest="", now=0.0)
+    asked = Exchange(now=0.0, ttl=TTL, request=asking("w", 4))
+    ((_, answer),) = take_turn(turns, study.id, lambda: [asked]).answers
+    assert answer is not None and isinstance(answer[1], Grant)
+    leases.reap(engine, now=100.0)
+    late = Exchange(now=101.0, ttl=TTL, posted=posting(answer[1], [(n, {}) for n in range(4)]))
+    other = Exchange(now=101.0, ttl=TTL, request=asking("v", 4))
+    answers = [found for _, found in take_turn(turns, study.id, lambda: [late, other]).answers]
+    assert answers == [None, None]
+
+
+def test_a_turn_whose_connection_is_lost_stores_nothing_and_the_next_one_has_another(
+    engine: Engine, turns: TurnConnection, plan: Callable[..., Plan]
+) -> None:
+    study, _ = studies.create(engine, plan(), key=None, digest="", now=0.0)
+    before = Twin(engine, None).tables()
+
+    def cut() -> list[Exchange]:
+        with writing(engine) as connection:
+            connection.execute(
+                sa.text(
+                    "SELECT pg_terminate_backend(pid) FROM pg_stat_activity "
+                    "WHERE datname = current_database() AND state = 'idle in transaction' "
+                    "AND pid <> pg_backend_pid()"
+                )
+            )
+        return [Exchange(now=0.0, ttl=TTL, request=asking("w", 4))]
+
+    with pytest.raises(Exception, match=r"terminating connection|closed"):
+        take_turn(turns, study.id, cut)
+    assert Twin(engine, None).tables() == before
+    asked = Exchange(now=0.0, ttl=TTL, request=asking("w", 4))
+    ((_, answer),) = take_turn(turns, study.id, lambda: [asked]).answers
+    assert answer is not None and isinstance(answer[1], Grant)

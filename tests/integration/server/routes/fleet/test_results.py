@@ -1,0 +1,291 @@
+"""Work, results and progress over REST: shapes, statuses, problems."""
+
+import csv
+import io
+import json
+from typing import Any
+
+import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from pyarrow import parquet
+from sqlalchemy import event
+
+from analysis.designs import instance_parameters
+from analysis.designs.distributions import Uniform
+from analysis.files.parquet import STUDY_KEY
+from analysis.sensitivity.service import catch_up
+from server.logic.fleet.hosts import host_class
+from server.operations.study.result_log import StoreResultLog
+from tests.testbed.rest_bodies import STUDY, Json, asking, is_problem, posting, result
+
+
+@pytest.fixture
+def study(client: TestClient) -> Json:
+    """A study of two rows of five."""
+    response = client.post("/v1/studies", json=STUDY)
+    assert response.status_code == 201
+    return dict(response.json())
+
+
+@pytest.fixture
+def lease(client: TestClient, study: Json) -> Json:
+    """A lease of six instances of the study by worker `w`."""
+    response = client.post("/v1/leases", json=asking(max_instances=6))
+    assert response.status_code == 201
+    return dict(response.json())
+
+
+def test_a_lease_says_what_to_evaluate(client: TestClient, study: Json, clock: Any) -> None:
+    response = client.post("/v1/leases", json=asking(max_instances=6))
+    assert response.status_code == 201
+    lease = response.json()
+    assert lease["expires_at"] == clock.now + 60.0
+    assert lease["ttl_seconds"] == 60.0
+    assert isinstance(lease["fence"], int)
+    ranges = {
+        f["name"]: Uniform(low=f["distribution"]["low"], high=f["distribution"]["high"])
+        for f in study["factors"]
+    }
+    points = [instance_parameters("saltelli", "sobol_blocks", 1, row, ranges) for row in (0, 1)]
+    places = [(0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (1, 0)]
+    names = [f"{study['id']}:{row}:{position}" for row, position in places]
+    assert [i.pop("id") for i in lease["instances"]] == names
+    # One for each row: what differs within it is what the parameters do.
+    assert len({i.pop("model_seed") for i in lease["instances"]}) == 2
+    assert lease["instances"] == [
+        {
+            "study": study["id"],
+            "model": "ishigami",
+            "row": row,
+            "position": position,
+            "parameters": points[row][position],
+        }
+        for row, position in places
+    ]
+
+
+def test_without_work_a_worker_is_told_when_to_ask_again(client: TestClient) -> None:
+    response = client.post("/v1/leases", json=asking())
+    assert (response.status_code, response.content) == (204, b"")
+    assert int(response.headers["retry-after"]) >= 1
+
+
+@pytest.mark.parametrize("changes", [{"max_instances": 0}, {"max_instances": 1001}, {"models": []}])
+def test_a_greedy_or_empty_request_for_work_is_refused(client: TestClient, changes: Json) -> None:
+    is_problem(client.post("/v1/leases", json=asking(**changes)), 422)
+
+
+def test_a_lease_is_renewed_released_and_then_gone(
+    client: TestClient, lease: Json, clock: Any
+) -> None:
+    path, proof = f"/v1/leases/{lease['id']}", {"fence": lease["fence"]}
+    clock.advance(30.0)
+    assert client.post(f"{path}/renew", json=proof).json() == {
+        "expires_at": clock.now + 60.0,
+        "ttl_seconds": 60.0,
+    }
+    is_problem(client.post(f"{path}/renew", json={"fence": lease["fence"] + 1}), 409)
+    assert client.post(f"{path}/release", json=proof).status_code == 200
+    assert client.post(f"{path}/release", json=proof).status_code == 200
+    assert "released" in is_problem(client.post(f"{path}/renew", json=proof), 409)["detail"]
+    is_problem(client.post("/v1/leases/nothing/renew", json=proof), 409)
+
+
+def test_asking_for_work_takes_back_what_expired(
+    client: TestClient, lease: Json, clock: Any
+) -> None:
+    clock.advance(61.0)
+    again = client.post("/v1/leases", json=asking(max_instances=6)).json()
+    assert [i["id"] for i in again["instances"]] == [i["id"] for i in lease["instances"]]
+    assert again["fence"] > lease["fence"]
+
+
+def test_expired_leases_are_looked_for_once_a_second_however_many_ask(
+    app: FastAPI, client: TestClient, lease: Json, clock: Any
+) -> None:
+    looked: list[str] = []
+
+    def note(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
+        if "DISTINCT leases.study_id" in statement:
+            looked.append(statement)
+
+    event.listen(app.state.engine, "before_cursor_execute", note)
+    for seconds in (0.5, 0.4, 0.2, 0.5, -10.0):
+        clock.advance(seconds)
+        client.post("/v1/leases", json=asking())
+    assert len(looked) == 2
+
+
+def test_good_results_are_accepted(client: TestClient, lease: Json) -> None:
+    results = [result(i) for i in lease["instances"]]
+    response = client.post("/v1/results", json=posting(lease, results))
+    assert response.status_code == 200
+    assert response.json() == {
+        "verdicts": [
+            {"instance": i["id"], "verdict": "accepted", "detail": ""} for i in lease["instances"]
+        ]
+    }
+    again = client.post("/v1/results", json=posting(lease, results))
+    assert again.status_code == 200
+    assert {v["verdict"] for v in again.json()["verdicts"]} == {"duplicate"}
+
+
+def test_one_refusal_makes_it_409_but_the_good_ones_are_taken(
+    client: TestClient, study: Json, lease: Json
+) -> None:
+    a, b, c, *_ = lease["instances"]
+    text = json.dumps(
+        posting(
+            lease,
+            [
+                result(a, outputs={"y": float("nan")}),
+                result(b),
+                result({"id": "forged"}),
+                result(c, outputs=None),
+            ],
+        )
+    )
+    response = client.post(
+        "/v1/results", content=text, headers={"Content-Type": "application/json"}
+    )
+    assert response.status_code == 409
+    verdicts = response.json()["verdicts"]
+    assert [v["verdict"] for v in verdicts] == ["invalid", "accepted", "unknown", "invalid"]
+    assert all(v["detail"] for v in verdicts if v["verdict"] != "accepted")
+    assert client.get(f"/v1/studies/{study['id']}/progress").json()["ok"] == 1
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"results": []},
+        {"results": [{"outcome": "ok"}]},
+        {"results": "all of them"},
+        {"fence": -1},
+        {"fence": 2**63},
+        {"worker": "w\u0000"},
+        {"lease": 5},
+    ],
+)
+def test_a_post_without_shape_is_a_problem(client: TestClient, lease: Json, changes: Json) -> None:
+    body = posting(lease, [result(lease["instances"][0])])
+    is_problem(client.post("/v1/results", json={**body, **changes}), 422)
+
+
+def test_progress_adds_up(client: TestClient, study: Json, lease: Json, clock: Any) -> None:
+    clock.advance(10.0)
+    a, b, c, d, e, _ = lease["instances"]
+    results = [result(i) for i in (a, b, c, d)] + [result(e, outcome="diverged", outputs={})]
+    assert client.post("/v1/results", json=posting(lease, results)).status_code == 200
+    clock.advance(10.0)
+    assert client.get(f"/v1/studies/{study['id']}/progress").json() == {
+        "study": study["id"],
+        "state": "running",
+        "instances": 10,
+        "pending": 4,
+        "leased": 1,
+        "ok": 4,
+        "failed": 1,
+        "failures": {"diverged": 1},
+        "rows": 2,
+        "rows_complete": 1,
+        "results_per_second": 0.25,
+        "eta_seconds": 20.0,
+        "eta_low_seconds": None,
+        "eta_high_seconds": None,
+        "workers": 1,
+        "waits_for": None,
+        "elapsed_seconds": 20.0,
+        "precision": None,
+    }
+
+
+def test_indices_are_empty_until_the_analysis_has_published(
+    client: TestClient, app: FastAPI, study: Json, lease: Json
+) -> None:
+    path = f"/v1/studies/{study['id']}/indices"
+    empty = client.get(path).json()
+    assert (empty["study"], empty["cursor"], empty["rows_used"]) == (study["id"], 0, 0)
+    results = [result(i, outputs={"y": float(k)}) for k, i in enumerate(lease["instances"])]
+    client.post("/v1/results", json=posting(lease, results))
+    catch_up(StoreResultLog(app.state.engine), study["id"])
+    snapshot = client.get(path).json()
+    assert (snapshot["cursor"], snapshot["rows_complete"]) == (6, 1)
+    assert set(snapshot["outputs"]["y"]["factors"]) == {"x1", "x2", "x3"}
+
+
+def test_results_are_downloaded_as_a_table(client: TestClient, study: Json, lease: Json) -> None:
+    a, b, *_ = lease["instances"]
+    results = [result(b, outcome="diverged", outputs={}), result(a)]
+    client.post("/v1/results", json=posting(lease, results))
+    response = client.get(f"/v1/studies/{study['id']}/results.csv")
+    assert response.headers["content-type"] == "text/csv; charset=utf-8"
+    first, second = csv.DictReader(io.StringIO(response.text))
+    assert {name: float(first[name]) for name in a["parameters"]} == a["parameters"]
+    assert (first["row"], first["position"], first["outcome"]) == ("0", "0", "ok")
+    assert (first["y"], first["wall_seconds"], first["worker"]) == ("0.5", "0.125", "w")
+    assert (second["position"], second["outcome"], second["y"]) == ("1", "diverged", "")
+
+
+def test_results_are_downloaded_as_parquet_too(
+    client: TestClient, study: Json, lease: Json, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    a, b, *_ = lease["instances"]
+    results = [result(b, outcome="diverged", outputs={}), result(a)]
+    client.post("/v1/results", json=posting(lease, results))
+    path = f"/v1/studies/{study['id']}/results.parquet"
+    response = client.get(path)
+    assert response.headers["content-type"] == "application/vnd.apache.parquet"
+    table = parquet.read_table(io.BytesIO(response.content))
+    first, second = table.to_pylist()
+    assert {name: first[name] for name in a["parameters"]} == a["parameters"]
+    assert (first["row"], first["position"], first["outcome"]) == (0, 0, "ok")
+    assert (first["y"], first["wall_seconds"], first["worker"]) == (0.5, 0.125, "w")
+    assert (second["position"], second["outcome"], second["y"]) == (1, "diverged", None)
+    assert json.loads(table.schema.metadata[STUDY_KEY])["id"] == study["id"]
+    monkeypatch.setattr("server.routes.fleet.results.find_spec", lambda _: None)
+    assert "install 'rehyb[files]'" in is_problem(client.get(path), 501)["detail"]
+
+
+def test_cancelling_stops_the_leasing(client: TestClient, study: Json) -> None:
+    response = client.post(f"/v1/studies/{study['id']}/cancel")
+    assert (response.status_code, response.json()["state"]) == (200, "cancelled")
+    assert client.post("/v1/leases", json=asking()).status_code == 204
+
+
+def test_workers_are_listed(client: TestClient, lease: Json, clock: Any) -> None:
+    assert client.get("/v1/workers").json() == {
+        "workers": [
+            {
+                "id": "w",
+                "host": "spare-pc",
+                "versions": {"mujoco": "4.0.1"},
+                "last_seen": clock.now,
+                "instances_done": 0,
+                "host_class": host_class({"mujoco": "4.0.1"}),
+                "tags": [],
+                "models": {},
+                "agreed": 0,
+                "disagreed": 0,
+                "trust": 1.0,
+            }
+        ]
+    }
+
+
+def test_a_study_of_millions_is_accepted_at_once(client: TestClient, app: FastAPI) -> None:
+    statements: list[str] = []
+    event.listen(
+        app.state.engine,
+        "before_cursor_execute",
+        lambda *call: statements.append(str(call[2])),
+    )
+    response = client.post("/v1/studies", json={**STUDY, "rows": 10_000_000})
+    assert response.json()["instances"] == 50_000_000
+    assert sum(s.startswith("INSERT") for s in statements) == 1
+
+
+def test_the_interface_describes_itself(client: TestClient) -> None:
+    paths = client.get("/openapi.json").json()["paths"]
+    assert {"/v1/studies", "/v1/leases", "/v1/results", "/v1/workers", "/healthz"} <= set(paths)
