@@ -186,6 +186,7 @@ def _only(found: Statistic, f: int) -> Statistic:
         whole=None if found.whole is None else of_one(found.whole),
         weighted_whole=None if found.weighted_whole is None else of_one(found.weighted_whole),
         apart=None if found.apart is None else of_one(found.apart),
+        scale=None if found.scale is None else of_one(found.scale),
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import row_width
-from analysis.sensitivity.estimators.intervals import Estimate, check_level, estimate
+from analysis.sensitivity.estimators.intervals import Estimate, check_level, estimate, without_bias
 from analysis.sensitivity.estimators.rows import ROW_SUMS, Association, association, row_terms
 from analysis.sensitivity.estimators.shares import kept_apart, share_of_squares
 from analysis.sensitivity.estimators.tails import HEAVY_KURTOSIS, Tail
@@ -49,8 +49,9 @@ class Index:
     power: int | None = None
     tail: Tail | None = None
     whole: NDArray[np.float64] | None = None
-    #: `Statistic.apart`.
+    #: `Statistic.apart`, `Statistic.scale`.
     apart: NDArray[np.float64] | None = None
+    scale: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,10 +86,12 @@ class Statistic:
     weighted_whole: NDArray[np.float64] | None = None
     #: What share of the independent rows' error its ends keep; broadcasts to (outputs, ...).
     apart: NDArray[np.float64] | None = None
+    #: By what it must be multiplied to be unbiased, which its ends are.
+    scale: NDArray[np.float64] | None = None
 
     def estimate(self, level: float) -> Estimate:
         """Return it with its interval at `level`; ValueError if that is not between 0 and 1."""
-        found = self._estimate(level)
+        found = without_bias(self._estimate(level), 1.0 if self.scale is None else self.scale)
         if self.apart is None:
             return found
         found = kept_apart(found, self.weighted, self.apart, level)
@@ -97,14 +100,12 @@ class Statistic:
 
     def _estimate(self, level: float) -> Estimate:
         if self.power == 1 and self.whole is not None and self.weighted_whole is not None:
+            stretch: NDArray[np.float64] | float = 1.0 if self.tail is None else self.tail.stretch
             return share_of_squares(
-                self.weighted,
-                self.without,
-                self.present,
-                level,
+                *(self.weighted, self.without, self.present, level),
                 whole=self.whole,
                 weighted_whole=self.weighted_whole,
-                stretch=1.0 if self.tail is None else self.tail.stretch,
+                stretch=stretch,
             )
         return estimate(
             self.weighted[0],
@@ -330,6 +331,7 @@ class Estimator(ABC):
                 whole=None if index.whole is None else index.whole[:FIRST],
                 weighted_whole=None if index.whole is None else _weighted(index.whole),
                 apart=index.apart,
+                scale=index.scale,
             )
             for name, index in self._indices(self._weighted(stop), self._weighted_sample()).items()
         }

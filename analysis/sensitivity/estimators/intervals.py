@@ -169,6 +169,23 @@ def satterthwaite(
     return Estimate(value=value, low=next(ends), high=next(ends))
 
 
+def without_bias(found: Estimate, scale: Array | float) -> Estimate:
+    """Return an interval around an unbiased value, as far as the value itself (Searle et al. 1992).
+
+    (Variance components: a variance is what is found about the sample's mean and the
+    square of that mean's own error. Balanced points have next to none, and n - 1 is too few.)
+
+    Args:
+        found: the value, which is biased, with its interval.
+        scale: the unbiased value over the value, of a shape that broadcasts to it.
+    """
+    return Estimate(
+        value=found.value,
+        low=np.minimum(found.low * scale, found.value),
+        high=np.maximum(found.high * scale, found.value),
+    )
+
+
 def _deviations(without: Array, present: NDArray[np.bool_]) -> Array:
     """Return how far each block's number is from their mean, 0 of a block that is not present."""
     mean = np.where(present, without, 0.0).sum(axis=0) / np.maximum(present.sum(axis=0), 1)

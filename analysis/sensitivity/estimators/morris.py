@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from analysis.designs import unit_row
 from analysis.designs.radial import legs
 from analysis.sensitivity.estimators.estimator import Estimator, Index, Terms
+from analysis.sensitivity.estimators.intervals import jackknife_error
 from analysis.sensitivity.estimators.tails import LARGEST_FOURTH, tail
 from analysis.sensitivity.estimators.weightings import FIRST, Weighted
 
@@ -52,16 +53,24 @@ class MorrisEstimator(Estimator):
         variance = sums.variance("effect", ddof=1)
         # Variances of resampled rows are too small by this factor in the mean.
         variance[FIRST:] *= counts[0] / np.maximum(counts[0] - 1, 1)
+        # n - 1 makes up for a mean that errs as that of independent rows does; that of balanced
+        # ones hardly errs, as the blocks tell.
+        mean = sums.mean("effect")
+        error = jackknife_error(mean[1:FIRST], counts[1:FIRST] < counts[0])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            unbiased = 1.0 - 1.0 / counts[0] + error**2 / variance[0]
+        scale = np.where(np.isfinite(unbiased), np.sqrt(np.maximum(unbiased, 0.0)), 1.0)
         # Blocks of two or three rows tell little of their spread.
         apart = np.maximum(1.0 - counts[0] / ROWS_ENOUGH, 0.0)
         return {
-            "mu": Index(weighted=sums.mean("effect"), count=counts, apart=apart),
+            "mu": Index(weighted=mean, count=counts, apart=apart),
             "mu_star": Index(weighted=sums.mean("magnitude"), count=counts, power=1, apart=apart),
             "sigma": Index(
                 weighted=np.sqrt(variance),
                 count=counts,
                 power=2,
                 apart=apart,
+                scale=scale,
                 tail=tail(
                     half=sample.mean("effect_root")[0],
                     first=sums.mean("magnitude")[0],

@@ -21,7 +21,13 @@ from analysis.sensitivity.estimators import (
     estimator_class,
 )
 from analysis.sensitivity.estimators.bootstrap import replicate_weights
-from analysis.sensitivity.estimators.intervals import fieller, satterthwaite, student
+from analysis.sensitivity.estimators.intervals import (
+    fieller,
+    jackknife_error,
+    satterthwaite,
+    student,
+    without_bias,
+)
 from analysis.sensitivity.estimators.shares import kept_apart, share_of_squares
 from analysis.sensitivity.estimators.tails import tail
 
@@ -193,6 +199,14 @@ def test_an_interval_is_made_of_what_the_index_is_without_each_block(
     elif power is not None:
         stretch = None if statistic.tail is None else statistic.tail.stretch
         expected = satterthwaite(found.value, np.stack(slow), present, 0.8, power, stretch)
+        if name == "sigma":
+            # Sums of squares about 0, less the mean's square without its own error's.
+            mean = fed(cls, values).statistics()["mu"]
+            error = jackknife_error(mean.without, mean.present)
+            squares = (1.0 - 1.0 / mean.n) * found.value**2 + error**2
+            moves = found.value > 0.0
+            scale = np.sqrt(squares) / np.where(moves, found.value, 1.0)
+            expected = without_bias(expected, np.where(moves, scale, 1.0))
     elif name == "mu":
         expected = student(found.value, np.stack(slow), present, 0.8)
     else:

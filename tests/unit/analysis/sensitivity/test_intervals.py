@@ -7,6 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
+from analysis.designs import unit_row
+from analysis.sensitivity.estimators import MorrisEstimator
 from analysis.sensitivity.estimators.intervals import fieller, satterthwaite, student
 
 BLOCKS = 8
@@ -205,3 +207,19 @@ def test_a_level_is_a_probability(level: float) -> None:
     for interval in (student, satterthwaite, partial(fieller, whole=np.ones((1 + BLOCKS, 1)))):
         with pytest.raises(ValueError, match="level of an interval must be between 0 and 1"):
             interval(one[0], one, one > 0.0, level)
+
+
+def test_the_spread_of_effects_of_balanced_points_is_held_though_n_minus_1_is_too_few() -> None:
+    """The effect of one factor is the other, uniform one: eight sequences know its spread."""
+    held = []
+    for seed in range(6):
+        rows = range(256)
+        points = np.stack([unit_row("morris", "sobol_blocks", seed, row, 2) for row in rows])
+        estimator = MorrisEstimator(sampling="sobol_blocks", seed=seed, factors=2, outputs=1)
+        estimator.add_rows(rows, points.prod(axis=-1)[..., None])
+        sigma = estimator.indices(0.9)["sigma"]
+        truth = np.sqrt(1.0 / 12.0)
+        held += (
+            (sigma.low <= truth) & (truth <= sigma.high) & (sigma.value <= sigma.high)
+        ).tolist()
+    assert np.mean(held) >= 0.75
