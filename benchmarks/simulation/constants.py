@@ -78,8 +78,15 @@ def held(name: str) -> float:
 
 
 def _homes(name: str) -> list[ModuleType]:
-    """Return the modules of `sim` that know a constant."""
-    return [m for n, m in sys.modules.items() if n.startswith("sim.") and hasattr(m, name)]
+    """Return the modules of `sim` that know a constant.
+
+    Raises:
+        LookupError: there is none, or they mean different things by that name.
+    """
+    homes = [m for n, m in sys.modules.items() if n.startswith("sim.") and hasattr(m, name)]
+    if len({getattr(home, name) for home in homes}) != 1:
+        raise LookupError(f"{name} is not one constant: {[home.__name__ for home in homes]}")
+    return homes
 
 
 def main(fidelity: str) -> None:

@@ -13,7 +13,7 @@ from scipy.stats import qmc
 
 from benchmarks.machine import describe_machine
 from sim.assessment.assess import Assessment, assess
-from sim.assessment.validity import HOLD
+from sim.assessment.validity import HOLD_BOUNDS
 from sim.parameters.wearer import TABLE_1
 
 SEED = 1
@@ -47,7 +47,7 @@ def print_wearers(title: str, units: np.ndarray, fidelity: str) -> None:
         if assessment.outcome != "ok":
             values = ", ".join(f"{n} {v:.4g}" for n, v in wearer(unit).items())
             print(f"  {assessment.outcome}: {assessment.reason}; {values}")
-    for bound in HOLD:
+    for bound in HOLD_BOUNDS:
         print(f"  {bound.quantity:14s} {bound.which} {bound.scale * bound.limit:5.3g}", end="")
         print(f"   farthest: {bound.scale * farthest(found, bound.quantity, bound.which):.3g}")
 

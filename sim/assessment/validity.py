@@ -67,7 +67,7 @@ class Bound(NamedTuple):
 #: In the order in which they name a failure. Three were set after looking at what they judge: the
 #: turning (15 degrees named two arms that were held, at 16.3 and 18.5), the tissue's share, and how
 #: far an arm is out under a slack strap.
-HOLD = (
+HOLD_BOUNDS = (
     # A strap goes slack, too, where the limb lies on the cuff's wall: published muscles do that to
     # four wearers of 336, 2.5 mm out at most. Six arms with a strap cut were 6 to 27 mm out.
     Bound("unheld", "at most", 0.004, "strap_lost", "{:.1f} mm out, the strap slack", 1e3),
@@ -144,7 +144,7 @@ class Postures:
             np.abs(self.human_angle - self.exo_angle),
             self.loads.normal_force,
             self.motor_share,
-            *(limb for bound in HOLD for limb in bound.excess(self.loads).T),
+            *(limb for bound in HOLD_BOUNDS for limb in bound.excess(self.loads).T),
         ]
         for angle in (self.exo_angle, self.human_angle):
             worst += [angle, -angle]
@@ -191,7 +191,7 @@ def check_posture(postures: Postures, step: int) -> Failure | None:
 
 def _check_hold(loads: Loads, step: int) -> Failure | None:
     """Judge how the cuffs hold both limbs in one step."""
-    for bound in HOLD:
+    for bound in HOLD_BOUNDS:
         excess = bound.excess(loads)[step]
         limb = int(np.argmax(excess))
         if excess[limb] > 0.0:

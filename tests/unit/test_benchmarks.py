@@ -13,6 +13,7 @@ from benchmarks.sensitivity.latency import lags
 from benchmarks.service.million import Million
 from benchmarks.service.rivals import Rival
 from benchmarks.service.table import Round, beside, lines, targets
+from benchmarks.simulation.constants import CONSTANTS, held
 
 
 def target(figure: float, *, at_least: bool) -> Target:
@@ -153,3 +154,8 @@ def test_a_cell_says_mean_range_and_how_much_is_honest() -> None:
 def test_results_arrive_at_their_rate_and_every_commit_knows_how_long_it_kept_them() -> None:
     waited = lags(per_second=4000.0, seconds=0.05)
     assert waited and all(0.0 < lag < 5.0 for lag in waited)
+
+
+def test_every_constant_of_the_table_is_one_number_within_its_uncertainty() -> None:
+    for constant in CONSTANTS:
+        assert constant.low <= held(constant.name) <= constant.high, constant.name

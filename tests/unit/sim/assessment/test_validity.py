@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from sim.assessment.validity import (
     FAILURES,
-    HOLD,
+    HOLD_BOUNDS,
     Bound,
     Postures,
     check_outcome,
@@ -126,7 +126,7 @@ def test_a_movement_fails_at_the_first_step_that_a_detector_fires_at() -> None:
 
 
 @pytest.mark.parametrize("limb", [0, 1])
-@pytest.mark.parametrize("bound", HOLD, ids=lambda bound: bound.quantity)
+@pytest.mark.parametrize("bound", HOLD_BOUNDS, ids=lambda bound: bound.quantity)
 def test_either_limb_can_end_a_movement(limb: int, bound: Bound) -> None:
     values = np.broadcast_to(np.array(LOADS[bound.quantity]), (STEPS, 2)).copy()
     assert first_failure(movement(**{bound.quantity: values})) is None
