@@ -1,7 +1,8 @@
 """Pages of HTML: one file each, without a reference to anything outside it.
 
 A page is a Jinja template of `templates/`. All extend `base.html`, which has the style, and are
-made of the pieces in `macros.html`; every value in them is escaped. Pictures are images in the page
+made of the pieces in `macros.html`; every value in them is escaped, and what would not be seen in
+it is written out. Pictures are images in the page
 itself, so a page stays near 1 MB and prints well, and labs without a network can read it.
 """
 
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from analysis.reports.wording import with_interval, words
+from analysis.reports.wording import visible, with_interval, words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -86,6 +87,7 @@ def environment(*packages: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
+        finalize=lambda value: visible(value) if isinstance(value, str) else value,
     )
     environment.filters |= {"cell": cell, "words": words}
     environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}

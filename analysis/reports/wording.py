@@ -6,10 +6,25 @@ to the expression of uncertainty in measurement, section 7.2.6).
 
 from math import floor, log10
 
+#: Characters that show as nothing, or turn what stands behind them around: controls but tab and
+#: line ends, marks and overrides of direction (Unicode Technical Report 36, section 2.6), spaces
+#: of no width, separators. Joiners stay: scripts and pictures are written with them.
+_UNSEEN = (
+    *(*range(0x09), 0x0B, 0x0C, *range(0x0E, 0x20), *range(0x7F, 0xA0)),
+    *(0x061C, 0x180E, 0x200B, 0x200E, 0x200F, *range(0x2028, 0x202F), *range(0x2060, 0x2070)),
+    *(0xFEFF, *range(0xFFF9, 0xFFFC), *range(0xE0000, 0xE0080)),
+)
+_SHOWN = {code: f"\\u{code:04x}" for code in _UNSEEN}
+
+
+def visible(text: str) -> str:
+    """Return a text in which what would not be seen is written out, such as \\u202e."""
+    return text.translate(_SHOWN)
+
 
 def words(name: str) -> str:
     """Return a name as a reader would write it."""
-    return name.replace("_", " ")
+    return visible(name).replace("_", " ")
 
 
 def with_unit(name: str, unit: str) -> str:

@@ -2,7 +2,9 @@
 
 `python -m benchmarks.service.page`. A worker leases and posts in blocks, by turns with no tab open
 and with 50, half of them on all studies and half on the one under way; the processor time that the
-coordinator takes for an instance is compared within each pair. The first paint is Chromium's own.
+coordinator takes for an instance is compared within each pair. The first paint is Chromium's own,
+the first in which there is something to read; by turns of a study of a million instances and of a
+thousand, so that what the size costs is not what else the machine does.
 """
 
 import selectors
@@ -13,6 +15,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from urllib.parse import urlsplit
@@ -30,8 +33,9 @@ TABS = 50
 #: Instances of a study, of a block, and blocks of either kind.
 INSTANCES = 100_000
 BLOCK, PAIRS = 4_000, 12
-#: Pages that are opened to see when they paint.
-PAINTS = 7
+#: Pages that are opened of each study to see when they paint, and rows of the small one.
+PAINTS = 9
+SMALL_ROWS = 200
 #: Seconds for which tabs are looked at that have nothing else beside them.
 IDLE_SECONDS = 10.0
 
@@ -98,50 +102,77 @@ def under_way(directory: Path) -> tuple[list[tuple[float, float]], float]:
     return pairs, idle
 
 
-def first_paints(directory: Path) -> list[float]:
-    """Return when Chromium first paints a study of a million instances, ms; none without one."""
+@dataclass(frozen=True, kw_only=True)
+class Opened:
+    """How soon a page was there, ms after it was asked for."""
+
+    answered: float
+    painted: float
+
+
+_TIMES = """() => [
+  performance.getEntriesByType("navigation")[0].responseEnd,
+  performance.getEntriesByName("first-contentful-paint")[0].startTime,
+]"""
+
+
+def opened(directory: Path) -> dict[int, list[Opened]]:
+    """Return how soon Chromium shows studies, by their instances; none without a browser."""
     from tests.testbed.browser import BROWSER, launched
 
     if BROWSER is None:
-        return []
+        return {}
     file = directory / "million.sqlite3"
     url = f"sqlite:///{file}"
     with coordinator(url) as running, Client(running.url, TOKEN) as client:
-        study = submit(running.url, ROWS)["id"]
-        complete(client, WORKER, WIDTH)
-        fill(file, study)
-        while catch_up(StoreResultLog(create_engine(url)), study):
+        log = StoreResultLog(create_engine(url))
+        studies = {SMALL_ROWS * WIDTH: submit(running.url, SMALL_ROWS)["id"]}
+        while complete(client, WORKER, BATCH):
             pass
+        studies[ROWS * WIDTH] = submit(running.url, ROWS)["id"]
+        complete(client, WORKER, WIDTH)
+        fill(file, studies[ROWS * WIDTH])
+        for study in studies.values():
+            while catch_up(log, study):
+                pass
         complete(client, WORKER, BATCH)
         with launched() as browser:
             page = browser.new_page()
             page.goto(client.page_address())
             page.wait_for_url(f"{running.url}/")
-            paints = []
+            found: dict[int, list[Opened]] = {size: [] for size in studies}
             for _ in range(PAINTS):
-                page.goto(f"{running.url}/studies/{study}", wait_until="load")
-                page.wait_for_function("performance.getEntriesByName('first-paint').length")
-                paints.append(
-                    page.evaluate("performance.getEntriesByName('first-paint')[0].startTime")
-                )
-    return paints
+                for size, study in studies.items():
+                    page.goto(f"{running.url}/studies/{study}", wait_until="load")
+                    page.wait_for_function(
+                        "performance.getEntriesByName('first-contentful-paint').length"
+                    )
+                    answered, painted = page.evaluate(_TIMES)
+                    found[size].append(Opened(answered=answered, painted=painted))
+    return found
 
 
 def main() -> None:
     print(describe_machine())
     with tempfile.TemporaryDirectory() as directory:
         pairs, idle = under_way(Path(directory))
-        paints = first_paints(Path(directory))
+        pages = opened(Path(directory))
     slower = [late / early - 1.0 for early, late in pairs]
     print(f"Coordinator's processor time for an instance, {len(pairs)} pairs of {BLOCK} instances:")
     before, after = (median(found) for found in zip(*pairs, strict=True))
     print(f"  no tab {before:.3f} ms, {TABS} tabs {after:.3f} ms")
     print(f"  pairs: {', '.join(f'{share:+.1%}' for share in sorted(slower))}")
     print(f"{TABS} tabs beside nothing else: {idle:.2%} of a core")
-    if paints:
+    for size, found in pages.items():
+        painted = sorted(one.painted for one in found)
         print(
-            f"first paint of 10^6 instances: {', '.join(f'{ms:.0f}' for ms in sorted(paints))} ms"
+            f"first paint of {size:,} instances: {', '.join(f'{ms:.0f}' for ms in painted)} ms; "
+            f"the page had come after {median(one.answered for one in found):.0f} ms"
         )
+    paints = [one.painted for one in pages.get(ROWS * WIDTH, ())]
+    if paints:
+        fewer = median(one.painted for one in pages[SMALL_ROWS * WIDTH])
+        print(f"a thousand times the instances: {median(paints) / fewer:.2f} times as long")
     targets = [
         Target(
             what="tabs slow an instance by",

@@ -17,7 +17,7 @@ from server.web import sample
 from server.web.page import Look, Page
 from server.web.study import snapshot_of, units_of
 
-#: Failed results that are looked at, and of which the factors are drawn.
+#: Failed results that are looked at, and of which the factors are drawn; as many of good ones.
 MOST_SEEN = 500
 MOST_DRAWN = 200
 #: Characters of what a simulation said when it failed.
@@ -54,7 +54,7 @@ def look(asked: Look) -> dict[str, Any]:
         "x": x,
         "y": y,
         "units": units_of(asked, study),
-        "figures": {"failures": _figure(study, seen, x, y)},
+        "figures": {"failures": _figure(asked, study, seen, x, y)},
     }
 
 
@@ -76,15 +76,24 @@ def _axes(study: Study, snapshot: dict[str, Any], asked: Look) -> tuple[str, str
     return (x if x in known else first), (y if y in known else second)
 
 
-def _figure(study: Study, seen: list[dict[str, Any]], x: str, y: str) -> dict[str, Any] | None:
+def _figure(
+    asked: Look, study: Study, seen: list[dict[str, Any]], x: str, y: str
+) -> dict[str, Any] | None:
+    if not seen:
+        return None
+    share = max(1, MOST_DRAWN // len({one["outcome"] for one in seen}))
     failed: dict[str, list[dict[str, float]]] = {}
-    for one in seen[:MOST_DRAWN]:
-        point = sample.point(study, one["row"], one["position"])
-        failed.setdefault(one["outcome"], []).append(point)
-    rows = min(study.rows_complete, MOST_DRAWN)
-    fine = [sample.point(study, row, 0) for row in range(rows)]
-    bad = {(one["row"], one["position"]) for one in seen}
-    good = [p for row, p in enumerate(fine) if (row, 0) not in bad]
+    since = study.result_count
+    for one in seen:
+        runs = failed.setdefault(one["outcome"], [])
+        if len(runs) < share:
+            runs.append(sample.point(study, one["row"], one["position"]))
+            since = min(since, one["seq"])
+    # Of the same part of the study as those that failed, and at any position of a row as they are.
+    good = [
+        sample.point(study, row, position)
+        for row, position in watching.good_among(asked.engine, study, since=since, limit=MOST_DRAWN)
+    ]
     # A run that is counted no more, as it was run again meanwhile, is drawn until the next look.
     of = {cause: max(study.failures.get(cause, 0), len(runs)) for cause, runs in failed.items()}
     return failures(good, failed, x, y, of | {"ok": max(study.ok_count, len(good))})

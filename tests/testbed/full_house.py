@@ -27,6 +27,8 @@ from tests.testbed.records import plan
 MARKUP = """"'></script><img src="/evil" onerror="window.evil=1">{{7*7}}&lt;b&gt;"""
 #: The same where there is less room.
 SHORT = "'\"><i onclick=evil()>"
+#: What turns all behind it around, shows as nothing, and rings.
+UNSEEN = "\u202egnp\u200b\x07"
 
 _PIXEL = base64.b64encode(b"\x89PNG\r\n\x1a\n").decode()
 _PICTURE = f'<img alt="{SHORT.replace(chr(34), "&quot;")}" src="data:image/png;base64,{_PIXEL}">'
@@ -81,14 +83,19 @@ def furnish(engine: Engine, *, rows: int = 16) -> House:
     now = time.time()
     study, _ = studies.create(
         engine,
-        plan(name=MARKUP, method="saltelli", rows=rows),
+        plan(name=MARKUP + UNSEEN, method="saltelli", rows=rows),
         key=None,
         digest="",
         now=now - 60.0,
-        tags=[SHORT],
+        tags=[SHORT + UNSEEN],
     )
     versions = {"mujoco": SHORT, "canary": SHORT, "code": SHORT, "cpu": MARKUP}
-    worker = {"worker": f"w {SHORT}", "host": MARKUP, "versions": versions, "tags": [SHORT]}
+    worker = {
+        "worker": f"w {SHORT}",
+        "host": MARKUP + UNSEEN,
+        "versions": versions,
+        "tags": [SHORT + UNSEEN],
+    }
     granted = exchanges.grant(
         engine, models=["ishigami"], max_instances=10_000, now=now - 50.0, ttl=3600.0, **worker
     )
@@ -96,14 +103,17 @@ def furnish(engine: Engine, *, rows: int = 16) -> House:
     reports = []
     for row, position in granted.lease.instances:
         point = parameters(study.plan, row)[position]
+        said = MARKUP + UNSEEN
         bad = point["x1"] > 2.0 and point["x2"] > 1.0
         reports.append(
             Report(
                 instance=instance_id(study.id, row, position),
                 outcome="diverged" if bad else "ok",
                 outputs=None if bad else {"y": point["x1"] + point["x2"] ** 2},
-                reason=MARKUP if bad else "",
-                state={"traceback": MARKUP, "warnings": [MARKUP]} if bad else None,
+                reason=said if bad else "",
+                state={"traceback": MARKUP + UNSEEN, "warnings": [MARKUP + UNSEEN]}
+                if bad
+                else None,
                 wall_seconds=0.1,
             )
         )
@@ -154,7 +164,7 @@ def _loop(engine: Engine, now: float) -> str:
     session, _ = sessions.create(
         engine,
         io.BytesIO(b"PK"),
-        name=MARKUP[:60],
+        name=MARKUP[:50] + UNSEEN,
         sha256="0" * 64,
         size=2,
         content=content,

@@ -6,7 +6,7 @@ from typing import Any
 
 from analysis.designs import family
 from analysis.reports.figures.style import COLOURS
-from analysis.reports.wording import with_interval
+from analysis.reports.wording import visible, with_interval
 from analysis.sensitivity.ranking import RANKED_BY
 
 Figure = dict[str, Any]
@@ -44,7 +44,7 @@ def told(symbol: str, index: Interval) -> str:
 
 def plain(text: str) -> str:
     """Return a text that plotly shows as it is: it reads some tags and all entities."""
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    return visible(text).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
 def reach(indices: Sequence[Interval]) -> dict[str, Any]:

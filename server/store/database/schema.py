@@ -144,6 +144,14 @@ results = sa.Table(
     sa.Column("received_at", sa.Double, nullable=False),
     sa.Index("results_by_instance", "study_id", "row", "position", unique=True),
 )
+sa.Index(
+    "results_failed",
+    results.c.study_id,
+    results.c.outcome,
+    results.c.seq,
+    sqlite_where=results.c.outcome != "ok",
+    postgresql_where=results.c.outcome != "ok",
+)
 
 #: That a result is that of an instance.
 OF_INSTANCE = sa.and_(

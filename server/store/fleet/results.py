@@ -100,12 +100,13 @@ def arrivals(connection: Connection, study_id: str, numbers: Collection[int]) ->
 
 
 def latest_failed(
-    connection: Connection, study_id: str, *, after: int, limit: int
+    connection: Connection, study_id: str, outcome: str, *, limit: int
 ) -> list[dict[str, Any]]:
-    """Return the latest results beyond number `after` that are not "ok", with worker and host."""
+    """Return the latest results with this outcome, which is not "ok", with worker and host."""
     log = results.c
     query = (
         sa.select(
+            log.seq,
             log.row,
             log.position,
             log.outcome,
@@ -116,11 +117,26 @@ def latest_failed(
             workers.c.host,
         )
         .join(workers, workers.c.id == log.worker_id)
-        .where(log.study_id == study_id, log.seq > after, log.outcome != "ok")
+        .where(log.study_id == study_id, log.outcome == outcome, _FAILED)
         .order_by(log.seq.desc())
         .limit(limit)
     )
     return [dict(row._mapping) for row in connection.execute(query)]
+
+
+#: As the index of failures says it, or no database would know that it may be used.
+_FAILED = results.c.outcome != sa.literal_column("'ok'")
+
+
+def good_ones(connection: Connection, study_id: str, numbers: Collection[int]) -> list[Place]:
+    """Return where those of these numbers are that are "ok", in the order of the numbers."""
+    log = results.c
+    query = (
+        sa.select(log.row, log.position)
+        .where(log.study_id == study_id, log.seq.in_(numbers), log.outcome == "ok")
+        .order_by(log.seq)
+    )
+    return [(row.row, row.position) for row in connection.execute(query)]
 
 
 def mean_seconds(connection: Connection, study_id: str, *, after: int) -> float | None:
@@ -130,6 +146,21 @@ def mean_seconds(connection: Connection, study_id: str, *, after: int) -> float 
     )
     found: float | None = connection.scalar(query)
     return found
+
+
+def tempo(connection: Connection, study_id: str, *, after: int) -> tuple[int, float, int]:
+    """Return how many results came after the first of those beyond number `after`.
+
+    Also the seconds in which they came, and how many workers they came from.
+    """
+    log = results.c
+    beyond = (log.study_id == study_id, log.seq > after)
+    first = sa.select(sa.func.min(log.received_at)).where(*beyond).scalar_subquery()
+    came = sa.func.count().filter(log.received_at > first)
+    seconds = sa.func.max(log.received_at) - first
+    query = sa.select(came, seconds, sa.func.count(log.worker_id.distinct())).where(*beyond)
+    count, took, whose = connection.execute(query).one()
+    return count, took or 0.0, whose
 
 
 def first_of_rows(

@@ -5,6 +5,24 @@ import { save } from "./files.js";
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const drawn = new Map();
+const PLOTLY = new URL("plotly.min.js", import.meta.url).href;
+let library = null;
+
+/** Loads plotly.js after the page's first paint: to read its megabytes takes longer than all else. */
+function plotly() {
+  library ??= new Promise((resolve, reject) => {
+    requestAnimationFrame(() => setTimeout(() => {
+      const script = Object.assign(document.createElement("script"), { src: PLOTLY });
+      script.addEventListener("load", resolve);
+      script.addEventListener("error", () => {
+        library = null;
+        reject(new Error("The coordinator does not answer."));
+      });
+      document.head.append(script);
+    }));
+  });
+  return library;
+}
 
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
@@ -40,12 +58,19 @@ function visible(traces) {
 }
 
 /** Draws a figure into its box; hides the box where there is nothing to draw. */
-export function draw(name, figure) {
+export async function draw(name, figure) {
   const box = document.querySelector(`[data-figure="${CSS.escape(name)}"]`);
   if (!box) return;
   box.closest("figure").hidden = !figure;
-  if (!figure) return;
   drawn.set(name, figure);
+  if (!figure) return;
+  try {
+    await plotly();
+  } catch {
+    return; // The banner says why; the next figure tries again.
+  }
+  // A newer one has come meanwhile.
+  if (drawn.get(name) !== figure) return;
   const width = box.clientWidth;
   const layout = inked({ ...figure.layout, ...(width ? { width } : {}) });
   Plotly.react(box, visible(figure.data), layout, { displayModeBar: false }).then(() => {

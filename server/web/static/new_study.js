@@ -60,7 +60,7 @@ function cost(wanted) {
   if (!computes.workers) return `${said} No worker is there to compute them.`;
   const seconds = (runs * computes.seconds) / computes.workers;
   const whom = computes.workers === 1 ? "the one worker that is there does" : `all ${computes.workers} workers that are there do`;
-  return `${said} About ${duration(seconds)} if ${whom} nothing else.`;
+  return `${said} About ${duration(seconds)} if ${whom} nothing else, each as fast as at the last study of it.`;
 }
 
 /** Returns JSON as Python writes it. */

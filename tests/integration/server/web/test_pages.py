@@ -6,16 +6,22 @@ import re
 from html.parser import HTMLParser
 
 import pytest
+import sqlalchemy as sa
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
+from analysis.reports.wording import visible
 from analysis.sensitivity.service import catch_up
-from server.operations import tokens
+from server.operations import tokens, watching
+from server.operations.study import studies
 from server.operations.study.result_log import StoreResultLog
+from server.store.database.engine import reading, writing
+from server.store.database.schema import results
+from server.store.fleet import results as store_results
 from server.web.new_study import LEAST_SECONDS
 from server.web.page import Look
 from server.web.pages import PAGES
-from tests.testbed.full_house import MARKUP, SHORT, House, furnish
+from tests.testbed.full_house import MARKUP, SHORT, UNSEEN, House, furnish
 
 BROWSER = {"Accept": "text/html"}
 
@@ -56,9 +62,12 @@ def test_names_tags_reasons_and_columns_are_text_on_every_page(
         assert answer.status_code == 200, path
         found = Elements(answer.text)
         assert found.wrong == [], path
+        # Its megabytes are read when the rest has been painted (figures.js).
+        assert "plotly.min.js" not in answer.text
         assert "i" not in found.tags, path
         seen += found.text
-    assert MARKUP in seen and SHORT in seen
+        assert not set(UNSEEN) & set(answer.text) - set("gnp"), path
+    assert MARKUP in seen and SHORT in seen and visible(UNSEEN) in seen
 
 
 def test_what_a_page_is_sent_later_is_text_too(
@@ -80,6 +89,7 @@ def test_what_a_page_is_sent_later_is_text_too(
             assert "<i" not in json.dumps(part) and "<img" not in json.dumps(part)
         else:
             assert Elements(part).wrong == []
+        assert not set(UNSEEN) & set(json.dumps(part, ensure_ascii=False)) - set("gnp")
 
 
 def test_a_reader_sees_all_pages_and_no_order_on_any(
@@ -163,3 +173,58 @@ def test_the_form_counts_on_no_run_that_takes_less_than_it_costs_to_hand_it_out(
     found = client.get("/new-study?model=ishigami", headers=BROWSER).text
     said = re.search(r'"seconds": ([^,]+),', html.unescape(found))
     assert said is not None and float(said[1]) == LEAST_SECONDS
+
+
+def test_the_form_goes_by_how_fast_results_came_and_not_by_how_long_one_took(
+    app: FastAPI, client: TestClient, house: House
+) -> None:
+    """A worker with eight processes brings eight in the time that one takes."""
+    with writing(app.state.engine) as connection:
+        # Two workers, each with ten results a second, of which each took 0.1 s: all said so.
+        connection.execute(
+            sa.update(results)
+            .where(results.c.study_id == house.study)
+            .values(received_at=1000.0 + 0.05 * results.c.seq)
+        )
+    found = html.unescape(client.get("/new-study?model=ishigami", headers=BROWSER).text)
+    said = re.search(r'"seconds": ([^,]+),', found)
+    assert said is not None and float(said[1]) == pytest.approx(0.05)
+
+
+def test_failed_and_good_runs_are_drawn_from_the_same_part_of_the_study(
+    app: FastAPI, client: TestClient, house: House
+) -> None:
+    study = studies.get(app.state.engine, house.study)
+    failed = watching.latest_failed(app.state.engine, study, limit=500)
+    assert len(failed) == study.failures["diverged"]
+    assert [one["seq"] for one in failed] == sorted((o["seq"] for o in failed), reverse=True)
+    since = study.result_count // 2
+    good = watching.good_among(app.state.engine, study, since=since, limit=8)
+    assert 0 < len(good) <= 8
+    with reading(app.state.engine) as connection:
+        log = store_results.logged(connection, study.id, after=0, limit=1000)
+    at = {(row, position): (seq, outcome) for seq, row, position, outcome, _ in log}
+    assert all(at[place][0] >= since and at[place][1] == "ok" for place in good)
+    # Any position of a row, as those that failed.
+    assert len({position for _, position in good}) > 1
+
+
+def test_failures_are_found_by_their_index(app: FastAPI, client: TestClient, house: House) -> None:
+    asked: list[tuple[str, object]] = []
+    sa.event.listen(
+        app.state.engine,
+        "before_cursor_execute",
+        lambda _c, _u, statement, values, *_: asked.append((statement, values)),
+    )
+    study = studies.get(app.state.engine, house.study)
+    watching.latest_failed(app.state.engine, study, limit=5)
+    statement, values = next(one for one in asked if "JOIN workers" in one[0])
+    lite = app.state.engine.dialect.name == "sqlite"
+    with reading(app.state.engine) as connection:
+        if not lite:
+            # So few rows are read faster without any index.
+            for other in ("seqscan", "bitmapscan", "sort"):
+                connection.exec_driver_sql(f"SET LOCAL enable_{other} = off")
+        explain = "EXPLAIN QUERY PLAN " if lite else "EXPLAIN "
+        plan = str(connection.exec_driver_sql(explain + statement, values).fetchall())
+    assert "results_failed" in plan, plan

@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.reports.wording import with_interval
+from analysis.reports.wording import visible, with_interval
 
 
 @pytest.mark.parametrize(
@@ -27,3 +27,20 @@ def test_two_digits_of_the_half_width_decide(
     value: float, low: float | None, high: float | None, expected: tuple[str, str]
 ) -> None:
     assert with_interval(value, low, high) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("knee\u202exlsx.exe", "knee\\u202exlsx.exe"),
+        ("a\u200bb\x07\x00", "a\\u200bb\\u0007\\u0000"),
+        ("two lines\n\tand a tab", "two lines\n\tand a tab"),
+        # Scripts and pictures are written with joiners, and right to left without any mark.
+        (
+            "\u0646\u0627\u0645\u0647\u200c\u0647\u0627",
+            "\u0646\u0627\u0645\u0647\u200c\u0647\u0627",
+        ),
+    ],
+)
+def test_what_would_not_be_seen_is_written_out(text: str, shown: str) -> None:
+    assert visible(text) == shown
