@@ -18,7 +18,7 @@ from analysis.designs.groups import units_of
 from analysis.sensitivity.stopping import Goal
 from models.curves import Curve
 from models.description import Description
-from server.states import CloseLoopState, ComparisonState, InstanceState, StudyState
+from server.states import CloseLoopState, ComparisonState, InstanceState, JobKind, StudyState
 
 T = TypeVar("T")
 
@@ -290,7 +290,7 @@ class Session:
 
 @dataclass(frozen=True, kw_only=True)
 class Attempt:
-    """One lease of a close-loop job."""
+    """One lease of a job on a session."""
 
     lease: str
     fence: int
@@ -304,7 +304,7 @@ class Attempt:
 
 @dataclass(frozen=True, kw_only=True)
 class CloseLoopJob:
-    """Closing the loop on one session, once."""
+    """Closing the loop on one session, or interpreting it, once."""
 
     id: str
     session_id: str
@@ -323,6 +323,9 @@ class CloseLoopJob:
     #: Why it failed: {"outcome", "detail", "file", "column", "line"}.
     fault: Mapping[str, Any] | None = None
     verdict: str | None = None
+    kind: JobKind = JobKind.CLOSE_LOOP
+    #: Of an interpretation: {"known", "tolerance", "bank"}.
+    options: Mapping[str, Any] | None = None
 
     @property
     def current(self) -> Attempt | None:

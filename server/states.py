@@ -53,8 +53,16 @@ class ComparisonState(StrEnum):
     ABANDONED = "abandoned"
 
 
+class JobKind(StrEnum):
+    """What is done with a measured session."""
+
+    CLOSE_LOOP = "close-loop"
+    #: Of a wearer: K_h with an interval.
+    INTERPRETATION = "interpretation"
+
+
 class CloseLoopState(StrEnum):
-    """Where a close-loop job stands."""
+    """Where a job on a session stands, whatever its kind."""
 
     WAITING = "waiting"
     RUNNING = "running"

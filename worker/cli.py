@@ -22,7 +22,9 @@ from rehyb.client import DEFAULT_URL, Client
 from rehyb.durations import seconds
 from rehyb.errors import Invalid, RehybError
 from worker.agent import Agent
-from worker.close_loop import can_close_loops, close
+from worker.banks import usable_bank
+from worker.close_loop import can_close_loops
+from worker.close_loop import work as work_on_session
 from worker.close_loop_jobs import CloseLoopJobs
 from worker.doctor import Verdict, examine
 from worker.leases import Leases
@@ -113,6 +115,15 @@ def work(
     loop_memory_mb: Annotated[
         int, typer.Option(min=500, help="Memory that closing a loop may take, in MB.")
     ] = 4096,
+    bank: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.npz",
+            help="Interpret sessions by this bank. Default: as of `rehyb interpret`, if there is "
+            "one.",
+            show_default=False,
+        ),
+    ] = None,
     tags: Annotated[
         str, typer.Option(help="What this machine is good for, comma-separated: lab-2,fast.")
     ] = "",
@@ -201,9 +212,10 @@ def work(
             if leave_at is not None
             else _close_loop_jobs(
                 second_client,
-                Pool(1, loop_seconds, evaluate=close, memory_mb=loop_memory_mb),
+                Pool(1, loop_seconds, evaluate=work_on_session, memory_mb=loop_memory_mb),
                 folder / "loops",
                 worker,
+                bank,
             ),
         )
         stop = _once_in_a_while(agent.stop)
@@ -242,15 +254,23 @@ def _once_in_a_while(stop: Callable[[], None]) -> Callable[..., None]:
 
 
 def _close_loop_jobs(
-    client: Client, pool: Pool, folder: Path, worker: dict[str, Any]
+    client: Client, pool: Pool, folder: Path, worker: dict[str, Any], bank: Path | None
 ) -> CloseLoopJobs | None:
-    """Return what closes loops here; None if this installation cannot."""
+    """Return what closes loops here, and interprets; None if this installation cannot."""
     if not can_close_loops():
+        if bank is not None:
+            raise Invalid("to interpret takes pictures: pip install 'rehyb[figures]'")
         return None
     from analysis.closeloop.code import digest
 
     return CloseLoopJobs(
-        client=client, pool=pool, folder=folder, worker=worker, code=digest(), rng=Random()
+        client=client,
+        pool=pool,
+        folder=folder,
+        worker=worker,
+        code=digest(),
+        bank=usable_bank(bank),
+        rng=Random(),
     )
 
 

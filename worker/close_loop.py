@@ -1,12 +1,13 @@
-"""Closing the loop on one session: what a child process of the worker does with such a job.
+"""Closing the loop on one session, or interpreting it: what a worker's child does with such a job.
 
 Whether a machine can is a matter of what is installed; a child loads it, and only when needed.
 """
 
+import json
 import os
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 #: Beside the archive: the report's files, and what the child is at.
 OUT, PROGRESS = "out", "progress"
+#: Kinds of jobs.
+CLOSE_LOOP, INTERPRETATION = "close-loop", "interpretation"
 
 
 def can_close_loops() -> bool:
@@ -25,19 +28,21 @@ def can_close_loops() -> bool:
     return None not in map(find_spec, ("analysis.closeloop", "matplotlib", "jinja2"))
 
 
-def close(job: Mapping[str, Any]) -> "Evaluation":
-    """Close the loop on the zipped session `job["parameters"]["archive"]`; files go beside it.
+def work(job: Mapping[str, Any]) -> "Evaluation":
+    """Close the loop on the zipped session `job["parameters"]["archive"]`, or interpret it.
+
+    The report's files go beside the archive. To interpret it takes "bank", a file, and "options".
 
     Returns:
-        Outcome "ok", or "bad_session" with the state {"file", "column", "line"} of what is wrong.
+        Outcome "ok", of an interpretation with the state {"bank": id}, or "bad_session" with the
+        state {"file", "column", "line"} of what is wrong.
 
     Raises:
         Exception: whatever else may go wrong; the pool calls it a crash.
     """
     from analysis.closeloop.errors import SessionError
-    from analysis.closeloop.loop import close_loop
-    from analysis.closeloop.session.archive import unpacked
     from models.evaluation import Evaluation
+    from rehyb.errors import Invalid
 
     archive = Path(job["parameters"]["archive"])
     folder = archive.parent
@@ -52,9 +57,22 @@ def close(job: Mapping[str, Any]) -> "Evaluation":
         fresh.write_text(stage, encoding="utf-8")
         fresh.replace(folder / PROGRESS)
 
+    state: dict[str, Any] | None = None
     try:
-        with unpacked(archive) as session:
-            close_loop(session, folder / OUT, show)
+        if job["model"] == INTERPRETATION:
+            show("interpreting")
+            state = {"bank": _interpret(job["parameters"], archive, folder / OUT)}
+        else:
+            _close(archive, folder / OUT, show)
+    except Invalid as error:
+        place = {"file": None, "column": None, "line": None}
+        return Evaluation(
+            outcome=Outcome.BAD_SESSION,
+            outputs={},
+            reason=str(error),
+            state=place,
+            wall_seconds=time.perf_counter() - started,
+        )
     except SessionError as error:
         return Evaluation(
             outcome=Outcome.BAD_SESSION,
@@ -63,4 +81,34 @@ def close(job: Mapping[str, Any]) -> "Evaluation":
             state={"file": error.file, "column": error.column, "line": error.line},
             wall_seconds=time.perf_counter() - started,
         )
-    return Evaluation(outcome=Outcome.OK, outputs={}, wall_seconds=time.perf_counter() - started)
+    seconds = time.perf_counter() - started
+    return Evaluation(outcome=Outcome.OK, outputs={}, state=state, wall_seconds=seconds)
+
+
+def _close(archive: Path, out: Path, show: Callable[[str], None]) -> None:
+    from analysis.closeloop.loop import close_loop
+    from analysis.closeloop.session.archive import unpacked
+
+    with unpacked(archive) as session:
+        close_loop(session, out, show)
+
+
+def _interpret(parameters: Mapping[str, Any], archive: Path, out: Path) -> str:
+    """Write an interpretation's report; return the bank's id."""
+    from rehyb.interpretation import interpret_recording
+
+    options = parameters["options"]
+    known = [(one["name"], one["value"], one["sd"]) for one in options["known"]]
+    out.mkdir()
+    page = out / "report.html"
+    found = interpret_recording(
+        archive,
+        Path(parameters["bank"]),
+        known=known,
+        tolerance=options["tolerance"],
+        report=page,
+    )
+    if options["bank"] not in (None, found["bank"]):
+        raise RuntimeError(f"the bank of this worker is {found['bank']}, not {options['bank']}")
+    (out / "report.json").write_text(json.dumps(found, allow_nan=False), encoding="utf-8")
+    return str(found["bank"])

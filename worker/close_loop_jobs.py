@@ -1,4 +1,4 @@
-"""Close-loop jobs of a worker: one at a time, in a thread beside the agent's.
+"""Jobs on sessions of a worker: one at a time, in a thread beside the agent's.
 
 A session takes a while to fetch and a report to hand in; meanwhile the agent must keep its leases.
 The work itself is done by a child process, which may crash or hang: the thread only waits.
@@ -19,7 +19,7 @@ from typing import Any
 from rehyb.client import Client
 from rehyb.errors import Conflict, Invalid, NotFound, RehybError, ServerError, Unreachable
 from worker import backoff
-from worker.close_loop import OUT, PROGRESS
+from worker.close_loop import CLOSE_LOOP, INTERPRETATION, OUT, PROGRESS
 from worker.leases import renewal_time
 from worker.outcomes import Outcome
 from worker.pool import Pool
@@ -45,11 +45,11 @@ Job = Mapping[str, Any]
 
 @dataclass(kw_only=True)
 class CloseLoopJobs:
-    """Closes the loop on one session after the other."""
+    """Closes the loop on one session after the other; with a bank it interprets, too."""
 
     #: The coordinator; a connection of its own, beside the agent's.
     client: Client
-    #: One child, which calls `worker.close_loop.close`.
+    #: One child, which calls `worker.close_loop.work`.
     pool: Pool
     #: Shared by the workers of one machine for one coordinator; made when needed.
     folder: Path
@@ -59,6 +59,8 @@ class CloseLoopJobs:
     code: str
     #: Spreads the waits of many workers.
     rng: Random
+    #: A bank's id and its file; None: it interprets nothing.
+    bank: tuple[str, Path] | None = None
     #: How many processes of the machine it uses: 1 while it has a job, 0 otherwise.
     busy: int = 0
 
@@ -89,7 +91,7 @@ class CloseLoopJobs:
         failures = 0
         while not self._draining.is_set():
             try:
-                job = self.client.lease_close_loop(self.worker)
+                job = self.client.lease_close_loop(self.worker, self.bank and self.bank[0])
                 wait, failures = backoff.without_work(self.client.retry_after, self.rng), 0
             except RehybError as error:
                 # The agent says what is wrong with the coordinator.
@@ -103,7 +105,7 @@ class CloseLoopJobs:
             try:
                 self._close_loop(job)
             except (OSError, RehybError) as error:
-                log.warning("close-loop %s: %s", job["id"], error)
+                log.warning("job %s: %s", job["id"], error)
                 self._give_up(job, error)
                 # What went wrong is likely to go wrong again at once.
                 self._draining.wait(PAUSE_SECONDS)
@@ -111,24 +113,26 @@ class CloseLoopJobs:
                 self.busy = 0
 
     def _close_loop(self, job: Job) -> None:
-        log.info("closing the loop on session %s", job["session"]["name"])
+        kind = job.get("kind", CLOSE_LOOP)
+        log.info("%s of session %s", kind, job["session"]["name"])
         self._renew_at = renewal_time(time.monotonic(), job["ttl_seconds"])
         with Scratch(self.folder, job["lease"]) as folder:
             archive = folder / f"{file_name(job['session']['name'])}.zip"
             self._fetch(job, archive)
             parameters = {"archive": str(archive)}
+            if kind == INTERPRETATION and self.bank is not None:
+                parameters |= {"bank": str(self.bank[1]), "options": job["options"]}
             try:
-                self.pool.start(
-                    {"id": job["id"], "model": "close-loop", "parameters": parameters}, None
-                )
+                self.pool.start({"id": job["id"], "model": kind, "parameters": parameters}, None)
                 result = self._wait_for_child(job, folder / PROGRESS)
             finally:
                 # Whatever one session did to the process, the next one gets a fresh one.
                 self.pool.kill()
             if result is not None and result["outcome"] == Outcome.OK:
-                result = self._hand_in(job, folder / OUT)
+                code = self._code(result["state"])
+                result = self._hand_in(job, folder / OUT, code)
             if result is not None:
-                log.warning("close-loop %s: %s", job["id"], result["reason"])
+                log.warning("job %s: %s", job["id"], result["reason"])
                 self._until_heard(partial(self._report_failure, job, result))
 
     def _fetch(self, job: Job, archive: Path) -> None:
@@ -154,7 +158,7 @@ class CloseLoopJobs:
             try:
                 self._renew_if_due(job, stage)
             except (Conflict, NotFound) as error:
-                log.warning("close-loop %s is no longer ours: %s", job["id"], error)
+                log.warning("job %s is no longer ours: %s", job["id"], error)
                 return None
 
     def _renew_if_due(self, job: Job, progress: str | None) -> None:
@@ -166,12 +170,20 @@ class CloseLoopJobs:
             self.client.renew_close_loop(job, progress)
             self._renew_at = renewal_time(now, job["ttl_seconds"])
         except (Unreachable, ServerError) as error:
-            log.info("close-loop %s cannot be renewed for now: %s", job["id"], error)
+            log.info("job %s cannot be renewed for now: %s", job["id"], error)
             self._renew_at = now + self.rng.uniform(1.0, 2.0)
 
-    def _hand_in(self, job: Job, out: Path) -> dict[str, Any] | None:
+    def _code(self, state: Mapping[str, Any] | None) -> str:
+        """Return the digest of what made a report: of an interpretation with the bank it used."""
+        if state is None:
+            return self.code
+        from analysis.interpretation.contract import code
+
+        return code(state["bank"])
+
+    def _hand_in(self, job: Job, out: Path, code: str) -> dict[str, Any] | None:
         """Hand in the report; returns the failure to report if the coordinator cannot use it."""
-        maker = {"worker": self.worker["id"], "code": self.code}
+        maker = {"worker": self.worker["id"], "code": code}
         try:
             self._until_heard(partial(self.client.hand_in_report, job, out, **maker))
         except Invalid as error:

@@ -1,4 +1,4 @@
-"""Which code closes loops here: a report is only as old as that."""
+"""Which code closes loops and interprets here: a report is only as old as that."""
 
 import hashlib
 from functools import cache
@@ -7,16 +7,21 @@ from pathlib import Path
 
 
 @cache
-def digest() -> str:
-    """Return a digest of the sources that a report depends on, 16 hexadecimal digits."""
+def digest(*packages: str) -> str:
+    """Return a digest of the sources that a report depends on, 16 hexadecimal digits.
+
+    Args:
+        packages: of `analysis`; default: closing the loop.
+    """
     found = hashlib.sha256()
     # Found, not imported: the coordinator asks, and knows no simulation.
     simulation = find_spec("sim")
     assert simulation is not None
     here, laws = Path(__file__).parent, Path(str(simulation.origin)).parent
     pages = here.parent / "reports"
+    own = [here.parent / package for package in packages] or [here]
     for folder, patterns in (
-        (here, ("*.py",)),
+        *((folder, ("*.py",)) for folder in own),
         (laws, ("*.py", "*.xml")),
         (pages, ("html.py", "wording.py", "templates/*")),
     ):

@@ -10,9 +10,10 @@ from typing import Annotated
 
 import typer
 
-from rehyb.cli.answers import Answer, answering
+from rehyb.cli.answers import Answer, Token, Url, answering
 from rehyb.cli.options import assignment, number, optional
-from rehyb.client import Json
+from rehyb.client import Client, Json
+from rehyb.client.close_loops import interpret_by_worker
 from rehyb.errors import Invalid, RehybError
 from rehyb.interpretation import bank_file, interpret_recording
 
@@ -48,13 +49,30 @@ def interpret(
     ] = None,
     bank: BankFile = None,
     out: Annotated[Path | None, optional(metavar="FILE.html", help="Write a report, too.")] = None,
+    submit: Annotated[
+        bool, typer.Option("--submit", help="Have a worker of the coordinator do it: of a session.")
+    ] = False,
+    url: Url = None,
+    token: Token = None,
 ) -> Answer:
     """Say K_h and D_h with intervals, what they rest on, and what to measure next.
 
     Exit status 2 if the recording cannot be used.
     """
     measured = [_known(text) for text in known or ()]
-    found = interpret_recording(recording, bank, known=measured, tolerance=tolerance, report=out)
+    if submit:
+        if bank is not None:
+            raise Invalid("--bank is this machine's: with --submit the worker's own counts")
+        with Client(url, token) as client:
+            found = interpret_by_worker(
+                client, recording, known=measured, tolerance=tolerance, report=out
+            )
+    elif url or token:
+        raise Invalid("--url and --token go with --submit: without it this machine does the work")
+    else:
+        found = interpret_recording(
+            recording, bank, known=measured, tolerance=tolerance, report=out
+        )
     lines = [*_lines(found), *([str(out)] if out else [])]
     return Answer(found, "\n".join(lines))
 

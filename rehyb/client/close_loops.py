@@ -1,10 +1,10 @@
-"""What a client asks a coordinator about closing the loop, and a worker about its jobs."""
+"""What a client asks a coordinator about jobs on sessions, and a worker about its own."""
 
 import json
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from errno import ENOTDIR
 from pathlib import Path
@@ -18,13 +18,49 @@ from rehyb.errors import Invalid, RehybError
 if TYPE_CHECKING:
     from rehyb.client import Client
 
+#: What a coordinator adds to an answer.
+_OF_JOB = ("id", "session_id", "state")
+#: Where the jobs of a kind are.
+CLOSE_LOOPS, INTERPRETATIONS = "close-loops", "interpretations"
+
 
 class CloseLoops(Connection):
-    """Jobs that close the loop on a session, and their reports."""
+    """Jobs that close the loop on a session or interpret it, and their reports."""
 
     def close_loop(self, session_id: str) -> Json:
         """Have a worker close the loop on a session; asking again finds the same job."""
         return self._json("POST", f"/v1/sessions/{session_id}/close-loop")
+
+    def interpret(
+        self,
+        session_id: str,
+        *,
+        known: Iterable[tuple[str, float, float]] = (),
+        tolerance: float | None = None,
+        bank: str | None = None,
+    ) -> Json:
+        """Have a worker with a bank say K_h of a session's wearer with intervals.
+
+        Asking the same again finds the same job. `wait_for_report` with `INTERPRETATIONS` returns
+        the answer (docs/use/interpretation.md).
+
+        Args:
+            session_id: of a measured session.
+            known: what was measured on the wearer: factor, value and standard deviation, SI units.
+            tolerance: half width of K's 90 % interval that is wanted, Nm/rad.
+            bank: its id; default: that of any worker.
+        """
+        measured = [{"name": name, "value": value, "sd": sd} for name, value, sd in known]
+        body = {"known": measured, "tolerance": tolerance, "bank": bank}
+        return self._json("POST", f"/v1/sessions/{session_id}/interpretation", body)
+
+    def interpretation_report(self, interpretation_id: str) -> Json:
+        """Return an answer; before it is there ("state" is not "done"), how far the job is."""
+        return self._json("GET", f"/v1/{INTERPRETATIONS}/{interpretation_id}")
+
+    def interpretation_file(self, interpretation_id: str, file: str, path: Path) -> None:
+        """Write "report.json" or "report.html" of an interpretation to `path`."""
+        self._download(f"/v1/{INTERPRETATIONS}/{interpretation_id}/{file}", path)
 
     def close_loop_report(self, close_loop_id: str) -> Json:
         """Return a job's report; before it is there ("state" is not "done"), how far the job is."""
@@ -36,26 +72,37 @@ class CloseLoops(Connection):
 
     def wait_for_report(
         self,
-        close_loop_id: str,
+        job_id: str,
+        place: str = CLOSE_LOOPS,
         *,
         poll_seconds: float = 1.0,
         on_progress: Callable[[Json], None] = lambda standing: None,
         sleep: Callable[[float], None] = time.sleep,
     ) -> Json:
-        """Block until a job is done or has failed and return what `close_loop_report` does."""
+        """Block until a job is done or has failed and return its report.
+
+        Args:
+            job_id: of what `close_loop` or `interpret` returned.
+            place: CLOSE_LOOPS or INTERPRETATIONS.
+            poll_seconds: between two looks.
+            on_progress: called with what each look but the last finds.
+            sleep: for tests.
+        """
         while True:
-            standing = self.close_loop_report(close_loop_id)
+            standing = self._json("GET", f"/v1/{place}/{job_id}")
             if standing["state"] in ("done", "failed"):
                 return standing
             on_progress(standing)
             sleep(poll_seconds)
 
-    def lease_close_loop(self, worker: Mapping[str, Any]) -> Json | None:
-        """Lease a job {"id", "lease", "fence", "ttl_seconds", "session"}.
+    def lease_close_loop(self, worker: Mapping[str, Any], bank: str | None = None) -> Json | None:
+        """Lease a job {"id", "kind", "options", "lease", "fence", "ttl_seconds", "session"}.
 
-        None (and `retry_after` set) if there is none.
+        None (and `retry_after` set) if there is none. With a bank, its id, it may be to interpret.
         """
-        return self._leased("/v1/close-loops/lease", {"worker": worker})
+        # A coordinator of before there were banks knows of none.
+        body = {"worker": worker} | ({} if bank is None else {"bank": bank})
+        return self._leased("/v1/close-loops/lease", body)
 
     def renew_close_loop(self, job: Mapping[str, Any], progress: str | None) -> Json:
         """Renew a leased job and send its progress; Conflict or NotFound if the lease is lost."""
@@ -89,15 +136,18 @@ class CloseLoops(Connection):
     def hand_in_report(
         self, job: Mapping[str, Any], folder: Path, *, worker: str, code: str
     ) -> Json:
-        """Hand in the REPORT_FILES in `folder` as a leased job's report; `code` made them."""
+        """Hand in the files in `folder` as a leased job's report; `code` made them."""
         from analysis.closeloop.contract import REPORT_FILES
+        from analysis.interpretation.contract import REPORT_FILES as INTERPRETATION_FILES
+
+        interprets = job.get("kind") == "interpretation"
 
         proof = {"lease": job["lease"], "fence": job["fence"], "worker": worker, "code": code}
         path = f"/v1/close-loops/{job['id']}/report?{urlencode(proof)}"
         with ExitStack() as stack:
             files = {
                 name: (name, stack.enter_context((folder / name).open("rb")))
-                for name in REPORT_FILES
+                for name in (INTERPRETATION_FILES if interprets else REPORT_FILES)
             }
             return self._post(path, files=files)
 
@@ -132,6 +182,53 @@ def close_loop_by_worker(
     with packed(session) as archive:
         kept = client.upload_session(archive, plain_name(session.resolve().stem)[:60])
     job = client.close_loop(kept["id"])
+    _ended(client, job["id"], CLOSE_LOOPS, progress, sleep)
+    return _fetched(client, job["id"], out)
+
+
+def interpret_by_worker(
+    client: "Client",
+    session: Path,
+    *,
+    known: Iterable[tuple[str, float, float]] = (),
+    tolerance: float | None = None,
+    report: Path | None = None,
+    progress: Callable[[str], None] = lambda stage: None,
+    sleep: Callable[[float], None] = time.sleep,
+) -> Json:
+    """Have a worker with a bank interpret a session, and return its answer.
+
+    Args:
+        client: of the coordinator.
+        session: a folder with session.json, or its zip file.
+        known: as of `CloseLoops.interpret`.
+        tolerance: as of `CloseLoops.interpret`.
+        report: an HTML page to write.
+        progress: called with a line about each new stage.
+        sleep: for tests.
+
+    Raises:
+        Invalid: the session or what is known cannot be used; one sentence.
+        RehybError: the coordinator does not answer, or no worker came to an end with it.
+    """
+    progress("uploading")
+    with packed(session) as archive:
+        kept = client.upload_session(archive, plain_name(session.resolve().stem)[:60])
+    job = client.interpret(kept["id"], known=known, tolerance=tolerance)
+    found = _ended(client, job["id"], INTERPRETATIONS, progress, sleep)
+    if report is not None:
+        client.interpretation_file(job["id"], "report.html", report)
+    return {name: value for name, value in found.items() if name not in _OF_JOB}
+
+
+def _ended(
+    client: "Client",
+    job_id: str,
+    place: str,
+    progress: Callable[[str], None],
+    sleep: Callable[[float], None],
+) -> Json:
+    """Follow a job to its end and return its report; raises as those who call it."""
     shown = ""
 
     def follow(standing: Json) -> None:
@@ -141,12 +238,12 @@ def close_loop_by_worker(
             progress(stage)
         shown = stage
 
-    ended = client.wait_for_report(job["id"], on_progress=follow, sleep=sleep)
+    ended = client.wait_for_report(job_id, place, on_progress=follow, sleep=sleep)
     if ended["state"] == "failed":
         problem = ended["problem"]
         kind = Invalid if problem["status"] == 422 else RehybError
         raise kind(problem["detail"], problem)
-    return _fetched(client, job["id"], out)
+    return ended
 
 
 def _fetched(client: CloseLoops, close_loop_id: str, out: Path) -> dict[str, Any]:

@@ -1,4 +1,6 @@
-"""The life of closing the loop on one session: waiting -> running -> done or failed.
+"""The life of a job on one session, to close the loop or to interpret it.
+
+Waiting -> running -> done or failed.
 
 One lease holds one of them. What says more about a machine than about the session (a crash, a time
 out, a report that makes no sense, silence) is tried again on the budgets that instances have; that
@@ -6,7 +8,7 @@ the session cannot be analysed is final at once.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from math import ceil
 from typing import Any
@@ -17,7 +19,7 @@ from server.logic.fleet.leases import expiry
 from server.logic.json_values import flaw_in
 from server.logic.study.instances import BUDGETS
 from server.records import Attempt, CloseLoopJob, Introduction, Lease
-from server.states import CloseLoopState, LeaseState
+from server.states import CloseLoopState, JobKind, LeaseState
 
 #: A report is tens of kilobytes.
 MAX_REPORT_BYTES = 8_000_000
@@ -26,17 +28,41 @@ REPORT_DEPTH = 64
 #: Questions for work that idle workers may ask in all, and how long one may stay away, seconds.
 ASKS_PER_SECOND = 5
 ASK_SECONDS = (2, 15)
+#: What is said of a recording that is like a bank's, or is not.
+FAMILIAR, STRANGE = "familiar", "unfamiliar"
 #: Characters kept of a progress line.
 PROGRESS_LENGTH = 200
 #: Of a worker that asks in vain it is written down only so often (seconds) that it is there.
 NOTED_SECONDS = GONE_SECONDS / 4.0
 
 
-def answers(job: CloseLoopJob, code: str) -> bool:
-    """Say whether `job` will do for somebody who asks to close the loop with `code`."""
+def answers(
+    job: CloseLoopJob,
+    codes: Collection[str] | None,
+    kind: JobKind = JobKind.CLOSE_LOOP,
+    options: Mapping[str, Any] | None = None,
+) -> bool:
+    """Say whether `job` will do for somebody who asks for the same with one of `codes`.
+
+    Args:
+        job: what there is.
+        codes: digests of what would answer now; None: whatever answered will do.
+        kind: what is asked for.
+        options: with what.
+    """
+    if (job.kind, job.options) != (kind, options):
+        return False
     if job.state == CloseLoopState.DONE:
-        return job.code == code
+        return codes is None or job.code in codes
     return job.state != CloseLoopState.FAILED
+
+
+def suits(job: CloseLoopJob, bank: str | None) -> bool:
+    """Say whether a job is for a worker with this bank (None: it has none, and closes loops)."""
+    if job.kind == JobKind.CLOSE_LOOP:
+        return True
+    wanted = (job.options or {}).get("bank")
+    return bank is not None and wanted in (None, bank)
 
 
 def handed_out(
@@ -141,8 +167,10 @@ def finished(job: CloseLoopJob, lease: str, *, code: str, verdict: str, now: flo
     )
 
 
-def verdict_of(report: bytes) -> str:
+def verdict_of(report: bytes, kind: JobKind = JobKind.CLOSE_LOOP) -> str:
     """Return the verdict of a report.json that a worker hands in.
+
+    Of an interpretation it is FAMILIAR or STRANGE.
 
     Raises:
         ValueError: it is no report; the message says why.
@@ -154,11 +182,24 @@ def verdict_of(report: bytes) -> str:
         raise ValueError(
             f"report.json is nested more than {REPORT_DEPTH} deep, or has a number without end"
         )
+    if kind == JobKind.INTERPRETATION:
+        familiar = content.get("familiar")
+        if not isinstance(familiar, bool) or not _has_interval(content.get("stiffness")):
+            raise ValueError("report.json must say stiffness with interval90, and familiar or not")
+        return FAMILIAR if familiar else STRANGE
     if content.get("schema") != SCHEMA or content.get("verdict") not in [*Verdict]:
         raise ValueError(
             f"report.json must have schema {SCHEMA} and a verdict of {', '.join(Verdict)}"
         )
     return str(content["verdict"])
+
+
+def _has_interval(entry: object) -> bool:
+    if not isinstance(entry, dict):
+        return False
+    ends = entry.get("interval90")
+    numbers = [entry.get("median"), *(ends if isinstance(ends, list) else ())]
+    return len(numbers) == 3 and all(type(number) in (int, float) for number in numbers)
 
 
 def parsed(report: bytes) -> dict[str, Any]:

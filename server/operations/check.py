@@ -8,9 +8,10 @@ from sqlalchemy.engine import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
 from analysis.closeloop.contract import REPORT_FILES
+from analysis.interpretation.contract import REPORT_FILES as INTERPRETATION_FILES
 from server.errors import ConflictError, DamagedError, NotFoundError
 from server.records import CloseLoopJob, Study
-from server.states import CloseLoopState, StudyState
+from server.states import CloseLoopState, JobKind, StudyState
 from server.store import audit, close_loops, sessions
 from server.store.database.engine import create_engine, reading
 from server.store.study import studies
@@ -21,7 +22,7 @@ def faults(engine: Engine) -> list[str]:
     with reading(engine) as connection:
         found = list(audit.file_faults(connection))
         for job in close_loops.every(connection):
-            found += [f"close-loop {job.id}: {f}" for f in _close_loop_faults(connection, job)]
+            found += [f"{job.kind} {job.id}: {f}" for f in _close_loop_faults(connection, job)]
         for study_id in audit.studies_by_age(connection):
             study = studies.find(connection, study_id)
             found += [f"study {study.id}: {fault}" for fault in _study_faults(connection, study)]
@@ -86,8 +87,9 @@ def _session_faults(engine: Engine) -> Iterator[str]:
 def _close_loop_faults(connection: Connection, job: CloseLoopJob) -> Iterator[str]:
     """Yield what contradicts: a job's state and its lease, its report and its files."""
     files = close_loops.files(connection, job.id)
-    if files != (set(REPORT_FILES) if job.state == CloseLoopState.DONE else set()):
-        yield f"it is {job.state} with {len(files)} of {len(REPORT_FILES)} files"
+    wanted = REPORT_FILES if job.kind == JobKind.CLOSE_LOOP else INTERPRETATION_FILES
+    if files != (set(wanted) if job.state == CloseLoopState.DONE else set()):
+        yield f"it is {job.state} with {len(files)} of {len(wanted)} files"
     for what, there, state in (
         ("an end of its lease", job.expires_at is not None, CloseLoopState.RUNNING),
         ("a verdict", job.verdict is not None, CloseLoopState.DONE),

@@ -1,9 +1,9 @@
-"""Close-loop jobs: asked for and followed, leased to workers, and what these hand in."""
+"""Jobs on sessions: asked for and followed, leased to workers, and what these hand in."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import BinaryIO
+from typing import Any, BinaryIO
 from uuid import uuid4
 
 from sqlalchemy.engine import Connection, Engine
@@ -18,7 +18,7 @@ from server.logic.fleet.leases import (
     objection_to_results,
 )
 from server.records import CloseLoopJob, Introduction, Session
-from server.states import CloseLoopState, LeaseState, Outcome
+from server.states import CloseLoopState, JobKind, LeaseState, Outcome
 from server.store import close_loops, sessions
 from server.store.database.engine import alone_reading, reading, writing
 from server.store.fleet import workers
@@ -44,23 +44,65 @@ def create(engine: Engine, session_id: str, *, code: str, now: float) -> tuple[C
         The job, and whether it is new.
     """
     with writing(engine) as connection:
-        sessions.find(connection, session_id, lock=True)
-        for known in close_loops.of_session(connection, session_id):
-            if life.answers(known, code):
-                return known, False
-        job = CloseLoopJob(
-            id=uuid4().hex[:12],
-            session_id=session_id,
-            state=CloseLoopState.WAITING,
-            created_at=now,
-        )
-        close_loops.add(connection, job)
+        return _asked(connection, session_id, {code}, now, JobKind.CLOSE_LOOP, None)
+
+
+def interpret(
+    engine: Engine,
+    session_id: str,
+    options: Mapping[str, Any],
+    *,
+    code_of: Callable[[str], str],
+    now: float,
+) -> tuple[CloseLoopJob, bool]:
+    """Ask for a session to be interpreted, as `create` does.
+
+    Args:
+        engine: the database.
+        session_id: its id.
+        options: {"known", "tolerance", "bank"}; without a bank any worker's will do.
+        code_of: digest of the code with a bank: an answer of a bank that no worker has any more
+            is none, unless none has a bank at all.
+        now: the time.
+    """
+    with writing(engine) as connection:
+        there = workers.banks(connection, heard_after=now - GONE_SECONDS)
+        wanted = [options["bank"]] if options["bank"] else there
+        codes = {code_of(bank) for bank in wanted} or None
+        return _asked(connection, session_id, codes, now, JobKind.INTERPRETATION, options)
+
+
+def _asked(
+    connection: Connection,
+    session_id: str,
+    codes: set[str] | None,
+    now: float,
+    kind: JobKind,
+    options: Mapping[str, Any] | None,
+) -> tuple[CloseLoopJob, bool]:
+    sessions.find(connection, session_id, lock=True)
+    for known in reversed(close_loops.of_session(connection, session_id)):
+        if life.answers(known, codes, kind, options):
+            return known, False
+    job = CloseLoopJob(
+        id=uuid4().hex[:12],
+        session_id=session_id,
+        state=CloseLoopState.WAITING,
+        created_at=now,
+        kind=kind,
+        options=options,
+    )
+    close_loops.add(connection, job)
     return job, True
 
 
-def standing(engine: Engine, job_id: str, *, now: float) -> tuple[CloseLoopJob, int]:
-    """Return a job as `get` does, and how many workers can close loops now."""
-    return get(engine, job_id), at_work(engine, now=now)
+def standing(
+    engine: Engine, job_id: str, *, kind: JobKind | None = None, now: float
+) -> tuple[CloseLoopJob, int]:
+    """Return a job as `get` does, and how many workers there are for it now."""
+    with reading(engine) as connection:
+        job = close_loops.find(connection, job_id, kind=kind)
+        return job, _able(connection, job, now)
 
 
 def at_work(engine: Engine, *, now: float) -> int:
@@ -69,12 +111,32 @@ def at_work(engine: Engine, *, now: float) -> int:
         return workers.closing_loops(connection, heard_after=now - GONE_SECONDS)
 
 
+def able(engine: Engine, job: CloseLoopJob, *, now: float) -> int:
+    """Return how many workers were heard from lately that a job is for."""
+    with reading(engine) as connection:
+        return _able(connection, job, now)
+
+
+def banks(engine: Engine, *, now: float) -> list[str]:
+    """Return the banks of workers that interpret and were heard from lately."""
+    with reading(engine) as connection:
+        return workers.banks(connection, heard_after=now - GONE_SECONDS)
+
+
+def _able(connection: Connection, job: CloseLoopJob, now: float, but_on: str | None = None) -> int:
+    since = now - GONE_SECONDS
+    if job.kind == JobKind.CLOSE_LOOP:
+        return workers.closing_loops(connection, heard_after=since, but_on=but_on)
+    there = workers.banks(connection, heard_after=since, but_on=but_on)
+    return sum(life.suits(job, bank) for bank in there)
+
+
 def file_size(engine: Engine, job: CloseLoopJob, file: str) -> int:
     """Return how many bytes a file of a report has; NotFoundError if there is no report yet."""
     with reading(engine) as connection:
         size = close_loops.file_size(connection, job.id, file)
     if not size:
-        raise NotFoundError(f"close-loop {job.id} is {job.state}: there is no {file}")
+        raise NotFoundError(f"{job.kind} {job.id} is {job.state}: there is no {file}")
     return size
 
 
@@ -84,14 +146,15 @@ def read_file(engine: Engine, job: CloseLoopJob, file: str, size: int) -> Iterat
 
 
 def grant(
-    engine: Engine, worker: Introduction, *, now: float, ttl: float
+    engine: Engine, worker: Introduction, *, bank: str | None = None, now: float, ttl: float
 ) -> tuple[CloseLoopJob, Session] | None:
     """Lease the oldest waiting job to a worker; None if there is none for it.
 
-    A job that went wrong on its host goes to another one, if one is at work.
+    A job that went wrong on its host goes to another one, if one is at work. A worker without a
+    bank interprets nothing.
     """
     with reading(engine) as connection:
-        waiting = close_loops.waiting(connection)
+        waiting = any(life.suits(job, bank) for job in close_loops.waiting(connection))
         noted = life.is_noted(workers.close_loops_noted(connection, worker.id), now)
     if noted and not waiting:
         return None
@@ -99,11 +162,11 @@ def grant(
         # Which models it has is told where instances are asked for.
         told = replace(worker, models=workers.models_of(connection, worker.id))
         workers.introduce(connection, told, host_class=host_class(worker.versions), now=now)
-        workers.note_close_loops(connection, worker.id, now=now)
-        heard_after = now - GONE_SECONDS
-        others = workers.closing_loops(connection, heard_after=heard_after, but_on=worker.host)
+        workers.note_close_loops(connection, worker.id, bank=bank, now=now)
         for candidate in close_loops.waiting(connection, lock=True):
-            if candidate.avoid == worker.host and others:
+            if not life.suits(candidate, bank):
+                continue
+            if candidate.avoid == worker.host and _able(connection, candidate, now, worker.host):
                 continue
             job = life.handed_out(candidate, lease=uuid4().hex, worker=worker, now=now, ttl=ttl)
             close_loops.save(connection, job)
@@ -152,10 +215,12 @@ def release(engine: Engine, job_id: str, *, lease: str, fence: int) -> None:
             close_loops.save(connection, life.released(job))
 
 
-def require_holder(engine: Engine, job_id: str, proof: Proof) -> None:
-    """Raise as `hand_in` does, before anything is read that may be large."""
+def require_holder(engine: Engine, job_id: str, proof: Proof) -> JobKind:
+    """Return a job's kind; raise as `hand_in` does, before anything is read that may be large."""
     with reading(engine) as connection:
-        _require_holder(close_loops.find(connection, job_id), proof)
+        job = close_loops.find(connection, job_id)
+        _require_holder(job, proof)
+    return job.kind
 
 
 def hand_in(
@@ -240,7 +305,7 @@ def _held(engine: Engine, job_id: str, proof: Proof) -> Iterator[tuple[Connectio
 def _require_holder(job: CloseLoopJob, proof: Proof) -> None:
     held = life.lease_of(job, proof.lease)
     if held is None:
-        raise ConflictError(f"close-loop {job.id} was never leased as {proof.lease!r}")
+        raise ConflictError(f"{job.kind} {job.id} was never leased as {proof.lease!r}")
     objection = objection_to_results(held, fence=proof.fence, worker=proof.worker)
     if objection is not None:
         raise ConflictError(f"nothing can be handed in under lease {proof.lease!r}: {objection}")

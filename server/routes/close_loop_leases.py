@@ -1,4 +1,4 @@
-"""Leases of close-loop jobs: workers ask for one, keep it, and hand in what they found."""
+"""Leases of jobs on sessions: workers ask for one, keep it, and hand in what they found."""
 
 import asyncio
 import logging
@@ -11,6 +11,7 @@ from sqlalchemy.engine import Engine
 from starlette.datastructures import UploadFile
 
 from analysis.closeloop.contract import REPORT_FILES
+from analysis.interpretation.contract import REPORT_FILES as INTERPRETATION_FILES
 from server.logic.close_loops import MAX_REPORT_BYTES, PROGRESS_LENGTH, ask_again_in, verdict_of
 from server.logic.fleet.verdicts import REASON_LENGTH
 from server.logic.json_values import cut
@@ -18,6 +19,7 @@ from server.operations import close_loops
 from server.operations.close_loops import Proof
 from server.routes.common import (
     MAX_INTEGER,
+    BankId,
     Body,
     Configured,
     Id,
@@ -28,7 +30,7 @@ from server.routes.common import (
     example,
 )
 from server.routes.fleet.leases import Fence, WorkerBody
-from server.states import Outcome, Verdict
+from server.states import JobKind, Outcome, Verdict
 
 log = logging.getLogger(__name__)
 
@@ -36,17 +38,22 @@ router = APIRouter(prefix="/v1/close-loops", tags=["leases"])
 
 _LEASE = "0f8e4ab7c5d94e2b8a1d6c3f7e9b2a10"
 
+#: What a report of a job consists of.
+FILES_OF = {JobKind.CLOSE_LOOP: REPORT_FILES, JobKind.INTERPRETATION: INTERPRETATION_FILES}
+
 Place = Annotated[str, StringConstraints(max_length=2000)] | None
 
 
 class LoopLeaseBody(Body):
-    """Who asks."""
+    """Who asks, and the id of the bank that it interprets by, if it does."""
 
     model_config = example(
-        worker={"id": "pc7-4711", "host": "pc7", "versions": {"mujoco": "4.0.1"}, "tags": []}
+        worker={"id": "pc7-4711", "host": "pc7", "versions": {"mujoco": "4.0.1"}, "tags": []},
+        bank="f779fd93d326",
     )
 
     worker: WorkerBody
+    bank: BankId | None = None
 
 
 class LoopFenceBody(Body):
@@ -87,20 +94,22 @@ class LoopFailureBody(LoopFenceBody):
 
 @router.post("/lease", status_code=201, response_model=None)
 def lease(body: LoopLeaseBody, store: Store, settings: Configured, now: Now) -> Response:
-    """Lease a session to close the loop on; 204: nothing to do now."""
+    """Lease a session to close the loop on or, with a bank, to interpret; 204: nothing to do."""
     close_loops.reap(store, now=now)
     granted = close_loops.grant(
-        store, body.worker.introduced(), now=now, ttl=settings.lease_seconds
+        store, body.worker.introduced(), bank=body.bank, now=now, ttl=settings.lease_seconds
     )
     if granted is None:
         again = ask_again_in(close_loops.at_work(store, now=now))
         return Response(status_code=204, headers={"Retry-After": str(again)})
     job, session = granted
     attempt = job.attempts[-1]
-    about = {"close_loop": job.id, "session": session.id, "worker": attempt.worker}
-    log.info("close-loop leased", extra=about)
+    about = {"job": job.id, "kind": job.kind, "session": session.id, "worker": attempt.worker}
+    log.info("session leased", extra=about)
     answer = {
         "id": job.id,
+        "kind": job.kind,
+        "options": job.options,
         "lease": attempt.lease,
         "fence": attempt.fence,
         "expires_at": job.expires_at,
@@ -168,8 +177,8 @@ def failure(close_loop_id: Id, body: LoopFailureBody, store: Store, now: Now) ->
                         "properties": {
                             name: {"type": "string", "format": "binary"} for name in REPORT_FILES
                         },
-                        "required": list(REPORT_FILES),
-                        "examples": ["a form with four files"],
+                        "required": list(INTERPRETATION_FILES),
+                        "examples": ["a form with four files; two of an interpretation"],
                     }
                 }
             },
@@ -187,20 +196,24 @@ async def report(
     worker: Annotated[Name, Query(examples=["pc7-4711"])],
     code: Annotated[str, Query(pattern="^[0-9a-f]{16}$", examples=["0123456789abcdef"])],
 ) -> dict[str, Any]:
-    """Hand in a report as a form of four files; the first one that comes is the job's."""
+    """Hand in a report as a form of its files; the first one that comes is the job's.
+
+    Closing a loop has four, an interpretation the first two.
+    """
     proof = Proof(lease=lease, fence=fence, worker=worker)
     # Before anything large is read.
-    await asyncio.to_thread(close_loops.require_holder, store, close_loop_id, proof)
-    async with request.form(max_files=len(REPORT_FILES), max_fields=0) as form:
-        files = {name: form.get(name) for name in REPORT_FILES}
+    kind = await asyncio.to_thread(close_loops.require_holder, store, close_loop_id, proof)
+    wanted = FILES_OF[kind]
+    async with request.form(max_files=len(wanted), max_fields=0) as form:
+        files = {name: form.get(name) for name in wanted}
         if not all(isinstance(file, UploadFile) for file in files.values()):
             raise HTTPException(
                 HTTPStatus.UNPROCESSABLE_ENTITY,
-                f"the form must have the files {', '.join(REPORT_FILES)}",
+                f"the form must have the files {', '.join(wanted)}",
             )
         opened = {name: file.file for name, file in files.items() if isinstance(file, UploadFile)}
         stored = await asyncio.to_thread(
-            _hand_in, store, close_loop_id, opened, proof, code=code, now=now
+            _hand_in, store, close_loop_id, opened, proof, kind=kind, code=code, now=now
         )
     return {"verdict": Verdict.ACCEPTED if stored else Verdict.DUPLICATE}
 
@@ -211,11 +224,12 @@ def _hand_in(
     files: dict[str, BinaryIO],
     proof: Proof,
     *,
+    kind: JobKind,
     code: str,
     now: float,
 ) -> bool:
     try:
-        verdict = verdict_of(files["report.json"].read(MAX_REPORT_BYTES + 1))
+        verdict = verdict_of(files["report.json"].read(MAX_REPORT_BYTES + 1), kind)
         if empty := [name for name, file in files.items() if file.seek(0, 2) == 0]:
             raise ValueError(f"{empty[0]} is empty")
     except ValueError as error:

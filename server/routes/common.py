@@ -106,6 +106,8 @@ PRINTABLE = r"^[^\x00-\x1f\x7f]+$"
 
 #: A name somebody gave to something: one line, no control characters.
 Name = Annotated[str, StringConstraints(min_length=1, max_length=128, pattern=PRINTABLE)]
+#: What `rehyb bank show` calls a bank.
+BankId = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{12}$")]
 #: Identifiers in a path.
 Id = Annotated[str, Path(max_length=128, pattern=PRINTABLE, examples=["3fb1c2a4d5e6"])]
 LeaseId = Annotated[

@@ -1,4 +1,4 @@
-"""Close-loop jobs and the files of their reports."""
+"""Jobs on sessions, to close the loop or to interpret them, and the files of their reports."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
@@ -9,7 +9,7 @@ from sqlalchemy.engine import Connection, Engine
 
 from server.errors import NotFoundError
 from server.records import Attempt, CloseLoopJob
-from server.states import CloseLoopState
+from server.states import CloseLoopState, JobKind
 from server.store.database import parts
 from server.store.database.schema import close_loop_parts, close_loops
 
@@ -21,11 +21,13 @@ def add(connection: Connection, job: CloseLoopJob) -> None:
     connection.execute(sa.insert(close_loops).values(_row(job)))
 
 
-def find(connection: Connection, job_id: str, *, lock: bool = False) -> CloseLoopJob:
-    """Return a job; NotFoundError if there is none of that id."""
+def find(
+    connection: Connection, job_id: str, *, kind: JobKind | None = None, lock: bool = False
+) -> CloseLoopJob:
+    """Return a job; NotFoundError if there is none of that id, and of a `kind` if one is wanted."""
     found = _select(connection, close_loops.c.id == job_id, lock=lock)
-    if not found:
-        raise NotFoundError(f"there is no close-loop {job_id!r}")
+    if not found or kind not in (None, found[0].kind):
+        raise NotFoundError(f"there is no {kind or JobKind.CLOSE_LOOP} {job_id!r}")
     return found[0]
 
 
@@ -104,8 +106,8 @@ def _select(
     jobs = []
     for row in connection.execute(query.with_for_update() if lock else query):
         attempts = tuple(Attempt(**entry) for entry in row.attempts)
-        state = CloseLoopState(row.state)
-        jobs.append(CloseLoopJob(**{**row._mapping, "attempts": attempts, "state": state}))
+        known = {"state": CloseLoopState(row.state), "kind": JobKind(row.kind)}
+        jobs.append(CloseLoopJob(**{**row._mapping, "attempts": attempts, **known}))
     return jobs
 
 

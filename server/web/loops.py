@@ -1,4 +1,4 @@
-"""Closing the loop: measured sessions, what was found in each, and the report's figures."""
+"""Measured sessions: what closing the loop found in each, K_h of the wearer, and the figures."""
 
 from html.parser import HTMLParser
 from typing import Any
@@ -10,25 +10,38 @@ from sqlalchemy.engine import Engine
 from server.logic.close_loops import parsed
 from server.operations import close_loops, sessions, watching
 from server.records import CloseLoopJob
-from server.states import CloseLoopState
+from server.states import CloseLoopState, JobKind
 from server.web.assets import templates
 from server.web.page import Look, Page
 
+#: What was found in a session, of each kind of job.
+TEMPLATES = {
+    JobKind.CLOSE_LOOP: "close_loop_findings.html",
+    JobKind.INTERPRETATION: "interpretation_findings.html",
+}
 #: Sessions that are shown, the latest first.
 MOST_SHOWN = 200
 
 
 def look(asked: Look) -> dict[str, Any]:
     """Return the sessions, and the latest job of each."""
-    jobs: dict[str, CloseLoopJob] = {
-        job.session_id: job for job in watching.every_close_loop(asked.engine)
+    jobs: dict[tuple[str, str], CloseLoopJob] = {
+        (job.session_id, job.kind): job for job in watching.every_close_loop(asked.engine)
     }
     found = sessions.every(asked.engine)
-    rows = [{"session": session, "job": jobs.get(session.id)} for session in reversed(found)]
+    rows = [
+        {
+            "session": session,
+            "job": jobs.get((session.id, JobKind.CLOSE_LOOP)),
+            "interpretation": jobs.get((session.id, JobKind.INTERPRETATION)),
+        }
+        for session in reversed(found)
+    ]
     return {
         "rows": rows[:MOST_SHOWN],
         "hidden": max(0, len(rows) - MOST_SHOWN),
         "able": close_loops.at_work(asked.engine, now=asked.now),
+        "banks": close_loops.banks(asked.engine, now=asked.now),
     }
 
 
@@ -52,12 +65,12 @@ _KEPT: dict[tuple[str, str], Any] = {}
 
 
 def _findings(engine: Engine, job: CloseLoopJob) -> str:
-    """Return report.json as HTML; "" if a worker of another version wrote it otherwise."""
+    """Return report.json in HTML; "" if a worker of another version wrote it otherwise."""
     key = (job.id, "findings")
     if key not in _KEPT:
         report = parsed(_read(engine, job, "report.json"))
         try:
-            template = templates().get_template("close_loop_findings.html")
+            template = templates().get_template(TEMPLATES[job.kind])
             _keep(key, Markup(template.render(report=report)))
         except (TemplateError, TypeError):
             _keep(key, "")

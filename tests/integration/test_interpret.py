@@ -1,6 +1,8 @@
 """From a bank to K_h with an interval, by the commands that a clinic types."""
 
 import json
+import shutil
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from rehyb.cli import app
+from rehyb.client.packing import packed
+from rehyb.errors import Invalid
+from sim.assessment.assess import assess
+from tests.testbed.interpretation import written_session
+from worker.banks import usable_bank
+from worker.close_loop import work
 
 RUNNER = CliRunner()
 
@@ -54,6 +62,55 @@ def test_a_recording_is_interpreted_and_reported(bank: Path, tmp_path: Path) -> 
     assert page.read_text().startswith("<!DOCTYPE html>")
     lines = RUNNER.invoke(app, list(asked)).stdout
     assert "90 %:" in lines
+
+
+@pytest.fixture
+def archive(tmp_path: Path) -> Path:
+    """A zipped session of one movement."""
+    record = assess({"activation": 0.05}, fidelity="bushing").record
+    assert record is not None
+    (tmp_path / "monday").mkdir()
+    with packed(written_session(tmp_path / "monday", record)) as packed_one:
+        return Path(shutil.copy(packed_one, tmp_path / "monday.zip"))
+
+
+def job(archive: Path, bank: Path, **options: Any) -> dict[str, Any]:
+    wanted = {"known": [], "tolerance": None, "bank": None, **options}
+    parameters = {"archive": str(archive), "bank": str(bank), "options": wanted}
+    return {"id": "j", "model": "interpretation", "parameters": parameters}
+
+
+def test_a_worker_interprets_a_session_by_its_bank(
+    bank: Path, archive: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(archive.parent)
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setenv("REHYB_BANK", str(bank))
+    there = usable_bank(None)
+    assert there is not None and there[1] == bank
+    known = [{"name": "forearm_mass", "value": 0.96, "sd": 0.1}]
+    done = work(job(archive, bank, known=known, tolerance=0.3))
+    assert (done.outcome, done.state) == ("ok", {"bank": there[0]})
+    found = json.loads((archive.parent / "out" / "report.json").read_text())
+    assert found["known"] == known and found["tolerance"]["value"] == 0.3
+    assert "Stiffness of the elbow" in (archive.parent / "out" / "report.html").read_text()
+
+
+def test_what_a_worker_cannot_interpret_is_one_sentence(
+    bank: Path, archive: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(archive.parent)
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    known = [{"name": "forearm_mass", "value": 960.0, "sd": 0.1}]
+    done = work(job(archive, bank, known=known))
+    assert done.outcome == "bad_session"
+    assert "forearm_mass cannot be 960 kg" in (done.reason or "")
+
+
+def test_a_worker_leaves_at_once_if_the_bank_it_is_given_is_none(tmp_path: Path) -> None:
+    (tmp_path / "bank.npz").write_bytes(b"PK")
+    with pytest.raises(Invalid, match="is no bank"):
+        usable_bank(tmp_path / "bank.npz")
 
 
 @pytest.mark.parametrize(

@@ -291,7 +291,7 @@ session_parts = sa.Table(
     sa.Column("content", sa.LargeBinary, nullable=False),
 )
 
-#: Closing the loop on a session, once for each code that was asked to.
+#: Closing the loop on a session, or interpreting it, once for each code that was asked to.
 close_loops = sa.Table(
     "close_loops",
     metadata,
@@ -307,6 +307,8 @@ close_loops = sa.Table(
     sa.Column("code", sa.String(16)),
     sa.Column("fault", sa.JSON(none_as_null=True)),
     sa.Column("verdict", sa.String(32)),
+    sa.Column("kind", sa.String(16), nullable=False, server_default="close-loop"),
+    sa.Column("options", sa.JSON(none_as_null=True)),
     sa.Index("close_loops_by_state", "state", "created_at"),
 )
 
@@ -326,6 +328,8 @@ loop_workers = sa.Table(
     metadata,
     sa.Column("worker_id", sa.ForeignKey("workers.id"), primary_key=True),
     sa.Column("last_seen", sa.Double, nullable=False),
+    #: By which it interprets; none: it does not.
+    sa.Column("bank", sa.String(32)),
 )
 
 #: How precise a study shall become, and what was done for it.

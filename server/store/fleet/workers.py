@@ -1,6 +1,6 @@
-"""Who works for this coordinator, and who of them can close loops."""
+"""Who works for this coordinator, and who of them can close loops and interpret."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sqlalchemy as sa
@@ -137,12 +137,16 @@ def heard_from(connection: Connection, worker: str, *, done: int = 0, now: float
     _HEARD_FROM.execute(connection, now, done, worker)
 
 
-def note_close_loops(connection: Connection, worker: str, *, now: float) -> None:
-    """Note that a worker, which was introduced before, is there to close loops."""
-    statement = insert(connection, loop_workers).values(worker_id=worker, last_seen=now)
-    connection.execute(
-        statement.on_conflict_do_update(index_elements=["worker_id"], set_={"last_seen": now})
-    )
+def note_close_loops(
+    connection: Connection, worker: str, *, bank: str | None = None, now: float
+) -> None:
+    """Note that a worker, which was introduced before, is there to close loops.
+
+    With a bank it interprets, too; without one what it has is not forgotten.
+    """
+    known = {"last_seen": now} | ({} if bank is None else {"bank": bank})
+    statement = insert(connection, loop_workers).values(worker_id=worker, **known)
+    connection.execute(statement.on_conflict_do_update(index_elements=["worker_id"], set_=known))
 
 
 def close_loops_noted(connection: Connection, worker: str) -> float | None:
@@ -157,12 +161,26 @@ def closing_loops(connection: Connection, *, heard_after: float, but_on: str | N
 
     `but_on`: without those on this host.
     """
+    return len(_at_loops(connection, heard_after, but_on))
+
+
+def banks(connection: Connection, *, heard_after: float, but_on: str | None = None) -> list[str]:
+    """Return the banks of workers that interpret, and were heard from since then, one of each.
+
+    `but_on`: without those on this host.
+    """
+    return [bank for bank in _at_loops(connection, heard_after, but_on) if bank is not None]
+
+
+def _at_loops(
+    connection: Connection, heard_after: float, but_on: str | None
+) -> Sequence[str | None]:
     joined = loop_workers.join(workers, workers.c.id == loop_workers.c.worker_id)
-    query = sa.select(sa.func.count()).select_from(joined)
+    query = sa.select(loop_workers.c.bank).select_from(joined)
     query = query.where(loop_workers.c.last_seen > heard_after)
     if but_on is not None:
         query = query.where(workers.c.host != but_on)
-    return connection.scalar(query) or 0
+    return connection.scalars(query).all()
 
 
 def _worker(row: sa.Row[Any]) -> Worker:

@@ -12,6 +12,7 @@ import httpx2
 import pytest
 
 from analysis.closeloop.contract import REPORT_FILES
+from analysis.interpretation.contract import code
 from rehyb.client import Client
 from worker import backoff, close_loop_jobs
 from worker.close_loop import OUT, PROGRESS, can_close_loops
@@ -34,6 +35,7 @@ class Coordinator:
         self.sick = 0
         self.refuse: set[str] = set()
         self.too_large = False
+        self.asks: dict[str, Any] = {}
         self.said: list[tuple[str, Any]] = []
 
     def __call__(self, request: httpx2.Request) -> httpx2.Response:
@@ -49,7 +51,8 @@ class Coordinator:
             self.jobs -= 1
             sha256 = hashlib.sha256(ARCHIVE).hexdigest()
             session = {"id": "s", "name": self.name, "sha256": sha256}
-            job = {"id": "j", "lease": "l", "fence": 1, "ttl_seconds": self.ttl}
+            job = {"id": "j", "lease": "l", "fence": 1, "ttl_seconds": self.ttl, **self.asks}
+            self.said.append((verb, json.loads(request.read())))
             return httpx2.Response(201, json={**job, "session": session})
         if verb in self.refuse:
             return httpx2.Response(409, json={"detail": "the lease is expired"})
@@ -78,6 +81,7 @@ class InstantPool:
         self.killed = 0
 
     def start(self, instance: Mapping[str, Any], ticket: Any) -> None:
+        self.instance = instance
         self.archive = Path(instance["parameters"]["archive"])
         assert self.archive.read_bytes() == ARCHIVE
         (self.archive.parent / OUT).mkdir()
@@ -148,6 +152,25 @@ def test_a_job_is_done_and_its_files_handed_in(
     # The next session gets a fresh process, and nothing is left of this one.
     assert pool.killed and pool.archive.name == "monday.zip"
     assert not (tmp_path / "loops").exists()
+
+
+def test_with_a_bank_it_interprets_and_says_which_bank_it_was(
+    jobs: CloseLoopJobs, coordinator: Coordinator, pool: InstantPool, tmp_path: Path
+) -> None:
+    options = {"known": [], "tolerance": None, "bank": None}
+    coordinator.asks = {"kind": "interpretation", "options": options}
+    jobs.bank = ("f779fd93d326", tmp_path / "bank.npz")
+    # The file was extended after the worker began.
+    pool.result["state"] = {"bank": "0123456789ab"}
+    jobs.start()
+    until(lambda: coordinator.words("report") and not jobs.busy)
+    assert coordinator.words("lease")[0]["bank"] == "f779fd93d326"
+    assert pool.instance["model"] == "interpretation"
+    given = pool.instance["parameters"]
+    assert (given["bank"], given["options"]) == (str(tmp_path / "bank.npz"), options)
+    (said,) = coordinator.words("report")
+    assert said["code"] == code("0123456789ab")
+    assert b"<report.json>" in said["files"] and b"<residuals.csv>" not in said["files"]
 
 
 def test_a_coordinator_that_is_away_gets_the_report_when_it_is_back(

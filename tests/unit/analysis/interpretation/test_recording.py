@@ -12,8 +12,7 @@ from analysis.interpretation.errors import InterpretationError
 from analysis.interpretation.recording import read_recording
 from sim.assessment.assess import assess
 from sim.assessment.record import Record
-
-JOINTS = ("J1", "J2", "J3", "J4")
+from tests.testbed.interpretation import written_session
 
 
 @pytest.fixture(scope="module")
@@ -30,34 +29,11 @@ def saved(record: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def session(folder: Path, record: Record, *, without: str = "", model: str = "nominal") -> Path:
-    columns = {"time": record.time}
-    for i, joint in enumerate(JOINTS):
-        columns[f"{joint}.position"] = record.theta[:, i]
-        columns[f"{joint}.velocity"] = record.theta_velocity[:, i]
-        columns[f"{joint}.effort"] = record.motor_torque[:, i]
-    columns = {
-        name: values for name, values in columns.items() if not name.endswith(without or "~")
-    }
-    table = np.column_stack(list(columns.values()))
-    np.savetxt(
-        folder / "down.csv",
-        table,
-        delimiter=",",
-        header=",".join(columns),
-        comments="",
-        fmt="%.12g",
-    )
-    said = {"schema": 1, "model": model, "trials": [{"file": "down.csv", "label": "down"}]}
-    (folder / "session.json").write_text(json.dumps(said))
-    return folder
-
-
 def test_a_simulation_and_a_measured_session_of_it_are_one_recording(
     record: Record, saved: Path, tmp_path: Path
 ) -> None:
     simulated = read_recording(saved)
-    measured = read_recording(session(tmp_path, record))
+    measured = read_recording(written_session(tmp_path, record))
     assert measured.device == simulated.device == "nesm"
     assert measured.values() == pytest.approx(simulated.values(), abs=1e-6)
 
@@ -127,7 +103,7 @@ def test_what_is_no_recording_is_one_sentence(tmp_path: Path) -> None:
 
 def test_a_session_without_velocities_is_one_sentence(record: Record, tmp_path: Path) -> None:
     with pytest.raises(InterpretationError, match=r"down\.csv has no J1\.velocity"):
-        read_recording(session(tmp_path, record, without=".velocity"))
+        read_recording(written_session(tmp_path, record, without=".velocity"))
 
 
 ANOTHER = """<mujoco><worldbody><body name="shank"><joint name="knee" type="hinge" axis="0 1 0"/>
@@ -135,14 +111,14 @@ ANOTHER = """<mujoco><worldbody><body name="shank"><joint name="knee" type="hing
 
 
 def test_a_session_of_another_joint_is_one_sentence(record: Record, tmp_path: Path) -> None:
-    folder = session(tmp_path, record, model="knee.xml")
+    folder = written_session(tmp_path, record, model="knee.xml")
     (folder / "knee.xml").write_text(ANOTHER)
     with pytest.raises(InterpretationError, match=r"is of knee\.xml with knee"):
         read_recording(folder)
 
 
 def test_a_session_that_holds_no_movement_says_why(record: Record, tmp_path: Path) -> None:
-    folder = session(tmp_path, record)
+    folder = written_session(tmp_path, record)
     said = json.loads((folder / "session.json").read_text())
     said["trials"][0] |= {"from": 0.0, "to": 2.0}
     (folder / "session.json").write_text(json.dumps(said))
