@@ -113,6 +113,13 @@ class _Program:
         _RUNNING.add(self._process.pid)
         self._said = b""
         self._complaint = b""
+        assert self._process.stdin and self._process.stdout and self._process.stderr
+        # An answer as long as a pipe's buffer would block us both otherwise.
+        os.set_blocking(self._process.stdin.fileno(), False)
+        self._ears = selectors.DefaultSelector()
+        self._ears.register(self._process.stdout, selectors.EVENT_READ)
+        self._ears.register(self._process.stderr, selectors.EVENT_READ)
+        self._look_at = time.monotonic() + LOOK_SECONDS
 
     def ask(self, question: bytes, deadline: float | None, *, last: bool) -> Any:
         """Return the JSON of the line with which the program answers.
@@ -122,7 +129,8 @@ class _Program:
             deadline: on the monotonic clock; None: no limit.
             last: whether it may be told that no more comes, and must then exit with status 0.
         """
-        if self._pending():
+        self._listen(0.0)
+        if self._said:
             raise ModelFailure("bad_answer", "the program printed something unasked")
         line = self._exchange(question, deadline, last=last)
         if last:
@@ -149,6 +157,7 @@ class _Program:
         _RUNNING.discard(self._process.pid)
         # What left the program's group has become this process's own.
         end(orphans(_RUNNING))
+        self._ears.close()
         for pipe in (self._process.stdin, self._process.stdout, self._process.stderr):
             if pipe is not None:
                 with suppress(BrokenPipeError):
@@ -156,54 +165,55 @@ class _Program:
 
     def _exchange(self, question: bytes, deadline: float | None, *, last: bool) -> bytes:
         """Write the question and read one line; meanwhile read what it says on stderr."""
-        process = self._process
-        assert process.stdin and process.stdout and process.stderr
-        # An answer as long as a pipe's buffer would block us both otherwise.
-        os.set_blocking(process.stdin.fileno(), False)
-        with selectors.DefaultSelector() as selector:
-            selector.register(process.stdin, selectors.EVENT_WRITE)
-            selector.register(process.stdout, selectors.EVENT_READ)
-            selector.register(process.stderr, selectors.EVENT_READ)
-            while b"\n" not in self._said:
-                left = None if deadline is None else deadline - time.monotonic()
-                if left is not None and left <= 0:
-                    raise self._timed_out()
-                ready = selector.select(LOOK_SECONDS if left is None else min(left, LOOK_SECONDS))
-                if not ready:
-                    self._check_memory()
-                for key, _ in ready:
-                    if key.fileobj is process.stdin:
-                        question = self._write(question)
-                        if not question:
-                            selector.unregister(process.stdin)
-                            if last:
-                                process.stdin.close()
-                    elif key.fileobj is process.stderr:
-                        if not self._hear():
-                            selector.unregister(process.stderr)
-                    else:
-                        self._read(process.stdout)
+        stdin = self._process.stdin
+        assert stdin
+        question = self._write(question)
+        if question:
+            self._ears.register(stdin, selectors.EVENT_WRITE)
+        elif last:
+            stdin.close()
+        while b"\n" not in self._said:
+            now = time.monotonic()
+            if deadline is not None and now >= deadline:
+                raise self._timed_out()
+            if now >= self._look_at:
+                self._check_memory(now)
+            wake_at = self._look_at if deadline is None else min(deadline, self._look_at)
+            if self._listen(wake_at - now) and question:
+                question = self._write(question)
+                if not question:
+                    self._ears.unregister(stdin)
+                    if last:
+                        stdin.close()
+        if question and not last:
+            raise ModelFailure("bad_answer", "the program answered before it had read its line")
         line, _, self._said = self._said.partition(b"\n")
         return line
 
-    def _check_memory(self) -> None:
+    def _listen(self, seconds: float) -> bool:
+        """Read what the program says within `seconds`; returns whether it hears us, too."""
+        writable = False
+        for key, _ in self._ears.select(max(0.0, seconds)):
+            if key.fileobj is self._process.stdout:
+                self._read(self._process.stdout)
+            elif key.fileobj is self._process.stdin:
+                writable = True
+            elif not self._hear():
+                self._ears.unregister(key.fileobj)
+        return writable
+
+    def _check_memory(self, now: float) -> None:
         most = _memory_bytes()
         pid = self._process.pid
         taken = memory_of([pid, *descendants(pid), *orphans(_RUNNING)])
+        # To look through many gigabytes takes a while itself.
+        self._look_at = now + max(LOOK_SECONDS, 20.0 * (time.monotonic() - now))
         if taken > most:
             raise ModelFailure(
                 "crashed",
                 f"the program and what it started take {taken / 2**20:.0f} MB of memory; at most "
                 f"{most / 2**20:.0f} MB",
             )
-
-    def _pending(self) -> bool:
-        """Say whether a program that was kept has printed more than its last answer."""
-        assert self._process.stdout
-        with selectors.DefaultSelector() as selector:
-            selector.register(self._process.stdout, selectors.EVENT_READ)
-            ready = bool(selector.select(0))
-        return ready and self._process.poll() is None
 
     def _rest(self, deadline: float | None) -> bytes:
         """Read what a program prints after its only answer, until it closes its output."""

@@ -2,17 +2,18 @@
 
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from random import Random
 from typing import Any
 
 from rehyb.errors import RehybError, ServerError, Unreachable
 from worker import backoff
+from worker.child import Result, failed
 from worker.close_loop_jobs import CloseLoopJobs
 from worker.leases import LeaseRequest, Leases, Ticket
 from worker.outcomes import Outcome
-from worker.pool import Pool, failed
+from worker.pool import Pool
 from worker.posting import Posting
 from worker.spool import Spool
 
@@ -108,35 +109,50 @@ class Agent:
     def _busy(self) -> bool:
         return bool(self.leases.queue or self._running)
 
-    def _collect(self) -> None:
+    def _collect(self, seconds: float = TICK_SECONDS) -> None:
         """Put what the children have finished into the spool."""
-        for done in self.pool.wait(TICK_SECONDS):
-            self._finish(done.ticket, done.result)
+        self._finish((done.ticket, done.result) for done in self.pool.wait(seconds))
 
-    def _finish(self, ticket: Ticket, result: Mapping[str, Any]) -> None:
-        self.spool.add(lease=ticket.lease.id, fence=ticket.lease.fence, result=result)
-        self.leases.finish(ticket, result["wall_seconds"])
-        self.finished += 1
+    def _finish(self, done: Iterable[tuple[Ticket, Result]]) -> None:
+        finished = list(done)
+        self.spool.add_all([(t.lease.id, t.lease.fence, result) for t, result in finished])
+        for ticket, result in finished:
+            self.leases.finish(ticket, result["wall_seconds"])
+        self.finished += len(finished)
 
     def _start_children(self) -> None:
         while self.leases.queue and self.pool.free > self._lent:
+            bundle, away = self._next_bundle()
+            if bundle:
+                self.pool.start_bundle(bundle)
+            if away:
+                return
+
+    def _next_bundle(self) -> tuple[list[tuple[Mapping[str, Any], Ticket]], bool]:
+        """Return what to give to one child, and whether a model that it needs cannot be fetched."""
+        bundle = []
+        for _ in range(self.leases.bundle_size):
             ticket = self.leases.queue.popleft()
             try:
-                instance = self.prepare(ticket.instance)
+                bundle.append((self.prepare(ticket.instance), ticket))
             except (Unreachable, ServerError):
                 self.leases.queue.appendleft(ticket)
-                return
+                return bundle, True
             except RehybError as error:
-                self._finish(ticket, failed(ticket.instance, Outcome.BAD_MODEL, str(error)))
-                continue
-            self.pool.start(instance, ticket)
+                bad = failed(ticket.instance, Outcome.BAD_MODEL, str(error))
+                self._finish([(ticket, bad)])
+        return bundle, False
 
     def _talk(self, now: float) -> None:
         """Post, renew, release and lease as is due; stay silent for a while if nobody answers."""
         try:
             if now >= self._post_at or self.leases.any_finished:
                 self._posting.bring_back(now)
-                while batch := self.spool.next_batch():
+                for number, batch in enumerate(iter(self.spool.next_batch, None)):
+                    if number:
+                        # An answer may take a while, in which the children must not stand idle.
+                        self._collect(0.0)
+                        self._start_children()
                     self._posting.post(batch, self._request(now))
                 self._post_at = now + POST_SECONDS
                 self.leases.release()
@@ -155,8 +171,9 @@ class Agent:
 
     def _request(self, now: float) -> LeaseRequest | None:
         """Return what to ask for now; None if there is enough to do, or it is too early."""
-        wanted = self.pool.processes - self._lent
-        if self._draining_since is not None or len(self.leases.queue) >= wanted:
+        processes = self.pool.processes - self._lent
+        enough = max(processes, self.leases.ahead)
+        if self._draining_since is not None or len(self.leases.queue) >= enough:
             return None
         return self.leases.request(now)
 

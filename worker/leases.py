@@ -22,7 +22,12 @@ LeaseRequest = Mapping[str, Any]
 #: workers, and much enough that asking does not matter.
 LEASE_SECONDS = 2.0
 #: What an instance takes at least, by all that is done about it.
-LEAST_SECONDS = 0.05
+LEAST_SECONDS = 0.002
+#: More work is asked for when what waits for a child is done in this time.
+AHEAD_SECONDS = 0.1
+#: A child is given so much work at once: more than it takes to hand it the next, and little enough
+#: that others hardly wait for it.
+BUNDLE_SECONDS = 0.05
 #: Before a worker's time is up, it needs so long to give back what runs.
 LAST_WORDS_SECONDS = 5.0
 #: Weight of the newest instance in the running mean of how long one takes.
@@ -76,6 +81,8 @@ class Leases:
     _held: list[Lease] = field(default_factory=list)
     _ask_at: float = 0.0
     _seconds_each: float | None = None
+    #: Instances of the last lease.
+    _granted: int = 0
     #: Of the instance that took longest here.
     _slowest: float = 0.0
     #: Why no work fits this machine, as it was last told.
@@ -88,6 +95,22 @@ class Leases:
     def any_finished(self) -> bool:
         """Whether a lease has a result for each of its instances."""
         return any(not lease.open for lease in self._held)
+
+    @property
+    def bundle_size(self) -> int:
+        """How many of the queue to give to one child at once."""
+        return bundle_size(self._seconds_each, self.processes, len(self.queue))
+
+    @property
+    def ahead(self) -> int:
+        """How many of the queue are few enough to ask for more: what is done in AHEAD_SECONDS.
+
+        Never more than half a lease as the coordinator grants them.
+        """
+        if self._seconds_each is None:
+            return 0
+        soon = int(AHEAD_SECONDS * self.processes / max(self._seconds_each, LEAST_SECONDS))
+        return min(soon, self._granted // 2)
 
     def request(self, now: float) -> LeaseRequest | None:
         """Return what to ask for; None if it is too early, or no more may be begun."""
@@ -142,6 +165,7 @@ class Leases:
             self._ask_at = now + without_work(self.client.retry_after, self.rng)
             return
         instances = granted["instances"]
+        self._granted = len(instances)
         if self.left is not None:
             self.left -= len(instances)
         lease = Lease(
@@ -208,6 +232,21 @@ def lease_size(seconds_each: float | None, processes: int, batch: int) -> int:
         return min(processes, batch)
     wanted = int(LEASE_SECONDS * processes / max(seconds_each, LEAST_SECONDS))
     return max(1, min(batch, wanted))
+
+
+def bundle_size(seconds_each: float | None, processes: int, waiting: int) -> int:
+    """Return how many of the instances that wait to give to one child at once.
+
+    Only of those that take next to no time are there several; towards the end of the queue fewer,
+    so that all children are done at about the same time (Polychronopoulos and Kuck 1987, *IEEE
+    Transactions on Computers* 36, 1425-1439).
+
+    `seconds_each`: how long one instance takes; None before the first is done.
+    """
+    if seconds_each is None:
+        return 1
+    quick = int(BUNDLE_SECONDS / max(seconds_each, LEAST_SECONDS / 4))
+    return max(1, min(quick, waiting // (2 * processes)))
 
 
 def fitting(seconds_left: float, seconds_each: float, slowest: float, processes: int) -> int:

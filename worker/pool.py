@@ -3,40 +3,27 @@
 The children are spawned, not forked: they load MuJoCo and NumPy, the parent never does.
 """
 
+import json
 import multiprocessing
 import os
-import resource
 import signal
 import time
-import traceback
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from math import isfinite
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from typing import Any
 
-from models.curves import Curve, folded
-from models.evaluation import Evaluation, ModelFailure
-from models.processes import adopt_orphans, descendants, die_with_parent
+from models.evaluation import Evaluation
+from models.processes import descendants
+from worker.child import Evaluate, Result, evaluate_until_closed, failed
 from worker.outcomes import Outcome
 
-#: Of {"id", "model", "parameters"}; it raises ModelFailure where a model has no answer.
-Evaluate = Callable[[Mapping[str, Any]], Evaluation]
-Result = dict[str, Any]
-
-#: Spare machines belong to somebody: their own work goes first.
-NICENESS = 5
-#: An instance uses one core; one child per core is what uses the machine.
-SINGLE_THREAD = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-)
 #: Seconds a killed child gets to disappear.
 REAP_SECONDS = 5.0
+#: Bytes read at once.
+CHUNK = 65_536
 
 
 def available_cores() -> int:
@@ -89,60 +76,69 @@ class Pool:
 
     @property
     def free(self) -> int:
-        """How many more instances can be started now."""
+        """How many processes have nothing to do."""
         return self.processes - len(self._busy)
 
     @property
     def running(self) -> int:
-        """How many instances are being evaluated."""
-        return len(self._busy)
+        """How many instances have been started and have no result."""
+        return sum(len(child.open) for child in self._busy)
 
     def start(self, instance: Mapping[str, Any], ticket: Any) -> None:
         """Begin to evaluate `instance` {"id", "model", "parameters"}; one child must be free.
 
         It may hold "time_limit", in seconds of wall time, which cuts the pool's own shorter.
         """
+        self.start_bundle([(instance, ticket)])
+
+    def start_bundle(self, bundle: Sequence[tuple[Mapping[str, Any], Any]]) -> None:
+        """Have one child evaluate instances, each with its ticket, one after another.
+
+        Each has its own time limit and its own result, as soon as it is done. If one of them ends
+        the child, those after it go to another one.
+        """
         if not self.free:
             raise RuntimeError(f"all {self.processes} processes are busy")
         child = self._idle.pop() if self._idle else _Child(self._evaluate, self._memory_mb)
+        work = [_Begun(dict(one), ticket, self._seconds(one)) for one, ticket in bundle]
         try:
-            child.begin(instance, ticket, self._seconds(instance))
+            child.begin(work)
         except OSError:
             # It died while idle (the kernel's out-of-memory killer does that): not this
             # instance's fault.
             child.kill()
             child = _Child(self._evaluate, self._memory_mb)
-            child.begin(instance, ticket, self._seconds(instance))
+            child.begin(work)
         self._busy.append(child)
 
     def _seconds(self, instance: Mapping[str, Any]) -> float:
         return min(self._instance_seconds, instance.get("time_limit") or self._instance_seconds)
 
     def wait(self, seconds: float) -> list[Finished]:
-        """Return what finishes within `seconds`, as soon as anything does."""
+        """Return what finishes within `seconds`, soon after anything does."""
         if not self._busy:
             time.sleep(seconds)
             return []
         overdue = min(child.deadline for child in self._busy)
         seconds = max(0.0, min(seconds, overdue - time.monotonic()))
-        ready = wait([child.connection for child in self._busy], seconds)
+        ready = wait([child.bell for child in self._busy], seconds)
         finished = []
         for child in list(self._busy):
-            if child.connection in ready:
-                result = child.collect()
-            elif time.monotonic() >= child.deadline:
-                child.kill()
-                limit = child.deadline - child.started
-                result = failed(
-                    child.instance, Outcome.TIMED_OUT, f"still running after {limit:g} s", limit
-                )
-            else:
+            finished += child.collect(called=child.bell in ready)
+            if child.open and child.alive:
                 continue
             self._busy.remove(child)
             if child.alive:
                 self._idle.append(child)
-            finished.append(Finished(ticket=child.ticket, result=result))
+            elif child.open:
+                self._begin_afresh(list(child.open))
         return finished
+
+    def _begin_afresh(self, work: list["_Begun"]) -> None:
+        """Have a new child do what another one did not come to."""
+        child = _Child(self._evaluate, self._memory_mb)
+        child.begin(work)
+        self._busy.append(child)
 
     def kill(self) -> None:
         """End every child now, whatever it is doing."""
@@ -152,41 +148,115 @@ class Pool:
         self._idle.clear()
 
 
+@dataclass(frozen=True)
+class _Begun:
+    """One instance that a child has, its ticket, and the seconds that it may take."""
+
+    instance: dict[str, Any]
+    ticket: Any
+    seconds: float
+
+
 class _Child:
-    """One child process and the parent's end of the pipe to it."""
+    """One child process and the parent's ends of the pipes to it."""
 
     def __init__(self, evaluate: Evaluate, memory_mb: int | None) -> None:
         context = multiprocessing.get_context("spawn")
-        self.connection, theirs = context.Pipe()
+        #: Bundles go out, and one line of JSON for each result comes back.
+        self._connection, theirs = context.Pipe()
+        #: Whatever arrives here says that there are results; its end, that the child is gone.
+        self.bell, their_bell = context.Pipe(duplex=False)
         self.alive = True
-        self.started = self.deadline = 0.0
-        self.instance: Mapping[str, Any] = {}
-        self.ticket: Any = None
+        #: What has no result, in the child's order: it is at the first.
+        self.open: deque[_Begun] = deque()
+        self._started = 0.0
+        self._said = b""
         self._process = context.Process(
-            target=_evaluate_until_closed,
-            args=(theirs, evaluate, os.getpid(), memory_mb),
+            target=evaluate_until_closed,
+            args=(theirs, their_bell, evaluate, os.getpid(), memory_mb),
             daemon=True,
         )
         self._process.start()
-        # Without our copy of its end, the pipe closes when the child dies.
+        # Without our copies of its ends, the pipes close when the child dies.
         theirs.close()
+        their_bell.close()
+        os.set_blocking(self.bell.fileno(), False)
 
-    def begin(self, instance: Mapping[str, Any], ticket: Any, seconds: float) -> None:
-        self.connection.send(dict(instance))
-        self.instance, self.ticket, self.started = instance, ticket, time.monotonic()
-        self.deadline = self.started + seconds
+    @property
+    def deadline(self) -> float:
+        """When the instance that it is at has taken too long, on the monotonic clock."""
+        return self._started + self.open[0].seconds
 
-    def collect(self) -> Result:
-        try:
-            report: Result = self.connection.recv()
-        except (EOFError, OSError):
-            self._process.join(REAP_SECONDS)
-            code = self._process.exitcode
+    def begin(self, work: Sequence[_Begun]) -> None:
+        """Send instances to the child, which has none."""
+        self._connection.send([one.instance for one in work])
+        self.open.extend(work)
+        self._started = time.monotonic()
+
+    def collect(self, *, called: bool) -> list[Finished]:
+        """Return what is done; a child that is gone, or too slow, is ended with what it was at."""
+        finished: list[Finished] = []
+        gone = called and self._gone()
+        sound = self._read(finished)
+        if gone or not sound:
+            if gone:
+                self._process.join(REAP_SECONDS)
+            how = _how_it_ended(self._process.exitcode) if sound else "wrote what is no result"
             self.kill()
-            seconds = time.monotonic() - self.started
-            reason = f"the process evaluating it {_how_it_ended(code)}"
-            return failed(self.instance, Outcome.CRASHED, reason, seconds)
-        return {"instance": self.instance["id"], **report}
+            if self.open:
+                seconds = time.monotonic() - self._started
+                reason = f"the process evaluating it {how}"
+                finished.append(self._lost(Outcome.CRASHED, reason, seconds))
+        elif self.open and time.monotonic() >= self.deadline:
+            self.kill()
+            limit = self.open[0].seconds
+            reason = f"still running after {limit:g} s"
+            finished.append(self._lost(Outcome.TIMED_OUT, reason, limit))
+        return finished
+
+    def _gone(self) -> bool:
+        """Empty the bell; returns whether the child has closed it."""
+        try:
+            return not os.read(self.bell.fileno(), CHUNK)
+        except BlockingIOError:
+            return False
+
+    def _read(self, finished: list[Finished]) -> bool:
+        """Add the results that the child has written; returns False if something else came."""
+        descriptor = self._connection.fileno()
+        os.set_blocking(descriptor, False)
+        try:
+            while chunk := os.read(descriptor, CHUNK):
+                *lines, self._said = (self._said + chunk).split(b"\n")
+                finished += [self._done(line) for line in lines]
+        except (LookupError, TypeError, ValueError):
+            return False
+        except (BlockingIOError, ConnectionError):
+            pass
+        finally:
+            os.set_blocking(descriptor, True)
+        return True
+
+    def _done(self, line: bytes) -> Finished:
+        """Return the result of the instance that the child is at.
+
+        Raises:
+            LookupError, TypeError, ValueError: the line is none; a model's own process wrote it.
+        """
+        identity, ended, report = json.loads(line)
+        begun = self.open[0]
+        if identity != begun.instance["id"]:
+            raise ValueError("a result of another instance")
+        done = Finished(ticket=begun.ticket, result={"instance": identity, **report})
+        self._started = float(ended)
+        self.open.popleft()
+        return done
+
+    def _lost(self, outcome: Outcome, reason: str, seconds: float) -> Finished:
+        begun = self.open.popleft()
+        return Finished(
+            ticket=begun.ticket, result=failed(begun.instance, outcome, reason, seconds)
+        )
 
     def kill(self) -> None:
         self.alive = False
@@ -197,97 +267,11 @@ class _Child:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         self._process.join(REAP_SECONDS)
-        self.connection.close()
-
-
-def failed(
-    instance: Mapping[str, Any], outcome: Outcome, reason: str, seconds: float = 0.0
-) -> Result:
-    """Return the result of an instance that no child could evaluate to its end."""
-    return {"instance": instance["id"], **_result(outcome, seconds, reason)}
-
-
-def _result(
-    outcome: str,
-    wall_seconds: float,
-    reason: str = "",
-    state: object = None,
-    outputs: Mapping[str, float] | None = None,
-) -> Result:
-    return {
-        "outcome": outcome,
-        "outputs": dict(outputs or {}),
-        "reason": reason,
-        "state": state,
-        "wall_seconds": wall_seconds,
-    }
+        self._connection.close()
+        self.bell.close()
 
 
 def _how_it_ended(code: int | None) -> str:
     if code is not None and code < 0:
         return f"was ended by {signal.Signals(-code).name}"
     return f"exited with status {code}"
-
-
-def _evaluate_until_closed(
-    connection: Connection, evaluate: Evaluate, parent: int, memory_mb: int | None
-) -> None:
-    """Serve instances until the parent closes the pipe: the main function of a child."""
-    # A terminal and a batch system signal the whole group; only the parent decides what to do.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    die_with_parent(parent, signal.SIGKILL)
-    adopt_orphans()
-    os.nice(NICENESS)
-    os.environ.update(dict.fromkeys(SINGLE_THREAD, "1"))
-    if memory_mb is not None:
-        # Of what the process writes to; libraries reserve more address space than they use.
-        resource.setrlimit(resource.RLIMIT_DATA, (memory_mb * 2**20, memory_mb * 2**20))
-    while True:
-        try:
-            instance = connection.recv()
-        except EOFError:
-            return
-        report = _report(evaluate, instance)
-        try:
-            connection.send(report)
-        except OSError:
-            return
-
-
-def _report(evaluate: Evaluate, instance: Mapping[str, Any]) -> Result:
-    """Evaluate one point and word the outcome as JSON that any coordinator can take."""
-    started = time.monotonic()
-    try:
-        done = evaluate(instance)
-    except ModelFailure as failure:
-        seconds = time.monotonic() - started
-        return _result(failure.outcome, seconds, failure.reason, _as_json(failure.state))
-    except Exception as error:
-        reason = f"{type(error).__name__}: {error}"
-        state = {"traceback": traceback.format_exc()}
-        return _result(Outcome.CRASHED, time.monotonic() - started, reason, state)
-    outputs = {name: float(value) for name, value in done.outputs.items()}
-    state = _as_json(done.state)
-    for name, value in outputs.items():
-        if not isfinite(value):
-            reason = f"{name} came out as {value}"
-            return _result(Outcome.NOT_FINITE, done.wall_seconds, reason, state)
-    asked = instance.get("curves", {})
-    sent = folded(outputs, {name: Curve.from_json(said) for name, said in asked.items()})
-    return _result(done.outcome, done.wall_seconds, done.reason, state, sent)
-
-
-def _as_json(value: Any) -> Any:
-    """Return `value` as plain JSON; a state dump of a diverged simulation is full of NaN."""
-    if isinstance(value, Mapping):
-        return {str(key): _as_json(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_as_json(entry) for entry in value]
-    if hasattr(value, "tolist"):
-        return _as_json(value.tolist())
-    if isinstance(value, float):
-        return value if isfinite(value) else None
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    return str(value)

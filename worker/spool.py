@@ -66,13 +66,20 @@ class Spool:
 
         If the disk is full it is kept in memory, and survives as long as this process does.
         """
-        row = (lease, fence, self._worker, json.dumps(result))
+        self.add_all([(lease, fence, result)])
+
+    def add_all(self, results: Sequence[tuple[str, int, Mapping[str, Any]]]) -> None:
+        """Keep results, each (lease, fence, result), as `add` keeps one."""
+        rows = [
+            (lease, fence, self._worker, json.dumps(result)) for lease, fence, result in results
+        ]
         try:
-            self._insert([row])
+            self._insert(rows)
         except sqlite3.OperationalError as error:
             if not self._overflow:
                 log.warning("%s: %s; results are kept in memory", self._path, error)
-            self._overflow[min(self._overflow, default=0) - 1] = row
+            first = min(self._overflow, default=0) - 1
+            self._overflow |= {first - number: row for number, row in enumerate(rows)}
 
     def next_batch(self, limit: int = BATCH) -> Batch | None:
         """Return the oldest results that share a lease; None if there are none to post now."""

@@ -101,6 +101,31 @@ def test_what_a_program_forked_ends_with_it(tmp_path: Path) -> None:
     assert not _runs(forked)
 
 
+def test_a_late_line_is_no_answer_though_its_program_has_ended(tmp_path: Path) -> None:
+    late = 'print(\'{"outputs": {"y": 1}}\', flush=True); time.sleep(0.2)'
+    program = command(tmp_path, does=f"{late}; {late}; sys.exit(0)")
+    assert program({"x1": 0.0})["y"] == 1.0
+    time.sleep(1.0)
+    with pytest.raises(ModelFailure, match="printed something unasked"):
+        program({"x1": 0.5})
+
+
+def test_an_answer_to_a_line_that_was_not_read_is_none(tmp_path: Path) -> None:
+    # More than a pipe takes, so that the end of the line would come with the next one.
+    more = "".join(
+        f'[[factors]]\nname = "{"f" * 35}{number:05}"\nunit = "1"\nlow = 0.0\nhigh = 1.0\n'
+        "nominal = 1.2345678901234567e-300\n"
+        for number in range(990)
+    )
+    folder = edited("ishigami_python", tmp_path, {"[[outputs]]": f"{more}[[outputs]]"})
+    program = Command(read_folder(folder))
+    (folder / "ishigami.py").write_text(
+        """import time\nprint('{"outputs": {"y": 1}}', flush=True)\ntime.sleep(60)"""
+    )
+    with pytest.raises(ModelFailure, match="answered before it had read its line"):
+        program({})
+
+
 #: Runs a program in a process that adopts orphans, as a worker's child does; prints what came out.
 IN_A_CHILD = """
 import resource, sys
@@ -114,7 +139,8 @@ resource.setrlimit(resource.RLIMIT_DATA, (300 * 2**20, resource.RLIM_INFINITY))
 adopt_orphans()
 program = Command(read_folder(Path(sys.argv[1])))
 try:
-    program({"x1": 0.0})
+    for _ in range(int(sys.argv[2])):
+        program({"x1": 0.0})
     print("ok")
 except ModelFailure as failure:
     print(failure)
@@ -123,11 +149,9 @@ print("left:", len(children(os.getpid())))
 """
 
 
-def ran_in_a_child(folder: Path) -> str:
-    done = subprocess.run(
-        [sys.executable, "-c", IN_A_CHILD, str(folder)], capture_output=True, text=True, check=True
-    )
-    return done.stdout
+def ran_in_a_child(folder: Path, times: int = 1) -> str:
+    words = [sys.executable, "-c", IN_A_CHILD, str(folder), str(times)]
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout
 
 
 def test_its_memory_is_counted_with_that_of_all_it_started(tmp_path: Path) -> None:
@@ -137,6 +161,14 @@ def test_its_memory_is_counted_with_that_of_all_it_started(tmp_path: Path) -> No
     )
     command(tmp_path, does=does, limit=20.0)
     said = ran_in_a_child(tmp_path / "ishigami_python")
+    assert "crashed: the program and what it started take" in said
+    assert "left: 0" in said
+
+
+def test_the_memory_of_all_that_quick_answers_leave_behind_is_counted(tmp_path: Path) -> None:
+    does = "os.fork() or (bytearray(150 * 2**20), time.sleep(30), os._exit(0)); time.sleep(0.1)"
+    command(tmp_path, does=f'{does}; print(\'{{"outputs": {{"y": 1}}}}\')', limit=20.0)
+    said = ran_in_a_child(tmp_path / "ishigami_python", times=20)
     assert "crashed: the program and what it started take" in said
     assert "left: 0" in said
 

@@ -26,6 +26,11 @@ def behave(instance: Mapping[str, Any]) -> Evaluation:
         time.sleep(60)
     if model == "hoard":
         return Evaluation(outcome="ok", outputs={"y": len(bytearray(2**30))}, wall_seconds=0.0)
+    if model == "doze":
+        time.sleep(0.7)
+    if model == "twins":
+        # The other one comes back as well, and answers as if it were the child.
+        os.fork()
     if model == "fork":
         return Evaluation(outcome="ok", outputs={"y": float(_forked())}, wall_seconds=0.0)
     if model == "raise":
@@ -148,6 +153,52 @@ def test_signals_to_the_whole_group_do_not_interrupt_an_instance(pool: Pool) -> 
         os.kill(child._process.pid, number)
     assert compute(pool, "double", 2.0).result["outputs"] == {"y": 4.0}
     assert pool._idle == [child]
+
+
+def bundled(pool: Pool, *models: str) -> list[tuple[int, str]]:
+    """Return (ticket, outcome) in the order in which one bundle's instances are done."""
+    pool.start_bundle([(instance(model, x), x) for x, model in enumerate(models)])
+    assert pool.running == len(models)
+    done: list[Finished] = []
+    deadline = time.monotonic() + 40.0
+    while len(done) < len(models) and time.monotonic() < deadline:
+        done += pool.wait(0.5)
+    for one in done:
+        assert one.result["instance"] == f"{models[one.ticket]}-{one.ticket}"
+        if one.result["outcome"] == "ok":
+            assert one.result["outputs"] == {"y": 2.0 * one.ticket}
+    assert (pool.running, pool.free) == (0, pool.processes)
+    return [(one.ticket, one.result["outcome"]) for one in done]
+
+
+def test_a_crash_in_a_bundle_is_that_of_one_instance_and_the_others_are_computed(
+    pool: Pool,
+) -> None:
+    found = bundled(pool, "double", "raise", "double", "segfault", "double", "exit", "double")
+    outcomes = ["ok", "crashed", "ok", "crashed", "ok", "crashed", "ok"]
+    assert found == list(enumerate(outcomes))
+
+
+def test_each_instance_of_a_bundle_has_the_time_limit_to_itself() -> None:
+    pool = Pool(processes=1, instance_seconds=1.5, evaluate=behave)
+    try:
+        compute(pool, "double")
+        outcomes = [o for _, o in bundled(pool, "doze", "doze", "doze", "hang", "double")]
+    finally:
+        pool.kill()
+    assert outcomes == ["ok", "ok", "ok", "timed_out", "ok"]
+
+
+def test_the_first_results_of_a_bundle_are_there_while_a_later_one_hangs(pool: Pool) -> None:
+    pool.start_bundle([(instance("double"), 1), (instance("hang"), 2)])
+    assert finish(pool).ticket == 1
+    assert (pool.running, pool.free) == (1, 0)
+
+
+def test_a_second_answer_is_no_other_instance_s(pool: Pool) -> None:
+    outcomes = bundled(pool, "double", "twins", "double", "double", "double")
+    assert outcomes[0] == (0, "ok")
+    assert {o for _, o in outcomes} <= {"ok", "crashed"}
 
 
 def test_more_than_one_instance_per_process_is_a_mistake(pool: Pool) -> None:

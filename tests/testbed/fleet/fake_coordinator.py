@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -123,9 +123,9 @@ class InstantPool:
     def running(self) -> int:
         return len(self._busy)
 
-    def start(self, instance: Mapping[str, Any], ticket: Any) -> None:
-        self.started.append(instance["id"])
-        self._busy.append((instance, ticket))
+    def start_bundle(self, bundle: Sequence[tuple[Mapping[str, Any], Any]]) -> None:
+        self.started += [instance["id"] for instance, _ in bundle]
+        self._busy += bundle
 
     def wait(self, seconds: float) -> list[Finished]:
         time.sleep(0.001)

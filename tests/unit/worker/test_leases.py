@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from rehyb.errors import Conflict
-from worker.leases import LAST_WORDS_SECONDS, Leases, fitting, lease_size
+from worker.leases import LAST_WORDS_SECONDS, Leases, bundle_size, fitting, lease_size
 
 
 class Coordinator:
@@ -142,6 +142,40 @@ def test_a_worker_asks_for_two_seconds_of_work(
     seconds_each: float | None, processes: int, size: int
 ) -> None:
     assert lease_size(seconds_each, processes, batch=10) == size
+
+
+@pytest.mark.parametrize(
+    ("seconds_each", "processes", "waiting", "size"),
+    [
+        # Before anything is known, and of what takes its time: one.
+        (None, 2, 1000, 1),
+        (0.03, 2, 1000, 1),
+        (1e300, 2, 1000, 1),
+        # Of what is quick: what takes a twentieth of a second.
+        (0.01, 2, 1000, 5),
+        (0.0, 2, 1000, 100),
+        # Towards the end fewer, so that no child is left with much.
+        (0.0, 2, 40, 10),
+        (0.0, 2, 3, 1),
+        (0.0, 64, 100, 1),
+    ],
+)
+def test_a_child_gets_several_instances_only_if_they_take_next_to_no_time(
+    seconds_each: float | None, processes: int, waiting: int, size: int
+) -> None:
+    assert bundle_size(seconds_each, processes, waiting) == size
+
+
+def test_more_work_is_asked_for_before_quick_instances_run_out(
+    leases: Leases, coordinator: Coordinator
+) -> None:
+    granted(leases)
+    assert leases.ahead == 0
+    leases.finish(leases.queue.popleft(), 0.0)
+    # Half a lease of three; a tenth of a second would be 150.
+    assert leases.ahead == 1
+    leases.finish(leases.queue.popleft(), 100.0)
+    assert leases.ahead == 0
 
 
 @pytest.mark.parametrize(

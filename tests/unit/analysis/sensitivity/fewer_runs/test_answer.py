@@ -1,0 +1,94 @@
+"""An answer from few runs is near the truth, or says why it is not to be believed."""
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.designs.points import sobol
+from analysis.sensitivity.fewer_runs.answer import (
+    FEWEST_RUNS,
+    LEAST_RUNS,
+    MOST_RUNS,
+    Answer,
+    answer,
+)
+
+Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
+
+
+@cache
+def points(n: int = FEWEST_RUNS) -> Array:
+    return np.stack([sobol(3, row, 3) for row in range(n)])
+
+
+def said(function: Function, n: int = FEWEST_RUNS) -> Answer:
+    found = answer(points(n), function(points(n)), 3)
+    assert found is not None
+    return found
+
+
+def smooth(x: Array) -> Array:
+    """a + 2 a b with a idle third factor: V(a (1 + 2 b)) = 1/3 * 13/3 - 1."""
+    return x[:, 0] * (1.0 + 2.0 * x[:, 1])
+
+
+def test_a_smooth_function_is_answered() -> None:
+    found = said(smooth)
+    assert found.doubt == "" and found.half_width < 1e-6 and found.surrogate == "polynomial chaos"
+    variance = 13.0 / 9.0 - 1.0
+    first, second, both = 4.0 / 12.0 / variance, 1.0 / 12.0 / variance, 4.0 / 144.0 / variance
+    np.testing.assert_allclose(found.found.first_order.value, [first, second, 0.0], atol=1e-6)
+    total = [first + both, second + both, 0.0]
+    np.testing.assert_allclose(found.found.total_order.value, total, atol=1e-6)
+
+
+def test_it_is_the_same_again_and_in_other_units() -> None:
+    once, again = said(smooth, 64), said(smooth, 64)
+    np.testing.assert_array_equal(once.found.total_order.low, again.found.total_order.low)
+    scaled = said(lambda x: 1e6 - 1e3 * smooth(x), 64)
+    np.testing.assert_allclose(
+        scaled.found.total_order.value, once.found.total_order.value, atol=1e-6
+    )
+
+
+def test_of_few_runs_nothing_is_believed() -> None:
+    assert answer(points(LEAST_RUNS - 1), smooth(points(LEAST_RUNS - 1)), 3) is None
+    assert "fewer than 256 runs" in said(smooth, 64).doubt
+
+
+def test_what_never_varies_has_no_answer() -> None:
+    assert answer(points(), np.full(FEWEST_RUNS, 7.1), 3) is None
+    rounded = np.full(FEWEST_RUNS, 0.1) + 1e-17 * points()[:, 0]
+    assert answer(points(), rounded, 3) is None
+    assert answer(points(), np.full(FEWEST_RUNS, np.nan), 3) is None
+
+
+def test_noise_is_not_believed() -> None:
+    noise = np.random.default_rng(4).normal(size=FEWEST_RUNS)
+    found = answer(points(), noise, 3)
+    assert found is not None and "no surrogate predicts" in found.doubt
+    assert found.half_width > 0.4
+
+
+def test_a_heavy_tail_is_not_believed() -> None:
+    assert "kurtosis" in said(lambda x: (1.0 - x[:, 0]) ** -0.4 + x[:, 1]).doubt
+
+
+def test_few_failed_runs_are_left_out_and_many_are_not_believed() -> None:
+    y = smooth(points()).copy()
+    y[5] = np.nan
+    found = answer(points(), y, 3)
+    assert found is not None and found.doubt == "" and (found.runs, found.failed) == (256, 1)
+    y[::20] = np.nan
+    found = answer(points(), y, 3)
+    assert found is not None and "of 256 runs failed" in found.doubt
+
+
+def test_too_many_runs_are_refused() -> None:
+    many = np.zeros((MOST_RUNS + 1, 3))
+    with pytest.raises(ValueError, match="1024 runs at most, not 1025"):
+        answer(many, many[:, 0], 3)

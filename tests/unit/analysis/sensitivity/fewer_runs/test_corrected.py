@@ -1,0 +1,84 @@
+"""Held-out runs make of any surrogate, right or wrong, intervals that hold the truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.sensitivity.fewer_runs.corrected import FOLDS, corrected, folds, held_out
+from analysis.sensitivity.fewer_runs.parts import Parts
+
+Array = NDArray[np.float64]
+N = 200
+
+
+class Linear:
+    """Says that f is a sum of slopes, whatever the runs say."""
+
+    def __init__(self, x: Array, *slopes: float) -> None:
+        self.terms = (x - 0.5) * np.array(slopes)
+        self.squares = np.array(slopes) ** 2 / 12.0
+
+    def without(self, y: Array, away: NDArray[np.bool_]) -> Parts:
+        terms = self.terms[away]
+        return Parts(
+            value=terms.sum(axis=1),
+            centred=terms.sum(axis=1),
+            first=terms,
+            total=terms,
+            variance=float(self.squares.sum()),
+            first_squares=self.squares,
+            total_squares=self.squares,
+        )
+
+
+@pytest.fixture(scope="module")
+def x() -> Array:
+    return np.random.default_rng(5).random((N, 2))
+
+
+def test_every_run_is_held_out_once_and_the_seed_decides_with_which() -> None:
+    every = folds(3, 25)
+    assert len(every) == FOLDS
+    np.testing.assert_array_equal(np.sum(every, axis=0), np.ones(25))
+    np.testing.assert_array_equal(every, folds(3, 25))
+    assert not np.array_equal(every, folds(4, 25))
+
+
+def test_a_surrogate_that_misses_nothing_leaves_no_doubt(x: Array) -> None:
+    found = corrected(
+        x @ [2.0, 1.0] - 1.5, held_out(Linear(x, 2.0, 1.0), x @ [2.0, 1.0] - 1.5, 1), 0.9
+    )
+    for indices in (found.first_order, found.total_order):
+        np.testing.assert_allclose(indices.low, [0.8, 0.2], atol=1e-9)
+        np.testing.assert_allclose(indices.high, [0.8, 0.2], atol=1e-9)
+    assert found.explained == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("slopes", [(0.0, 0.0), (1.0, 2.0), (-2.0, 3.0), (2.0, 0.5)])
+def test_a_wrong_surrogate_is_corrected(x: Array, slopes: tuple[float, float]) -> None:
+    y = x @ [2.0, 1.0] - 1.5
+    found = corrected(y, held_out(Linear(x, *slopes), y, 1), 0.9)
+    for indices in (found.first_order, found.total_order):
+        assert np.all(indices.low <= [0.8, 0.2]) and np.all(indices.high >= [0.8, 0.2])
+        assert np.all(indices.high - indices.low > 0.05)
+
+
+def test_what_is_missed_may_belong_to_any_factor_or_to_none(x: Array) -> None:
+    """Noise of a tenth of the variance: every interval is as wide, and so is its total."""
+    noise = np.random.default_rng(6).normal(size=N) * np.sqrt(5.0 / 12.0 / 9.0)
+    y = x @ [2.0, 1.0] - 1.5 + noise
+    found = corrected(y, held_out(Linear(x, 2.0, 1.0), y, 1), 0.9)
+    for indices in (found.first_order, found.total_order):
+        assert np.all(indices.low < [0.72, 0.18]) and np.all(indices.high > [0.82, 0.28])
+    assert found.explained == pytest.approx(0.9, abs=0.03)
+
+
+def test_one_run_that_is_far_off_widens_all(x: Array) -> None:
+    y = x @ [2.0, 1.0] - 1.5
+    held = held_out(Linear(x, 2.0, 1.0), y, 1)
+    missed = held.missed.copy()
+    missed[7] = 3.0
+    found = corrected(y, replace(held, missed=missed), 0.9)
+    assert np.all(found.total_order.high - found.total_order.low > 0.1)

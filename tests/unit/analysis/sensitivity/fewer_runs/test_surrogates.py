@@ -1,0 +1,95 @@
+"""What is known of a fitted function: its parts, and how much they vary."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from analysis.sensitivity.fewer_runs.expansion import Expansions
+from analysis.sensitivity.fewer_runs.gaussian_process import (
+    Processes,
+    Scales,
+    _misfit,
+    find_scales,
+)
+from analysis.sensitivity.fewer_runs.parts import Parts, Surrogate
+
+Array = NDArray[np.float64]
+RUNS, NODES = 32, 24
+SCALES = Scales(lengths=np.array([0.4, 1.5]), noise=1e-4)
+
+
+def f(x: Array) -> Array:
+    """A polynomial of two factors that act together."""
+    return np.asarray(1.0 + 3.0 * x[:, 0] ** 2 * x[:, 1] + x[:, 1])
+
+
+@pytest.fixture(scope="module")
+def runs() -> Array:
+    return np.asarray(qmc.Sobol(2, rng=np.random.default_rng(1)).random(RUNS))
+
+
+def on_a_grid(kind: str, runs: Array) -> tuple[Parts, Array, Array]:
+    """Fit to the runs; return the parts on a grid, its weights, and the parts' shape on it."""
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    grid = np.array(list(product(0.5 * (nodes + 1.0), repeat=2)))
+    x = np.concatenate([runs, grid])
+    away = np.arange(len(x)) >= RUNS
+    y = np.where(away, np.nan, f(x))
+    fitted: Surrogate = Expansions(x) if kind == "chaos" else Processes(x, SCALES)
+    return fitted.without(y, away), np.outer(weights, weights).ravel() / 4.0, grid
+
+
+@pytest.mark.parametrize("kind", ["chaos", "process"])
+def test_parts_are_what_integrals_of_the_function_say(kind: str, runs: Array) -> None:
+    parts, weights, grid = on_a_grid(kind, runs)
+    np.testing.assert_allclose(parts.value, f(grid), atol=1e-9 if kind == "chaos" else 0.15)
+    mean = weights @ parts.value
+    np.testing.assert_allclose(parts.centred, parts.value - mean, atol=1e-5)
+    assert parts.variance == pytest.approx(weights @ parts.centred**2, abs=1e-5)
+    along = weights.reshape(NODES, NODES).sum(axis=0)
+    plane = parts.value.reshape(NODES, NODES)
+    over_first = np.tile(along @ plane, NODES)
+    over_second = np.repeat(plane @ along, NODES)
+    np.testing.assert_allclose(parts.total[:, 0], parts.value - over_first, atol=1e-5)
+    np.testing.assert_allclose(parts.total[:, 1], parts.value - over_second, atol=1e-5)
+    np.testing.assert_allclose(parts.first[:, 0], over_second - mean, atol=1e-5)
+    np.testing.assert_allclose(parts.first[:, 1], over_first - mean, atol=1e-5)
+    np.testing.assert_allclose(parts.first_squares, weights @ parts.first**2, atol=1e-5)
+    np.testing.assert_allclose(parts.total_squares, weights @ parts.total**2, atol=1e-5)
+
+
+def test_a_polynomial_is_found_as_it_is(runs: Array) -> None:
+    """Of f = 1 + 3 x^2 y + y, with E[x^2] = 1/3 and E[x^4] = 1/5."""
+    parts, _, _ = on_a_grid("chaos", runs)
+    second = 4.0 / 12.0  # E[f | y] = 1 + 2 y
+    first = 9.0 / 4.0 * (1.0 / 5.0 - 1.0 / 9.0)  # E[f | x] = 1 + 3 x^2 / 2 + 1 / 2
+    np.testing.assert_allclose(parts.first_squares, [first, second], rtol=1e-9)
+    both = 9.0 / 12.0 * (1.0 / 5.0 - 1.0 / 9.0)
+    np.testing.assert_allclose(parts.total_squares, [first + both, second + both], rtol=1e-9)
+
+
+def test_the_gradient_of_the_likelihood_is_its_slope(runs: Array) -> None:
+    pairs = np.tril_indices(RUNS, -1)
+    apart = np.abs(runs[pairs[0]] - runs[pairs[1]]).T
+    y = f(runs)
+    y = (y - y.mean()) / y.std()
+    at = np.log([0.3, 2.0, 1e-2])
+    slope = [
+        (
+            _misfit(at + 1e-5 * step, apart, pairs, y, 2.0)[0]
+            - _misfit(at - 1e-5 * step, apart, pairs, y, 2.0)[0]
+        )
+        / 2e-5
+        for step in np.eye(3)
+    ]
+    np.testing.assert_allclose(_misfit(at, apart, pairs, y, 2.0)[1], slope, rtol=1e-5, atol=1e-5)
+
+
+def test_scales_tell_a_factor_that_does_nothing_from_one_that_does(runs: Array) -> None:
+    x = np.column_stack([runs, runs[::-1, 0]])
+    scales = find_scales(x, np.sin(6.0 * x[:, 0]) + x[:, 1])
+    assert scales.lengths[0] < scales.lengths[1] < scales.lengths[2]
+    assert scales.noise < 1e-3
