@@ -41,9 +41,9 @@ def interpret_recording(
         RehybError: nothing draws the report here.
     """
     from analysis.interpretation.answer import Question, interpret
-    from analysis.interpretation.bank import load_bank
+    from analysis.interpretation.bank.bank import load_bank
     from analysis.interpretation.errors import InterpretationError
-    from analysis.interpretation.inference import Known
+    from analysis.interpretation.inference.interpreter import Known
     from analysis.interpretation.recording import read_recording
 
     measured = tuple(Known(name=name, value=value, sd=sd) for name, value, sd in known)

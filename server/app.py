@@ -12,11 +12,11 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from models.own import own_models
-from server import problems
 from server.clocks import not_before, steady
-from server.compression import Gunzip
 from server.errors import NotFoundError
-from server.guards import MAX_BODY_BYTES, BodyLimit, Guard
+from server.http import problems
+from server.http.compression import Gunzip
+from server.http.guards import MAX_BODY_BYTES, BodyLimit, Guard
 from server.logic.fleet.history import FleetHistory
 from server.logic.fleet.idling import Idle
 from server.metrics import Metrics

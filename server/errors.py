@@ -1,4 +1,4 @@
-"""Why the coordinator refuses, as one small tree; `server.problems` maps it to HTTP once."""
+"""Why the coordinator refuses, as one small tree; `server.http.problems` maps it to HTTP once."""
 
 from analysis.sensitivity.records import NoSuchStudyError
 

@@ -15,7 +15,7 @@ from analysis.designs import row_width
 from analysis.designs.dependence import Dependence, copula
 from analysis.designs.distributions import Distribution
 from analysis.designs.groups import units_of
-from analysis.sensitivity.stopping import Goal
+from analysis.sensitivity.judgement.stopping import Goal
 from models.curves import Curve
 from models.description import Description
 from server.states import CloseLoopState, ComparisonState, InstanceState, JobKind, StudyState

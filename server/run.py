@@ -8,7 +8,7 @@ from typing import Any
 import uvicorn
 
 from server.app import create_app
-from server.connections import ImpatientProtocol, strangers
+from server.http.connections import ImpatientProtocol, strangers
 from server.instance_lock import instance_lock
 from server.logs import configure
 from server.operations.check import refuse_damage

@@ -11,7 +11,7 @@ from uuid import uuid4
 import pytest
 import sqlalchemy as sa
 
-from tests.testbed.postgresql import serving
+from tests.testbed.coordinators.postgresql import serving
 
 # Of small matrices one thread makes as quick work as several, which would wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -10,7 +10,7 @@ from typing import Any
 from rehyb.errors import RehybError, ServerError, Unreachable
 from worker import backoff
 from worker.child import Result, failed
-from worker.close_loop_jobs import CloseLoopJobs
+from worker.close_loop.jobs import CloseLoopJobs
 from worker.leases import LeaseRequest, Leases, Ticket
 from worker.outcomes import Outcome
 from worker.pool import Pool

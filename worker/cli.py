@@ -23,9 +23,9 @@ from rehyb.durations import seconds
 from rehyb.errors import Invalid, RehybError
 from worker.agent import Agent
 from worker.banks import usable_bank
-from worker.close_loop import can_close_loops
-from worker.close_loop import work as work_on_session
-from worker.close_loop_jobs import CloseLoopJobs
+from worker.close_loop.child import can_close_loops
+from worker.close_loop.child import work as work_on_session
+from worker.close_loop.jobs import CloseLoopJobs
 from worker.doctor import Verdict, examine
 from worker.leases import Leases
 from worker.machine import describe

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from analysis.interpretation.bank import PLACES, Bank
+from analysis.interpretation.bank.bank import PLACES, Bank
 from analysis.interpretation.errors import InterpretationError
-from analysis.interpretation.familiarity import CALLED_STRANGE
-from analysis.interpretation.features import RECORDED
-from analysis.interpretation.inference import Interpreter, Known, targets_of
+from analysis.interpretation.inference.familiarity import CALLED_STRANGE
+from analysis.interpretation.inference.features import RECORDED
+from analysis.interpretation.inference.interpreter import Interpreter, Known, targets_of
+from analysis.interpretation.inference.posterior import TARGETS, Posterior
 from analysis.interpretation.plan import (
     Step,
     half_width_after,
@@ -18,7 +19,6 @@ from analysis.interpretation.plan import (
     shortest_plan,
     steps,
 )
-from analysis.interpretation.posterior import TARGETS, Posterior
 from analysis.interpretation.recording import Recording
 from sim.models import WINDOWS
 from sim.robot.device import NESM

@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.interpretation.bank import (
+from analysis.interpretation.bank.bank import (
     CONTACT_ROWS,
     LEVELS,
     Bank,
     Samples,
     empty_samples,
 )
+from analysis.interpretation.bank.population import Population
+from analysis.interpretation.bank.sampling import sample
 from analysis.interpretation.errors import InterpretationError
-from analysis.interpretation.inference import LEAST_ROWS, Interpreter
-from analysis.interpretation.population import Population
-from analysis.interpretation.sampling import sample
+from analysis.interpretation.inference.interpreter import LEAST_ROWS, Interpreter
 from sim.evaluation import versions
 
 #: Called with what is done, how many are and how many there are.

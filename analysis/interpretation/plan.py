@@ -9,8 +9,8 @@ from itertools import combinations
 
 import numpy as np
 
-from analysis.interpretation.inference import Interpreter, Known
-from analysis.interpretation.posterior import TARGETS, View
+from analysis.interpretation.inference.interpreter import Interpreter, Known
+from analysis.interpretation.inference.posterior import TARGETS, View
 
 #: Share of the wanted width that a plan keeps in hand when plans are compared.
 MARGIN = 0.97

@@ -12,7 +12,7 @@ from analysis.closeloop.session.contents import NOMINAL, Session, Trial
 from analysis.closeloop.session.mjcf import load_device as session_device
 from analysis.closeloop.session.reading import read_session
 from analysis.closeloop.session.trial_csv import read_trial
-from analysis.interpretation.archive import is_finite, read_arrays
+from analysis.interpretation.bank.archive import is_finite, read_arrays
 from analysis.interpretation.errors import InterpretationError
 from sim.assessment.summary import (
     AFTER,

@@ -21,7 +21,7 @@ from analysis.reports.figures.style import INDICES
 from analysis.reports.figures.together import largest_pairs
 from analysis.reports.wording import with_interval, words
 from analysis.sensitivity.estimators import SYMBOLS
-from analysis.sensitivity.ranking import RANKED_BY
+from analysis.sensitivity.judgement.ranking import RANKED_BY
 from analysis.sensitivity.table import Table
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from analysis.designs import family
 from analysis.reports.figures.style import spread_in_words
 from analysis.reports.wording import words
 from analysis.sensitivity.estimators import SYMBOLS
-from analysis.sensitivity.ranking import RANKED_BY
+from analysis.sensitivity.judgement.ranking import RANKED_BY
 
 if TYPE_CHECKING:
     from analysis.sensitivity.surrogate import Answer

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from analysis.sensitivity.estimators import SYMBOLS
+from analysis.sensitivity.judgement.screening import SHARE_OF_LARGEST
+from analysis.sensitivity.judgement.stopping import advise
 from analysis.sensitivity.records import said_of
-from analysis.sensitivity.screening import SHARE_OF_LARGEST
-from analysis.sensitivity.stopping import advise
 from models.factors import SEED
 
 #: Intervals of an index that rests on fewer rows than this may hold the truth less often than they
@@ -33,10 +33,10 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
     Args:
         snapshot: of a study.
         output: one of its outputs.
-        target: half width wanted of every interval (`analysis.sensitivity.stopping.advise`).
+        target: half width wanted of every interval (`judgement.stopping.advise`).
 
     Raises:
-        ValueError: as `analysis.sensitivity.stopping.advise`.
+        ValueError: as `analysis.sensitivity.judgement.stopping.advise`.
     """
     found = [str(snapshot.get("failure", {}).get("sentence", ""))]
     found.append(_own_noise(snapshot, output))

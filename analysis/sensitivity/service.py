@@ -59,7 +59,7 @@ class ResultLog(Protocol):
     def act_on_precision_goals(self) -> None:
         """Extend the complete studies that are less precise than their goals.
 
-        The rule is `analysis.sensitivity.stopping.next_step`; studies whose snapshot lacks a result
+        The rule is `judgement.stopping.next_step`; studies whose snapshot lacks a result
         wait.
         """
 

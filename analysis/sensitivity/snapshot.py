@@ -36,15 +36,15 @@ sums "sum_first_order" and "sum_total_order" and the measure of chance "dummy_fi
 (`SaltelliEstimator`). "interaction" is by how much the second of these exceeds the first,
 "rests_on" the effective number of rows that make up "total_order"
 (`analysis.sensitivity.estimators.tails`), "worst_case" between which bounds the indices lie
-whatever the failed runs would have said (`analysis.sensitivity.worst_case`; null if none failed),
+whatever the failed runs would have said (`judgement.worst_case`; null if none failed),
 "martinez" both indices as correlations with Fisher's intervals
 (`analysis.sensitivity.estimators.martinez`). "second_order", of method
 saltelli_second_order only, is what a pair does beyond what each of the two does alone. "failure" is
-the indicator that is 1 where a run failed and 0 elsewhere (`analysis.sensitivity.failures`),
-"trust" says whether the sample was enough for its intervals (`analysis.sensitivity.trust`),
+the indicator that is 1 where a run failed and 0 elsewhere (`judgement.failures`),
+"trust" says whether the sample was enough for its intervals (`judgement.trust`),
 "ranking" says how many bootstrap replicates rank the factors alike
-(`analysis.sensitivity.ranking`), "screening" which factors surely do less or more than a threshold
-(`analysis.sensitivity.screening`; "dummy" is what a factor of no influence has), "convergence" what
+(`judgement.ranking`), "screening" which factors surely do less or more than a threshold
+(`judgement.screening`; "dummy" is what a factor of no influence has), "convergence" what
 the first 8, 16, 32, ... rows said (`analysis.sensitivity.convergence`). What is not defined yet is
 null.
 """
@@ -69,12 +69,12 @@ from analysis.sensitivity.estimators import (
     estimator_class,
     interaction,
 )
-from analysis.sensitivity.failures import judge
-from analysis.sensitivity.ranking import RANKED_BY, Ranking, rank
+from analysis.sensitivity.judgement.failures import judge
+from analysis.sensitivity.judgement.ranking import RANKED_BY, Ranking, rank
+from analysis.sensitivity.judgement.screening import influence
+from analysis.sensitivity.judgement.trust import judge as judge_trust
+from analysis.sensitivity.judgement.worst_case import worst_case
 from analysis.sensitivity.records import StudyPlan
-from analysis.sensitivity.screening import influence
-from analysis.sensitivity.trust import judge as judge_trust
-from analysis.sensitivity.worst_case import worst_case
 from models.curves import columns_of
 
 #: Of the confidence intervals (paper, figure 10).

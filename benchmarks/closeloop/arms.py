@@ -2,8 +2,8 @@
 
 `python -m benchmarks.closeloop.arms [--panda FOLDER] [--pendulum FOLDER]`
 
-The UR10e's recordings are where `tests.testbed.recordings` finds them. The other two are public:
-github marcocognetti/FrankaEmikaPandaDynModel (Gaz et al. 2019) and
+The UR10e's recordings are where `tests.testbed.sessions.recordings` finds them. The other two are
+public: github marcocognetti/FrankaEmikaPandaDynModel (Gaz et al. 2019) and
 dfki-ric-underactuated-lab/double_pendulum, each named by the folder of a clone. Thresholds were set
 while looking at the UR10e and the positioning axis (`benchmarks.closeloop.recordings`), never at
 these two.
@@ -28,7 +28,7 @@ from analysis.closeloop.loop import close_loop
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lowpass, rms
 from benchmarks.machine import describe_machine
-from tests.testbed.recordings import measured_folder, write_ur10e
+from tests.testbed.sessions.recordings import measured_folder, write_ur10e
 
 #: Band in which errors are compared, Hz.
 BAND = {"UR10e": 8.0, "Panda": 5.0, "Double pendulum": 8.0}

@@ -28,7 +28,7 @@ from benchmarks.machine import describe_machine
 from sim.assessment.validity import FailedError
 from sim.parameters.fidelity import FIDELITIES
 from sim.parameters.wearer import NOMINAL
-from tests.testbed.patient import (
+from tests.testbed.sessions.patient import (
     EXERCISES,
     Exercise,
     record_exercise,

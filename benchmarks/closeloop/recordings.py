@@ -1,6 +1,7 @@
 """What closing the loop finds in real recordings, and its errors next to published ones.
 
-`python -m benchmarks.closeloop.recordings`, where the recordings are (`tests.testbed.recordings`).
+`python -m benchmarks.closeloop.recordings`, where the recordings are
+(`tests.testbed.sessions.recordings`).
 """
 
 import sys
@@ -12,7 +13,7 @@ from typing import Any
 
 from analysis.closeloop.loop import close_loop
 from benchmarks.machine import describe_machine
-from tests.testbed.recordings import measured_folder, write_elbows, write_emps
+from tests.testbed.sessions.recordings import measured_folder, write_elbows, write_emps
 
 #: What is declared of the axis; published values of Janot, Gautier and Brunot 2019.
 FITTED = ("coulomb_friction", "viscous_friction", "torque_offset")

@@ -29,8 +29,8 @@ import numpy as np
 
 from analysis.closeloop.loop import analyse, close_loop
 from benchmarks.machine import describe_machine
-from tests.testbed.effects import ABSORBED, BETWEEN, EFFECTS, OUTSIDE
-from tests.testbed.sessions import write_session
+from tests.testbed.sessions.effects import ABSORBED, BETWEEN, EFFECTS, OUTSIDE
+from tests.testbed.sessions.synthetic import write_session
 
 #: Pairs of effects that act through different signals.
 PAIRS = list(

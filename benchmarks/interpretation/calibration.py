@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.interpretation.bank import Bank, Samples, load_bank
-from analysis.interpretation.calibration import Judged, judge, subgroups
-from analysis.interpretation.inference import JOINTS, Interpreter, noisy, targets_of
+from analysis.interpretation.bank.bank import Bank, Samples, load_bank
+from analysis.interpretation.bank.sampling import sample
+from analysis.interpretation.inference.calibration import Judged, judge, subgroups
+from analysis.interpretation.inference.interpreter import JOINTS, Interpreter, noisy, targets_of
+from analysis.interpretation.inference.posterior import TARGETS
 from analysis.interpretation.plan import half_width_after, steps
-from analysis.interpretation.posterior import TARGETS
-from analysis.interpretation.sampling import sample
 from benchmarks.machine import describe_machine
 
 #: Seeds of wearers who are reported on, and what is changed in them.

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.interpretation.bank import Bank
-from analysis.interpretation.features import Features
-from analysis.interpretation.inference import Interpreter, noisy, targets_of
+from analysis.interpretation.bank.bank import Bank
+from analysis.interpretation.inference.features import Features
+from analysis.interpretation.inference.interpreter import Interpreter, noisy, targets_of
 
 FOLDS = 5
 TREES = 150

@@ -1,8 +1,8 @@
 """How often intervals hold the truth, beside SALib and SciPy on the same samples, and errors.
 
-Functions with closed forms (`tests.testbed.functions`) are the outputs of one study, once without
-failures, once with 5 % of the runs failing at random, and once with every run failing whose first
-factor is in the upper fifth of its range. SALib and SciPy take no failures.
+Functions with closed forms (`tests.testbed.functions.scalar`) are the outputs of one study, once
+without failures, once with 5 % of the runs failing at random, and once with every run failing whose
+first factor is in the upper fifth of its range. SALib and SciPy take no failures.
 
 Seeds begin at `FIRST_SEED`: on those before it, and on those from 20 000 on, the intervals were
 developed (`analysis.sensitivity.estimators.tails`, `analysis.sensitivity.estimators.intervals`), so
@@ -19,7 +19,7 @@ from scipy.stats import qmc, sobol_indices
 
 from analysis.designs import SAMPLINGS, unit_row
 from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
-from tests.testbed.functions import FACTORS, KNOWN, Points
+from tests.testbed.functions.scalar import FACTORS, KNOWN, Points
 
 Array = NDArray[np.float64]
 

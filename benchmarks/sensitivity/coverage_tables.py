@@ -28,7 +28,7 @@ from benchmarks.sensitivity.coverage import (
     true_effects,
     truths,
 )
-from tests.testbed.functions import KNOWN
+from tests.testbed.functions.scalar import KNOWN
 
 HONEST = (0.87, 0.93)
 SYMBOLS = {"first_order": "S", "total_order": "ST", "mu": "mu", "mu_star": "mu*", "sigma": "sigma"}

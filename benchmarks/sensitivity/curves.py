@@ -1,8 +1,8 @@
 """How often intervals and bands of curves hold the truth, and what a study of curves takes.
 
 `python -m benchmarks.sensitivity.curves [SEEDS]`. Functions are those of
-`tests.testbed.curve_functions`, which have closed forms; the truth of elementary effects comes from
-a long run on a seed of its own. Seeds begin at 1000; bands were developed on seeds below 100.
+`tests.testbed.functions.curves`, which have closed forms; the truth of elementary effects comes
+from a long run on a seed of its own. Seeds begin at 1000; bands were developed on seeds below 100.
 """
 
 import sys
@@ -18,7 +18,7 @@ from analysis.sensitivity.curves.estimator import CurveEstimator
 from analysis.sensitivity.curves.findings import findings
 from benchmarks.machine import describe_machine
 from models.curves import Curve
-from tests.testbed.curve_functions import CurveFunction, ishigami_over_time, waves
+from tests.testbed.functions.curves import CurveFunction, ishigami_over_time, waves
 
 Array = NDArray[np.float64]
 

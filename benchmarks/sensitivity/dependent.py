@@ -24,7 +24,7 @@ from analysis.designs import DEFAULT_SAMPLING, unit_row
 from analysis.given.hsic import hsic
 from analysis.given.measures import MEASURES
 from analysis.sensitivity.estimators import SYMBOLS, ShapleyEstimator
-from tests.testbed.dependent import ishigami, ishigami_of_dependent, linear, truths
+from tests.testbed.functions.dependent import ishigami, ishigami_of_dependent, linear, truths
 
 Array = NDArray[np.float64]
 

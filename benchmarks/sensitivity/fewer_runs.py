@@ -18,10 +18,10 @@ from analysis.designs import DEFAULT_SAMPLING, unit_row
 from analysis.designs.points import sobol
 from analysis.sensitivity.estimators import SaltelliEstimator
 from analysis.sensitivity.fewer_runs.answer import LEAST_EXPLAINED, Answer, answer
-from analysis.sensitivity.stopping import SHARE_TARGET
+from analysis.sensitivity.judgement.stopping import SHARE_TARGET
 from benchmarks.sensitivity.coverage import FIRST_SEED, LEVEL
-from tests.testbed.engineering_functions import ROUGH, SMOOTH
-from tests.testbed.hard_functions import HARD, HELD_OUT, Hard
+from tests.testbed.functions.engineering import ROUGH, SMOOTH
+from tests.testbed.functions.hard import HARD, HELD_OUT, Hard
 
 Array = NDArray[np.float64]
 

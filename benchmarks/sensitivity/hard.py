@@ -1,6 +1,6 @@
 """How often intervals hold the truth where that is hard, and how often a study warns.
 
-Studies of `tests.testbed.hard_functions` are taken through the analysis as in a coordinator: their
+Studies of `tests.testbed.functions.hard` are taken through the analysis as in a coordinator: their
 snapshots, the decision to go on or to stop (at 128 rows and each doubling, since none stops before;
 to ±0.1, and for effects to a tenth of the largest mu*; 2048 rows at most), and what they say of
 themselves. `make bench-analysis` prints it, `python -m benchmarks.sensitivity.hard [SEEDS]
@@ -20,11 +20,11 @@ from scipy.stats import qmc
 
 from analysis.designs import DEFAULT_SAMPLING, unit_row
 from analysis.designs.radial import SMALLEST_STEP
+from analysis.sensitivity.judgement.stopping import Goal, next_step
 from analysis.sensitivity.records import StudyPlan
 from analysis.sensitivity.snapshot import new_estimator, take_snapshot
-from analysis.sensitivity.stopping import Goal, next_step
 from benchmarks.sensitivity.coverage import FIRST_SEED
-from tests.testbed.hard_functions import HARD, HELD_OUT, Hard
+from tests.testbed.functions.hard import HARD, HELD_OUT, Hard
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from analysis.sensitivity.study_state import StudyState
 from benchmarks.machine import describe_machine
 from benchmarks.sensitivity.coverage_tables import print_coverage_and_errors
 from benchmarks.sensitivity.latency import PLAN, lags, results
-from tests.testbed.functions import FACTORS
+from tests.testbed.functions.scalar import FACTORS
 
 
 def print_speed(rows: int = 1_000_000) -> None:

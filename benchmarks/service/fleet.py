@@ -26,7 +26,7 @@ from pydantic_core import from_json, to_json
 from benchmarks.machine import describe_machine
 from benchmarks.measuring import cpu_seconds
 from benchmarks.service.coordinator import TOKEN, Json, Running, coordinator, done, submit
-from tests.testbed.postgresql import serving
+from tests.testbed.coordinators.postgresql import serving
 
 CORES = 32
 INSTANCE_SECONDS = 0.2

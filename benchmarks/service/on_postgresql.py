@@ -14,7 +14,7 @@ from benchmarks.measuring import Target, Throughput, middle
 from benchmarks.service.coordinator import coordinator, submit, throughput
 from benchmarks.service.rivals import pgqueuer_queue
 from benchmarks.service.throughput import PROCESSES, ROWS
-from tests.testbed.postgresql import serving
+from tests.testbed.coordinators.postgresql import serving
 
 OPTIONS = ("synchronous_commit=off", "max_connections=200")
 BATCHES = (1, 10)

@@ -20,7 +20,7 @@ from benchmarks.service.rivals import (
     procrastinate_queue,
 )
 from benchmarks.service.table import HEADER, Round, beside, lines, targets
-from tests.testbed.postgresql import serving
+from tests.testbed.coordinators.postgresql import serving
 
 #: Like SQLite's write-ahead log and Redis's file: commits do not wait for the disk.
 POSTGRESQL = ("synchronous_commit=off", "max_connections=100")

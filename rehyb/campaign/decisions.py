@@ -13,7 +13,7 @@ from rehyb.client import Json
 from rehyb.errors import CampaignError, Invalid
 
 if TYPE_CHECKING:
-    from analysis.sensitivity.stopping import Step
+    from analysis.sensitivity.judgement.stopping import Step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,8 +139,8 @@ def next_step(plan: Plan, phase: Phase, snapshot: Json, rows: int) -> "Step | No
     Raises:
         Invalid: the goal is none.
     """
-    from analysis.sensitivity.stopping import Goal
-    from analysis.sensitivity.stopping import next_step as judge
+    from analysis.sensitivity.judgement.stopping import Goal
+    from analysis.sensitivity.judgement.stopping import next_step as judge
 
     if phase.number == 1 or plan.most_rows is None:
         return None
@@ -153,7 +153,7 @@ def next_step(plan: Plan, phase: Phase, snapshot: Json, rows: int) -> "Step | No
 
 def propose(plan: Plan, snapshot: Json) -> Proposed | None:
     """Return what phase 1 proposes to fix; None if too few instances succeeded to rank anything."""
-    from analysis.sensitivity.screening import least_influential, propose_fixing
+    from analysis.sensitivity.judgement.screening import least_influential, propose_fixing
 
     proposal = propose_fixing(snapshot, plan.output)
     factor = proposal.factor or least_influential(snapshot, plan.output)

@@ -7,25 +7,10 @@ import sys
 
 import typer
 
-from rehyb.cli import (
-    analyses,
-    campaigns,
-    close_loop,
-    database,
-    files,
-    inspect,
-    interpretation,
-    models,
-    pilots,
-    precision,
-    reports,
-    services,
-    simulation,
-    studies,
-    surrogates,
-    tokens,
-)
-from rehyb.cli import study_control as study_control  # its commands join those of `studies`
+from rehyb.cli import campaigns, close_loop, inspect, interpretation, models, simulation
+from rehyb.cli.operate import database, pilots, services, tokens
+from rehyb.cli.study import analyses, files, precision, reports, studies, surrogates
+from rehyb.cli.study import control as control  # its commands join those of `studies`
 from rehyb.errors import Invalid, RehybError
 
 app = typer.Typer(

@@ -160,14 +160,14 @@ def build(
     """Simulate a population's recordings and learn from them, into one file."""
     if find_spec("sklearn") is None:
         raise RehybError("to learn takes scikit-learn: pip install 'rehyb[interpret]'")
-    from analysis.interpretation.bank import load_bank
-    from analysis.interpretation.build import describe, empty_bank, grow
-    from analysis.interpretation.errors import InterpretationError
-    from analysis.interpretation.population import (
+    from analysis.interpretation.bank.bank import load_bank
+    from analysis.interpretation.bank.population import (
         default_population,
         read_population,
         with_effects,
     )
+    from analysis.interpretation.build import describe, empty_bank, grow
+    from analysis.interpretation.errors import InterpretationError
 
     path = bank_file(out)
     try:
@@ -220,7 +220,7 @@ def _effects(report: Path) -> Json:
 @answering
 def show(bank: BankFile = None) -> Answer:
     """Say what a bank holds."""
-    from analysis.interpretation.bank import load_bank
+    from analysis.interpretation.bank.bank import load_bank
     from analysis.interpretation.build import describe
     from analysis.interpretation.errors import InterpretationError
 

@@ -12,10 +12,10 @@ from sqlalchemy.engine import Engine
 from analysis.closeloop.code import digest
 from analysis.interpretation.contract import MOST_KNOWN
 from analysis.interpretation.contract import code as interpreting_code
+from server.http.problems import body_of
 from server.logic.caching import tag
 from server.logic.close_loops import parsed
 from server.operations import close_loops
-from server.problems import body_of
 from server.records import CloseLoopJob
 from server.routes.close_loop_leases import FILES_OF
 from server.routes.common import (

@@ -8,7 +8,7 @@ from typing import Any, BinaryIO
 from fastapi import HTTPException, Request
 from starlette.datastructures import UploadFile
 
-from server.guards import upload_too_large
+from server.http.guards import upload_too_large
 from server.store.database.parts import PART_BYTES
 
 _ZIP = {"schema": {"type": "string", "format": "binary", "examples": ["a zip file"]}}

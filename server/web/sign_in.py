@@ -10,10 +10,10 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse
 from pydantic import Field
 
+from server.http.problems import problem
 from server.logic.signing_in import OPERATOR, SIGNED_IN_SECONDS, Codes, Seal, comes_from_here
 from server.logic.tokens import FAILURE_SECONDS, Believed, Failures, may
 from server.operations import tokens
-from server.problems import problem
 from server.routes.common import Body, Now, Store
 from server.web.assets import page_headers, render
 

@@ -5,8 +5,8 @@ from typing import Any
 
 from sqlalchemy.engine import Engine
 
+from analysis.sensitivity.judgement.stopping import Advice, advise
 from analysis.sensitivity.records import said_of
-from analysis.sensitivity.stopping import Advice, advise
 from models.curves import names_of
 from server.logic.study.progress import Pace, pace
 from server.operations.study import precision_goals, studies

@@ -7,10 +7,10 @@ from fastapi import APIRouter, Request, Response
 
 from analysis.reports import tables
 from analysis.reports.interactive import bars, convergence, plane, precision
+from analysis.sensitivity.judgement.stopping import advise
 from analysis.sensitivity.records import StudyPlan, curves_as_outputs
 from analysis.sensitivity.remarks import remarks, warning
 from analysis.sensitivity.snapshot import empty_snapshot
-from analysis.sensitivity.stopping import advise
 from models.curves import names_of as output_names
 from server.errors import NotFoundError
 from server.logic.study.plans import for_analysis

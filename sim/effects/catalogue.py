@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from sim.effects import drive, elastic, friction, inertia, limb, load_friction, transmission
 from sim.effects.effect import Effect
+from sim.effects.laws import drive, elastic, friction, inertia, limb, load_friction, transmission
 
 #: Candidates for a residual, simplest first.
 EFFECTS: tuple[Effect, ...] = (

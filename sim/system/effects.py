@@ -14,7 +14,7 @@ import numpy as np
 
 from sim.effects.applied import AppliedEffects
 from sim.effects.catalogue import ASSESSED
-from sim.effects.friction import Friction
+from sim.effects.laws.friction import Friction
 from sim.effects.motion import SimulatedMotion
 from sim.effects.parameter import Values
 from sim.parameters.conditions import Conditions

@@ -16,7 +16,7 @@ import pytest
 from rehyb.client import Client
 from rehyb.fleet import LocalFleet
 from tests.testbed.models import EXAMPLES, edited, laid_out
-from tests.testbed.sessions import write_session
+from tests.testbed.sessions.synthetic import write_session
 
 ROWS = 128
 

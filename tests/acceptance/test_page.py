@@ -16,7 +16,7 @@ from rehyb.fleet import LocalFleet
 from server.operations import tokens
 from server.store import create_engine, upgrade
 from tests.testbed.browser import launched, needs_browser, watched
-from tests.testbed.full_house import House, furnish
+from tests.testbed.coordinators.full_house import House, furnish
 
 pytestmark = needs_browser
 

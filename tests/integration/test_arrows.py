@@ -48,8 +48,12 @@ def test_every_contract_between_the_rooms_is_kept() -> None:
     [
         ("server/store/tokens.py", "server.logic.tokens", "which do not"),
         ("server/logic/tokens.py", "server.store.tokens", "which do not"),
-        ("sim/effects/limb.py", "sim.body.skeleton", "from an effect's law"),
-        ("analysis/designs/points.py", "analysis.sensitivity.screening", "designs, indices"),
+        ("sim/effects/laws/limb.py", "sim.body.skeleton", "from an effect's law"),
+        (
+            "analysis/designs/points.py",
+            "analysis.sensitivity.judgement.screening",
+            "designs, indices",
+        ),
         ("server/app.py", "worker.pool", "The coordinator knows no client"),
     ],
 )

@@ -15,7 +15,7 @@ from rehyb.errors import Invalid
 from sim.assessment.assess import assess
 from tests.testbed.interpretation import written_session
 from worker.banks import usable_bank
-from worker.close_loop import work
+from worker.close_loop.child import work
 
 RUNNER = CliRunner()
 

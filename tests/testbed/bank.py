@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 
-from analysis.interpretation import gaussian_process
-from analysis.interpretation.bank import KEPT, Bank, Samples, empty_samples
-from analysis.interpretation.inference import Interpreter
-from analysis.interpretation.population import Population, population_of
+from analysis.interpretation.bank.bank import KEPT, Bank, Samples, empty_samples
+from analysis.interpretation.bank.population import Population, population_of
+from analysis.interpretation.inference import gaussian_process
+from analysis.interpretation.inference.interpreter import Interpreter
 from sim.models import CURVES, WINDOWS
 
 NORMAL = {"kind": "truncated_normal", "mean": 0.3, "sd": 0.02, "low": 0.25, "high": 0.35}

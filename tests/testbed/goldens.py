@@ -30,7 +30,7 @@ from rehyb import Client
 from rehyb.fleet import LocalFleet
 from server.app import create_app
 from server.settings import Settings
-from tests.testbed.sessions import write_session
+from tests.testbed.sessions.synthetic import write_session
 
 #: Terminal and threads change what is printed, and the last bits of sums.
 FIXED = {"COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1", "OPENBLAS_NUM_THREADS": "1"}

@@ -20,7 +20,7 @@ from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.candidates import candidates, has_ground
 from analysis.closeloop.identification.findings import Hidden
 from sim.effects.effect import Columns, Effect
-from sim.effects.elastic import Viscoelastic
+from sim.effects.laws.elastic import Viscoelastic
 from sim.effects.motion import RecordedJoint
 
 #: Largest torque that an effect which nobody saw is credited with, over the joint's effort.

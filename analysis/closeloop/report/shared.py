@@ -16,7 +16,7 @@ from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import Model, Term, unfitted
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.uncertainty import CONFIDENCE
-from sim.effects.inertia import PLACE
+from sim.effects.laws.inertia import PLACE
 
 #: Parts of every trial that are left out in turn.
 PARTS = 10

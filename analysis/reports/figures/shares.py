@@ -9,7 +9,7 @@ from analysis.designs import family
 from analysis.reports.figures import style
 from analysis.reports.figures.plane import draw_threshold
 from analysis.reports.wording import words
-from analysis.sensitivity.ranking import RANKED_BY
+from analysis.sensitivity.judgement.ranking import RANKED_BY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

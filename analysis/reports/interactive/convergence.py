@@ -18,7 +18,7 @@ from analysis.reports.interactive.shared import (
 )
 from analysis.reports.wording import with_unit, words
 from analysis.sensitivity.estimators import SYMBOLS
-from analysis.sensitivity.ranking import RANKED_BY
+from analysis.sensitivity.judgement.ranking import RANKED_BY
 
 _ENDS = ("value", "low", "high")
 

@@ -8,7 +8,7 @@ from analysis.reports.figures.style import INDICES
 from analysis.reports.interactive.shared import Figure, colour, layout, plain, ranked, reach, told
 from analysis.reports.wording import words
 from analysis.sensitivity.estimators import SYMBOLS
-from analysis.sensitivity.screening import SHARE_OF_LARGEST
+from analysis.sensitivity.judgement.screening import SHARE_OF_LARGEST
 
 
 def plane(snapshot: Mapping[str, Any], output: str, unit: str = "") -> Figure | None:

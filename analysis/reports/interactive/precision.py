@@ -15,7 +15,7 @@ from analysis.reports.interactive.shared import (
     rows_axis,
 )
 from analysis.reports.wording import words
-from analysis.sensitivity.stopping import WANTED, Advice
+from analysis.sensitivity.judgement.stopping import WANTED, Advice
 
 GOOD = "#009E73"
 
@@ -25,7 +25,7 @@ def precision(snapshot: Mapping[str, Any], output: str, advice: Advice | None) -
 
     Args:
         advice: how wide they should be, which is drawn as a band, and from when on they will be
-            (`analysis.sensitivity.stopping.advise`).
+            (`analysis.sensitivity.judgement.stopping.advise`).
     """
     if advice is None or not advice.target > 0.0:
         return None

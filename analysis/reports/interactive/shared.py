@@ -7,7 +7,7 @@ from typing import Any
 from analysis.designs import family
 from analysis.reports.figures.style import COLOURS
 from analysis.reports.wording import visible, with_interval
-from analysis.sensitivity.ranking import RANKED_BY
+from analysis.sensitivity.judgement.ranking import RANKED_BY
 
 Figure = dict[str, Any]
 Interval = Mapping[str, float | None]

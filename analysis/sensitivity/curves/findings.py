@@ -37,9 +37,9 @@ from analysis.sensitivity.curves.estimator import CurveEstimator
 from analysis.sensitivity.curves.points import looked_at
 from analysis.sensitivity.curves.whole import generalised
 from analysis.sensitivity.estimators import OF_PAIRS, Estimate, Statistic
-from analysis.sensitivity.ranking import RANKED_BY, rank
-from analysis.sensitivity.screening import influence
-from analysis.sensitivity.trust import judge
+from analysis.sensitivity.judgement.ranking import RANKED_BY, rank
+from analysis.sensitivity.judgement.screening import influence
+from analysis.sensitivity.judgement.trust import judge
 from models.curves import Curve
 
 

@@ -18,7 +18,7 @@ from redis.exceptions import ConnectionError as NotReady
 
 from benchmarks.measuring import watch
 from benchmarks.service.rivals import PROCESSES, Rival, processes
-from tests.testbed.postgresql import free_port
+from tests.testbed.coordinators.postgresql import free_port
 
 TASKS = 4000
 CHUNK = 10

@@ -7,7 +7,7 @@ import sqlalchemy as sa
 
 from benchmarks.measuring import watch
 from benchmarks.service.rivals import PROCESSES, Rival, processes
-from tests.testbed.postgresql import Server
+from tests.testbed.coordinators.postgresql import Server
 
 TRIALS = 300
 NAME = "rival"

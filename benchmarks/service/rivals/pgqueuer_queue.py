@@ -12,7 +12,7 @@ from pgqueuer.queries import Queries
 
 from benchmarks.measuring import Throughput, watch
 from benchmarks.service.rivals import PROCESSES, Rival, processes
-from tests.testbed.postgresql import Server
+from tests.testbed.coordinators.postgresql import Server
 
 #: By batch: as many as take some seconds.
 TASKS = {1: 1500, 10: 6000, 100: 6000}

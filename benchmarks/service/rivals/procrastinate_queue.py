@@ -7,7 +7,7 @@ from procrastinate import App, PsycopgConnector, SyncPsycopgConnector
 
 from benchmarks.measuring import watch
 from benchmarks.service.rivals import PROCESSES, Rival, processes
-from tests.testbed.postgresql import Server
+from tests.testbed.coordinators.postgresql import Server
 
 TASKS = 2000
 #: Jobs that one process works on at once: while one waits for the database, others go on.

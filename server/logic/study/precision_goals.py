@@ -5,7 +5,7 @@ from dataclasses import replace
 from math import inf
 from typing import Any
 
-from analysis.sensitivity.stopping import next_step
+from analysis.sensitivity.judgement.stopping import next_step
 from models.curves import names_of
 from server.errors import InvalidStudyError
 from server.logic.study.plans import MAX_ROWS
@@ -57,8 +57,9 @@ def next_extension(
 ) -> tuple[Study, PrecisionGoal] | None:
     """Return a study and its goal after what there is to do now; None if that is nothing.
 
-    The rule is `analysis.sensitivity.stopping.next_step` (Sarrazin et al. 2016), which looks at a
-    complete study only: a few rows early would be judged by others than those that were asked for.
+    The rule is `analysis.sensitivity.judgement.stopping.next_step` (Sarrazin et al. 2016), which
+    looks at a complete study only: a few rows early would be judged by others than those that were
+    asked for.
 
     `snapshot` is of all the study's results.
     """

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import sobol_indices, uniform
 
-from tests.testbed.functions import FACTORS, KNOWN
+from tests.testbed.functions.scalar import FACTORS, KNOWN
 
 
 @pytest.mark.parametrize("name", KNOWN)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.designs import unit_row
 from analysis.sensitivity.estimators import Estimator, estimator_class
-from tests.testbed.functions import KNOWN, bratley
+from tests.testbed.functions.scalar import KNOWN, bratley
 
 Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 

@@ -10,7 +10,7 @@ import pytest
 
 from models.folder import ModelError, read_folder
 from models.mjcf.simulate import Simulation
-from tests.testbed.recordings import measured_folder
+from tests.testbed.sessions.recordings import measured_folder
 
 MEASURED = measured_folder()
 pytestmark = pytest.mark.skipif(

@@ -10,8 +10,8 @@ import pytest
 from rehyb.campaign.plans import Plan
 from rehyb.campaign.run import Campaign
 from rehyb.reports import report_studies
-from tests.testbed.finished_study import FinishedStudy, weighted_sum
-from tests.testbed.instant_coordinator import InstantCoordinator
+from tests.testbed.coordinators.finished_study import FinishedStudy, weighted_sum
+from tests.testbed.coordinators.instant import InstantCoordinator
 
 Run = Callable[..., tuple[int, str, str]]
 

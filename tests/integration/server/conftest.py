@@ -16,8 +16,8 @@ from server.operations.fleet.leasing import Grant
 from server.records import Plan
 from server.settings import Settings
 from server.store import create_engine, upgrade
-from tests.testbed import exchanges, records
 from tests.testbed.clock import Clock
+from tests.testbed.coordinators import exchanges, records
 
 TOKEN = "correct horse"
 

@@ -17,7 +17,7 @@ import httpx2
 import pytest
 
 from rehyb import Client, Unreachable
-from server.connections import STRANGERS_PER_ADDRESS
+from server.http.connections import STRANGERS_PER_ADDRESS
 from tests.testbed.fleet import warm
 from tests.testbed.fleet.lab import until
 

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 from signal import Signals
 
+from tests.testbed.coordinators.postgresql import free_port
 from tests.testbed.fleet import warm
 from tests.testbed.fleet.bad_network import BadNetwork
-from tests.testbed.postgresql import free_port
 
 HERE = Path(__file__).parent
 TOKEN = "token-of-the-chaos"

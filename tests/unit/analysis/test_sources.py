@@ -19,8 +19,8 @@ CARRIERS = {
     *("given/reading.py", "given/sample.py", "given/thousands.py"),
     *("files/results_csv.py", "files/netcdf.py", "files/parquet.py"),
     *("interpretation/answer.py", "interpretation/build.py", "interpretation/errors.py"),
-    *("interpretation/archive.py", "interpretation/contract.py"),
-    *("interpretation/page.py", "interpretation/recording.py", "interpretation/sampling.py"),
+    *("interpretation/bank/archive.py", "interpretation/contract.py"),
+    *("interpretation/page.py", "interpretation/recording.py", "interpretation/bank/sampling.py"),
     *("reports/interactive/failures.py", "reports/interactive/shared.py"),
     "sensitivity/curves/findings.py",
 }

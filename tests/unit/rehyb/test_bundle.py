@@ -13,7 +13,7 @@ import pytest
 from rehyb.bundle.archive import MANIFEST, MEMBERS, read_bundle, write_bundle
 from rehyb.bundle.reproduce import Finding, check, request_of
 from rehyb.errors import Conflict, Invalid
-from tests.testbed.finished_study import ROWS, WIDTH, FinishedStudy
+from tests.testbed.coordinators.finished_study import ROWS, WIDTH, FinishedStudy
 
 Members = dict[str, bytes]
 

@@ -266,7 +266,7 @@ def test_the_token_is_for_its_owners_eyes_only(site: Site) -> None:
 
 
 def test_a_status_is_one_line(site: Site) -> None:
-    from rehyb.cli.pilots import line
+    from rehyb.cli.operate.pilots import line
 
     site.work = {"waiting": 8, "under_way": 3}
     assert line(site.keeper.look(0.0)) == (

@@ -6,7 +6,7 @@ import pytest
 
 from rehyb.errors import Invalid
 from rehyb.reports import report_studies
-from tests.testbed.finished_study import FinishedStudy
+from tests.testbed.coordinators.finished_study import FinishedStudy
 
 
 def test_an_output_the_study_does_not_have_is_refused(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from server.logic.fleet.verdicts import Report
 from server.records import Plan
-from tests.testbed import records
+from tests.testbed.coordinators import records
 
 
 @pytest.fixture

@@ -47,7 +47,7 @@ from analysis.closeloop.identification.selection import (
 )
 from analysis.closeloop.session.link_torque import carriers
 from sim.effects.catalogue import BY_NAME
-from sim.effects.inertia import PLACE, LinkInertia
+from sim.effects.laws.inertia import PLACE, LinkInertia
 
 #: What every joint of a robot may have.
 ORDINARY = ("torque_offset", "viscous_friction", "coulomb_friction", "added_inertia")

@@ -17,7 +17,7 @@ from analysis.closeloop.session.link_torque import carriers
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Columns, Effect, Theta
-from sim.effects.inertia import PLACE, PlacedPayload, load_columns
+from sim.effects.laws.inertia import PLACE, PlacedPayload, load_columns
 
 PLACED = PlacedPayload()
 #: Gauss-Newton steps that bring payloads to their places, and when that is done, m.

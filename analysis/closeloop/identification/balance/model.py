@@ -12,7 +12,7 @@ from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lagged
 from sim.effects.effect import Columns, Effect, Theta
-from sim.effects.elastic import Viscoelastic
+from sim.effects.laws.elastic import Viscoelastic
 from sim.effects.motion import Estimate, RecordedJoint
 
 

@@ -12,7 +12,7 @@ from models.folder import ModelFolder, read_folder
 from models.mjcf.simulate import Simulation
 from sim.effects.catalogue import BY_NAME
 from sim.effects.elements import add_constant
-from tests.testbed.session_folder import Folder
+from tests.testbed.sessions.small import Folder
 
 FRICTION = {"value": 2.0, "ci90": [1.5, 2.5], "unit": "Nm"}
 OFFSET = {"value": 0.4, "ci90": [0.2, 0.6], "unit": "Nm"}

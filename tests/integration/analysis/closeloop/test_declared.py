@@ -8,7 +8,7 @@ import mujoco
 import pytest
 
 from analysis.closeloop.loop import close_loop
-from tests.testbed.sessions import write_session
+from tests.testbed.sessions.synthetic import write_session
 
 SEED = 3
 

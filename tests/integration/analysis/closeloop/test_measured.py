@@ -11,7 +11,7 @@ from analysis.closeloop.load import load_session
 from analysis.closeloop.loop import close_loop
 from analysis.closeloop.report.confirmation import simulate
 from analysis.closeloop.session.recording import Recording
-from tests.testbed.recordings import measured_folder, write_elbows, write_emps, write_ur10e
+from tests.testbed.sessions.recordings import measured_folder, write_elbows, write_emps, write_ur10e
 
 MEASURED = measured_folder()
 pytestmark = pytest.mark.skipif(

@@ -14,7 +14,7 @@ from analysis.closeloop.loop import analyse, close_loop
 from rehyb.client import Client
 from rehyb.fleet import LocalFleet
 from sim.assessment.assess import assess
-from tests.testbed.patient import (
+from tests.testbed.sessions.patient import (
     EXERCISES,
     Exercise,
     record_exercise,

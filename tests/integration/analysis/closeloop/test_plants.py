@@ -10,7 +10,7 @@ import pytest
 
 from analysis.closeloop.loop import analyse
 from analysis.closeloop.report.repaired import repaired_model
-from tests.testbed.plants import ARM, CARRIAGE, write_recordings
+from tests.testbed.sessions.plants import ARM, CARRIAGE, write_recordings
 
 
 def names(report: dict[str, Any]) -> set[tuple[str, str]]:

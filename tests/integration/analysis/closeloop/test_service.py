@@ -21,7 +21,7 @@ from analysis.closeloop.loop import close_loop
 from server.operations import check, close_loops, sessions
 from server.store import create_engine
 from tests.testbed.fleet.lab import TOKEN, Lab, until
-from tests.testbed.sessions import write_session
+from tests.testbed.sessions.synthetic import write_session
 
 SEED = 3
 #: Few trials: a second or two of work.

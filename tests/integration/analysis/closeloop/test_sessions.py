@@ -14,8 +14,8 @@ import pytest
 from analysis.closeloop.contract import REPORT_FILES
 from analysis.closeloop.loop import close_loop
 from sim.effects.applied import AppliedEffects
-from tests.testbed.effects import Arm
-from tests.testbed.sessions import write_session
+from tests.testbed.sessions.effects import Arm
+from tests.testbed.sessions.synthetic import write_session
 
 SEED = 3
 

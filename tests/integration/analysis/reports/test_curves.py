@@ -87,7 +87,7 @@ def test_a_curve_without_results_is_drawn_too_and_an_unknown_one_is_a_sentence()
 def test_the_terminal_shows_whole_curves(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    from rehyb.cli.studies import _print_indices
+    from rehyb.cli.study.studies import _print_indices
 
     described = study("saltelli", "y", "wave")
     one = chapter(described, table_of(described, tmp_path / "r.csv"))

@@ -20,7 +20,7 @@ from server.operations.study import studies
 from server.records import Plan
 from server.store import create_engine, upgrade
 from server.store.database.engine import writing
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 
 @pytest.fixture

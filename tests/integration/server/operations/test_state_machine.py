@@ -34,7 +34,7 @@ from server.store import create_engine, upgrade
 from server.store.database.engine import writing
 from server.store.database.schema import metadata
 from sim.models import ISHIGAMI
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 TTL = 60.0
 #: Two kinds of machines, the first with two hosts.

@@ -14,7 +14,7 @@ from server.settings import Settings
 from server.store import upgrade
 from tests.testbed.command import Run
 from tests.testbed.command import run as run
-from tests.testbed.rest_bodies import STUDY, is_problem
+from tests.testbed.coordinators.rest_bodies import STUDY, is_problem
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from server.operations.fleet import leases
 from server.store.database.engine import writing
 from server.store.database.schema import close_loops as close_loops_table
 from tests.testbed.clock import Clock
-from tests.testbed.rest_bodies import is_problem
+from tests.testbed.coordinators.rest_bodies import is_problem
 
 Json = dict[str, Any]
 

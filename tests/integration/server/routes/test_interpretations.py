@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 
 from analysis.interpretation.contract import code
 from server.operations import check, sessions
-from tests.testbed.rest_bodies import is_problem
+from tests.testbed.coordinators.rest_bodies import is_problem
 
 Json = dict[str, Any]
 

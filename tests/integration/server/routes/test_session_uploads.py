@@ -23,8 +23,8 @@ from server.settings import Settings
 from server.store import upgrade
 from server.store.database.engine import reading
 from server.store.database.schema import session_parts, sessions
-from tests.testbed.bad_sessions import BAD, linked, words
-from tests.testbed.session_folder import HEADER, Folder, rows
+from tests.testbed.sessions.bad import BAD, linked, words
+from tests.testbed.sessions.small import HEADER, Folder, rows
 
 TOKEN = "sessions"
 #: What is refused before and after MuJoCo has a look, one of each kind. The unit tests try all of

@@ -16,7 +16,7 @@ from server.operations import check, sessions
 from server.store.database.engine import reading, writing
 from server.store.database.parts import PART_BYTES
 from server.store.database.schema import metadata, session_parts
-from tests.testbed.rest_bodies import is_problem
+from tests.testbed.coordinators.rest_bodies import is_problem
 
 ZIP = {"Content-Type": "application/zip"}
 CONTENT: dict[str, Any] = {

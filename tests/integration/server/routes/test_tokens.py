@@ -81,7 +81,7 @@ def test_a_revoked_token_is_good_for_seconds_only(
     client: TestClient, app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = [1000.0]
-    monkeypatch.setattr("server.guards.monotonic", lambda: now[0])
+    monkeypatch.setattr("server.http.guards.monotonic", lambda: now[0])
     token_id, headers = bearing(app, "read")
     assert client.get("/v1/studies", headers=headers).status_code == 200
     tokens.revoke(app.state.engine, token_id, now=2.0)
@@ -93,7 +93,7 @@ def test_guessing_is_cut_short_and_harms_nobody_who_knows(
     client: TestClient, app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = [1000.0]
-    monkeypatch.setattr("server.guards.monotonic", lambda: now[0])
+    monkeypatch.setattr("server.http.guards.monotonic", lambda: now[0])
     _, good = bearing(app, "read")
     assert client.get("/v1/studies", headers=good).status_code == 200
     wrong = {"Authorization": "Bearer guess"}

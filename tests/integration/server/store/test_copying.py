@@ -23,7 +23,7 @@ from server.store import create_engine, upgrade
 from server.store.copying import copy
 from server.store.database.engine import reading
 from server.store.study import snapshots
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 Moved = tuple[Engine, Engine]
 

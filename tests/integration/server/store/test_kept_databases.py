@@ -21,7 +21,7 @@ from server.operations.study import studies
 from server.store import create_engine, upgrade
 from server.store.database.engine import reading, writing
 from server.store.database.upgrade import _config
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 KEPT = sorted((Path(__file__).parent / "schemas").glob("*.sqlite3"))
 VERSIONS = {

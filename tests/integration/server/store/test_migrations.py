@@ -16,7 +16,7 @@ from server.store import create_engine, upgrade
 from server.store.database.engine import writing
 from server.store.database.schema import metadata
 from server.store.database.upgrade import _config
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 Row = dict[str, Any]
 

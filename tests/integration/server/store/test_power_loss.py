@@ -14,8 +14,8 @@ from server.operations import check
 from server.operations.study import studies
 from server.settings import Settings
 from server.store import create_engine
-from tests.testbed import exchanges, records
-from tests.testbed.forgetful_disk import Disk, ForgetfulVFS
+from tests.testbed.coordinators import exchanges, records
+from tests.testbed.coordinators.forgetful_disk import Disk, ForgetfulVFS
 
 #: Ways in which each commit's writes that were not synced fare, besides that all are forgotten.
 CUTS = int(os.environ.get("REHYB_POWER_CUTS", "1"))

@@ -21,7 +21,7 @@ from server.store.fleet import results as store_results
 from server.web.new_study import LEAST_SECONDS
 from server.web.page import Look
 from server.web.pages import PAGES
-from tests.testbed.full_house import MARKUP, SHORT, UNSEEN, House, furnish
+from tests.testbed.coordinators.full_house import MARKUP, SHORT, UNSEEN, House, furnish
 
 BROWSER = {"Accept": "text/html"}
 

@@ -104,7 +104,7 @@ def test_a_reader_sees_no_button(browser: TestClient, engine: Engine) -> None:
 def test_a_sign_in_ends_with_its_time_its_token_and_by_wish(
     browser: TestClient, engine: Engine, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("server.guards.BELIEVED_SECONDS", 0.0)
+    monkeypatch.setattr("server.http.guards.BELIEVED_SECONDS", 0.0)
     token, secret = tokens.create(engine, name="anna", scopes=["read"], now=1.0)
     sign_in(browser, secret)
     assert browser.get("/", headers=BROWSER).status_code == 200

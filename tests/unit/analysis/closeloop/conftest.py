@@ -3,7 +3,7 @@
 import pytest
 
 from analysis.closeloop.session.recording import Recording
-from tests.testbed.rich_recording import rich_recording
+from tests.testbed.sessions.rich import rich_recording
 
 
 @pytest.fixture(scope="package")

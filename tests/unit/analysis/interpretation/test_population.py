@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.interpretation.errors import InterpretationError
-from analysis.interpretation.population import (
+from analysis.interpretation.bank.population import (
     default_population,
     population_of,
     read_population,
     with_effects,
 )
-from analysis.interpretation.sampling import parameters_of
+from analysis.interpretation.bank.sampling import parameters_of
+from analysis.interpretation.errors import InterpretationError
 
 OURS = default_population()
 

@@ -9,9 +9,9 @@ from analysis.reports.figures.style import COLOURS
 from analysis.reports.interactive import bars, convergence, plane, precision
 from analysis.reports.interactive.failures import failures
 from analysis.reports.interactive.shared import plain
+from analysis.sensitivity.judgement.stopping import advise
 from analysis.sensitivity.service import analyse
 from analysis.sensitivity.snapshot import empty_snapshot
-from analysis.sensitivity.stopping import advise
 from tests.testbed.studies import results_of, study_plan
 
 

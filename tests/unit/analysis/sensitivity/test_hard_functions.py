@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.testbed.hard_functions import HARD, HELD_OUT, sampled
-from tests.testbed.level_e import level_e
+from tests.testbed.functions.hard import HARD, HELD_OUT, sampled
+from tests.testbed.functions.level_e import level_e
 
 CLOSED = ("rare event", "exp-sum", "Pareto 0.2", "linear, 20 factors")
 

@@ -9,7 +9,13 @@ from scipy.special import ndtri
 
 from analysis.designs import unit_row
 from analysis.sensitivity.estimators import SaltelliEstimator, ShapleyEstimator
-from tests.testbed.dependent import Values, ishigami, ishigami_of_dependent, linear, truths
+from tests.testbed.functions.dependent import (
+    Values,
+    ishigami,
+    ishigami_of_dependent,
+    linear,
+    truths,
+)
 
 CORRELATED = np.array([[1.0, 0.6, 0.0], [0.6, 1.0, -0.4], [0.0, -0.4, 1.0]])
 

@@ -11,9 +11,9 @@ from sim.effects.catalogue import ASSESSED, BY_NAME, EFFECTS, VISCOELASTIC
 from sim.effects.effect import AppliedEffect, Effect, Law
 from sim.effects.motion import SimulatedMotion
 from sim.effects.parameter import unit_at
-from tests.testbed.effects import Arm
-from tests.testbed.rich_recording import ELBOW, TRUTH, torque, values
-from tests.testbed.sessions import mjcf
+from tests.testbed.sessions.effects import Arm
+from tests.testbed.sessions.rich import ELBOW, TRUTH, torque, values
+from tests.testbed.sessions.synthetic import mjcf
 
 CONTRACT = """
 coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_dependent_friction

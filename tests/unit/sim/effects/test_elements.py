@@ -7,8 +7,8 @@ import pytest
 from sim.effects.applied import AppliedEffects
 from sim.effects.catalogue import BY_NAME
 from sim.effects.elements import add_spring
-from tests.testbed.effects import Arm
-from tests.testbed.sessions import mjcf
+from tests.testbed.sessions.effects import Arm
+from tests.testbed.sessions.synthetic import mjcf
 
 PARAMETERS: dict[str, dict[str, float]] = {
     "stribeck_friction": {"torque": 1.0, "breakaway_excess": 2.0, "stribeck_velocity": 0.5},

@@ -11,7 +11,7 @@ from analysis.closeloop.identification.candidates import candidates, options_bes
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Law
-from tests.testbed.rich_recording import ELBOW, TRUTH, torque
+from tests.testbed.sessions.rich import ELBOW, TRUTH, torque
 
 RUNGS = ("directional_load_friction", "quadratic_load_friction", "stribeck_load_friction")
 

@@ -10,8 +10,8 @@ from analysis.closeloop.identification.candidates import candidates
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, EFFECTS
 from sim.effects.effect import Effect
-from sim.effects.inertia import PlacedPayload
-from tests.testbed.rich_recording import ELBOW, TRUTH
+from sim.effects.laws.inertia import PlacedPayload
+from tests.testbed.sessions.rich import ELBOW, TRUTH
 
 SHOULDER = 0
 #: Estimates that were reported once: effect, non-linear parameters, coefficients, what is wrong.

@@ -19,7 +19,7 @@ from server.operations.study import instances, reruns, studies
 from server.records import Plan, Result
 from server.settings import Settings
 from server.states import StudyState
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 Drawing = Callable[..., Plan]
 Reporting = Callable[..., Report]

@@ -14,7 +14,7 @@ from server.operations.fleet import leases
 from server.operations.fleet.leasing import Grant
 from server.operations.study import reruns, studies
 from server.records import Plan
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 Drawing = Callable[..., Plan]
 Reporting = Callable[..., Report]

@@ -22,7 +22,7 @@ from server.store.database.engine import reading
 from server.store.database.schema import instances as instances_table
 from server.store.database.schema import results as results_table
 from server.store.fleet import workers
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 Drawing = Callable[..., Plan]
 Reporting = Callable[..., Report]

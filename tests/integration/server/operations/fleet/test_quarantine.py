@@ -14,8 +14,8 @@ from server.operations import check
 from server.operations.fleet.leasing import Grant
 from server.operations.study import instances, studies
 from server.records import Instance, Plan
-from tests.testbed import exchanges
-from tests.testbed.rest_bodies import STUDY, Json, asking, posting, result
+from tests.testbed.coordinators import exchanges
+from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, posting, result
 
 TTL = 60.0
 HELD = Instance(row=3, position=1, state="leased", lease="L", attempts={})

@@ -16,7 +16,7 @@ from server.operations.study import studies
 from server.records import Plan
 from server.store.database.engine import reading
 from server.store.database.schema import conflicts
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 Reporting = Callable[..., Report]
 Leasing = Callable[..., Grant]

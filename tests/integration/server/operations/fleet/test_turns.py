@@ -27,7 +27,7 @@ from server.store.database.schema import comparisons, instances, results, worker
 from server.store.database.schema import leases as lease_table
 from server.store.database.schema import studies as study_table
 from server.store.fleet.turns import TurnConnection
-from tests.testbed.records import report
+from tests.testbed.coordinators.records import report
 
 TTL = 60.0
 

@@ -12,7 +12,7 @@ from server.operations.fleet.leasing import Grant
 from server.operations.study import studies
 from server.records import Plan
 from server.store.database.prepared import Prepared
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 ROWS, WIDTH = 200, 4
 

@@ -15,7 +15,7 @@ from server.operations.study import studies
 from server.records import Place, Plan
 from server.store.database.engine import reading
 from server.store.database.schema import instances
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 Leasing = Callable[..., Grant]
 

@@ -21,8 +21,8 @@ from server.operations.study.result_log import StoreResultLog
 from server.records import Plan, PrecisionGoal, Study
 from server.routes.study.progress import events
 from sim.evaluation import evaluate
-from tests.testbed import exchanges
-from tests.testbed.rest_bodies import STUDY, Json, is_problem
+from tests.testbed.coordinators import exchanges
+from tests.testbed.coordinators.rest_bodies import STUDY, Json, is_problem
 
 Drawing = Callable[..., Plan]
 WORKER: Json = {"worker": "w", "host": "h", "versions": {}, "models": ["ishigami"]}

@@ -13,7 +13,7 @@ from server.operations.fleet.leasing import Grant
 from server.operations.study import studies
 from server.operations.study.result_log import StoreResultLog
 from server.records import Plan, Study
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 
 @pytest.fixture

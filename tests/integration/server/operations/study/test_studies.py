@@ -20,7 +20,7 @@ from server.records import Plan, Study
 from server.states import StudyState
 from server.store.database.engine import reading
 from server.store.database.schema import metadata, superseded
-from tests.testbed import exchanges
+from tests.testbed.coordinators import exchanges
 
 Drawing = Callable[..., Plan]
 TTL = 60.0

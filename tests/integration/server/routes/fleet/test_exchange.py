@@ -7,7 +7,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from server.operations import check
-from tests.testbed.rest_bodies import STUDY, Json, asking, is_problem, posting, result
+from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, is_problem, posting, result
 
 
 def submit(client: TestClient, **changes: Any) -> Json:

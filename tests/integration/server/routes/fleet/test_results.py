@@ -17,7 +17,7 @@ from analysis.files.parquet import STUDY_KEY
 from analysis.sensitivity.service import catch_up
 from server.logic.fleet.hosts import host_class
 from server.operations.study.result_log import StoreResultLog
-from tests.testbed.rest_bodies import STUDY, Json, asking, is_problem, posting, result
+from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, is_problem, posting, result
 
 
 @pytest.fixture

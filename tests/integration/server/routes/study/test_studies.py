@@ -8,7 +8,7 @@ from fastapi.testclient import TestClient
 
 from server.operations.study import studies
 from sim.models import ELBOW
-from tests.testbed.rest_bodies import STUDY, Json, asking, is_problem
+from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, is_problem
 
 
 def test_a_study_is_created_and_found_again(client: TestClient, clock: Any) -> None:

@@ -17,7 +17,7 @@ from analysis.closeloop.identification.candidates import _try, refined
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, EFFECTS
 from sim.effects.effect import Theta
-from tests.testbed.rich_recording import ELBOW, TRUTH, torque
+from tests.testbed.sessions.rich import ELBOW, TRUTH, torque
 
 
 @pytest.mark.parametrize("name", [effect.name for effect in EFFECTS])

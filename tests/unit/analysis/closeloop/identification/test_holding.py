@@ -12,7 +12,7 @@ from analysis.closeloop.identification.growing import Grown
 from analysis.closeloop.identification.holding import held_in_octaves
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
-from tests.testbed.rich_recording import ELBOW
+from tests.testbed.sessions.rich import ELBOW
 
 DELAY = 0.02
 

@@ -17,7 +17,7 @@ from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.candidates import candidates, options_beside
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
-from tests.testbed.rich_recording import ELBOW, rich_recording
+from tests.testbed.sessions.rich import ELBOW, rich_recording
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.judgement.identified import hidden_effects
 from analysis.closeloop.session.contents import DeclaredEffect
 from analysis.closeloop.session.recording import Recording
-from tests.testbed.rich_recording import ELBOW
+from tests.testbed.sessions.rich import ELBOW
 
 
 def test_a_rung_moves_no_stiffness_where_the_rung_below_is_not_there(recording: Recording) -> None:

@@ -9,8 +9,8 @@ from analysis.closeloop.contract import Verdict
 from analysis.closeloop.report.named import _if_it_can_be, refused_values, spans_nonsense
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.session.device import Device
-from tests.testbed.effects import Arm
-from tests.testbed.sessions import mjcf
+from tests.testbed.sessions.effects import Arm
+from tests.testbed.sessions.synthetic import mjcf
 
 MASS = (0.0, float("inf"))
 

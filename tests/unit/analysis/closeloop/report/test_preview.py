@@ -7,7 +7,7 @@ import pytest
 
 from analysis.closeloop.load import load_session
 from analysis.closeloop.report.preview import preview, remarks
-from tests.testbed.session_folder import Folder
+from tests.testbed.sessions.small import Folder
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
 from analysis.closeloop.loop import close_loop
 from rehyb.cli import app
-from tests.testbed.bad_sessions import BAD, words
-from tests.testbed.session_folder import HEADER, Folder, rows
+from tests.testbed.sessions.bad import BAD, words
+from tests.testbed.sessions.small import HEADER, Folder, rows
 
 
 @pytest.fixture

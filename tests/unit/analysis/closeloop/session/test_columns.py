@@ -10,8 +10,8 @@ import pytest
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
 from sim.assessment.nominal import nominal_model
-from tests.testbed.session_folder import rows
-from tests.testbed.sessions import Arm, mjcf
+from tests.testbed.sessions.small import rows
+from tests.testbed.sessions.synthetic import Arm, mjcf
 
 #: A log under a robot's own names: degrees, current instead of torque, separated by blanks.
 NAMES = ("timestamp", "actual_q_0", "actual_q_1", "actual_current_1")

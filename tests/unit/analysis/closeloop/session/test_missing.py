@@ -17,8 +17,8 @@ from analysis.closeloop.session.missing import (
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lowpass_measured
 from analysis.closeloop.session.stretches import record
-from tests.testbed.effects import Arm
-from tests.testbed.sessions import mjcf
+from tests.testbed.sessions.effects import Arm
+from tests.testbed.sessions.synthetic import mjcf
 
 RATE = 200.0
 

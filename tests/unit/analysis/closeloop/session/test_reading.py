@@ -8,7 +8,7 @@ import pytest
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
 from analysis.closeloop.session.plausibility import saturated_line
-from tests.testbed.session_folder import HEADER, Folder
+from tests.testbed.sessions.small import HEADER, Folder
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ import pytest
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
 from analysis.closeloop.session.recording import Recording
-from tests.testbed.effects import Arm
-from tests.testbed.session_folder import HEADER, rows
-from tests.testbed.sessions import mjcf
+from tests.testbed.sessions.effects import Arm
+from tests.testbed.sessions.small import HEADER, rows
+from tests.testbed.sessions.synthetic import mjcf
 
 ARM = Arm()
 #: The testbed's arm as a robot's maker would ship it.

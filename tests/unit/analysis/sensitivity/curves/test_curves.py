@@ -17,7 +17,7 @@ from analysis.sensitivity.curves.points import MOST_POINTS, looked_at
 from analysis.sensitivity.curves.whole import generalised
 from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
 from models.curves import Curve
-from tests.testbed.curve_functions import CurveFunction, gamboa, ishigami_over_time, waves
+from tests.testbed.functions.curves import CurveFunction, gamboa, ishigami_over_time, waves
 
 Array = NDArray[np.float64]
 SEED = 5

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.designs import row_width, unit_row
+from analysis.sensitivity.judgement.stopping import Goal, advise, next_step
 from analysis.sensitivity.records import LoggedResult, StudyPlan, output_of, plan_of
 from analysis.sensitivity.service import analyse
 from analysis.sensitivity.snapshot import empty_snapshot
-from analysis.sensitivity.stopping import Goal, advise, next_step
 from analysis.sensitivity.study_state import StudyState
 from models.curves import Curve, columns
-from tests.testbed.curve_functions import ishigami_over_time
+from tests.testbed.functions.curves import ishigami_over_time
 
 POINTS = 5
 CURVES = {"torque": Curve(points=POINTS, over="phase")}

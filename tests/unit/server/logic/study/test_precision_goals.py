@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from analysis.sensitivity import stopping
+from analysis.sensitivity.judgement import stopping
 from server.errors import InvalidStudyError
 from server.logic.study import precision_goals
 from server.logic.study.plans import MAX_ROWS

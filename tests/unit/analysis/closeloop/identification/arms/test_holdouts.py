@@ -20,7 +20,7 @@ from analysis.closeloop.identification.growing import Grown
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
-from tests.testbed.rich_recording import ELBOW
+from tests.testbed.sessions.rich import ELBOW
 
 
 def halves(recording: Recording, second: float) -> Recording:

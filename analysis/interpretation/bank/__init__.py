@@ -1,0 +1,1 @@
+"""Simulated recordings of a population, and the truth behind each."""

@@ -1,0 +1,347 @@
+"""What a recording says of K_h and D_h: a mean by regression, an interval by conformal prediction.
+
+1. A Gaussian process maps inputs to K, D, K over the angle and every factor of the population; a
+   second one maps them to what contact changes about that.
+2. Errors of prediction, each from all other rows, say how K and the factors err together around a
+   recording. Whatever factor is then measured on the patient corrects K as in a linear Gaussian
+   model (Rasmussen and Williams 2006, equation A.6).
+3. Errors over their local spread have quantiles in the bank: a conformal predictive system
+   (Vovk et al. 2019, Nonparametric predictive distributions based on conformal prediction).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+from scipy.special import ndtri
+
+from analysis.interpretation.bank.bank import LOCAL, Bank, Samples
+from analysis.interpretation.bank.population import Population
+from analysis.interpretation.errors import InterpretationError
+from analysis.interpretation.inference.familiarity import Familiarity
+from analysis.interpretation.inference.features import Features
+from analysis.interpretation.inference.gaussian_process import GaussianProcess
+from analysis.interpretation.inference.posterior import TARGETS, Posterior, View, corrected
+
+#: Rows around a recording whose errors are like its own.
+NEIGHBOURS = 40
+#: Weight of these in how large errors are; the rest is of all rows.
+LOCAL_WEIGHT = 0.8
+#: By how much the errors' correlation is shrunk towards none.
+SHRINKAGE = 0.05
+#: Fewest rows to learn from.
+LEAST_ROWS = 4 * NEIGHBOURS
+#: Fewest rows with contact from which its correction is learnt.
+LEAST_CONTACT = 60
+JOINTS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """A factor that was measured on the patient."""
+
+    name: str
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interpreter:
+    """What was learnt from a bank."""
+
+    population: Population
+    features: Features
+    #: From inputs to targets and factors' normal scores.
+    first: GaussianProcess
+    #: To what contact adds; None without contact in the bank.
+    correction: GaussianProcess | None
+    #: Inputs over the first's lengths, and errors of prediction of targets and factors, of the rows
+    #: that intervals are calibrated on.
+    places: np.ndarray
+    errors: np.ndarray
+    #: What recordings have in common.
+    familiarity: Familiarity
+    #: Factors of these rows as normal scores, and sorted values of each factor.
+    scores: np.ndarray
+    sorted_factors: np.ndarray
+
+    @classmethod
+    def fit(cls, bank: Bank, like: "Interpreter | None" = None) -> "Interpreter":
+        """Learn from a bank.
+
+        Args:
+            bank: with its rows.
+            like: learnt from the same rows without contact, which need not be learnt from again.
+
+        Raises:
+            InterpretationError: it holds too few recordings.
+        """
+        if len(bank.bushing) < LEAST_ROWS:
+            raise InterpretationError(
+                f"a bank needs {LEAST_ROWS} recordings that can be believed, and this one has "
+                f"{len(bank.bushing)}: build it with more --rows"
+            )
+        sorted_factors = np.sort(bank.bushing.factors, axis=0)
+        recorded = noisy(bank, bank.bushing)
+        features = Features.fit(recorded) if like is None else like.features
+        inputs = features.inputs(recorded)
+        scores = normal_scores(sorted_factors, bank.bushing.factors)
+        tuned = len(TARGETS)
+        if like is None:
+            outputs = np.hstack([targets_of(bank.bushing), scores])
+            first = GaussianProcess.fit(inputs, outputs, tuned=tuned, seed=bank.seed)
+        else:
+            first = like.first
+        errors, correction = first.residuals, None
+        looked_at = recorded
+        if len(bank.contact) >= LEAST_CONTACT:
+            looked_at = noisy(bank, bank.contact)
+            inputs = features.inputs(looked_at)
+            scores = normal_scores(sorted_factors, bank.contact.factors)
+            outputs = np.hstack([targets_of(bank.contact), scores])
+            correction = GaussianProcess.fit(
+                inputs, outputs - first.predict(inputs), tuned=tuned, seed=bank.seed
+            )
+            errors = correction.residuals
+        return cls(
+            population=bank.population,
+            features=features,
+            first=first,
+            correction=correction,
+            places=inputs / first.lengths,
+            errors=errors,
+            familiarity=Familiarity.fit(features.scaled(looked_at)),
+            scores=scores,
+            sorted_factors=sorted_factors,
+        )
+
+    @cached_property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return what `Interpreter.read` needs."""
+        parts: dict[str, Mapping[str, np.ndarray]] = {
+            "features": self.features.arrays,
+            "familiarity": self.familiarity.arrays,
+            "first": self.first.arrays,
+            "correction": self.correction.arrays if self.correction else {},
+        }
+        own = ("places", "errors", "scores", "sorted_factors")
+        return {name: getattr(self, name) for name in own} | {
+            f"{part}.{name}": array
+            for part, arrays in parts.items()
+            for name, array in arrays.items()
+        }
+
+    @classmethod
+    def read(cls, bank: Bank) -> "Interpreter":
+        """Return what was learnt from a bank when it was built.
+
+        Raises:
+            InterpretationError: an array is missing.
+        """
+
+        def part(name: str) -> dict[str, np.ndarray]:
+            prefix = f"{name}."
+            return {
+                key.removeprefix(prefix): array
+                for key, array in bank.fitted.items()
+                if key.startswith(prefix)
+            }
+
+        own = ("places", "errors", "scores", "sorted_factors")
+        parts = {"features": Features, "familiarity": Familiarity, "first": GaussianProcess}
+        if part("correction"):
+            parts["correction"] = GaussianProcess
+        wanted = [f"{name}.{field.name}" for name, kind in parts.items() for field in fields(kind)]
+        if missing := [name for name in (*own, *wanted) if name not in bank.fitted]:
+            raise InterpretationError(
+                f"what was learnt from this bank has no {missing[0]}: `rehyb bank build --extend "
+                f"--rows {bank.bushing.drawn} --contact-rows {bank.contact.drawn}` learns again"
+            )
+        return cls(
+            population=bank.population,
+            features=Features(**part("features")),
+            familiarity=Familiarity(**part("familiarity")),
+            first=GaussianProcess(**part("first")),
+            correction=GaussianProcess(**part("correction")) if part("correction") else None,
+            **{name: bank.fitted[name] for name in own},
+        )
+
+    def inputs(self, recorded: np.ndarray) -> np.ndarray:
+        """Return the inputs of recordings, shape (n, d)."""
+        return self.features.inputs(recorded)
+
+    def look(self, recorded: np.ndarray) -> View:
+        """Return what a recording (CURVES and ESTIMATES, shape (both,)) says before calibration."""
+        inputs = self.inputs(recorded[None])
+        near = self._neighbours(inputs / self.first.lengths, own=False)
+        every = np.arange(len(TARGETS), self.errors.shape[1])
+        return View(mean=self._mean(inputs)[0], covariance=self._covariances(near, every)[0])
+
+    def infer(self, view: View, known: tuple[Known, ...] = ()) -> Posterior:
+        """Return what is believed after a recording and what was measured on the patient.
+
+        Raises:
+            InterpretationError: a known value is impossible in this population.
+        """
+        columns, values, sds = self._measured(known)
+        centre, spread = view.corrected(columns, values, sds)
+        return Posterior(centre=centre, spread=spread, scores=self._scores(columns, sds))
+
+    def after(self, view: View, known: tuple[Known, ...], sds: Mapping[str, float]) -> Posterior:
+        """Return what to expect if factors were measured, too, to standard deviations `sds`.
+
+        The centre is what is believed now: a measurement moves it, but nobody knows whither.
+        """
+        columns, values, own = self._measured(known)
+        centre, _ = view.corrected(columns, values, own)
+        more, scaled = self.measurable(view, sds)
+        columns, scaled = np.concatenate([columns, more]), np.concatenate([own, scaled])
+        _, spread = view.corrected(columns, np.zeros(len(columns)), scaled)
+        return Posterior(centre=centre, spread=spread, scores=self._scores(columns, scaled))
+
+    def measurable(self, view: View, sds: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Return columns of factors, and standard deviations as those of their normal scores."""
+        columns = np.array([self._column(name) for name in sds], dtype=int)
+        scaled = [
+            self._scored_sd(column, self._value(column, view.mean[column]), sd)
+            for column, sd in zip(columns, sds.values(), strict=True)
+        ]
+        return columns, np.array(scaled)
+
+    def measured(self, known: tuple[Known, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Return columns of what is known, and standard deviations of their normal scores."""
+        columns, _, sds = self._measured(known)
+        return columns, sds
+
+    def residual_scores(self, columns: np.ndarray, sds: np.ndarray) -> np.ndarray:
+        """Return the scores of the bank's rows, not sorted, shape (rows, TARGETS)."""
+        covariances = self._covariances(self._own_neighbours, columns)
+        rng = np.random.default_rng(0)
+        noise = rng.standard_normal((len(self.errors), len(columns))) * sds
+        # What is measured is off by what it is measured to: so are the differences to its mean.
+        surprise = self.errors[:, columns] + noise
+        own = self.errors[:, : len(TARGETS)]
+        centre, spread = corrected(np.zeros_like(own), covariances, surprise, sds)
+        return np.asarray((own - centre) / spread)
+
+    @cached_property
+    def _own_neighbours(self) -> np.ndarray:
+        return self._neighbours(self.places, own=True)
+
+    def _scores(self, columns: np.ndarray, sds: np.ndarray) -> np.ndarray:
+        return np.sort(self.residual_scores(columns, sds), axis=0)
+
+    def _mean(self, inputs: np.ndarray) -> np.ndarray:
+        mean = self.first.predict(inputs)
+        return mean if self.correction is None else mean + self.correction.predict(inputs)
+
+    def _neighbours(self, places: np.ndarray, *, own: bool) -> np.ndarray:
+        """Return the rows nearest to each place, shape (k, NEIGHBOURS); `own` leaves it out."""
+        squared = (
+            (places**2).sum(axis=1)[:, None]
+            + (self.places**2).sum(axis=1)
+            - 2.0 * places @ self.places.T
+        )
+        if own:
+            np.fill_diagonal(squared, np.inf)
+        return np.asarray(np.argpartition(squared, NEIGHBOURS, axis=1)[:, :NEIGHBOURS])
+
+    def _covariances(self, near: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Return covariances of errors of targets and `columns`, shape (k, both, both).
+
+        Errors are as large as around each place, and go together as in the whole bank: too few
+        rows are near a place to tell the latter there.
+        """
+        chosen = np.concatenate([np.arange(len(TARGETS)), columns]).astype(int)
+        spread = self._spreads(near)[:, chosen]
+        together = self._together[np.ix_(chosen, chosen)]
+        return np.asarray(spread[:, :, None] * together * spread[:, None, :])
+
+    def _spreads(self, near: np.ndarray) -> np.ndarray:
+        """Return how large errors are around places, shape (k, targets and factors)."""
+        squared = self.errors**2
+        local = squared[near].mean(axis=1)
+        return np.asarray(
+            np.sqrt(LOCAL_WEIGHT * local + (1.0 - LOCAL_WEIGHT) * squared.mean(axis=0))
+        )
+
+    @cached_property
+    def _together(self) -> np.ndarray:
+        """Correlation of errors over their local size, shrunk towards none."""
+        relative = self.errors / self._spreads(self._own_neighbours)
+        found = relative.T @ relative
+        size = np.sqrt(np.diag(found))
+        found = found / np.outer(size, size)
+        return np.asarray((1.0 - SHRINKAGE) * found + SHRINKAGE * np.eye(len(found)))
+
+    def _measured(self, known: tuple[Known, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return columns, normal scores and their standard deviations of what is known."""
+        columns = np.array([self._column(one.name) for one in known], dtype=int)
+        values, sds = np.empty(len(known)), np.empty(len(known))
+        for i, one in enumerate(known):
+            ordered = self.sorted_factors[:, columns[i] - len(TARGETS)]
+            reach = 2.0 * one.sd
+            low, high = self.population.ends(one.name)
+            if not low - reach <= one.value <= high + reach:
+                unit = self.population.units()[one.name]
+                raise InterpretationError(
+                    f"{one.name} cannot be {one.value:g} {unit}: in this bank's population it is "
+                    f"{low:.4g} to {high:.4g} {unit}"
+                )
+            values[i] = normal_scores(ordered[:, None], np.array([[one.value]]))[0, 0]
+            sds[i] = self._scored_sd(columns[i], one.value, one.sd)
+        return columns, values, sds
+
+    def _column(self, name: str) -> int:
+        """Return where a factor is among targets and factors.
+
+        Raises:
+            InterpretationError: it is none, or nobody can measure it as a number.
+        """
+        if name not in self.population.names:
+            names = ", ".join(
+                n for n in self.population.names if not self.population.is_discrete(n)
+            )
+            raise InterpretationError(
+                f"there is no {name!r} to be known: this bank's population has {names}"
+            )
+        if self.population.is_discrete(name):
+            raise InterpretationError(f"{name} is a choice, which nobody measures: leave it out")
+        return len(TARGETS) + self.population.names.index(name)
+
+    def _scored_sd(self, column: int, value: float, sd: float) -> float:
+        """Return a standard deviation at a value as one of normal scores."""
+        ordered = self.sorted_factors[:, [column - len(TARGETS)]]
+        ends = normal_scores(ordered, np.array([[value - sd], [value + sd]]))[:, 0]
+        return max(float(ends[1] - ends[0]) / 2.0, 1e-3)
+
+    def _value(self, column: int, score: float) -> float:
+        """Return the value of a factor whose normal score is `score`."""
+        ordered = self.sorted_factors[:, column - len(TARGETS)]
+        return float(np.interp(score, _positions(len(ordered)), ordered))
+
+
+def noisy(bank: Bank, samples: Samples) -> np.ndarray:
+    """Return the recordings of a bank with the zero errors that sensors have, shape (n, both)."""
+    return samples.curves(bank.population.zero_errors(bank.seed, samples.rows, JOINTS))
+
+
+def targets_of(samples: Samples) -> np.ndarray:
+    """Return the truth of TARGETS, shape (n, TARGETS): restoring sense, Nm/rad and Nm s/rad."""
+    return np.hstack([samples.of("true_stiffness", "true_damping"), -samples.of(*LOCAL)])
+
+
+def normal_scores(ordered: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the normal scores of values (n, f) among sorted ones (rows, f), shape (n, f)."""
+    positions = _positions(len(ordered))
+    columns = []
+    for i in range(ordered.shape[1]):
+        own, where = np.unique(ordered[:, i], return_inverse=True)
+        level = np.bincount(where, positions) / np.bincount(where)
+        columns.append(np.interp(values[:, i], own, level))
+    return np.column_stack(columns)
+
+
+def _positions(count: int) -> np.ndarray:
+    return np.asarray(ndtri((np.arange(count) + 0.5) / count))

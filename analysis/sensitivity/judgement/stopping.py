@@ -1,0 +1,187 @@
+"""How many more rows a wanted precision needs, from the intervals so far, and when to add them.
+
+Width is the measure of convergence of Sarrazin, Pianosi and Wagener 2016 (Global sensitivity
+analysis of environmental models: convergence and validation). It falls with the square root of the
+number of rows, and faster for Sobol points, so the advice is cautious there.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import ceil, floor, inf, log10
+from typing import Any
+
+from analysis.designs import family, row_width
+from analysis.designs.points import LATIN_HYPERCUBE_ROWS
+from analysis.sensitivity.estimators import SYMBOLS
+from analysis.sensitivity.judgement.trust import FEWEST_ROWS
+from analysis.sensitivity.records import output_of
+
+#: Half width wanted of variance shares, and of mu* as a share of the largest mu*.
+SHARE_TARGET = 0.02
+EFFECT_TARGET = 0.1
+
+#: By family of methods: the indices that must be precise.
+WANTED = {
+    "morris": ("mu_star",),
+    "saltelli": ("first_order", "total_order"),
+    "shapley": ("shapley",),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Advice:
+    """What a study still needs."""
+
+    #: Half width wanted of every interval, in the index's unit.
+    target: float
+    #: The widest interval's half width, and whose it is: a factor and an index.
+    half_width: float
+    factor: str
+    index: str
+    #: Rows and runs still needed beyond those that are complete; 0 if the target is reached.
+    more_rows: int
+    more_runs: int
+    sentence: str
+
+
+def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None) -> Advice | None:
+    """Say how many more rows bring every interval to ± `target` (Sarrazin et al. 2016).
+
+    Args:
+        snapshot: of a study.
+        output: one of its outputs.
+        target: half width, in the index's unit; default: 0.02 for variance shares, a tenth of the
+            largest mu* for elementary effects.
+
+    Returns:
+        None while an index has no interval.
+
+    Raises:
+        ValueError: the target is not positive, or the study has no such output.
+    """
+    if target is not None and not 0.0 < target < inf:
+        raise ValueError(f"a target is a positive half width of an interval, not {target:g}")
+    factors = output_of(snapshot, output)["factors"]
+    wanted = WANTED[family(snapshot["method"])]
+    entries = [(factor, name, factors[factor][name]) for factor in factors for name in wanted]
+    if any(None in entry.values() for _, _, entry in entries):
+        return None
+    if target is None:
+        target = SHARE_TARGET
+        if snapshot["method"] == "morris":
+            target = EFFECT_TARGET * max(entry["value"] for _, _, entry in entries)
+    factor, name, widest = max(entries, key=lambda entry: _half(entry[2]))
+    half = _half(widest)
+    complete = snapshot["rows_complete"]
+    if half <= target or target == 0.0:
+        more = 0
+    else:
+        more = _round_up(complete * ((half / target) ** 2 - 1.0))
+    runs = more * row_width(snapshot["method"], len(factors))
+    reach = f"±{target:.2g}"
+    now = f"the widest interval, {SYMBOLS[name]} of {factor}, has ±{half:.2g}"
+    if more == 0:
+        sentence = f"Every index of {output} is within {reach}: {now}."
+    else:
+        sobol = snapshot["sampling"].startswith("sobol") and name != "mu_star"
+        about = "At most about" if sobol else "About"
+        sentence = f"{about} {more:,} more rows ({runs:,} runs) bring {output} to {reach}: {now}."
+        if sobol:
+            whole = 1 << (complete + more - 1).bit_length()
+            sentence += f" Sobol points serve best at a power of two: {whole:,} rows in all."
+    return Advice(
+        target=target,
+        half_width=half,
+        factor=factor,
+        index=name,
+        more_rows=more,
+        more_runs=runs,
+        sentence=sentence,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """How precise the indices of one output should become, and what that may cost."""
+
+    output: str
+    #: Half width of every interval; None: as `advise` has it.
+    target: float | None
+    #: The study is not extended beyond this many rows.
+    up_to: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """What a study with a goal does when all its rows are in."""
+
+    #: How many rows it will have in all; None if it is extended no more.
+    rows: int | None
+    #: Whether every interval is as narrow as wanted, and to be trusted.
+    reached: bool
+    sentence: str
+
+
+def next_step(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step | None:
+    """Decide whether a study is extended, and to how many rows.
+
+    By the widths of its intervals, as Sarrazin et al. 2016 judge convergence, and only where they
+    can be trusted (see `trust`). It never more than doubles, since a forecast from
+    few rows is a rough one. Sobol sequences grow to powers of two, and Latin hypercubes by whole
+    hypercubes, where they are balanced.
+
+    Args:
+        snapshot: of the study.
+        goal: what is wanted of it.
+        rows: how many rows the study has now.
+
+    Returns:
+        None while the snapshot lacks a row: the first rows to come in are not a fair sample.
+
+    Raises:
+        ValueError: as `advise`.
+    """
+    if snapshot["rows_complete"] != rows:
+        return None
+    advice = advise(snapshot, goal.output, goal.target)
+    if advice is None:
+        why = f"After {rows:,} rows {goal.output} has no intervals: see why its runs failed."
+        return Step(rows=None, reached=False, sentence=why)
+    trust = output_of(snapshot, goal.output).get("trust", {})
+    doubt = _doubt(trust, rows)
+    if advice.more_rows == 0 and not doubt:
+        seen = trust.get("unseen")
+        unseen = f" What fewer than {seen:.2g} of the runs show may be unseen." if seen else ""
+        return Step(rows=None, reached=True, sentence=advice.sentence + unseen)
+    said = advice.sentence + (f" {doubt}" if doubt else "")
+    if rows >= goal.up_to:
+        why = f"It has its {rows:,} rows, and {goal.up_to:,} at most were allowed. "
+        return Step(rows=None, reached=False, sentence=why + said)
+    wanted = min(rows + advice.more_rows, 2 * rows) if advice.more_rows else 2 * rows
+    if snapshot["sampling"] == "latin_hypercube":
+        wanted = -(-wanted // LATIN_HYPERCUBE_ROWS) * LATIN_HYPERCUBE_ROWS
+    else:
+        wanted = 1 << rows.bit_length()
+    wanted = min(wanted, goal.up_to)
+    return Step(
+        rows=wanted,
+        reached=False,
+        sentence=f"It is extended to {wanted:,} rows. {said}",
+    )
+
+
+def _doubt(trust: Mapping[str, Any], rows: int) -> str:
+    """Return why narrow intervals are not enough to stop at; empty if they are."""
+    if rows < FEWEST_ROWS:
+        return f"No study of fewer than {FEWEST_ROWS} rows has reached its target."
+    return "" if trust.get("trusted", True) else str(trust["sentence"])
+
+
+def _half(entry: Mapping[str, float]) -> float:
+    return 0.5 * (entry["high"] - entry["low"])
+
+
+def _round_up(rows: float) -> int:
+    """Round up to two digits: a forecast has no more."""
+    unit = 10 ** max(floor(log10(rows)) - 1, 0) if rows >= 1.0 else 1
+    return ceil(round(rows / unit, 6)) * unit

@@ -1,0 +1,1 @@
+"""Commands for whoever runs a coordinator: services, database, tokens, workers by batch."""

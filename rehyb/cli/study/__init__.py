@@ -1,0 +1,1 @@
+"""Commands about one study: submit and follow it, take it further, keep what it found."""

@@ -1,0 +1,1 @@
+"""What every request passes: connections, compression, who may speak, and how refusals look."""

@@ -1,0 +1,121 @@
+"""How long a connection may keep the coordinator waiting, and how many may be open."""
+
+import asyncio
+import resource
+from collections import Counter
+from collections.abc import Hashable
+from typing import Any
+
+from uvicorn.protocols.http.auto import AutoHTTPProtocol
+
+#: Seconds for the head of a request to arrive whole, from its first byte or from the connection's
+#: beginning; and for a body, besides what it takes at the least rate.
+HEAD_SECONDS = 10.0
+BODY_SECONDS = 30.0
+#: Bytes a second, on average, of whoever sends a body.
+LEAST_RATE = 10_000.0
+#: Most connections of one address, and of all together, of whose requests none bore a good token
+#: yet; and the share of this process's descriptors that they may take at most.
+STRANGERS_PER_ADDRESS = 256
+STRANGERS = 1024
+SHARE_PER_ADDRESS, SHARE = 1 / 8, 1 / 4
+
+
+class Strangers:
+    """Connections that have not shown a good token, oldest first."""
+
+    def __init__(self, *, most: int, most_per_address: int) -> None:
+        self._most = most
+        self._most_per_address = most_per_address
+        self._address: dict[Hashable, str] = {}
+        self._count: Counter[str] = Counter()
+
+    def add(self, connection: Hashable, address: str) -> Hashable | None:
+        """Note a new one; return the one that must go for it, if it is one too many.
+
+        It is the oldest: whoever wants to work shows a token with the first request, and is no
+        stranger any more when others have come.
+        """
+        self._address[connection] = address
+        self._count[address] += 1
+        gone: Hashable | None = None
+        if self._count[address] > self._most_per_address:
+            gone = next(one for one, whose in self._address.items() if whose == address)
+        elif len(self._address) > self._most:
+            gone = next(iter(self._address))
+        if gone is not None:
+            self.forget(gone)
+        return gone
+
+    def forget(self, connection: Hashable) -> None:
+        """One is closed, or has shown a good token."""
+        address = self._address.pop(connection, None)
+        if address is not None:
+            self._count[address] -= 1
+            if not self._count[address]:
+                del self._count[address]
+
+
+def strangers() -> Strangers:
+    """Return the bounds of this process, which may open all the files that the system allows."""
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    # Without a limit it is -1.
+    files = hard if hard > 0 else 1 << 20
+    return Strangers(
+        most=min(STRANGERS, int(files * SHARE)),
+        most_per_address=min(STRANGERS_PER_ADDRESS, int(files * SHARE_PER_ADDRESS)),
+    )
+
+
+class ImpatientProtocol(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
+    """Uvicorn's HTTP, which by itself waits for ever for a request that has not begun or ended."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:
+        """Begin to serve a connection; close another if there are too many."""
+        super().connection_made(transport)
+        #: Since when the peer owes the rest of a head or a body; None if it owes nothing.
+        self._owes_since: float | None = self.loop.time()
+        self._received = 0
+        others: Strangers = self.config.app.state.strangers
+        gone: Any = others.add(self, self.client[0] if self.client else "")
+        if gone is not None:
+            gone.transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget a connection."""
+        self.config.app.state.strangers.forget(self)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Take what has arrived."""
+        before = self.cycle
+        super().data_received(data)
+        cycle = self.cycle
+        self._received += len(data)
+        if cycle is not before:
+            # Who shows a good token with this request is told so by `server.http.guards`.
+            cycle.scope["rehyb.connection"] = self
+            self._owes_since = self.loop.time() if cycle.more_body else None
+            self._received = 0
+        elif cycle is not None and not cycle.response_complete:
+            if not cycle.more_body:
+                self._owes_since = None
+        elif self._owes_since is None:
+            self._owes_since, self._received = self.loop.time(), 0
+
+    def signed_in(self) -> None:
+        """A request bore a good token."""
+        self.config.app.state.strangers.forget(self)
+
+    def is_overdue(self, now: float) -> bool:
+        """Say whether the peer has owed the rest of its request for too long."""
+        if self._owes_since is None:
+            return False
+        cycle = self.cycle
+        if cycle is None or cycle.response_complete:
+            return bool(now > self._owes_since + HEAD_SECONDS)
+        if self.flow.read_paused:
+            # It is the coordinator that does not read.
+            self._owes_since, self._received = now, 0
+        return bool(now > self._owes_since + BODY_SECONDS + self._received / LEAST_RATE)

@@ -1,0 +1,1 @@
+"""One class per effect, by what it is about."""

@@ -1,0 +1,168 @@
+"""Friction that grows with the load of a joint.
+
+Dependence on load after Swevers, Verdonck and De Schutter 2007; the ladder of laws M3 to M6 after
+Duclusaud et al. 2025 (github Rhoban/bam).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sim.effects.effect import Theta
+from sim.effects.functions import Signal, choose, exp, magnitude
+from sim.effects.laws.friction import COARSE, Friction
+from sim.effects.motion import Motion, RecordedJoint
+from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Values, named, size
+
+#: Friction that takes more than this share of the load locks a transmission: nobody could move the
+#: robot by hand. What looks like it is Coulomb friction beside something else.
+MAX_LOAD_SHARE = 0.5
+
+
+def share(description: str) -> Parameter:
+    """Return a share of the load that friction takes."""
+    return Parameter("1", description, floor=0.0, ceiling=MAX_LOAD_SHARE)
+
+
+class LoadDependent(Friction):
+    """Friction that grows with the joint's load: (F + mu |load|) sign(v)."""
+
+    name = "load_dependent_friction"
+    complexity = 2
+    signature = "the step with the velocity's sign grows with the torque that the joint carries"
+    separating_trial = "repeat one movement with a known mass attached"
+    includes = ("coulomb_friction",)
+    parameters = named(
+        torque=size("Nm", 3.0, "friction of the robot's joint without load"),
+        load_share=replace(
+            size("1", 0.3, "further friction over the motor's torque"), ceiling=MAX_LOAD_SHARE
+        ),
+    )
+    coefficients = ("torque", "load_share")
+    nonlinear = (COARSE, Nonlinear("load", (0, 1, 2)))
+    uses_estimate = True
+
+    def level(self, parameters: Values, motion: Motion) -> Signal:
+        return parameters["torque"] + parameters["load_share"] * magnitude(motion.load)
+
+    def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
+        return under_load(joint, theta)
+
+
+class StribeckLoad(Friction):
+    """Load and Stribeck together (M4): both levels grow with the load.
+
+    (F + mu |load| + (dF + dmu |load|) exp(-(v / vs)^2)) sign(v).
+    """
+
+    owner = None
+    name = "stribeck_load_friction"
+    complexity = 5
+    signature = "the step with the velocity's sign grows with the load, and more so when slow"
+    separating_trial = "creep through the range with and without a known mass, both ways"
+    includes = ("coulomb_friction", "load_dependent_friction", "stribeck_friction")
+    grows_from = ("load_dependent_friction", "stribeck_friction")
+    parameters = named(
+        torque=Parameter("Nm", "friction without load when fast", floor=0.0),
+        load_share=share("further friction over the motor's torque"),
+        breakaway_excess=Parameter("Nm", "how much more there is when slow", floor=0.0),
+        slow_load_share=share("how much more over the torque when slow"),
+        stribeck_velocity=Parameter(
+            "rad/s", "speed at which the excess is lost", neutral=0.1, floor=1e-3
+        ),
+    )
+    coefficients = ("torque", "load_share", "breakaway_excess", "slow_load_share")
+    nonlinear = (
+        COARSE,
+        Nonlinear("speed", (0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE),
+        Nonlinear("load", (0, 1)),
+    )
+    uses_estimate = True
+
+    def level(self, parameters: Values, motion: Motion) -> Signal:
+        load = magnitude(motion.load)
+        slow = exp(-((motion.velocity / parameters["stribeck_velocity"]) ** 2))
+        excess = parameters["breakaway_excess"] + parameters["slow_load_share"] * load
+        return parameters["torque"] + parameters["load_share"] * load + excess * slow
+
+    def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
+        return under_load(joint, theta)
+
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        return {"stribeck_velocity": theta["speed"] * joint.top_speed}
+
+
+class DirectionalLoad(Friction):
+    """Load-dependent friction that knows who drives (M5): the motor or the load.
+
+    (F + mu |load|) sign(v), with one mu where the motor moves the load and another where the load
+    moves the motor. Duclusaud et al. write |mu_e tau_e - mu_m tau_m| with motor torque tau_m and
+    external torque tau_e; where acceleration is small, the motor's torque is the load plus or minus
+    friction, and that is the same law: mu = (mu_e + mu_m) / (1 -+ mu_m).
+    """
+
+    owner = None
+    name = "directional_load_friction"
+    complexity = 3
+    signature = "lifting a load takes more friction than letting it down gives back"
+    separating_trial = "lift and lower a known mass through the same range"
+    includes = ("coulomb_friction", "load_dependent_friction")
+    grows_from = ("load_dependent_friction",)
+    parameters = named(
+        torque=Parameter("Nm", "friction without load", floor=0.0),
+        driving_share=share("friction over the load where the motor drives"),
+        driven_share=share("friction over the load where the load drives"),
+    )
+    coefficients = ("torque", "driving_share", "driven_share")
+    nonlinear = (COARSE, Nonlinear("load", (0, 1)))
+    uses_estimate = True
+
+    def level(self, parameters: Values, motion: Motion) -> Signal:
+        driving = motion.load * motion.velocity > 0
+        shares = choose(driving, parameters["driving_share"], parameters["driven_share"])
+        return parameters["torque"] + shares * magnitude(motion.load)
+
+    def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
+        return under_load(joint, theta)
+
+
+class QuadraticLoad(Friction):
+    """Friction that grows faster than the load (M6): (F + mu |load| + kappa load^2) sign(v)."""
+
+    owner = None
+    name = "quadratic_load_friction"
+    complexity = 3
+    signature = "the step with the velocity's sign grows with the load, faster at large loads"
+    separating_trial = "repeat one movement with three known masses"
+    includes = ("coulomb_friction", "load_dependent_friction")
+    grows_from = ("load_dependent_friction",)
+    parameters = named(
+        torque=Parameter("Nm", "friction without load", floor=0.0),
+        load_share=share("further friction over the motor's torque"),
+        load_curvature=Parameter("1/Nm", "further friction over its square", floor=0.0),
+    )
+    coefficients = ("torque", "load_share", "load_curvature")
+    nonlinear = (COARSE, Nonlinear("load", (0, 1)))
+    uses_estimate = True
+
+    def level(self, parameters: Values, motion: Motion) -> Signal:
+        load = magnitude(motion.load)
+        linear = parameters["torque"] + parameters["load_share"] * load
+        return linear + parameters["load_curvature"] * load * load
+
+    def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
+        return under_load(joint, theta)
+
+
+def under_load(joint: RecordedJoint, theta: Theta) -> RecordedJoint:
+    """Return the recorded motion with the load that a law is told: which one is a choice."""
+    loads = (
+        joint.recording.static[:, joint.number],
+        joint.estimate.prediction[:, joint.number],
+        np.nan_to_num(joint.recording.effort[:, joint.number]),
+    )
+    return replace(
+        joint,
+        smooth=theta["smooth"],
+        load=loads[int(theta["load"])],
+    )

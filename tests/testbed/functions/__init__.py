@@ -1,0 +1,1 @@
+"""Functions of the unit cube whose indices are known."""

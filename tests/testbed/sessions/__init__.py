@@ -1,0 +1,1 @@
+"""Measured sessions and recordings whose truth is known, and spoilt ones."""

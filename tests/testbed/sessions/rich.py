@@ -1,0 +1,93 @@
+"""A rich recording without noise, and of every effect a place in its grid with its torque."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from analysis.closeloop.identification.balance.model import unfitted
+from analysis.closeloop.session.contents import Session, Trial
+from analysis.closeloop.session.device import Device
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import Sampling
+from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.effects import Arm
+from tests.testbed.sessions.synthetic import mjcf
+
+ELBOW = 1
+#: For every effect, a place in its grid and its coefficients.
+TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
+    "coulomb_friction": ({"smooth": 0.02}, (0.8,)),
+    "viscous_friction": ({}, (0.5,)),
+    "stribeck_friction": ({"smooth": 0.004, "speed": 0.24}, (0.6, 0.9)),
+    "asymmetric_friction": ({"smooth": 0.004, "viscous": 1.0}, (0.9, 0.3, 0.1)),
+    "load_dependent_friction": ({"smooth": 0.004, "load": 0}, (0.3, 0.2)),
+    "stribeck_load_friction": (
+        {"smooth": 0.004, "speed": 0.24, "load": 0},
+        (0.3, 0.1, 0.4, 0.1),
+    ),
+    "directional_load_friction": ({"smooth": 0.004, "load": 0}, (0.3, 0.3, 0.15)),
+    "quadratic_load_friction": ({"smooth": 0.004, "load": 0}, (0.3, 0.1, 0.02)),
+    "position_dependent_friction": ({"smooth": 0.004}, (0.9, 0.3, 0.2)),
+    "torque_offset": ({}, (0.7,)),
+    "torque_gain": ({}, (-0.1,)),
+    "payload": ({"distance": 1.6}, (0.4,)),
+    "added_inertia": ({}, (0.05,)),
+    "position_offset": ({"offset": 0.1}, (0.1,)),
+    "joint_stiffness": ({}, (3.0, -2.0)),
+    "nonlinear_stiffness": ({"centre": 1.0}, (5.0,)),
+    "end_range_torque": ({"side": 1.0, "onset": 1.15, "power": 2.0}, (9.0,)),
+    "torque_ripple": ({"order": 23.6}, (0.4, 0.3)),
+    "time_delay": ({"delay": 0.02}, ()),
+    "actuator_lag": ({"time_constant": 0.03}, ()),
+    "series_elasticity": ({}, (0.02,)),
+    "backlash": ({"width": 0.06, "late": 0.0}, (0.05,)),
+    "hysteresis": ({"distance": 0.25}, (1.2,)),
+    "stretch_reflex": ({"side": 1.0, "delay": 0.06, "speed": 0.15, "angle": -2.0}, (1.5,)),
+    "thixotropy": ({"distance": 1.0}, (1.5,)),
+    "drift": ({"level_off": 0.6}, (0.3,)),
+    "cross_joint_coupling": ({}, (2.0, 0.4)),
+}
+
+
+def rich_recording() -> Recording:
+    """Both joints of the arm in rich motion, 5 s at 200 Hz."""
+    t = np.arange(1000) / 200.0
+    w = 2 * np.pi * np.array([0.7, 0.4])
+    q = np.array([-0.5, 1.0]) + 0.4 * np.sin(t[:, None] * w)
+    v = 0.4 * w * np.cos(t[:, None] * w)
+    a = -0.4 * w**2 * np.sin(t[:, None] * w)
+    trial = Trial(file="a.csv", label="a", group="a", role="fit")
+    return Recording(
+        device=Device(mujoco.MjSpec.from_string(mjcf(Arm())), ()),
+        session=Session(folder=Path(), model="device.xml", limb_joints=("elbow",), trials=(trial,)),
+        sampling=Sampling(recorded=200.0, working=200.0, cutoff=20.0),
+        slices=[slice(0, len(t))],
+        trial=np.zeros(len(t), dtype=int),
+        time=t,
+        position=q,
+        velocity=v,
+        acceleration=a,
+        effort=np.zeros_like(q),
+        measured=np.ones(len(t)),
+        extra=np.empty((len(t), 0)),
+        extra_names=(),
+        joints=(0, 1),
+        fit_trials=(0,),
+    )
+
+
+def torque(recording: Recording, name: str) -> np.ndarray:
+    """Return what the motor has to add for the effect's truth, (n, joints)."""
+    theta, coefficients = TRUTH[name]
+    out = np.zeros_like(recording.position)
+    for joint, columns in BY_NAME[name].columns(unfitted(recording, ELBOW), theta).items():
+        out[:, joint] = columns @ coefficients
+    return out
+
+
+def values(recording: Recording, name: str) -> dict[str, float]:
+    """Return the physical parameters of the effect's truth."""
+    theta, coefficients = TRUTH[name]
+    readings = BY_NAME[name].readings(unfitted(recording, ELBOW), theta)
+    return {key: float(r.of(dict(enumerate(coefficients)))) for key, r in readings.items()}

@@ -1,0 +1,150 @@
+"""What the advisor promises: rows by the square root law, and a sentence with the numbers."""
+
+from dataclasses import replace
+from itertools import pairwise
+from statistics import median
+from typing import Any
+
+import pytest
+
+from analysis.sensitivity.judgement.stopping import Goal, advise, next_step
+from analysis.sensitivity.service import analyse
+from analysis.sensitivity.snapshot import empty_snapshot
+from tests.testbed.studies import results_of, study_plan
+
+
+def interval(value: float | None, half: float) -> dict[str, float | None]:
+    if value is None:
+        return {"value": None, "low": None, "high": None}
+    return {"value": value, "low": value - half, "high": value + half}
+
+
+def snapshot(half: float, *, sampling: str = "sobol", rows: int = 300) -> dict[str, Any]:
+    factors = {
+        "x": {"first_order": interval(0.3, 0.01), "total_order": interval(0.5, half), "n": rows},
+        "y": {"first_order": interval(0.2, 0.01), "total_order": interval(0.4, 0.01), "n": rows},
+    }
+    return {
+        "method": "saltelli",
+        "sampling": sampling,
+        "rows_complete": rows,
+        "outputs": {"error": {"factors": factors}},
+    }
+
+
+def test_twice_the_precision_takes_four_times_the_rows() -> None:
+    advice = advise(snapshot(0.04), "error")
+    assert advice is not None
+    assert (advice.factor, advice.index, advice.more_rows) == ("x", "total_order", 900)
+    assert advice.sentence == (
+        "At most about 900 more rows (3,600 runs) bring error to ±0.02: the widest interval, ST of "
+        "x, has ±0.04. Sobol points serve best at a power of two: 2,048 rows in all."
+    )
+    hypercube = advise(snapshot(0.04, sampling="latin_hypercube"), "error")
+    assert hypercube is not None and "power of two" not in hypercube.sentence
+
+
+def test_a_reached_target_needs_nothing_more() -> None:
+    advice = advise(snapshot(0.015), "error")
+    assert advice is not None
+    assert (advice.more_rows, advice.more_runs) == (0, 0)
+    assert advice.sentence.startswith("Every index of error is within ±0.02")
+    stricter = advise(snapshot(0.015), "error", target=0.005)
+    assert stricter is not None and stricter.more_rows == 2400
+
+
+def test_there_is_no_advice_before_every_index_has_an_interval() -> None:
+    for method in ("morris", "saltelli"):
+        assert advise(empty_snapshot(study_plan(method, rows=3)), "y") is None
+
+
+def test_the_advice_holds_when_it_is_followed() -> None:
+    """Of Latin hypercubes, whose errors fall with the square root of the rows; by their median.
+
+    A half width is itself estimated from eight replicates: one study's may be half as wide again.
+    """
+    widths = []
+    for seed in range(1, 10):
+        plan = study_plan("saltelli", rows=200, sampling="latin_hypercube", seed=seed)
+        first = advise(analyse(plan, results_of(plan)), "y", target=0.06)
+        assert first is not None and first.more_rows > 0
+        longer = replace(plan, rows=200 + first.more_rows)
+        then = advise(analyse(longer, results_of(longer)), "y", target=0.06)
+        assert then is not None
+        widths.append(then.half_width)
+    assert median(widths) == pytest.approx(0.06, rel=0.25)
+
+
+def test_effects_are_wanted_to_a_tenth_of_the_largest() -> None:
+    plan = study_plan("morris", rows=30)
+    shot = analyse(plan, results_of(plan))
+    advice = advise(shot, "y")
+    largest = max(f["mu_star"]["value"] for f in shot["outputs"]["y"]["factors"].values())
+    assert advice is not None and advice.target == pytest.approx(0.1 * largest)
+    nothing = analyse(plan, results_of(plan, lambda x: {"y": 1.0, "z": 1.0}))
+    still = advise(nothing, "y")
+    assert still is not None and still.more_rows == 0
+
+
+def test_a_target_is_positive_and_an_output_known() -> None:
+    with pytest.raises(ValueError, match="a target is a positive half width"):
+        advise(snapshot(0.04), "error", target=0.0)
+    with pytest.raises(ValueError, match="has no output 'q': it has error"):
+        advise(snapshot(0.04), "q")
+
+
+@pytest.mark.parametrize(
+    ("half", "sampling", "rows", "most_rows", "expected"),
+    [
+        # Already there, or at the end of what is allowed.
+        (0.015, "sobol", 300, 5000, (None, True)),
+        (0.04, "sobol", 300, 300, (None, False)),
+        # To the next power of two, however many more are forecast.
+        (0.04, "sobol", 300, 5000, (512, False)),
+        (0.04, "sobol_paired", 512, 5000, (1024, False)),
+        (0.021, "sobol", 512, 5000, (1024, False)),
+        # As forecast, in whole hypercubes of 50 rows, but never more than doubled.
+        (0.022, "latin_hypercube", 300, 5000, (400, False)),
+        (0.2, "latin_hypercube", 300, 5000, (600, False)),
+        # Never beyond the cap.
+        (0.2, "latin_hypercube", 300, 420, (420, False)),
+        (0.2, "sobol", 300, 420, (420, False)),
+    ],
+)
+def test_a_study_grows_step_by_step_until_it_is_precise_or_at_its_cap(
+    half: float, sampling: str, rows: int, most_rows: int, expected: tuple[int | None, bool]
+) -> None:
+    shot = snapshot(half, sampling=sampling, rows=rows)
+    step = next_step(shot, Goal(output="error", target=0.02, up_to=most_rows), rows)
+    assert step is not None
+    assert (step.rows, step.reached) == expected
+
+
+def test_a_study_without_intervals_is_not_extended() -> None:
+    nothing = empty_snapshot(study_plan("morris", rows=3))
+    step = next_step(nothing, Goal(output="y", target=0.1, up_to=99), 0)
+    assert step is not None
+    assert (step.rows, step.reached) == (None, False)
+    assert step.sentence == "After 0 rows y has no intervals: see why its runs failed."
+
+
+def test_a_study_is_judged_by_all_its_rows_only() -> None:
+    goal = Goal(output="error", target=0.02, up_to=5000)
+    assert next_step(snapshot(0.04, rows=300), goal, 301) is None
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "latin_hypercube"])
+def test_followed_to_its_end_a_study_is_as_precise_as_wanted(sampling: str) -> None:
+    rows, sizes = 16, list[int]()
+    while True:
+        plan = study_plan("saltelli", rows=rows, sampling=sampling)
+        shot = analyse(plan, results_of(plan))
+        step = next_step(shot, Goal(output="y", target=0.15, up_to=1000), rows)
+        assert step is not None
+        sizes.append(rows)
+        if step.rows is None:
+            break
+        rows = step.rows
+    assert step.reached and len(sizes) > 2
+    assert step.sentence.startswith("Every index of y is within ±0.15")
+    assert all(later <= 2 * earlier or later == 50 for earlier, later in pairwise(sizes))

@@ -1,0 +1,144 @@
+"""What is promised about trust: a study that saw too little says so, and stops for nothing."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.designs import unit_row
+from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
+from analysis.sensitivity.judgement.stopping import Goal, next_step
+from analysis.sensitivity.judgement.trust import judge
+from analysis.sensitivity.records import StudyPlan
+from analysis.sensitivity.remarks import remarks
+from analysis.sensitivity.snapshot import new_growing_estimator, take_snapshot
+from tests.testbed.functions.hard import HARD
+
+
+def studied(function: str, rows: int, seed: int) -> dict[str, Any]:
+    """Return the snapshot of a study of one of the hard functions."""
+    hard = HARD[function]
+    plan = StudyPlan(
+        id="s",
+        method="saltelli",
+        seed=seed,
+        sampling="sobol_blocks",
+        rows=rows,
+        factors=tuple(f"x{i}" for i in range(hard.factors)),
+        outputs=("y",),
+    )
+    numbers = range(rows)
+    points = np.stack(
+        [unit_row("saltelli", plan.sampling, seed, row, hard.factors) for row in numbers]
+    )
+    values = hard.function(points)
+    growing = new_growing_estimator(plan)
+    growing.add_rows(numbers, np.stack([values, np.zeros_like(values)], axis=-1))
+    return take_snapshot(
+        plan,
+        growing.total(),
+        growing.series,
+        cursor=0,
+        rows_complete=rows,
+        evaluations={"ok": values.size},
+    )
+
+
+def step(snapshot: Mapping[str, Any], target: float, up_to: int = 4096) -> Any:
+    rows = snapshot["rows_complete"]
+    return next_step(snapshot, Goal(output="y", target=target, up_to=up_to), rows)
+
+
+def test_a_rare_event_that_few_rows_did_not_see_is_neither_reached_nor_non_influential() -> None:
+    """Seed 2 of 16 rows: x0, whose ST is 0.97, moved nothing."""
+    for seed in range(60):
+        snapshot = studied("rare event", 16, seed)
+        x0 = snapshot["outputs"]["y"]["factors"]["x0"]["total_order"]
+        if x0["high"] == 0.0:
+            break
+    assert x0 == {"value": 0.0, "low": 0.0, "high": 0.0}
+    said = step(snapshot, target=0.5)
+    assert (said.reached, said.rows) == (False, 32)
+    assert "No study of fewer than 128 rows has reached its target." in said.sentence
+    assert snapshot["outputs"]["y"]["screening"]["non_influential"] == []
+    at_its_cap = step(snapshot, target=0.5, up_to=16)
+    assert (at_its_cap.reached, at_its_cap.rows) == (False, None)
+
+
+@pytest.mark.parametrize("function", ["rare event", "exp-sum", "Pareto 0.4"])
+def test_a_variance_that_few_runs_make_up_is_said_and_does_not_end_a_study(function: str) -> None:
+    snapshot = studied(function, 256, seed=3)
+    trust = snapshot["outputs"]["y"]["trust"]
+    assert trust["trusted"] is False and trust["effective_runs"] < 72
+    said = [one for one in remarks(snapshot, "y") if one.startswith("Do not trust these intervals")]
+    assert said == [trust["sentence"]]
+    assert f"as many as {trust['effective_runs']:.0f} of equal size would, of 512" in said[0]
+    goes_on = step(snapshot, target=2.0)
+    assert (goes_on.reached, goes_on.rows) == (False, 512)
+    assert trust["sentence"] in goes_on.sentence
+
+
+@pytest.mark.parametrize("function", ["ishigami", "sobol g", "linear, 20 factors"])
+def test_a_kind_function_is_trusted_and_stops_with_what_may_be_unseen(function: str) -> None:
+    snapshot = studied(function, 256, seed=3)
+    trust = snapshot["outputs"]["y"]["trust"]
+    assert (trust["trusted"], trust["sentence"], trust["runs"]) == (True, "", 512)
+    assert trust["unseen"] == pytest.approx(3 / 512)
+    done = step(snapshot, target=0.5)
+    assert (done.reached, done.rows) == (True, None)
+    assert "What fewer than 0.0059 of the runs show may be unseen." in done.sentence
+
+
+def test_total_order_indices_that_sum_to_less_than_one_raise_an_alarm() -> None:
+    """An event that A and B saw, and no A_B."""
+    estimator = SaltelliEstimator(sampling="sobol_blocks", seed=1, factors=2, outputs=1)
+    rng = np.random.default_rng(1)
+    values = rng.normal(size=(128, 1, 1)) + 0.3 * rng.normal(size=(128, 4, 1))
+    values[:, 1] = rng.normal(size=(128, 1))
+    estimator.add_rows(range(128), values)
+    found = judge(estimator, estimator.statistics(), 0, "y")
+    assert found.trusted is False
+    assert "the total-order indices of y sum to at most 0." in found.sentence
+
+
+def test_the_kurtosis_is_that_of_the_output_whatever_its_mean() -> None:
+    rng = np.random.default_rng(2)
+    values = rng.exponential(size=(40_000, 4, 1))
+    plain, far = (
+        SaltelliEstimator(sampling="sobol_blocks", seed=1, factors=2, outputs=1) for _ in "ab"
+    )
+    plain.add_rows(range(2000), values[:2000])
+    far.add_rows(range(2000), values[:2000] + 1e6)
+    assert far.kurtosis()[0] == pytest.approx(plain.kurtosis()[0], rel=1e-6)
+    assert plain.kurtosis()[0] == pytest.approx(9.0, rel=0.3)
+    assert np.isnan(SaltelliEstimator(sampling="sobol", seed=1, factors=2, outputs=1).kurtosis()[0])
+
+
+def screened(function: str, rows: int, seed: int) -> MorrisEstimator:
+    points = np.stack([unit_row("morris", "sobol_blocks", seed, row, 6) for row in range(rows)])
+    estimator = MorrisEstimator(sampling="sobol_blocks", seed=seed, factors=6, outputs=1)
+    estimator.add_rows(range(rows), HARD[function].function(points)[..., None])
+    return estimator
+
+
+def test_effects_that_few_rows_make_up_are_not_to_be_trusted() -> None:
+    heavy, kind = screened("exp-sum", 256, seed=5), screened("bratley", 256, seed=5)
+    found = judge(heavy, heavy.statistics(), 0, "y")
+    assert found.trusted is False
+    assert "the largest effects on y rest on few rows (as many as" in found.sentence
+    assert judge(kind, kind.statistics(), 0, "y").trusted is True
+    few = screened("exp-sum", 64, seed=5)
+    assert judge(few, few.statistics(), 0, "y").trusted is None
+
+
+def test_of_few_rows_an_effects_interval_keeps_most_of_what_independent_rows_err() -> None:
+    """The promise of mu at 20 rows was 0.855 where 0.9 was said."""
+    few, many = screened("bratley", 20, seed=1), screened("bratley", 128, seed=1)
+    mu = few.statistics()["mu"]
+    least = (1.0 - 20 / 128) * 1.645 * mu.weighted[1:].std(axis=0)
+    found = mu.estimate(0.9)
+    assert np.all(found.high - found.value >= least - 1e-4)
+    assert np.all(found.value - found.low >= least - 1e-4)
+    apart = many.statistics()["mu"].apart
+    assert apart is not None and np.all(apart == 0.0)
