@@ -7,6 +7,7 @@ import signal
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from math import isfinite
 from multiprocessing.connection import Connection
 from typing import Any
@@ -33,6 +34,8 @@ SINGLE_THREAD = (
 #: A child that has several instances calls for its results to be read this often, s, and once
 #: there are so many bytes of them: each call wakes the parent up, which costs more than a result.
 CALL_SECONDS, CALL_BYTES = 0.02, 32_768
+#: The models, by their places, that this process has loaded, or tried to; None: rehyb's own.
+_AT_HAND: set[Any] = set()
 
 
 def evaluate_until_closed(
@@ -67,9 +70,14 @@ def evaluate_until_closed(
 def _work_through(
     bundle: Sequence[Mapping[str, Any]], evaluate: Evaluate, out: int, bell: int
 ) -> None:
-    """Evaluate instances and write each result before the next is begun, so that none is lost."""
+    """Evaluate instances and write each result before the next is begun, so that none is lost.
+
+    A line without an instance says when a model was at hand: its time limit begins there.
+    """
     called, unread = time.monotonic(), 0
     for left, instance in enumerate(bundle, start=1 - len(bundle)):
+        if _loaded(instance.get("place")):
+            _write(out, json.dumps((None, time.monotonic(), None)).encode() + b"\n")
         report = _report(evaluate, instance)
         ended = time.monotonic()
         line = json.dumps((instance["id"], ended, report)).encode() + b"\n"
@@ -78,6 +86,19 @@ def _work_through(
         if not left or ended - called >= CALL_SECONDS or unread >= CALL_BYTES:
             _write(bell, b"!")
             called, unread = ended, 0
+
+
+def _loaded(place: Any) -> bool:
+    """Load a model; returns False if it was there. What is wrong with it, its evaluation says."""
+    if place in _AT_HAND:
+        return False
+    _AT_HAND.add(place)
+    if place is not None:
+        from worker.models.evaluation import load
+
+        with suppress(Exception):
+            load(place)
+    return True
 
 
 def _write(descriptor: int, text: bytes) -> None:

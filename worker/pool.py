@@ -22,6 +22,8 @@ from worker.outcomes import Outcome
 
 #: Seconds a killed child gets to disappear.
 REAP_SECONDS = 5.0
+#: That a child may take to start, or to load a model, beyond the first instance's own limit.
+LOAD_SECONDS = 60.0
 #: Bytes read at once.
 CHUNK = 65_536
 
@@ -94,8 +96,8 @@ class Pool:
     def start_bundle(self, bundle: Sequence[tuple[Mapping[str, Any], Any]]) -> None:
         """Have one child evaluate instances, each with its ticket, one after another.
 
-        Each has its own time limit and its own result, as soon as it is done. If one of them ends
-        the child, those after it go to another one.
+        Each has its own time limit, which begins when its model is loaded, and its own result, as
+        soon as it is done. If one of them ends the child, those after it go to another one.
         """
         if not self.free:
             raise RuntimeError(f"all {self.processes} processes are busy")
@@ -156,6 +158,11 @@ class _Begun:
     ticket: Any
     seconds: float
 
+    @property
+    def place(self) -> Any:
+        """What its child must have loaded."""
+        return self.instance.get("place")
+
 
 class _Child:
     """One child process and the parent's ends of the pipes to it."""
@@ -170,6 +177,8 @@ class _Child:
         #: What has no result, in the child's order: it is at the first.
         self.open: deque[_Begun] = deque()
         self._started = 0.0
+        #: Of models that it has loaded, as it says; None: rehyb's own.
+        self._at_hand: set[Any] = set()
         self._said = b""
         self._process = context.Process(
             target=evaluate_until_closed,
@@ -185,7 +194,12 @@ class _Child:
     @property
     def deadline(self) -> float:
         """When the instance that it is at has taken too long, on the monotonic clock."""
-        return self._started + self.open[0].seconds
+        return self._started + self._limit
+
+    @property
+    def _limit(self) -> float:
+        begun = self.open[0]
+        return begun.seconds + (0.0 if begun.place in self._at_hand else LOAD_SECONDS)
 
     def begin(self, work: Sequence[_Begun]) -> None:
         """Send instances to the child, which has none."""
@@ -209,7 +223,7 @@ class _Child:
                 finished.append(self._lost(Outcome.CRASHED, reason, seconds))
         elif self.open and time.monotonic() >= self.deadline:
             self.kill()
-            limit = self.open[0].seconds
+            limit = self._limit
             reason = f"still running after {limit:g} s"
             finished.append(self._lost(Outcome.TIMED_OUT, reason, limit))
         return finished
@@ -228,7 +242,7 @@ class _Child:
         try:
             while chunk := os.read(descriptor, CHUNK):
                 *lines, self._said = (self._said + chunk).split(b"\n")
-                finished += [self._done(line) for line in lines]
+                finished += [done for line in lines if (done := self._heard(line))]
         except (LookupError, TypeError, ValueError):
             return False
         except (BlockingIOError, ConnectionError):
@@ -237,18 +251,22 @@ class _Child:
             os.set_blocking(descriptor, True)
         return True
 
-    def _done(self, line: bytes) -> Finished:
-        """Return the result of the instance that the child is at.
+    def _heard(self, line: bytes) -> Finished | None:
+        """Return the result of the instance that the child is at; None: it is only beginning.
 
         Raises:
             LookupError, TypeError, ValueError: the line is none; a model's own process wrote it.
         """
-        identity, ended, report = json.loads(line)
+        identity, now, report = json.loads(line)
         begun = self.open[0]
+        if identity is None:
+            self._at_hand.add(begun.place)
+            self._started = float(now)
+            return None
         if identity != begun.instance["id"]:
             raise ValueError("a result of another instance")
         done = Finished(ticket=begun.ticket, result={"instance": identity, **report})
-        self._started = float(ended)
+        self._started = float(now)
         self.open.popleft()
         return done
 

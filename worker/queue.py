@@ -48,7 +48,7 @@ class EvaluationQueue:
         """Return the evaluation of a model at `parameters` (SI units), when a child is free."""
         answer: Queue[Mapping[str, Any]] = Queue()
         instance = {"id": model, "model": model, "parameters": parameters, "seed": seed}
-        limit = None if place is None else place.time_limit
+        limit = None if place is None else place.child_seconds
         self._asked.put(({**instance, "place": place, "time_limit": limit}, answer))
         result = answer.get()
         return Evaluation(

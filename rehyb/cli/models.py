@@ -64,7 +64,7 @@ def check(
     if description.kind == Kind.MJCF:
         _check_factors(read)
     rows = []
-    pool = Pool(1, description.time_limit or CHECK_SECONDS)
+    pool = Pool(1, place.child_seconds or CHECK_SECONDS)
     try:
         for where, parameters in _points(description):
             result = _evaluated(pool, place, parameters)
@@ -242,7 +242,7 @@ def _points(description: "Description") -> Iterator[tuple[str, dict[str, float]]
 
 def _evaluated(pool: Any, place: Any, parameters: Mapping[str, float]) -> Json:
     instance = {"id": "check", "model": "", "parameters": parameters, "place": place, "seed": 1}
-    pool.start({**instance, "time_limit": place.time_limit}, None)
+    pool.start({**instance, "time_limit": place.child_seconds}, None)
     while not (finished := pool.wait(1.0)):
         pass
     result: Json = finished[0].result

@@ -97,7 +97,7 @@ class Canaries:
                 "parameters": points(description)[number],
                 "seed": SEEDS[number],
                 "place": place,
-                "time_limit": place.time_limit,
+                "time_limit": place.child_seconds,
             },
             None,
         )

@@ -13,6 +13,9 @@ from models.folder import read_folder
 from models.packages import announced
 from worker.outcomes import Outcome
 
+#: That a child gets to end a program which has taken too long.
+GRACE_SECONDS = 2.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
@@ -26,6 +29,16 @@ class Place:
     #: Of the server, for a model of kind `umbridge`.
     url: str = ""
     time_limit: float | None = None
+
+    @property
+    def child_seconds(self) -> float | None:
+        """How long an evaluation may keep a child that is then killed; None: no limit of its own.
+
+        A program is ended by the child itself before, which hears what it said last.
+        """
+        if self.time_limit is None or self.kind != Kind.COMMAND:
+            return self.time_limit
+        return self.time_limit + GRACE_SECONDS
 
 
 #: What this child process has loaded, by where it is.
@@ -44,11 +57,20 @@ def evaluate(instance: Mapping[str, Any]) -> Evaluation:
         from sim.evaluation import evaluate as evaluate_ours
 
         return evaluate_ours(instance["model"], instance["parameters"], instance.get("curves", ()))
-    if place not in _LOADED:
-        _LOADED[place] = evaluator(place)
+    load(place)
     started = time.perf_counter()
     outputs = _LOADED[place](instance["parameters"], instance["seed"])
     return Evaluation(outcome="ok", outputs=outputs, wall_seconds=time.perf_counter() - started)
+
+
+def load(place: Place) -> None:
+    """Have what evaluates a model in this process, from now on.
+
+    Raises:
+        ModelFailure: "bad_model": it cannot be loaded.
+    """
+    if place not in _LOADED:
+        _LOADED[place] = evaluator(place)
 
 
 def evaluator(place: Place) -> Evaluator:

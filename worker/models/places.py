@@ -88,7 +88,7 @@ class Places:
         return {
             **instance,
             "place": place,
-            "time_limit": place.time_limit,
+            "time_limit": place.child_seconds,
             "seed": instance["model_seed"],
         }
 

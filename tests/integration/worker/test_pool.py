@@ -189,6 +189,11 @@ def test_each_instance_of_a_bundle_has_the_time_limit_to_itself() -> None:
     assert outcomes == ["ok", "ok", "ok", "timed_out", "ok"]
 
 
+def test_to_start_a_child_takes_none_of_an_instance_s_time(pool: Pool) -> None:
+    pool.start({**instance("double", 3.0), "time_limit": 0.02}, None)
+    assert finish(pool).result["outputs"] == {"y": 6.0}
+
+
 def test_the_first_results_of_a_bundle_are_there_while_a_later_one_hangs(pool: Pool) -> None:
     pool.start_bundle([(instance("double"), 1), (instance("hang"), 2)])
     assert finish(pool).ticket == 1
