@@ -39,9 +39,11 @@ check: lint unit  ## What to run before each commit: lint and unit
 goldens: $(READY)  ## Write what a user sees to DIR, to compare two trees by diff -r
 	$(BIN)/python -m tests.testbed.goldens $(or $(DIR),$(error make goldens DIR=folder))
 
-soak: $(READY)  ## Disturb studies in every way, twenty times over; half an hour
-	REHYB_SOAK_ROUNDS=20 $(BIN)/python -m pytest -s \
-		tests/acceptance/test_chaos.py tests/acceptance/test_acknowledged.py
+soak: $(READY)  ## Disturb studies in every way, twenty times over; an hour
+	REHYB_SOAK_ROUNDS=20 REHYB_PROTOCOL_STORIES=200 REHYB_FUZZ=2000 $(BIN)/python -m pytest -s \
+		tests/acceptance/test_chaos.py tests/acceptance/test_acknowledged.py \
+		tests/integration/server/test_protocol.py tests/integration/server/routes/test_fuzz.py \
+		tests/unit/analysis/closeloop/session/test_fuzz.py
 
 mutants: $(READY)  ## Break what decides in every small way, and list what no test notices
 	$(BIN)/mutmut run

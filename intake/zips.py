@@ -1,10 +1,11 @@
 """A zip file unpacked under limits, and never outside the folder that it is given."""
 
+import lzma
 import re
 import stat
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -94,13 +95,24 @@ def _write(
     limit = min(left, max(RATIO_FROM, MAX_RATIO * member.compress_size))
     target.parent.mkdir(parents=True, exist_ok=True)
     written = 0
-    with archive.open(member) as source, target.open("xb") as out:
-        while chunk := source.read(CHUNK):
+    with target.open("xb") as out:
+        for chunk in _chunks(archive, member):
             written += len(chunk)
             if written > limit:
                 raise wrong(f"unpacks {member.orig_filename[:60]!r} to more than {limits.most}")
             out.write(chunk)
     return written
+
+
+def _chunks(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Iterator[bytes]:
+    """Yield what a member unpacks to; BadZipFile if it is damaged."""
+    try:
+        with archive.open(member) as source:
+            while chunk := source.read(CHUNK):
+                yield chunk
+    except (OSError, OverflowError, ValueError, lzma.LZMAError):
+        # It begins where no file has a place, or is not packed as the index says.
+        raise zipfile.BadZipFile from None
 
 
 def _checked(member: zipfile.ZipInfo, limits: Limits, wrong: Wrong) -> str:

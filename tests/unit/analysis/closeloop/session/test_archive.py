@@ -117,6 +117,10 @@ def test_an_encrypted_file_is_refused(tmp_path: Path) -> None:
         (lambda content: b"not a zip", "neither a folder nor a zip"),
         (lambda content: content[:20], "neither a folder nor a zip"),
         (lambda content: content.replace(b"AAAA", b"AAAB", 1), "damaged"),
+        # The index names a place before the file's first byte, and another way of packing.
+        (lambda content: content[:-6] + b"\xff" + content[-5:], "damaged"),
+        (lambda content: packed_by(content, 12), "damaged"),
+        (lambda content: packed_by(content, 14), "damaged"),
     ],
 )
 def test_what_is_no_sound_zip_is_said(
@@ -131,6 +135,14 @@ def test_what_is_no_sound_zip_is_said(
 
 def test_a_zip_without_a_session_is_said(tmp_path: Path) -> None:
     refused(zipped(tmp_path / "s.zip", {"x/a.csv": b"", "y/session.json": b""}), "holds no session")
+
+
+def packed_by(content: bytes, method: int) -> bytes:
+    """Return a zip file of one member that says it is packed by another method."""
+    spoilt = bytearray(content)
+    for mark, offset in ((b"PK\x03\x04", 8), (b"PK\x01\x02", 10)):
+        spoilt[spoilt.index(mark) + offset] = method
+    return bytes(spoilt)
 
 
 def refused(file: Path, words: str) -> None:

@@ -1,0 +1,103 @@
+"""Ways in which bytes from strangers are wrong, for hypothesis to choose from."""
+
+import gzip
+import json
+from collections.abc import Callable
+from typing import Any
+
+from hypothesis import strategies as st
+
+#: What JSON and CSV hold in a place where something else belongs; not all of it is JSON.
+WORDS = (
+    *(b"null", b"true", b"-1", b"0", b"1e400", b"-0.0", b"NaN", b"Infinity", b"1e308", b"5e-324"),
+    *(b"9223372036854775808", b"1" * 400, b'""', b'"\\u0000"', b'"\\ud800"', b'"\xc3\x28"'),
+    *(b"[]", b"{}", b"[[1]]", b'{"a": 1, "a": 2}', b"[" * 3000, b'{"a":' * 3000, b'"' + b"x" * 300),
+    *(b"../../etc/passwd", b"\x00", b"\xff\xfe", b"\xef\xbb\xbf", b"\r\n", b"\x1b[2J", b"&#x0;"),
+)
+_PLACE = st.floats(0.0, 1.0)
+#: How, where (0 to 1), how many bytes, and what is put in.
+Edit = tuple[str, float, int, bytes]
+_EDIT = st.tuples(
+    st.sampled_from(["cut", "drop", "twice", "put", "flip"]),
+    _PLACE,
+    st.integers(1, 40),
+    st.sampled_from(WORDS),
+)
+EDITS = st.lists(_EDIT, min_size=1, max_size=4)
+#: As a value is replaced: which, by what; "" drops it.
+SWAPS = st.lists(st.tuples(st.integers(0, 60), st.sampled_from((b"", *WORDS))), max_size=3)
+
+
+def edited(content: bytes, edits: list[Edit]) -> bytes:
+    """Return content after edits."""
+    for how, where, size, word in edits:
+        at = int(where * len(content))
+        before, here, after = content[:at], content[at : at + size], content[at + size :]
+        content = {
+            "cut": before,
+            "drop": before + after,
+            "twice": before + here + here + after,
+            "put": before + word + here + after,
+            "flip": before + bytes(one ^ (1 << size % 8) for one in here[:1]) + here[1:] + after,
+        }[how]
+    return content
+
+
+def swapped(content: Any, swaps: list[tuple[int, bytes]]) -> bytes:
+    """Return JSON in which some values are replaced by words that may be no JSON."""
+    count = -1
+    replaced: dict[str, bytes] = {}
+
+    def walk(value: Any) -> Any:
+        nonlocal count
+        count += 1
+        for number, word in swaps:
+            if number == count and count > 0:
+                mark = f"\N{LOZENGE}{count}\N{LOZENGE}"
+                replaced[json.dumps(mark)] = word or b"null"
+                return mark
+        if isinstance(value, dict):
+            return {name: walk(one) for name, one in value.items()}
+        return [walk(one) for one in value] if isinstance(value, list) else value
+
+    text = json.dumps(walk(content)).encode()
+    for mark, word in replaced.items():
+        text = text.replace(mark.encode(), word)
+    return text
+
+
+#: How a body is wrapped: its `Content-Encoding`, and what is made of it.
+WRAPPINGS: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
+    "plain": ("", bytes),
+    "gzip": ("gzip", gzip.compress),
+    "gzip without its end": ("gzip", lambda body: gzip.compress(body)[:-5]),
+    "gzip and more": ("gzip", lambda body: gzip.compress(body) + b"more"),
+    "gzip twice": ("gzip", lambda body: gzip.compress(gzip.compress(body))),
+    "two gzip files": ("gzip", lambda body: gzip.compress(body) + gzip.compress(body)),
+    "gzip of a sea of zeros": ("gzip", lambda body: gzip.compress(body + bytes(9_000_000))),
+    "gzip that is none": ("gzip", bytes),
+    "another encoding": ("br", bytes),
+    "a list of encodings": ("gzip, gzip", gzip.compress),
+}
+
+HEADERS: tuple[dict[str, str], ...] = (
+    {},
+    {"content-type": "text/plain"},
+    {"content-type": "application/json; charset=utf-16"},
+    {"content-type": "multipart/form-data"},
+    {"content-type": "multipart/form-data; boundary="},
+    {"content-type": "multipart/form-data; boundary=" + "b" * 300},
+    {"content-type": ";;;="},
+    {"idempotency-key": "x" * 300},
+    {"idempotency-key": "\xff\x7f"},
+    {"if-none-match": '"' * 200},
+    {"if-none-match": 'W/"\xff", *, ,,'},
+    {"accept": "text/html;q=NaN"},
+    {"content-length": "-1"},
+    {"content-length": "99999999999999999999"},
+    {"expect": "100-continue"},
+    {"range": "bytes=0-0,1-9999999999999"},
+    {"cookie": "rehyb=\xff; =; ;;"},
+    {"x-rehyb-worker": "\xff" * 200},
+    {"last-event-id": "\xff"},
+)

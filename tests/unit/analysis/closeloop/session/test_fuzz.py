@@ -1,0 +1,85 @@
+"""Whatever a session's files hold, it is read or refused with a sentence: `make soak` goes on."""
+
+import io
+import json
+import os
+import zipfile
+from pathlib import Path
+
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.load import load_session
+from analysis.closeloop.session.archive import unpacked
+from tests.testbed import spoiling
+from tests.testbed.sessions.small import Folder
+
+#: Without the setting always the same few, since a file of a model may crash MuJoCo itself.
+FILES = int(os.environ.get("REHYB_FUZZ", "40"))
+FUZZ = settings(
+    max_examples=FILES,
+    deadline=None,
+    database=None,
+    derandomize="REHYB_FUZZ" not in os.environ,
+    phases=[Phase.generate],
+    suppress_health_check=list(HealthCheck),
+)
+
+
+def _refused(error: SessionError) -> None:
+    said = str(error)
+    assert said and "\n" not in said and len(said) < 2000, said
+
+
+def test_a_spoilt_file_of_a_session_is_read_or_refused_with_a_sentence(tmp_path: Path) -> None:
+    session = Folder(tmp_path)
+    session.table = session.table[:400]
+    session.write()
+    files = {name: (tmp_path / name).read_bytes() for name in ("session.json", "device.xml")}
+    files["a.csv"] = (tmp_path / "a.csv").read_bytes()
+    asked = json.loads(files["session.json"])
+    ends = {"read": 0, "refused": 0}
+
+    @FUZZ
+    @given(
+        name=st.sampled_from([*files]),
+        swaps=spoiling.SWAPS,
+        edits=st.one_of(st.just([]), spoiling.EDITS),
+    )
+    def spoil(name: str, swaps: list[tuple[int, bytes]], edits: list[spoiling.Edit]) -> None:
+        content = files[name]
+        if name == "session.json":
+            content = spoiling.swapped(asked, swaps)
+        try:
+            (tmp_path / name).write_bytes(spoiling.edited(content, edits))
+            load_session(tmp_path)
+            ends["read"] += 1
+        except SessionError as error:
+            _refused(error)
+            ends["refused"] += 1
+        finally:
+            (tmp_path / name).write_bytes(files[name])
+
+    spoil()
+    assert all(ends.values()), ends
+
+
+def test_a_spoilt_zip_file_is_unpacked_or_refused_with_a_sentence(tmp_path: Path) -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("s/session.json", json.dumps({"schema": 1}) * 20)
+        archive.writestr("s/a.csv", "time,elbow.position\n" * 50)
+
+    @FUZZ
+    @given(edits=spoiling.EDITS)
+    def spoil(edits: list[spoiling.Edit]) -> None:
+        file = tmp_path / "session.zip"
+        file.write_bytes(spoiling.edited(packed.getvalue(), edits))
+        try:
+            with unpacked(file) as folder:
+                assert (folder / "session.json").exists()
+        except SessionError as error:
+            _refused(error)
+
+    spoil()
