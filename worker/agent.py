@@ -39,6 +39,8 @@ class Agent:
     rng: Random
     #: Makes of an instance what a child needs, and may have to fetch its model.
     prepare: Callable[[Mapping[str, Any]], Mapping[str, Any]] = dict
+    #: Goes on checking the models that it may not ask work for yet, and says whether there are any.
+    check_models: Callable[[], bool] = lambda: False
     #: Closes loops beside; None: this worker cannot.
     close_loop_jobs: CloseLoopJobs | None = None
     #: How many instances it has finished.
@@ -51,6 +53,7 @@ class Agent:
         self._failures = 0
         self._silent_until = 0.0
         self._post_at = 0.0
+        self._checking = False
 
     def stop(self) -> None:
         """Drain: finish what runs, post it, release the rest. Called again: release at once.
@@ -73,6 +76,7 @@ class Agent:
         try:
             while self._stop_requests < 2:
                 self._collect()
+                self._check_models()
                 now = time.monotonic()
                 if self._stop_requests and self._draining_since is None:
                     self._drain(now)
@@ -107,7 +111,12 @@ class Agent:
 
     @property
     def _busy(self) -> bool:
-        return bool(self.leases.queue or self._running)
+        return bool(self.leases.queue or self._running or self._checking)
+
+    def _check_models(self) -> None:
+        before, self._checking = self._checking, self.check_models()
+        if before and not self._checking:
+            self.leases.ask_soon()
 
     def _collect(self, seconds: float = TICK_SECONDS) -> None:
         """Put what the children have finished into the spool."""

@@ -189,7 +189,8 @@ def work(
         places = Places(fetch=client.model_archive, cache=_state() / "models")
         places.have(models or (), allow or (), umbridge or ())
         beside = Pool(1, instance_seconds, memory_mb=memory_mb)
-        offered = WorkerModels(client=client, places=places, canaries=Canaries(pool=beside))
+        canaries = Canaries(pool=beside)
+        offered = WorkerModels(client=client, places=places, canaries=canaries)
         offered.announce(worker["id"])
         agent = Agent(
             leases=Leases(
@@ -207,6 +208,7 @@ def work(
             max_idle=max_idle,
             rng=Random(),
             prepare=places.prepared,
+            check_models=canaries.look,
             # Nobody knows how long closing a loop takes: not where the time is limited.
             close_loop_jobs=None
             if leave_at is not None

@@ -141,6 +141,10 @@ class Leases:
         """Return the seconds left for instances."""
         return inf if self.leave_at is None else self.leave_at - LAST_WORDS_SECONDS - now
 
+    def ask_soon(self) -> None:
+        """Wait no longer: there is more now that can be asked for."""
+        self._ask_at = 0.0
+
     def ask(self, request: LeaseRequest, now: float) -> None:
         """Ask for work by itself, without results."""
         try:

@@ -18,18 +18,23 @@ from typing import Any
 import pytest
 
 from rehyb import Client
+from rehyb.cli.models import added
 from rehyb.client import Json
 from rehyb.fleet import LocalFleet
 from rehyb.pilots.engines import JobState, ParslEngine
 from rehyb.pilots.keeper import Keeper, Status
 from rehyb.pilots.settings import checked
+from tests.testbed.models import EXAMPLES
 from tests.testbed.studies import computed_in_one_go
 
-#: Of instances that take no time; workers ask for one after the other, so that it lasts.
-STUDY: Json = {"name": "p", "model": "ishigami", "method": "saltelli", "rows": 200, "seed": 11}
+STUDY: Json = {"name": "p", "method": "saltelli", "rows": 200, "seed": 11}
+#: Seconds that an instance takes, so that studies last as long on every machine.
+INSTANCE_SECONDS = 0.05
 LEASE_SECONDS = 3
 #: Seconds for everything that may take a while.
 PATIENCE = 120.0
+#: For a whole study.
+STUDY_SECONDS = 400.0
 
 
 @dataclass
@@ -39,6 +44,11 @@ class Site:
     fleet: LocalFleet
     client: Client
     keeper: Keeper
+    #: The Ishigami function, slowly: what a study samples.
+    model: str
+
+    def submit(self, study: Json) -> Json:
+        return self.client.submit({**study, "model": self.model})
 
     def look_until(self, done: Callable[[Status], bool], seconds: float = PATIENCE) -> Status:
         deadline = time.monotonic() + seconds
@@ -72,10 +82,21 @@ def slurm() -> None:
         pytest.skip("sbatch is here, but no Slurm answers: is SLURM_CONF set?")
 
 
+def slow_ishigami(folder: Path) -> Path:
+    """Write a model of one's own to a folder, and return it."""
+    shutil.copytree(EXAMPLES / "ishigami_python", folder)
+    program = folder / "ishigami.py"
+    line = "for line in sys.stdin:\n"
+    slowly = f"{line}    time.sleep({INSTANCE_SECONDS})\n"
+    program.write_text("import time\n" + program.read_text().replace(line, slowly))
+    return folder
+
+
 @pytest.fixture
 def site(
     tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[Site]:
+    slow = slow_ishigami(tmp_path / "model")
     said: dict[str, Any] = {
         "provider": request.param,
         "walltime": "2m",
@@ -84,7 +105,7 @@ def site(
         "starts_a_minute": 60,
         "idle": 3,
         "instance": 30,
-        "worker": f"{sys.executable} -m worker --batch 1",
+        "worker": f"{sys.executable} -m worker --batch 1 --models {slow}",
     }
     if request.param == "slurm":
         request.getfixturevalue("slurm")
@@ -107,7 +128,7 @@ def site(
             )
             keeper.prepare()
             try:
-                yield Site(fleet=fleet, client=client, keeper=keeper)
+                yield Site(fleet=fleet, client=client, keeper=keeper, model=added(client, slow))
             finally:
                 keeper.end()
 
@@ -119,18 +140,20 @@ def control(*words: str) -> None:
 
 def finished(site: Site, study: Json) -> None:
     """Check that a study ends, that its pilots leave, and that its indices show nothing."""
-    site.look_until(lambda _: site.client.progress(study["id"])["state"] == "complete")
+    site.look_until(
+        lambda _: site.client.progress(study["id"])["state"] == "complete", STUDY_SECONDS
+    )
     site.look_until(lambda status: status.pilots_running + status.pilots_waiting == 0)
     deadline = time.monotonic() + 20.0
     while (found := site.client.indices(study["id"]))["rows_complete"] < study["rows"]:
         assert time.monotonic() < deadline
         time.sleep(0.1)
-    assert found == computed_in_one_go(study)
+    assert found == computed_in_one_go({**study, "model": "ishigami"})
 
 
 @pytest.mark.parametrize("site", ["local"], indirect=True)
 def test_pilots_come_are_killed_and_leave_and_the_indices_do_not_show_it(site: Site) -> None:
-    study = site.client.submit(STUDY)
+    study = site.submit(STUDY)
     site.look_until(lambda status: status.pilots_running == 2)
     site.look_until_done(study, 0.1)
     # All of one, at once.
@@ -150,7 +173,7 @@ def test_pilots_come_are_killed_and_leave_and_the_indices_do_not_show_it(site: S
 
 @pytest.mark.parametrize("site", ["slurm"], indirect=True)
 def test_on_slurm_a_study_outlives_scancel_walltime_and_a_drained_node(site: Site) -> None:
-    study = site.client.submit({**STUDY, "rows": 400})
+    study = site.submit({**STUDY, "rows": 1200})
     site.look_until(lambda status: status.pilots_running == 2)
     site.look_until_done(study, 0.1)
     cancelled, late = site.running()
@@ -172,7 +195,7 @@ def test_on_slurm_a_study_outlives_scancel_walltime_and_a_drained_node(site: Sit
 
 @pytest.mark.parametrize("site", ["slurm"], indirect=True)
 def test_what_slurm_refuses_is_said_in_its_words(site: Site) -> None:
-    site.client.submit(STUDY)
+    site.submit(STUDY)
     control("update", "PartitionName=day", "MaxTime=1")
     try:
         status = site.keeper.look(time.monotonic())

@@ -69,14 +69,19 @@ class Canaries:
         if version not in self._asked:
             self._asked.add(version)
             self._waiting.append((description, place))
-        self._look()
+        self.look()
         return self.found.get(version)
 
     def close(self) -> None:
         """End what is under way."""
         self.pool.kill()
 
-    def _look(self) -> None:
+    def look(self) -> bool:
+        """Go on with what was asked for; return whether a canary is still to be found."""
+        self._go_on()
+        return bool(self._waiting)
+
+    def _go_on(self) -> None:
         """Begin the next evaluation, if the one before is done."""
         if self.pool.running:
             for done in self.pool.wait(0.0):

@@ -37,6 +37,26 @@ def test_a_worker_without_work_leaves_after_max_idle(tmp_path: Path) -> None:
     assert work.pool.killed
 
 
+def test_a_worker_that_still_checks_a_model_is_not_idle_and_asks_when_it_has_checked(
+    tmp_path: Path,
+) -> None:
+    work = Work(tmp_path, [])
+    checked_at = time.monotonic() + 5.0 * (work.max_idle or 0.0)
+    asked_before: list[int] = []
+
+    def check() -> bool:
+        if time.monotonic() < checked_at:
+            return True
+        asked_before.append(len(work.coordinator.calls))
+        return False
+
+    work.agent.check_models = check
+    work.agent.leases.client.retry_after = 30.0
+    work.agent.run()
+    assert time.monotonic() >= checked_at
+    assert len(work.coordinator.calls) > asked_before[0]
+
+
 def test_a_coordinator_that_is_away_gets_the_results_when_it_is_back(tmp_path: Path) -> None:
     work = Work(tmp_path, [["a", "b"]])
     finish = work.pool.wait

@@ -93,3 +93,14 @@ def test_one_that_hangs_is_not_tried_again_and_again_before_work_begins() -> Non
 
     assert canary_of(answer)[0]
     assert len(asked) == 1
+
+
+def test_it_says_whether_a_canary_is_still_to_be_found() -> None:
+    canaries = Canaries(pool=InstantPool(lambda _: ok(1.0)))  # type: ignore[arg-type]
+    assert not canaries.look()
+    canaries.of(MODEL, PLACE)
+    looks = 0
+    while canaries.look():
+        looks += 1
+    assert 1 <= looks < 10
+    assert canaries.of(MODEL, PLACE)

@@ -205,3 +205,12 @@ def test_a_worker_that_must_leave_asks_for_less_and_then_for_nothing(leases: Lea
     assert asked is not None and not leases.ends_too_soon(59.0)
     assert leases.request(60.0) is None and leases.ends_too_soon(60.0)
     assert not leases.time_is_up(99.0) and leases.time_is_up(100.0)
+
+
+def test_without_work_it_asks_before_its_time_only_if_there_is_more_to_ask_for(
+    leases: Leases,
+) -> None:
+    leases.take(None, None, now=0.0)
+    assert leases.request(0.1) is None
+    leases.ask_soon()
+    assert leases.request(0.1) is not None
