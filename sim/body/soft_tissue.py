@@ -97,9 +97,18 @@ class SoftTissue:
             stiffness * outwards * (1.0 + (outwards / HARDENING) ** 2)
             + self.share * self.viscosity * speed
             + neighbours * pull.reshape(outwards.shape)
-            + stiffness / len(self.places) * outwards.sum(axis=1, keepdims=True)
+            + stiffness / len(self.places) * over_elements(outwards)[:, None]
         )
         return forces
+
+
+def over_elements(values: np.ndarray) -> np.ndarray:
+    """Return the sums of rows over elements, shape (n,) of (n, elements), added one after another.
+
+    NumPy's own order depends on how many rows there are and on how they lie in memory.
+    """
+    sums: np.ndarray = np.cumsum(values, axis=1)[:, -1]
+    return sums
 
 
 def soft_tissues(

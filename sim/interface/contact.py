@@ -15,6 +15,7 @@ from sim.body.soft_tissue import (
     SoftTissue,
     add_soft_tissue,
     element_name,
+    over_elements,
     set_contacts,
 )
 from sim.interface.cuffs import BOX_ANGLES, add_cuff, cuff_box_name
@@ -151,7 +152,7 @@ class Contact(Interface):
         )
         outwards, speed = slides(model, states, tissue)
         pressing = np.maximum(0.0, tissue.spring_forces(outwards, speed))
-        carried = pressing.sum(axis=1)
+        carried = over_elements(pressing)
         # What cuff and strap do to an element altogether, less what its springs bear of it.
         first = model.sensor(_first_element(tissue)).adr[0]
         on_each = sensed[:, first : first + 3 * len(tissue.places)].reshape(*pressing.shape, 3)

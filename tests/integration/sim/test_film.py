@@ -25,10 +25,7 @@ def test_watching_changes_nothing_and_sees_the_whole_assessment(
     fidelity: str, seconds: float
 ) -> None:
     film, assessment = filmed({}, fidelity)
-    alone = assess({}, fidelity=fidelity).outputs
-    assert assessment.outputs["stiffness_error"] == alone["stiffness_error"]
-    # Shear is a mean over elements, whose last digit depends on how the states were kept.
-    assert assessment.outputs == pytest.approx(alone, rel=1e-14, abs=0.0)
+    assert assessment.outputs == assess({}, fidelity=fidelity).outputs
     assert len(film) == seconds * RATE
 
 

@@ -6,10 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.body.skeleton import (
-    empty_spec,
-)
-from sim.body.soft_tissue import add_soft_tissue, element_name, soft_tissues
+from sim.body.skeleton import empty_spec
+from sim.body.soft_tissue import add_soft_tissue, element_name, over_elements, soft_tissues
 from sim.parameters.conditions import TISSUE_COUPLING
 from sim.parameters.fidelity import FIDELITIES
 from sim.parameters.wearer import NOMINAL_WEARER
@@ -54,3 +52,17 @@ def test_elements_point_away_from_the_limbs_axis() -> None:
             skin, normal = tissue.element(3, index)
             radial = skin - np.array([skin[0], tissue.axis_y, tissue.axis_z])
             assert radial == pytest.approx(tissue.radius * normal)
+
+
+def test_forces_of_a_step_are_the_same_bits_alone_and_among_others() -> None:
+    """Whoever watches an assessment has its steps one by one, others all of them together."""
+    tissue = soft_tissues(NOMINAL_WEARER)[0]
+    states = np.random.default_rng(0).normal(0.0, 1e-3, (9, 1 + 2 * len(tissue.places)))
+    columns = list(range(1, 1 + len(tissue.places)))
+    together = tissue.spring_forces(states[:, columns], 10.0 * states[:, columns])
+    total = over_elements(together)
+    for step in range(len(states)):
+        seen = states[step : step + 1]
+        alone = tissue.spring_forces(seen[:, columns], 10.0 * seen[:, columns])
+        np.testing.assert_array_equal(alone[0], together[step])
+        assert over_elements(alone)[0] == total[step]
