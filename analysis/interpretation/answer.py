@@ -10,8 +10,9 @@ from analysis.interpretation.bank.bank import PLACES, Bank
 from analysis.interpretation.errors import InterpretationError
 from analysis.interpretation.inference.familiarity import CALLED_STRANGE
 from analysis.interpretation.inference.features import RECORDED
-from analysis.interpretation.inference.interpreter import Interpreter, Known, targets_of
+from analysis.interpretation.inference.interpreter import Interpreter, Known
 from analysis.interpretation.inference.posterior import TARGETS, Posterior
+from analysis.interpretation.inference.rows import targets_of
 from analysis.interpretation.plan import (
     Step,
     half_width_after,
@@ -85,6 +86,7 @@ def interpret(bank: Bank, question: Question) -> dict[str, Any]:
     offered = steps(interpreter, known)
     after = {step.factor: half_width_after(interpreter, view, known, (step,)) for step in offered}
     now = posterior.half_width()
+    unseen = interpreter.whatever_muscles(values, known)
     shares = parts(interpreter, view, known)
     return (
         common
@@ -93,6 +95,7 @@ def interpret(bank: Bank, question: Question) -> dict[str, Any]:
             "familiar": why is None,
             "why_not": why,
             "half_width": now,
+            "whatever_muscles": None if unseen is None else _any(unseen),
             "parts": [{"name": name, "share": share} for name, share in shares.items()],
             "next": [
                 _said(step, after[step.factor])
@@ -203,6 +206,11 @@ def _beliefs(posterior: Posterior, values: np.ndarray) -> dict[str, Any]:
     }
 
 
+def _any(posterior: Posterior) -> dict[str, Any]:
+    """Return K if the limb's muscles may be like none of the bank's."""
+    return _entry(posterior.quantiles(PROBABILITIES)[:, 0], "Nm/rad")
+
+
 def _entry(quantiles: np.ndarray, unit: str) -> dict[str, Any]:
     low90, low50, median, high50, high90 = map(float, quantiles)
     return {
@@ -229,6 +237,7 @@ def _unknown(bank: Bank, question: Question, why: str) -> dict[str, Any]:
         "familiar": False,
         "why_not": why,
         "half_width": prior.half_width(),
+        "whatever_muscles": None,
         "parts": [],
         "next": [],
         "tolerance": tolerance,

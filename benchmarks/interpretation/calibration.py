@@ -2,8 +2,8 @@
 
 `python -m benchmarks.interpretation.calibration BANK [--wearers 500] [--keep FOLDER]`
 
-Wearers are drawn with a seed of their own (7001), which neither the bank nor any choice has seen;
-those with friction (7002) and slack straps (7003) too. `--keep` keeps what was simulated and uses
+Wearers are drawn with a seed of their own (7101), which neither the bank nor any choice has seen;
+those with friction (7102) and slack straps (7103) too. `--keep` keeps what was simulated and uses
 it again. The last table compares methods on the bank's own rows, by cross-validation.
 """
 
@@ -18,13 +18,14 @@ import numpy as np
 from analysis.interpretation.bank.bank import Bank, Samples, load_bank
 from analysis.interpretation.bank.sampling import sample
 from analysis.interpretation.inference.calibration import Judged, judge, subgroups
-from analysis.interpretation.inference.interpreter import JOINTS, Interpreter, noisy, targets_of
+from analysis.interpretation.inference.interpreter import Interpreter
 from analysis.interpretation.inference.posterior import TARGETS
-from analysis.interpretation.plan import half_width_after, steps
+from analysis.interpretation.inference.rows import JOINTS, noisy, targets_of
+from analysis.interpretation.plan import half_width_after, shortest_plan, steps
 from benchmarks.machine import describe_machine
 
 #: Seeds of wearers who are reported on, and what is changed in them.
-FRESH, FRICTION, SLACK = 7001, 7002, 7003
+FRESH, FRICTION, SLACK = 7101, 7102, 7103
 STRANGE = (
     ("undeclared friction of 2.8 Nm", FRICTION, {"robot_friction": 2.8}),
     ("both straps slack, 4 N", SLACK, {"strap_tension": 4.0}),
@@ -56,6 +57,7 @@ def main() -> None:
     _coverage(interpreter, fresh, known, ("all",))
     _strange(bank, interpreter, fresh, judged, asked)
     _next(interpreter, fresh, zero)
+    _plans(interpreter, fresh, zero)
     _speed(interpreter, fresh)
     _methods(bank)
 
@@ -104,6 +106,8 @@ def _widths(samples: Samples, judged: Judged) -> None:
     )
     for name, error in (("paper's", paper - truth), ("affine", affine - truth)):
         print(f"  median over the {name} error: {middle / np.quantile(np.abs(error), 0.9):.2f}")
+    if judged.whatever.shape[1]:
+        print(f"  half width whatever the muscles are: {np.median(judged.whatever[:, 1]):.2f}")
     print(f"  standard deviation of K_h among these wearers: {truth.std():.2f}")
 
 
@@ -113,18 +117,32 @@ def _coverage(
     judged: Judged,
     names: tuple[str, ...] = (),
 ) -> None:
-    print("\ncoverage, %                  n    K 50   K 90   D 50   D 90   median half width of K")
+    print(
+        "\ncoverage, %                  n    K 50   K 90   D 50   D 90   median half width of K   "
+        "K 90 whatever the muscles"
+    )
     for name, chosen in subgroups(interpreter, samples).items():
         if (names and name not in names) or not chosen.any():
             continue
         shares = [judged.coverage(chosen, s, t) for t in (0, 1) for s in (0.5, 0.9)]
         cells = "".join(f"{100 * share:7.1f}" for share in shares)
-        print(f"  {name:24}{chosen.sum():5}{cells}{np.median(judged.half_widths[chosen, 0]):9.2f}")
+        width = np.median(judged.half_widths[chosen, 0])
+        whatever = f"{100 * _whatever(judged, chosen):20.1f}" if judged.whatever.shape[1] else ""
+        print(f"  {name:24}{chosen.sum():5}{cells}{width:9.2f}{whatever}")
+    everyone = judged.coverage(np.ones(len(samples), bool))
+    within = 1.96 * np.sqrt(everyone * (1.0 - everyone) / len(samples))
+    print(f"  K 90 of all lies within {100 * within:.1f} of that with 95 % probability")
     places = [100 * judged.coverage(np.ones(len(samples), bool), 0.9, t) for t in (2, 3, 4)]
     print("  K at a tenth, half, nine tenths, 90 %: " + ", ".join(f"{p:.1f}" for p in places))
     print(f"  ranks of K uniform: p {judged.uniformity():.2f}; of D: p {judged.uniformity(1):.2f}")
     counts = np.histogram(judged.ranks[:, 0], 10, (0.0, 1.0))[0]
     print("  ranks of K in tenths: " + " ".join(map(str, counts)))
+
+
+def _whatever(judged: Judged, chosen: np.ndarray) -> float:
+    """Return how often the 90 % interval of K whatever the muscles are holds the truth."""
+    rank = judged.whatever[chosen, 0]
+    return float(np.mean((rank > 0.05) & (rank < 0.95)))
 
 
 def _strange(
@@ -177,6 +195,13 @@ def _other_muscles(bank: Bank, fresh: Samples) -> None:
             f"{100 * np.mean(~familiar):15.1f}"
             f"{100 * found.coverage(np.ones(len(samples), bool)):20.1f}   ({held})"
         )
+        if found.whatever.shape[1]:
+            everyone = np.ones(len(samples), bool)
+            width = np.median(found.whatever[:, 1])
+            print(
+                f"    whatever the muscles are {100 * _whatever(found, everyone):47.1f}"
+                f"   (half width {width:.2f})"
+            )
 
 
 def _next(interpreter: Interpreter, fresh: Samples, zero: np.ndarray, count: int = 200) -> None:
@@ -198,6 +223,30 @@ def _next(interpreter: Interpreter, fresh: Samples, zero: np.ndarray, count: int
         f"\nhalf width after the best step over what was said, {len(ratios)} wearers: within 25 % "
         f"in {100 * good:.1f} %, 5 to 95 %: {low:.2f}-{high:.2f}"
     )
+
+
+def _plans(interpreter: Interpreter, fresh: Samples, zero: np.ndarray, count: int = 60) -> None:
+    """Print how often a plan is found where measuring everything reaches, and what comes of it."""
+    recorded = fresh.curves(zero)[:count]
+    print(
+        f"\nplans, {len(recorded)} wearers: reached by everything measured, by a plan; its minutes"
+    )
+    for tolerance in (0.25, 0.4, 0.5, 0.6):
+        reached, planned, minutes, held = 0, 0, [], []
+        for row, values in enumerate(recorded):
+            view, offered = interpreter.look(values), steps(interpreter, ())
+            reached += half_width_after(interpreter, view, (), tuple(offered)) <= tolerance
+            plan = shortest_plan(interpreter, view, (), offered, tolerance)
+            if plan is None:
+                continue
+            planned += 1
+            minutes.append(sum(step.minutes for step in plan[0]))
+            one = fresh.some(np.array([row]))
+            measured = {step.factor: step.to for step in plan[0]}
+            came = judge(interpreter, one, zero[[row]], measured, seed=row)
+            held.append(came.coverage(np.ones(1, bool)))
+        said = f", median {np.median(minutes):.0f} min, then 90 % hold {100 * np.mean(held):.0f} %"
+        print(f"  {tolerance:.2f} Nm/rad: {reached:3}{planned:5}{said if planned else ''}")
 
 
 def _speed(interpreter: Interpreter, fresh: Samples) -> None:

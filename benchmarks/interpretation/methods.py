@@ -7,7 +7,8 @@ import numpy as np
 
 from analysis.interpretation.bank.bank import Bank
 from analysis.interpretation.inference.features import Features
-from analysis.interpretation.inference.interpreter import Interpreter, noisy, targets_of
+from analysis.interpretation.inference.interpreter import Interpreter
+from analysis.interpretation.inference.rows import noisy, targets_of
 
 FOLDS = 5
 TREES = 150

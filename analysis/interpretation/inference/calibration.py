@@ -13,8 +13,9 @@ from scipy.stats import kstest
 
 from analysis.interpretation.bank.bank import Samples
 from analysis.interpretation.inference.features import RECORDED
-from analysis.interpretation.inference.interpreter import Interpreter, Known, targets_of
+from analysis.interpretation.inference.interpreter import Interpreter, Known
 from analysis.interpretation.inference.posterior import TARGETS
+from analysis.interpretation.inference.rows import targets_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +29,9 @@ class Judged:
     #: Median less truth, shape (n, TARGETS).
     errors: np.ndarray
     familiar: np.ndarray
+    #: Of K whatever the muscles are: share of the belief below the truth, and half width of the
+    #: 90 % interval, shape (n, 2); without columns if the bank cannot tell.
+    whatever: np.ndarray
 
     def coverage(self, chosen: np.ndarray, share: float = 0.9, target: int = 0) -> float:
         """Return how often intervals of `share` hold the truth among the `chosen` (a mask)."""
@@ -60,7 +64,7 @@ def judge(
     scaled = interpreter.features.scaled(recorded)
     assert recorded.shape[1] == len(RECORDED)
     rng = np.random.default_rng(seed)
-    ranks, widths, errors, familiar = [], [], [], []
+    ranks, widths, errors, familiar, whatever = [], [], [], [], []
     for row, (values, truth) in enumerate(zip(recorded, truths, strict=True)):
         measured = tuple(
             Known(
@@ -78,7 +82,10 @@ def judge(
             interpreter.familiarity.distance(scaled[row]) <= interpreter.familiarity.limit
             and interpreter.familiarity.offset(scaled[row]) is None
         )
+        unseen = interpreter.whatever_muscles(values, measured)
+        whatever.append([] if unseen is None else [unseen.rank(truth[:1])[0], unseen.half_width()])
     return Judged(
+        whatever=np.array(whatever),
         ranks=np.array(ranks),
         half_widths=np.array(widths),
         errors=np.array(errors),

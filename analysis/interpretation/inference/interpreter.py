@@ -14,15 +14,16 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from scipy.special import ndtri
 
-from analysis.interpretation.bank.bank import LOCAL, Bank, Samples
+from analysis.interpretation.bank.bank import Bank
 from analysis.interpretation.bank.population import Population
 from analysis.interpretation.errors import InterpretationError
+from analysis.interpretation.inference.any_muscles import AnyMuscles, any_muscles, has_sets
 from analysis.interpretation.inference.familiarity import Familiarity
 from analysis.interpretation.inference.features import Features
 from analysis.interpretation.inference.gaussian_process import GaussianProcess
 from analysis.interpretation.inference.posterior import TARGETS, Posterior, View, corrected
+from analysis.interpretation.inference.rows import noisy, normal_scores, positions, targets_of
 
 #: Rows around a recording whose errors are like its own.
 NEIGHBOURS = 40
@@ -34,7 +35,6 @@ SHRINKAGE = 0.05
 LEAST_ROWS = 4 * NEIGHBOURS
 #: Fewest rows with contact from which its correction is learnt.
 LEAST_CONTACT = 60
-JOINTS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +62,8 @@ class Interpreter:
     errors: np.ndarray
     #: What recordings have in common.
     familiarity: Familiarity
+    #: K whatever the muscles are; None if the population has one set of them only.
+    any_muscles: AnyMuscles | None
     #: Factors of these rows as normal scores, and sorted values of each factor.
     scores: np.ndarray
     sorted_factors: np.ndarray
@@ -112,6 +114,7 @@ class Interpreter:
             places=inputs / first.lengths,
             errors=errors,
             familiarity=Familiarity.fit(features.scaled(looked_at)),
+            any_muscles=any_muscles(bank, features, sorted_factors, correction is not None),
             scores=scores,
             sorted_factors=sorted_factors,
         )
@@ -124,6 +127,7 @@ class Interpreter:
             "familiarity": self.familiarity.arrays,
             "first": self.first.arrays,
             "correction": self.correction.arrays if self.correction else {},
+            "any_muscles": self.any_muscles.arrays if self.any_muscles else {},
         }
         own = ("places", "errors", "scores", "sorted_factors")
         return {name: getattr(self, name) for name in own} | {
@@ -152,6 +156,8 @@ class Interpreter:
         parts = {"features": Features, "familiarity": Familiarity, "first": GaussianProcess}
         if part("correction"):
             parts["correction"] = GaussianProcess
+        if has_sets(bank):
+            parts["any_muscles"] = AnyMuscles
         wanted = [f"{name}.{field.name}" for name, kind in parts.items() for field in fields(kind)]
         if missing := [name for name in (*own, *wanted) if name not in bank.fitted]:
             raise InterpretationError(
@@ -164,6 +170,7 @@ class Interpreter:
             familiarity=Familiarity(**part("familiarity")),
             first=GaussianProcess(**part("first")),
             correction=GaussianProcess(**part("correction")) if part("correction") else None,
+            any_muscles=AnyMuscles(**part("any_muscles")) if part("any_muscles") else None,
             **{name: bank.fitted[name] for name in own},
         )
 
@@ -187,6 +194,19 @@ class Interpreter:
         columns, values, sds = self._measured(known)
         centre, spread = view.corrected(columns, values, sds)
         return Posterior(centre=centre, spread=spread, scores=self._scores(columns, sds))
+
+    def whatever_muscles(
+        self, recorded: np.ndarray, known: tuple[Known, ...] = ()
+    ) -> Posterior | None:
+        """Return what is believed of K if the limb's muscles may be like none of the bank's.
+
+        None if the bank has too few sets of muscles to tell.
+        """
+        if self.any_muscles is None:
+            return None
+        columns, values, sds = self._measured(known)
+        scaled = self.features.scaled(recorded[None])[0]
+        return self.any_muscles.infer(scaled, columns - len(TARGETS), values, sds)
 
     def after(self, view: View, known: tuple[Known, ...], sds: Mapping[str, float]) -> Posterior:
         """Return what to expect if factors were measured, too, to standard deviations `sds`.
@@ -319,29 +339,4 @@ class Interpreter:
     def _value(self, column: int, score: float) -> float:
         """Return the value of a factor whose normal score is `score`."""
         ordered = self.sorted_factors[:, column - len(TARGETS)]
-        return float(np.interp(score, _positions(len(ordered)), ordered))
-
-
-def noisy(bank: Bank, samples: Samples) -> np.ndarray:
-    """Return the recordings of a bank with the zero errors that sensors have, shape (n, both)."""
-    return samples.curves(bank.population.zero_errors(bank.seed, samples.rows, JOINTS))
-
-
-def targets_of(samples: Samples) -> np.ndarray:
-    """Return the truth of TARGETS, shape (n, TARGETS): restoring sense, Nm/rad and Nm s/rad."""
-    return np.hstack([samples.of("true_stiffness", "true_damping"), -samples.of(*LOCAL)])
-
-
-def normal_scores(ordered: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the normal scores of values (n, f) among sorted ones (rows, f), shape (n, f)."""
-    positions = _positions(len(ordered))
-    columns = []
-    for i in range(ordered.shape[1]):
-        own, where = np.unique(ordered[:, i], return_inverse=True)
-        level = np.bincount(where, positions) / np.bincount(where)
-        columns.append(np.interp(values[:, i], own, level))
-    return np.column_stack(columns)
-
-
-def _positions(count: int) -> np.ndarray:
-    return np.asarray(ndtri((np.arange(count) + 0.5) / count))
+        return float(np.interp(score, positions(len(ordered)), ordered))

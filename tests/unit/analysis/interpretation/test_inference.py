@@ -13,7 +13,8 @@ from analysis.interpretation.bank.bank import load_bank, with_zero_errors
 from analysis.interpretation.build import empty_bank, grow
 from analysis.interpretation.errors import InterpretationError
 from analysis.interpretation.inference.features import RECORDED
-from analysis.interpretation.inference.interpreter import Interpreter, Known, targets_of
+from analysis.interpretation.inference.interpreter import Interpreter, Known
+from analysis.interpretation.inference.rows import targets_of
 from analysis.interpretation.plan import half_width_after, parts, shortest_plan, steps
 from analysis.interpretation.recording import Recording
 from sim.assessment.summary import Motion

@@ -1,0 +1,103 @@
+"""K_h whatever the muscles are: what a set that the bank lacks does to an interval."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.interpretation.inference.any_muscles import AnyMuscles, has_sets
+from analysis.interpretation.inference.interpreter import Interpreter, Known
+from analysis.interpretation.inference.posterior import Posterior
+from sim.models import CURVES, ESTIMATES, WINDOWS
+from tests.testbed.bank import bank, samples
+
+NOBODY = np.array([], dtype=int)
+NOTHING = np.array([])
+
+
+def limbs(shifts: dict[int, float], count: int, seed: int) -> tuple[np.ndarray, ...]:
+    """Recordings, K with a factor's score, and sets of muscles that shift what shows of K.
+
+    The factor is half of what the recording does not show.
+    """
+    rng = np.random.default_rng(seed)
+    scaled = rng.standard_normal((count, len(CURVES) + len(ESTIMATES)))
+    muscles = rng.choice(list(shifts), count)
+    factor = rng.standard_normal(count)
+    shown = scaled[:, len(CURVES)]
+    off = np.array([shifts[one] for one in muscles.tolist()])
+    stiffness = 2.0 * shown + off + 0.3 * factor + 0.1 * rng.standard_normal(count)
+    return scaled, np.column_stack([stiffness, factor]), muscles
+
+
+def learnt(judged: np.ndarray | None = None) -> AnyMuscles:
+    scaled, outputs, muscles = limbs({0: -0.6, 1: 0.0, 2: 0.6}, 600, seed=1)
+    everyone = np.ones(600, dtype=bool)
+    return AnyMuscles.fit(scaled, outputs, muscles, everyone if judged is None else judged)
+
+
+def held(posteriors: list[Posterior], truths: np.ndarray) -> float:
+    pairs = zip(posteriors, truths, strict=True)
+    return float(np.mean([0.05 < p.rank(truth[:1])[0] < 0.95 for p, truth in pairs]))
+
+
+def test_the_interval_holds_for_muscles_that_the_bank_lacks() -> None:
+    model = learnt()
+    scaled, truths, _ = limbs({3: -0.5, 4: 0.5}, 200, seed=2)
+    found = [model.infer(one, NOBODY, NOTHING, NOTHING) for one in scaled]
+    assert held(found, truths) > 0.86
+
+
+def test_what_is_measured_on_the_patient_moves_it_to_the_truth() -> None:
+    model = learnt()
+    scaled, truths, _ = limbs({0: -0.6, 1: 0.0, 2: 0.6}, 200, seed=3)
+    column, sd = np.array([0]), np.array([0.05])
+    before = [model.infer(one, NOBODY, NOTHING, NOTHING) for one in scaled]
+    pairs = zip(scaled, truths, strict=True)
+    after = [model.infer(one, column, truth[1:], sd) for one, truth in pairs]
+    assert after[0].half_width() < before[0].half_width()
+    errors = [
+        [abs(p.centre[0] - t[0]) for p, t in zip(f, truths, strict=True)] for f in (before, after)
+    ]
+    assert np.mean(errors[1]) < np.mean(errors[0])
+    assert held(after, truths) > 0.85
+
+
+def test_rows_without_contact_teach_and_those_with_it_judge() -> None:
+    scaled, outputs, muscles = limbs({0: -0.1, 1: 0.0, 2: 0.1}, 600, seed=1)
+    judged = np.arange(600) >= 500
+    # Contact adds to K.
+    outputs[judged, 0] += 1.5
+    model = AnyMuscles.fit(scaled, outputs, muscles, judged)
+    assert model.errors.shape == (100, 2)
+    assert abs(model.errors[:, 0].mean()) < 0.2
+    fresh, truths, _ = limbs({0: -0.1, 1: 0.0, 2: 0.1}, 200, seed=4)
+    truths[:, 0] += 1.5
+    found = [model.infer(one, NOBODY, NOTHING, NOTHING) for one in fresh]
+    assert held(found, truths) == pytest.approx(0.9, abs=0.06)
+
+
+def test_only_regressions_and_the_movement_count() -> None:
+    model = learnt()
+    scaled, _, _ = limbs({0: 0.0}, 1, seed=5)
+    other = scaled.copy()
+    other[:, WINDOWS : len(CURVES)] += 5.0
+    one, two = (model.infer(s[0], NOBODY, NOTHING, NOTHING).centre[0] for s in (scaled, other))
+    assert one == two
+
+
+def test_a_bank_of_one_set_of_muscles_cannot_tell() -> None:
+    own = bank()
+    column = own.population.names.index("muscles")
+    one = replace(own, bushing=own.bushing.some(own.bushing.factors[:, column] == 0.0))
+    assert has_sets(own) and not has_sets(one)
+
+
+def test_it_is_kept_in_the_bank_and_hears_of_what_is_known() -> None:
+    interpreter = Interpreter.read(bank())
+    recorded = samples(2, 3).curves(np.zeros((3, 4)))[0]
+    alone = interpreter.whatever_muscles(recorded)
+    known = Known(name="forearm_length", value=0.3, sd=0.001)
+    told = interpreter.whatever_muscles(recorded, (known,))
+    assert alone is not None and told is not None
+    assert told.half_width() < 0.8 * alone.half_width()
