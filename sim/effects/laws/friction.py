@@ -32,6 +32,13 @@ if TYPE_CHECKING:
 #: Width over which the direction changes, over the top speed.
 SMOOTH = Nonlinear("smooth", (0.004, 0.02, 0.06), scaling=0.4)
 COARSE = Nonlinear("smooth", (0.004, 0.02))
+#: Speed at which friction loses what it has more when slow, over the top speed.
+SPEED = Nonlinear("speed", (0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE)
+
+
+def slowness(parameters: Values, motion: Motion) -> Signal:
+    """Return 1 at rest and 0 when fast, as Stribeck friction falls."""
+    return exp(-((motion.velocity / parameters["stribeck_velocity"]) ** 2))
 
 
 class Friction(Law):
@@ -110,14 +117,11 @@ class Stribeck(Friction):
         ),
     )
     coefficients = ("torque", "breakaway_excess")
-    nonlinear = (
-        replace(SMOOTH, grid=COARSE.grid),
-        Nonlinear("speed", (0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE),
-    )
+    nonlinear = (replace(SMOOTH, grid=COARSE.grid), SPEED)
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
-        slow = exp(-((motion.velocity / parameters["stribeck_velocity"]) ** 2))
-        return parameters["torque"] + parameters["breakaway_excess"] * slow
+        excess = parameters["breakaway_excess"] * slowness(parameters, motion)
+        return parameters["torque"] + excess
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
         return [t for t in super().thetas(joint) if t["speed"] > 2 * t["smooth"]]

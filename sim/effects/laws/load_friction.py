@@ -5,14 +5,15 @@ Duclusaud et al. 2025 (github Rhoban/bam).
 """
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from sim.effects.effect import Theta
-from sim.effects.functions import Signal, choose, exp, magnitude
-from sim.effects.laws.friction import COARSE, Friction
+from sim.effects.functions import Signal, choose, magnitude
+from sim.effects.laws.friction import COARSE, SPEED, Friction, slowness
 from sim.effects.motion import Motion, RecordedJoint
-from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Values, named, size
+from sim.effects.parameter import Nonlinear, Parameter, Values, named, size
 
 #: Friction that takes more than this share of the load locks a transmission: nobody could move the
 #: robot by hand. What looks like it is Coulomb friction beside something else.
@@ -24,14 +25,35 @@ def share(description: str) -> Parameter:
     return Parameter("1", description, floor=0.0, ceiling=MAX_LOAD_SHARE)
 
 
-class LoadDependent(Friction):
+class Loaded(Friction):
+    """Friction that knows the load of its joint; the laws beyond M3 grow from that one."""
+
+    owner: Literal["robot", "human"] | None = None
+    includes: tuple[str, ...] = ("coulomb_friction", "load_dependent_friction")
+    grows_from: tuple[str, ...] = ("load_dependent_friction",)
+    nonlinear: tuple[Nonlinear, ...] = (COARSE, Nonlinear("load", (0, 1)))
+    uses_estimate = True
+
+    def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
+        # Which load a law is told is a choice.
+        loads = (
+            joint.recording.static[:, joint.number],
+            joint.estimate.prediction[:, joint.number],
+            np.nan_to_num(joint.recording.effort[:, joint.number]),
+        )
+        return replace(joint, smooth=theta["smooth"], load=loads[int(theta["load"])])
+
+
+class LoadDependent(Loaded):
     """Friction that grows with the joint's load: (F + mu |load|) sign(v)."""
 
+    owner = "robot"
     name = "load_dependent_friction"
     complexity = 2
     signature = "the step with the velocity's sign grows with the torque that the joint carries"
     separating_trial = "repeat one movement with a known mass attached"
     includes = ("coulomb_friction",)
+    grows_from = ()
     parameters = named(
         torque=size("Nm", 3.0, "friction of the robot's joint without load"),
         load_share=replace(
@@ -40,22 +62,17 @@ class LoadDependent(Friction):
     )
     coefficients = ("torque", "load_share")
     nonlinear = (COARSE, Nonlinear("load", (0, 1, 2)))
-    uses_estimate = True
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         return parameters["torque"] + parameters["load_share"] * magnitude(motion.load)
 
-    def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
-        return under_load(joint, theta)
 
-
-class StribeckLoad(Friction):
+class StribeckLoad(Loaded):
     """Load and Stribeck together (M4): both levels grow with the load.
 
     (F + mu |load| + (dF + dmu |load|) exp(-(v / vs)^2)) sign(v).
     """
 
-    owner = None
     name = "stribeck_load_friction"
     complexity = 5
     signature = "the step with the velocity's sign grows with the load, and more so when slow"
@@ -74,25 +91,21 @@ class StribeckLoad(Friction):
     coefficients = ("torque", "load_share", "breakaway_excess", "slow_load_share")
     nonlinear = (
         COARSE,
-        Nonlinear("speed", (0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE),
+        SPEED,
         Nonlinear("load", (0, 1)),
     )
-    uses_estimate = True
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         load = magnitude(motion.load)
-        slow = exp(-((motion.velocity / parameters["stribeck_velocity"]) ** 2))
+        fast = parameters["torque"] + parameters["load_share"] * load
         excess = parameters["breakaway_excess"] + parameters["slow_load_share"] * load
-        return parameters["torque"] + parameters["load_share"] * load + excess * slow
-
-    def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
-        return under_load(joint, theta)
+        return fast + excess * slowness(parameters, motion)
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
         return {"stribeck_velocity": theta["speed"] * joint.top_speed}
 
 
-class DirectionalLoad(Friction):
+class DirectionalLoad(Loaded):
     """Load-dependent friction that knows who drives (M5): the motor or the load.
 
     (F + mu |load|) sign(v), with one mu where the motor moves the load and another where the load
@@ -101,68 +114,38 @@ class DirectionalLoad(Friction):
     friction, and that is the same law: mu = (mu_e + mu_m) / (1 -+ mu_m).
     """
 
-    owner = None
     name = "directional_load_friction"
     complexity = 3
     signature = "lifting a load takes more friction than letting it down gives back"
     separating_trial = "lift and lower a known mass through the same range"
-    includes = ("coulomb_friction", "load_dependent_friction")
-    grows_from = ("load_dependent_friction",)
     parameters = named(
         torque=Parameter("Nm", "friction without load", floor=0.0),
         driving_share=share("friction over the load where the motor drives"),
         driven_share=share("friction over the load where the load drives"),
     )
     coefficients = ("torque", "driving_share", "driven_share")
-    nonlinear = (COARSE, Nonlinear("load", (0, 1)))
-    uses_estimate = True
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         driving = motion.load * motion.velocity > 0
         shares = choose(driving, parameters["driving_share"], parameters["driven_share"])
         return parameters["torque"] + shares * magnitude(motion.load)
 
-    def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
-        return under_load(joint, theta)
 
-
-class QuadraticLoad(Friction):
+class QuadraticLoad(Loaded):
     """Friction that grows faster than the load (M6): (F + mu |load| + kappa load^2) sign(v)."""
 
-    owner = None
     name = "quadratic_load_friction"
     complexity = 3
     signature = "the step with the velocity's sign grows with the load, faster at large loads"
     separating_trial = "repeat one movement with three known masses"
-    includes = ("coulomb_friction", "load_dependent_friction")
-    grows_from = ("load_dependent_friction",)
     parameters = named(
         torque=Parameter("Nm", "friction without load", floor=0.0),
         load_share=share("further friction over the motor's torque"),
         load_curvature=Parameter("1/Nm", "further friction over its square", floor=0.0),
     )
     coefficients = ("torque", "load_share", "load_curvature")
-    nonlinear = (COARSE, Nonlinear("load", (0, 1)))
-    uses_estimate = True
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         load = magnitude(motion.load)
         linear = parameters["torque"] + parameters["load_share"] * load
         return linear + parameters["load_curvature"] * load * load
-
-    def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
-        return under_load(joint, theta)
-
-
-def under_load(joint: RecordedJoint, theta: Theta) -> RecordedJoint:
-    """Return the recorded motion with the load that a law is told: which one is a choice."""
-    loads = (
-        joint.recording.static[:, joint.number],
-        joint.estimate.prediction[:, joint.number],
-        np.nan_to_num(joint.recording.effort[:, joint.number]),
-    )
-    return replace(
-        joint,
-        smooth=theta["smooth"],
-        load=loads[int(theta["load"])],
-    )

@@ -24,6 +24,13 @@ Array = NDArray[np.float64]
 FACTORS = ("x1", "x2", "x3")
 GROUPS = {"outer": ("x1", "x3")}
 PLACES = places_of(FACTORS, GROUPS)
+#: The same for SALib.
+PROBLEM = {
+    "num_vars": 3,
+    "names": list(FACTORS),
+    "groups": ["outer", "x2", "outer"],
+    "bounds": [[0.0, 1.0]] * 3,
+}
 #: Variance shares of Ishigami and Homma 1990 for a = 7, b = 0.1.
 VARIANCE = 49 / 8 + np.pi**4 / 50 + np.pi**8 / 1800 + 0.5
 SHARE_2 = 49 / 8 / VARIANCE
@@ -94,16 +101,10 @@ def test_salib_says_the_same_of_groups_on_the_same_samples() -> None:
     values = ishigami(rows_of("saltelli", "sobol_blocks", 512))
     ours = SaltelliEstimator(sampling="sobol_blocks", seed=3, factors=2, outputs=1)
     ours.add_rows(range(512), values[..., None])
-    problem = {
-        "num_vars": 3,
-        "names": list(FACTORS),
-        "groups": ["outer", "x2", "outer"],
-        "bounds": [[0.0, 1.0]] * 3,
-    }
     ordered = values[:, [0, 2, 3, 1]].ravel()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        theirs = salib_sobol.analyze(problem, ordered, calc_second_order=False, num_resamples=2)
+        theirs = salib_sobol.analyze(PROBLEM, ordered, calc_second_order=False, num_resamples=2)
     found = ours.indices()
     assert found["total_order"].value[0] == pytest.approx(theirs["ST"], abs=1e-9)
     # They centre B by the mean of all runs, we by that of A and B: else S is the same.
@@ -118,14 +119,8 @@ def test_salib_says_the_same_of_elementary_effects_of_groups() -> None:
     values = ishigami(points)
     ours = MorrisEstimator(sampling="trajectories", seed=3, factors=2, outputs=1)
     ours.add_rows(range(30), values[..., None])
-    problem = {
-        "num_vars": 3,
-        "names": list(FACTORS),
-        "groups": ["outer", "x2", "outer"],
-        "bounds": [[0.0, 1.0]] * 3,
-    }
     theirs = salib_morris.analyze(
-        problem, points.reshape(-1, 3), values.ravel(), num_levels=4, num_resamples=2
+        PROBLEM, points.reshape(-1, 3), values.ravel(), num_levels=4, num_resamples=2
     )
     # They take the step of four levels from end to end, 2 / 3; ours are middles, 1 / 2 apart.
     assert ours.indices()["mu_star"].value[0] == pytest.approx(

@@ -16,6 +16,8 @@ from server.logic.study.instances import (
 from server.records import Instance
 
 HELD = Instance(row=3, position=1, state="leased", lease="L", attempts={})
+#: As HELD, after two attempts.
+TRIED = replace(HELD, attempts={"lost": 2}, host_class="c", avoid="a", hosts={"lost": ("a", "b")})
 
 
 @pytest.mark.parametrize(("cause", "budget"), list(BUDGETS.items()))
@@ -60,35 +62,16 @@ def test_a_settled_instance_is_held_by_nobody() -> None:
 
 
 def test_a_reopened_instance_is_as_before_it_was_handed_out() -> None:
-    tried = Instance(
-        row=3,
-        position=1,
-        state="done",
-        lease="L",
-        attempts={"lost": 2},
-        host_class="c",
-        avoid="a",
-        hosts={"lost": ("a", "b")},
-    )
-    bound = reopened(tried, unbound=False)
+    done = replace(TRIED, state="done")
+    bound = reopened(done, unbound=False)
     assert bound == Instance(
         row=3, position=1, state="pending", lease=None, attempts={}, host_class="c"
     )
-    assert reopened(tried, unbound=True).host_class is None
+    assert reopened(done, unbound=True).host_class is None
 
 
 def test_what_is_settled_keeps_what_was_tried_and_where() -> None:
-    tried = Instance(
-        row=3,
-        position=1,
-        state="leased",
-        lease="L",
-        attempts={"lost": 2},
-        host_class="c",
-        avoid="a",
-        hosts={"lost": ("a", "b")},
-    )
-    assert settled(tried) == replace(tried, state="done", lease=None)
+    assert settled(TRIED) == replace(TRIED, state="done", lease=None)
 
 
 def test_a_lease_holds_what_names_it() -> None:

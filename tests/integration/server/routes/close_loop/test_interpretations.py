@@ -1,6 +1,5 @@
 """Interpreting a session over REST: by workers with a bank, as closing the loop is."""
 
-import io
 import json
 from typing import Any
 
@@ -9,7 +8,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from analysis.interpretation.contract import code
-from server.operations import check, sessions
+from server.operations import check
 from tests.testbed.coordinators.rest_bodies import is_problem
 
 Json = dict[str, Any]
@@ -27,23 +26,6 @@ ANSWER: Json = {
     "bank": BANK,
 }
 KNOWN = [{"name": "forearm_mass", "value": 0.9, "sd": 0.1}]
-
-
-@pytest.fixture
-def session(app: FastAPI, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The id of a session that was uploaded."""
-    # It is no zip file: its digest is taken on trust.
-    monkeypatch.setattr(check, "_session_faults", lambda engine: ())
-    kept, _ = sessions.create(
-        app.state.engine,
-        io.BytesIO(b"PK1"),
-        name="monday",
-        sha256="c4ed0a17fd5e6dc3dc9ff3ff2ca1ea10bdb7b03f8d7c0a40e2ea6e6bb8e9e1a0",
-        size=3,
-        content={},
-        now=1.0,
-    )
-    return kept.id
 
 
 def asked(client: TestClient, session: str, **body: Any) -> Json:
