@@ -72,10 +72,11 @@ bench-sim: $(READY)  ## Print what an assessment costs and how the fidelities ag
 curves: $(READY)  ## Draw what each factor does alone (docs/measurements/one_at_a_time.png)
 	$(BIN)/python -m benchmarks.simulation.one_at_a_time docs/measurements/one_at_a_time.png
 
-bench-analysis: $(READY)  ## Errors, coverage and speed of the indices beside SALib and SciPy
+bench-analysis: $(READY)  ## Errors, coverage and speed of the indices beside SALib, SciPy and OpenTURNS
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.indices
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.hard
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.curves
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.rivals
 
 bench-closeloop: $(READY)  ## Print how often closing the loop names the right effect
 	$(BIN)/python -m benchmarks.closeloop.synthetic $(ARGS)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from analysis.given import layout
 from analysis.given.hsic import hsic
-from analysis.given.intervals import chance
 from analysis.given.measures import MEASURES, Measure
 from analysis.given.reading import read_sheet
 from analysis.given.sample import FEWEST_ROWS, Sample, choose
@@ -21,8 +20,6 @@ Array = NDArray[np.float64]
 
 #: Of all intervals.
 LEVEL = 0.9
-#: Permutations of the output of which `chance` is the mean.
-_PERMUTATIONS = 4
 
 
 def analyse(
@@ -98,6 +95,13 @@ def answer(sample: Sample) -> dict[str, Any]:
             f"sequences do: {', '.join(withheld)} is withheld, for in such points the other "
             "factors' waves look like those of the factor itself. See delta, pawn and hsic."
         )
+    short = [m for m in MEASURES if 0 < len(rows) < m.fewest_rows(len(sample.factors))]
+    for measure in short:
+        withheld += (measure.name,)
+        remarks.append(
+            f"{measure.name} is withheld: of {len(sample.factors)} factors it takes "
+            f"{measure.fewest_rows(len(sample.factors))} rows."
+        )
     designed = {} if found is None else layout.indices(found, sample.x, sample.y, LEVEL)
     measures = MEASURES if len(rows) else ()
     return {
@@ -143,12 +147,10 @@ def _of_sample(measure: Measure, x: Array, y: Array, factors: Sequence[str]) -> 
         return {}
     # No measure looks at units; numbers far from 1 may overflow or vanish on the way.
     x, y = ((one - one.mean(axis=0)) / one.std(axis=0) for one in (x, y))
-    value = measure.index(x, y)
-    half = measure.half_width(measure.index, x, y, LEVEL, rng)
-    low = value - half if measure.least is None else np.maximum(value - half, measure.least)
-    columns = {"value": value, "low": low, "high": value + half}
+    found = measure.estimate(x, y, LEVEL, rng)
+    columns = {"value": found.value, "low": found.low, "high": found.high}
     if measure.biased:
-        columns["chance"] = chance(measure.index, x, y, _PERMUTATIONS, rng)
+        columns["chance"] = found.chance
     if measure.name == "hsic":
         columns["p_value"] = hsic(x, y).p_value
     return {

@@ -38,10 +38,22 @@ def hsic(x: Array, y: Array) -> Hsic:
     for i, column in enumerate(x.T):
         factor = _gram(column)
         found = _unbiased(factor, output)
-        whole = _unbiased(factor, factor) * own
-        r2[i] = found / np.sqrt(whole) if whole > 0.0 else 0.0
+        r2[i] = _share(found, factor, own)
         p_value[i] = _by_chance(found, factor, output)
     return Hsic(r2=r2, p_value=p_value)
+
+
+def r2_hsic(x: Array, y: Array) -> Array:
+    """Return R2-HSIC (Da Veiga 2015) as `hsic` does, without the test."""
+    output = _gram(y)
+    own = _unbiased(output, output)
+    factors = [_gram(column) for column in x.T]
+    return np.array([_share(_unbiased(factor, output), factor, own) for factor in factors])
+
+
+def _share(found: float, factor: Array, own: float) -> float:
+    whole = _unbiased(factor, factor) * own
+    return float(found / np.sqrt(whole)) if whole > 0.0 else 0.0
 
 
 def _gram(values: Array) -> Array:

@@ -1,13 +1,19 @@
-"""Intervals of indices that somebody else's program computes from any sample.
+"""Intervals of indices of any sample, however the index is made.
 
 Either by halves: a sample is cut in two at random, again and again, and what an index of one half
 differs from that of the other tells its error (Politis, Romano and Wolf 1999, Subsampling, chapter
 2; cut in halves, McCarthy 1969, Pseudo-replication). No row stands in a half twice, which indices
 made of pairs of rows or of ranks would take for agreement. Or, for distances of distributions,
 which move less smoothly, by the bootstrap (Efron 1979).
+
+Of an index to which chance adds squares, both see too much: in half the rows chance is twice as
+large, and a row that is drawn twice agrees with itself. Halves count the variance of that part
+twice, as the jackknife does (Efron and Stein 1981, The jackknife estimate of variance), and the
+bootstrap counts it two or three times. Permuting the output says how large the part is.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +23,21 @@ Array = NDArray[np.float64]
 #: An index of every factor, shape (factors,), from x (rows, factors) and y (rows,).
 Index = Callable[[Array, Array], Array]
 
-#: Cuts in two, and samples drawn with replacement: a standard error from so few is 18 % off.
-CUTS = 16
-RESAMPLES = 16
+#: Cuts in two, samples drawn with replacement, and permutations of the output: a standard error
+#: from so few is 18 % off.
+CUTS = RESAMPLES = PERMUTATIONS = 16
 
 
-def by_halves(index: Index, x: Array, y: Array, level: float, rng: np.random.Generator) -> Array:
-    """Return half the width of an interval of every factor (Politis et al. 1999).
+@dataclass(frozen=True, kw_only=True)
+class Chance:
+    """What a factor that has nothing to do with the output gets from as many rows, (factors,)."""
+
+    mean: Array
+    variance: Array
+
+
+def by_halves(index: Index, x: Array, y: Array, rng: np.random.Generator) -> Array:
+    """Return the variance of an index of every factor (Politis et al. 1999).
 
     Half the difference of two halves has the variance of the index of the whole, whatever bias
     both halves have.
@@ -33,25 +47,32 @@ def by_halves(index: Index, x: Array, y: Array, level: float, rng: np.random.Gen
         order = rng.permutation(len(y))
         one, other = order[:rows], order[rows : 2 * rows]
         squares += (0.5 * (index(x[one], y[one]) - index(x[other], y[other]))) ** 2
-    return _student(level, CUTS) * np.sqrt(squares / CUTS)
+    return squares / CUTS
 
 
-def by_bootstrap(index: Index, x: Array, y: Array, level: float, rng: np.random.Generator) -> Array:
-    """Return half the width of an interval of every factor (Efron 1979)."""
+def by_bootstrap(index: Index, x: Array, y: Array, rng: np.random.Generator) -> Array:
+    """Return the variance of an index of every factor (Efron 1979)."""
     drawn = (rng.integers(0, len(y), len(y)) for _ in range(RESAMPLES))
     replicates = np.stack([index(x[rows], y[rows]) for rows in drawn])
-    spread: Array = replicates.std(axis=0, ddof=1)
-    return _student(level, RESAMPLES - 1) * spread
+    variance: Array = replicates.var(axis=0, ddof=1)
+    return variance
 
 
-def chance(index: Index, x: Array, y: Array, times: int, rng: np.random.Generator) -> Array:
-    """Return what a factor that has nothing to do with the output gets from as many rows.
+def by_chance(index: Index, x: Array, y: Array, rng: np.random.Generator) -> Chance:
+    """Return mean and variance over permutations (Khorashadi Zadeh et al. 2017, section 2.3)."""
+    found = np.stack([index(x, rng.permutation(y)) for _ in range(PERMUTATIONS)])
+    return Chance(mean=found.mean(axis=0), variance=found.var(axis=0, ddof=1))
 
-    The mean over permutations of the output (Khorashadi Zadeh et al. 2017, section 2.3).
+
+def half_width(variance: Array, by_chance: Array, level: float) -> Array:
+    """Return half the width of an interval (Efron and Stein 1981).
+
+    Args:
+        variance: from `by_halves` or `by_bootstrap`.
+        by_chance: how much of an index's variance is of what chance adds, which is taken off once,
+            as far as all of `variance` may be such.
+        level: between 0 and 1.
     """
-    mean: Array = np.mean([index(x, rng.permutation(y)) for _ in range(times)], axis=0)
-    return mean
-
-
-def _student(level: float, freedom: int) -> float:
-    return float(-stdtrit(freedom, (1.0 - level) / 2.0))
+    left = np.maximum(variance - by_chance, 0.5 * variance)
+    half: Array = -stdtrit(CUTS, (1.0 - level) / 2.0) * np.sqrt(left)
+    return half

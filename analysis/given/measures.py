@@ -4,22 +4,22 @@ Each takes x of shape (rows, factors) and y of shape (rows,), and returns shape 
 must be in no order that has to do with the factors: those with equal values stay as they come.
 """
 
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.given.hsic import hsic
-from analysis.given.intervals import by_bootstrap, by_halves
+from analysis.given.delta import delta
+from analysis.given.hdmr import PIECES, hdmr
+from analysis.given.hsic import r2_hsic
+from analysis.given.intervals import by_bootstrap, by_chance, by_halves, half_width
+from analysis.given.pawn import SLICES, pawn
 
 Array = NDArray[np.float64]
 
-#: Harmonics of RBD-FAST and slices of PAWN: SALib's own.
+#: Harmonics of RBD-FAST: SALib's own.
 HARMONICS = 10
-SLICES = 10
 
 
 def rbd_fast(x: Array, y: Array) -> Array:
@@ -36,38 +36,6 @@ def rbd_fast(x: Array, y: Array) -> Array:
     return np.array(found, dtype=np.float64)
 
 
-def pawn(x: Array, y: Array) -> Array:
-    """Return the median distance of conditional distributions (Pianosi and Wagener 2018)."""
-    from SALib.analyze.pawn import analyze
-
-    with _quiet():
-        found = analyze(_problem(x), _ranks(x), y, S=SLICES)
-    return np.asarray(found["median"], dtype=np.float64)
-
-
-def delta(x: Array, y: Array) -> Array:
-    """Return Borgonovo's delta, eqn 26 of Plischke, Borgonovo and Smith 2013."""
-    from SALib.analyze.delta import calc_delta
-
-    rows = len(y)
-    # As `SALib.analyze.delta.analyze` cuts a sample, of which it is a part of its own.
-    power = 2.0 / (7.0 + np.tanh((1500.0 - rows) / 500.0))
-    edges = np.linspace(0, rows, min(int(np.ceil(rows**power)), 48) + 1)
-    grid = np.linspace(y.min(), y.max(), 100)
-    with _quiet():
-        try:
-            found = [calc_delta(y, grid, column, edges) for column in x.T]
-        except np.linalg.LinAlgError:
-            # Of values that are all but the same no density can be drawn.
-            found = [np.nan] * x.shape[1]
-    return np.array(found, dtype=np.float64)
-
-
-def r2_hsic(x: Array, y: Array) -> Array:
-    """Return R2-HSIC with Gaussian kernels (Da Veiga 2015)."""
-    return hsic(x, y).r2
-
-
 def unless_still(index: Callable[[Array, Array], Array]) -> Callable[[Array, Array], Array]:
     """Return an index that is 0 where the output does not vary, as in parts of a rare event's."""
 
@@ -75,6 +43,40 @@ def unless_still(index: Callable[[Array, Array], Array]) -> Callable[[Array, Arr
         return index(x, y) if np.ptp(y) > 0.0 else np.zeros(x.shape[1])
 
     return of_what_varies
+
+
+def _unexplained(value: Array, chance: Array) -> Array:
+    """Return the share of the variance that a factor does not explain."""
+    return np.clip(1.0 - value, 0.0, 1.0)
+
+
+def _unexplained_by_all(value: Array, chance: Array) -> Array:
+    """Return the root of the share of the variance that the factors together do not explain.
+
+    (The share itself is what theory of normal errors says, but what is left is seldom normal: the
+    root was set on samples of `benchmarks.sensitivity.dependent` that it does not report.)
+    """
+    return np.sqrt(np.clip(1.0 - np.full_like(value, value.sum()), 0.0, 1.0))
+
+
+def _beside(value: Array, chance: Array) -> Array:
+    """Return how much of a distance is chance, 1 of an idle factor and soon nothing of others.
+
+    (The power was set on samples of `benchmarks.sensitivity.dependent` that it does not report.)
+    """
+    share: Array = np.clip(chance / np.maximum(value, 1e-300), 0.0, 1.0) ** 4
+    return share
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """A measure of every factor, shape (factors,) each."""
+
+    value: Array
+    low: Array
+    high: Array
+    #: What a factor gets from as many rows that has nothing to do with the output.
+    chance: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +87,12 @@ class Measure:
     #: In a table.
     symbol: str
     index: Callable[[Array, Array], Array]
-    half_width: Callable[..., Array]
+    #: Of the variance, from index, x, y and a generator (`analysis.given.intervals`).
+    variance: Callable[..., Array]
+    #: Of value and chance, shape (factors,) each: how large what chance adds to the index is, as a
+    #: share of what it adds to one of a factor that does nothing.
+    #: None of one that adds next to nothing.
+    rest: Callable[[Array, Array], Array] | None
     #: It grows with the square of the rows, or is slow: of more rows so many are drawn.
     most_rows: int
     #: No index is below: of what only noise can be, an interval ends there.
@@ -94,8 +101,30 @@ class Measure:
     biased: bool
     #: Points of a low-discrepancy sequence mislead it.
     needs_drawn: bool = False
+    #: Of how many factors it takes how many rows, at least.
+    fewest_rows: Callable[[int], int] = lambda factors: 0
     assumes: str
     source: str
+
+    def estimate(self, x: Array, y: Array, level: float, rng: np.random.Generator) -> Found:
+        """Return it of every factor, with its interval (Efron and Stein 1981).
+
+        Args:
+            x: shape (rows, factors).
+            y: shape (rows,).
+            level: of the interval, between 0 and 1.
+            rng: draws halves or resamples, and permutations.
+        """
+        value = self.index(x, y)
+        variance = self.variance(self.index, x, y, rng)
+        added, chance = np.zeros_like(value), np.zeros_like(value)
+        if self.rest is not None:
+            permuted = by_chance(self.index, x, y, rng)
+            chance, added = permuted.mean, permuted.variance
+            added = added * self.rest(value, chance) ** 2
+        half = half_width(variance, added, level)
+        low = value - half if self.least is None else np.maximum(value - half, self.least)
+        return Found(value=value, low=low, high=value + half, chance=chance)
 
 
 MEASURES = (
@@ -103,7 +132,8 @@ MEASURES = (
         name="rbd_fast",
         symbol="S",
         index=unless_still(rbd_fast),
-        half_width=by_halves,
+        variance=by_halves,
+        rest=_unexplained,
         most_rows=20_000,
         least=None,
         biased=False,
@@ -114,10 +144,26 @@ MEASURES = (
         source="Tarantola, Gatelli and Mara 2006; Plischke 2010; Tissot and Prieur 2012 (SALib)",
     ),
     Measure(
+        name="hdmr",
+        symbol="S (HDMR)",
+        index=unless_still(hdmr),
+        variance=by_halves,
+        rest=_unexplained_by_all,
+        most_rows=20_000,
+        least=None,
+        biased=False,
+        fewest_rows=lambda factors: 4 * (1 + (PIECES + 2) * factors),
+        assumes="the output is a sum of a smooth function of each factor, splines of "
+        f"{PIECES} pieces, and of what is left to noise; factors may depend on each other: what "
+        "one shares with others counts for each; says nothing of interactions",
+        source="Rabitz and Alis 1999; Li et al. 2010",
+    ),
+    Measure(
         name="delta",
         symbol="δ",
         index=unless_still(delta),
-        half_width=by_bootstrap,
+        variance=by_bootstrap,
+        rest=_beside,
         most_rows=2_000,
         least=0.0,
         biased=True,
@@ -129,7 +175,8 @@ MEASURES = (
         name="pawn",
         symbol="PAWN",
         index=unless_still(pawn),
-        half_width=by_bootstrap,
+        variance=by_bootstrap,
+        rest=_beside,
         most_rows=20_000,
         least=0.0,
         biased=True,
@@ -142,7 +189,8 @@ MEASURES = (
         name="hsic",
         symbol="R²-HSIC",
         index=unless_still(r2_hsic),
-        half_width=by_halves,
+        variance=by_halves,
+        rest=None,
         most_rows=1_000,
         least=None,
         biased=False,
@@ -151,23 +199,3 @@ MEASURES = (
         source="Gretton et al. 2007; Da Veiga 2015; Song et al. 2012",
     ),
 )
-
-
-def _problem(x: Array) -> dict[str, object]:
-    factors = x.shape[1]
-    return {"num_vars": factors, "names": [f"x{i}" for i in range(factors)]}
-
-
-def _ranks(x: Array) -> Array:
-    """Return the rank of every value in its column; PAWN looks at no more, and leaves ties out."""
-    return np.argsort(np.argsort(x, axis=0, kind="stable"), axis=0).astype(np.float64)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep what SALib warns of, and how it changes warnings and NumPy's seed, to itself."""
-    wording = warnings.formatwarning
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
-    warnings.formatwarning = wording

@@ -2,12 +2,12 @@
 
 `python -m benchmarks.sensitivity.dependent [STUDIES] [SAMPLES] [PROCESSES]` prints the page
 `docs/measurements/dependent.md`. Truths are closed forms or quadrature (of `full_total_order` and
-`independent_first_order` of functions that are not linear, none is known here). RBD-FAST is
-compared with S, HSIC with the mean of its values in samples of `HSIC_ROWS` rows; delta and PAWN,
-which are biased, with the mean of their own values over all seeds, since their intervals say where
-another sample of as many rows would put them. Seeds begin at 1000; what was set while looking at
-results (how many cuts and resamples, and which of both for which measure) was set on seeds below
-100.
+`independent_first_order` of functions that are not linear, none is known here). RBD-FAST and HDMR
+are compared with S, HSIC with the mean of its values in samples of `HSIC_ROWS` rows; delta and
+PAWN, which are biased, with the mean of their own values over all seeds, since their intervals say
+where another sample of as many rows would put them. Seeds begin at 1000. What was set while looking
+at results (how many cuts and resamples, which of both for which measure, and how much of chance is
+taken off) was set on seeds below 300, of Ishigami's function and a linear one.
 """
 
 import sys
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from analysis.designs import DEFAULT_SAMPLING, unit_row
-from analysis.given.hsic import hsic
+from analysis.given.hsic import r2_hsic
 from analysis.given.measures import MEASURES
 from analysis.sensitivity.estimators import SYMBOLS, ShapleyEstimator
 from tests.testbed.functions.dependent import ishigami, ishigami_of_dependent, linear, truths
@@ -29,12 +29,20 @@ from tests.testbed.functions.dependent import ishigami, ishigami_of_dependent, l
 Array = NDArray[np.float64]
 
 FIRST_SEED = 1000
+LEVEL = 0.9
 #: Rows of a study, and rows of a sample.
 SIZES = {"study": (128, 512), "sample": (128, 512)}
 CORRELATION = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.0], [0.5, 0.0, 1.0]])
 WEIGHTS = np.array([1.0, 2.0, 3.0])
-#: S of Ishigami's function and of a factor that does nothing (Ishigami and Homma 1990).
-FIRST = np.array([0.3139, 0.4424, 0.0, 0.0])
+#: Weights of Sobol's g, on which nothing was set.
+G_WEIGHTS = np.array([0.0, 1.0, 3.0])
+#: S of Ishigami's function (Ishigami and Homma 1990), of Sobol's g (Sobol 1993), and of a factor
+#: that does nothing.
+_OF_G = 1.0 / (3.0 * (1.0 + G_WEIGHTS) ** 2)
+FIRST = {
+    "ishigami": np.array([0.3139, 0.4424, 0.0, 0.0]),
+    "g": np.append(_OF_G / (np.prod(1.0 + _OF_G) - 1.0), 0.0),
+}
 HSIC_ROWS, HSIC_SAMPLES = 2000, 20
 _FUNCTIONS = ("linear", "ishigami")
 
@@ -52,21 +60,30 @@ def study(seed: int, rows: int) -> Found:
     estimator.add_rows(range(rows), outputs)
     return {
         (name, index, rows): (found.value[o], found.low[o], found.high[o])
-        for index, found in estimator.indices(0.9).items()
+        for index, found in estimator.indices(LEVEL).items()
         for o, name in enumerate(_FUNCTIONS)
     }
 
 
+def g_function(points: Array) -> Array:
+    """Return Sobol's g of the first three of the factors."""
+    parts = (np.abs(4.0 * points[..., :3] - 2.0) + G_WEIGHTS) / (1.0 + G_WEIGHTS)
+    found: Array = parts.prod(axis=-1)
+    return found
+
+
+SAMPLED = {"ishigami": ishigami, "g": g_function}
+
+
 def sample(seed: int, rows: int) -> Found:
-    """Return the measures of one sample of Ishigami's function and a factor that does nothing."""
+    """Return the measures of a sample of both functions and a factor that does nothing."""
     x = np.random.default_rng([seed, rows]).random((rows, 4))
-    y = ishigami(x)
     found: Found = {}
-    for measure in MEASURES:
-        value = measure.index(x, y)
-        half = measure.half_width(measure.index, x, y, 0.9, np.random.default_rng(seed))
-        low = value - half if measure.least is None else np.maximum(value - half, measure.least)
-        found["sample", measure.name, rows] = value, low, value + half
+    for name, function in SAMPLED.items():
+        y = function(x)
+        for measure in MEASURES:
+            one = measure.estimate(x, y, LEVEL, np.random.default_rng(seed))
+            found[name, measure.name, rows] = one.value, one.low, one.high
     return found
 
 
@@ -75,15 +92,15 @@ def one_seed(kind: str, rows: int, seed: int) -> Found:
     return study(seed, rows) if kind == "study" else sample(seed, rows)
 
 
-def main(studies: int = 300, samples: int = 100, processes: int = 1) -> None:
+def main(studies: int = 300, samples: int = 300, processes: int = 1) -> None:
     """Print the tables, each as soon as it is known."""
     with ProcessPoolExecutor(processes) as pool:
         for kind, seeds in (("study", studies), ("sample", samples)):
             title = (
                 "Shapley effects, full and independent indices, of correlated factors"
                 if kind == "study"
-                else "Measures of given samples of Ishigami's function and a factor that does "
-                "nothing"
+                else "Measures of given samples of Ishigami's function, of Sobol's g, and a factor "
+                "that does nothing"
             )
             print(f"\n## {title}: {seeds} seeds, 90 % intervals\n")
             print("| function | index | rows | held, by factor | mean width | rmse |")
@@ -115,9 +132,9 @@ def lines(results: Iterator[Found], kind: str) -> Iterator[str]:
 
 def _truth(kind: str, name: str, index: str, value: Array) -> Array | None:
     if kind == "sample":
-        if index == "rbd_fast":
-            return FIRST
-        return _hsic() if index == "hsic" else value.mean(axis=0)
+        if index in ("rbd_fast", "hdmr"):
+            return FIRST[name]
+        return _hsic(name) if index == "hsic" else value.mean(axis=0)
     known = truths(linear(WEIGHTS, CORRELATION) if name == "linear" else ishigami_of_dependent(0.5))
     if name == "linear":
         known["full_total_order"] = known["full_first_order"]
@@ -125,11 +142,11 @@ def _truth(kind: str, name: str, index: str, value: Array) -> Array | None:
     return known.get(index)
 
 
-@lru_cache(maxsize=1)
-def _hsic() -> Array:
+@lru_cache(maxsize=2)
+def _hsic(name: str) -> Array:
     rng = np.random.default_rng(FIRST_SEED)
     drawn = (rng.random((HSIC_ROWS, 4)) for _ in range(HSIC_SAMPLES))
-    return np.asarray(np.mean([hsic(x, ishigami(x)).r2 for x in drawn], axis=0))
+    return np.asarray(np.mean([r2_hsic(x, SAMPLED[name](x)) for x in drawn], axis=0))
 
 
 if __name__ == "__main__":

@@ -9,22 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 from SALib.analyze import delta as salib_delta
+from SALib.analyze import hdmr as salib_hdmr
 from SALib.analyze import pawn as salib_pawn
 from SALib.analyze import rbd_fast as salib_rbd_fast
 from scipy.stats import qmc
 
 from analysis.designs import unit_row
-from analysis.given import layout, measures
+from analysis.given import hdmr, layout, measures
 from analysis.given.answer import analyse, answer
 from analysis.given.errors import GivenError
 from analysis.given.hsic import hsic
-from analysis.given.intervals import by_halves
+from analysis.given.intervals import by_halves, half_width
 from analysis.given.reading import read_sheet
 from analysis.given.sample import choose
 from analysis.given.spread import in_parts, quasi_random, sharing_nothing
 from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
 
-ROWS = 80
+ROWS = 88
 
 
 def ishigami(u: Any) -> Any:
@@ -70,6 +71,34 @@ def test_each_index_is_that_of_salib(points: Any) -> None:
     assert measures.delta(points, y) == pytest.approx(np.array(found), abs=1e-6)
 
 
+def test_hdmr_is_that_of_salib_less_what_as_many_coefficients_fit_by_chance() -> None:
+    x = np.random.default_rng(8).random((300, 3))
+    y = ishigami(x)
+    problem = {"num_vars": 3, "names": ["a", "b", "c"], "bounds": [[0, 1]] * 3}
+    with warnings.catch_warnings(action="ignore"):
+        # Their fit goes on until coefficients move by less than 0.001, whatever the output's unit.
+        theirs = salib_hdmr.analyze(problem, x, 1e4 * y, maxorder=1, K=1, m=5, maxiter=1000)["S"]
+    assert hdmr.shares(x, y) == pytest.approx(theirs, abs=1e-6)
+    independent = np.random.default_rng(9).normal(size=(200, 300))
+    by_chance = np.mean([hdmr.hdmr(x, noise) for noise in independent], axis=0)
+    assert by_chance == pytest.approx(np.zeros(3), abs=0.01)
+
+
+def test_hdmr_counts_for_each_factor_what_it_shares_with_another() -> None:
+    """Of a + b each has half the variance, of which a part is its own and a part is both's."""
+    rng = np.random.default_rng(10)
+    x = rng.multivariate_normal([0.0, 0.0], [[1.0, 0.8], [0.8, 1.0]], 2000)
+    assert hdmr.hdmr(x, x.sum(axis=1)) == pytest.approx([0.5, 0.5], abs=0.02)
+    assert hdmr.hdmr(x, x[:, 0]) == pytest.approx([1.0, 0.0], abs=0.02)
+
+
+def test_of_too_few_rows_for_its_splines_hdmr_is_withheld(tmp_path: Path) -> None:
+    x = np.random.default_rng(11).random((64, 3))
+    found = analyse(written(tmp_path / "few.csv", np.column_stack([x, ishigami(x)])), ["y"])
+    assert "hdmr is withheld: of 3 factors it takes 88 rows." in found["remarks"]
+    assert found["outputs"]["y"]["measures"]["hdmr"]["a"]["value"] is None
+
+
 def test_hsic_and_its_test_are_those_of_openturns(points: Any) -> None:
     ot = pytest.importorskip("openturns")
     x, y = points[:40], ishigami(points[:40])
@@ -93,12 +122,19 @@ def test_halves_of_a_mean_give_its_standard_error() -> None:
     def mean(x: Any, y: Any) -> Any:
         return np.array([y.mean()])
 
-    half = by_halves(mean, np.zeros((4000, 1)), y, 0.9, rng)
+    variance = by_halves(mean, np.zeros((4000, 1)), y, rng)
+    half = half_width(variance, np.zeros(1), 0.9)
     assert half[0] == pytest.approx(1.746 / np.sqrt(4000.0), rel=0.5)
 
 
+def test_what_chance_adds_is_counted_once_and_takes_half_of_the_variance_at_most() -> None:
+    added = np.array([0.0, 1.0, 3.0])
+    half = half_width(np.full(3, 4.0), added, 0.9)
+    assert half**2 / half[0] ** 2 == pytest.approx([1.0, 0.75, 0.5])
+
+
 def test_every_measure_has_an_interval_and_says_what_it_assumes(answered: Any) -> None:
-    assert list(answered["measures"]) == ["rbd_fast", "delta", "pawn", "hsic"]
+    assert list(answered["measures"]) == ["rbd_fast", "hdmr", "delta", "pawn", "hsic"]
     for name, about in answered["measures"].items():
         assert about["assumes"] and about["source"] and about["rows"] == ROWS
         for entry in answered["outputs"]["y"]["measures"][name].values():
@@ -222,7 +258,7 @@ def test_what_is_left_out_is_said(tmp_path: Path, table: Any) -> None:
     assert sample.complete.sum() == ROWS - 4
     assert "Columns of text are left out: who ('anna')" in said
     assert "Columns that do not vary are left out: still" in said
-    assert "4 of 80 rows lack a cell" in said
+    assert f"4 of {ROWS} rows lack a cell" in said
     assert "a and a2 (+1.00)" in said
 
 
@@ -335,10 +371,13 @@ def test_of_sobol_points_rbd_fast_is_withheld_and_why_is_said(tmp_path: Path) ->
 def test_copies_of_rows_tell_nothing_new(tmp_path: Path, table: Any) -> None:
     sample = choose(read_sheet(written(tmp_path / "c.csv", np.tile(table, (3, 1)))), ["y"])
     assert np.array_equal(sample.x, table[:, :3])
-    assert "160 of 240 rows are exact copies of others and are left out" in sample.remarks[0]
+    assert f"{2 * ROWS} of {3 * ROWS} rows are exact copies" in sample.remarks[0]
     holes = np.vstack([table, np.full((3, 4), np.nan)])
     sample = choose(read_sheet(written(tmp_path / "c.csv", holes)), ["y"])
-    assert "copies" not in sample.remarks[0] and "3 of 83 rows lack a cell" in sample.remarks[0]
+    assert (
+        "copies" not in sample.remarks[0]
+        and f"3 of {ROWS + 3} rows lack a cell" in sample.remarks[0]
+    )
     with pytest.raises(GivenError, match="it has 40 different rows, and not the 64"):
         choose(read_sheet(written(tmp_path / "c.csv", np.tile(table[:40], (3, 1)))), ["y"])
 
