@@ -1,14 +1,20 @@
 """Shapley effects, full and independent indices: closed forms, and what rows leave in the sums."""
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.special import ndtri
 
 from analysis.designs import unit_row
 from analysis.sensitivity.estimators import SaltelliEstimator, ShapleyEstimator
+from analysis.sensitivity.records import LoggedResult, StudyPlan
+from analysis.sensitivity.service import analyse
+from analysis.sensitivity.study_state import StudyState
 from tests.testbed.functions.dependent import (
     Values,
     ishigami,
@@ -81,6 +87,46 @@ def test_a_factor_that_does_nothing_and_depends_on_none_has_exactly_nothing() ->
     found = estimated(lambda u: ndtri(u[..., 0]) * u[..., 2], np.eye(3).tobytes(), 64)
     for index in found.values():
         assert index.value[0, 1] == index.low[0, 1] == index.high[0, 1] == 0.0
+
+
+@settings(max_examples=8, deadline=None)
+@given(data=st.data())
+def test_of_a_copula_order_batches_and_restarts_leave_no_trace(data: st.DataObject) -> None:
+    """Rows are sampled, and results arrive, in any order; the analysis stops and goes on."""
+    study = StudyPlan(
+        id="s",
+        method="shapley",
+        seed=5,
+        sampling="sobol_blocks",
+        rows=9,
+        factors=("a", "b", "c"),
+        outputs=("y",),
+    )
+    every = [
+        LoggedResult(
+            seq=len(row) * number + position + 1,
+            instance=f"s:{number}:{position}",
+            row=number,
+            position=position,
+            outcome="ok" if (number, position) != (4, 2) else "stuck",
+            outputs={"y": float(weighted(point))} if (number, position) != (4, 2) else {},
+        )
+        for number in range(study.rows)
+        for row in [unit_row("shapley", "sobol_blocks", 5, number, 3, CORRELATED)]
+        for position, point in enumerate(row)
+    ]
+    order = data.draw(st.permutations(range(len(every))))
+    cut = data.draw(st.integers(0, len(every)))
+    drawn = [unit_row("shapley", "sobol_blocks", 5, every[i].row, 3, CORRELATED) for i in order]
+    for i, row in zip(order, drawn, strict=True):
+        y = every[i].outputs.get("y")
+        assert y is None or y == float(weighted(row[every[i].position]))
+    shuffled = [replace(every[i], seq=seq + 1) for seq, i in enumerate(order)]
+    state = StudyState(study)
+    state.take(shuffled[:cut])
+    state = StudyState.from_bytes(study, state.to_bytes())
+    state.take(shuffled[cut:])
+    assert state.snapshot() == analyse(study, every)
 
 
 def test_symbols_and_kurtosis_are_those_of_shares() -> None:
