@@ -10,29 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import METHODS
-from analysis.reports import hover
-from analysis.reports.figures import (
-    components_figure,
-    convergence_figure,
-    curve_figure,
-    distribution_figure,
-    interactions_figure,
-    pairs_figure,
-    scatter_figure,
-    screening_figure,
-    together_figure,
-    variance_figure,
-)
+from analysis.reports import figures, hover
 from analysis.reports.html import data_uri
+from analysis.reports.paper import PIXELS_PER_INCH, on_paper
 from analysis.reports.wording import words
 from analysis.sensitivity.estimators import Estimator
 from analysis.sensitivity.table import Table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-#: Widest that a figure is shown, so that the letters of all have one size.
-_PIXELS_PER_INCH = 92
+    from matplotlib import figure as drawings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,14 +58,14 @@ class Picture:
     name: str
     title: str
     caption: str
-    figure: Figure
+    figure: drawings.Figure
     #: What it shows at the pointer (`analysis.reports.hover`).
     panels: Sequence[hover.Panel]
 
     @property
     def width(self) -> str:
         """How wide it is shown, in pixels."""
-        return f"{self.figure.get_figwidth() * _PIXELS_PER_INCH:.0f}"
+        return f"{self.figure.get_figwidth() * PIXELS_PER_INCH:.0f}"
 
     @property
     def uri(self) -> str:
@@ -94,8 +80,7 @@ class _Kind:
     name: str
     title: str
     caption: str
-    draw: Callable[[Subject], Figure]
-    panels: Callable[[Figure, Subject], list[hover.Panel]]
+    draw: Callable[[Subject], figures.Figure]
     methods: Sequence[str] = METHODS
 
 
@@ -109,8 +94,7 @@ _KINDS = (
         "largest. Right: where bootstrap replicates put them. Near the origin a factor does little "
         "(paper, figure 8).",
         methods=("morris",),
-        draw=lambda s: screening_figure(s.snapshot, s.output, s.unit, s.clouds, s.palette),
-        panels=lambda figure, s: hover.plane(figure, s.snapshot, s.output),
+        draw=lambda s: figures.plane(s.snapshot, s.output, s.unit, s.clouds, s.palette),
     ),
     _Kind(
         name="shares",
@@ -119,8 +103,7 @@ _KINDS = (
         "with intervals; ST near 0 means that the factor may take any value; left of the dashed "
         "line, a share of 0.05, it does too little to matter (paper, figure 10).",
         methods=("saltelli", "saltelli_second_order"),
-        draw=lambda s: variance_figure(s.snapshot, s.output, s.unit),
-        panels=lambda figure, s: hover.shares(figure, s.snapshot, s.output),
+        draw=lambda s: figures.bars(s.snapshot, s.output, s.unit),
     ),
     _Kind(
         name="effects",
@@ -130,8 +113,7 @@ _KINDS = (
         "factor is known (independent), with intervals; Shapley effects sum to 1 (Song, Nelson and "
         "Staum 2016; Mara and Tarantola 2012).",
         methods=("shapley",),
-        draw=lambda s: variance_figure(s.snapshot, s.output, s.unit),
-        panels=lambda figure, s: hover.shares(figure, s.snapshot, s.output),
+        draw=lambda s: figures.bars(s.snapshot, s.output, s.unit),
     ),
     _Kind(
         name="together",
@@ -139,51 +121,46 @@ _KINDS = (
         caption="Share of the output's variance that two factors have together beyond what each "
         "has alone (Saltelli 2002), the largest, and the same from growing parts of the sample.",
         methods=("saltelli_second_order",),
-        draw=lambda s: together_figure(s.snapshot, s.output),
-        panels=lambda figure, s: hover.together(figure, s.snapshot, s.output),
+        draw=lambda s: figures.together(s.snapshot, s.output),
     ),
     _Kind(
         name="interactions",
         title="Interactions",
-        caption="Left: shares of the variance of single factors, on the diagonal, and of pairs "
-        "beyond what each of the two does alone. Right: what each factor does in company only, "
-        "all its interactions together.",
+        caption="Left: what each factor does in company only, all its interactions together. "
+        "Right: shares of the variance of single factors, on the diagonal, and of pairs beyond "
+        "what each of the two does alone.",
         methods=("saltelli_second_order",),
-        draw=lambda s: interactions_figure(s.snapshot, s.output),
-        panels=lambda figure, s: [],
+        draw=lambda s: figures.interactions(s.snapshot, s.output),
     ),
     _Kind(
         name="convergence",
         title="Convergence",
-        caption="The same indices from the first 8, 16, 32, ... rows. Bands are intervals, cut off "
-        "where the first ones would dwarf the rest; lines that still move ask for more rows "
-        "(paper, figure 11).",
-        draw=lambda s: convergence_figure(s.snapshot, s.output, s.unit, s.palette),
-        panels=lambda figure, s: hover.convergence(figure, s.snapshot, s.output),
+        caption="The same indices from the first 8, 16, 32, ... rows, of the leading factors. "
+        "Bands are intervals, cut off where the first ones would dwarf the rest; lines that still "
+        "move ask for more rows (paper, figure 11).",
+        draw=lambda s: figures.convergence(s.snapshot, s.output, s.unit, s.palette),
     ),
     _Kind(
         name="distribution",
         title="Distribution of the output",
         caption="What the sampled uncertainty does to the output. Variance stands for uncertainty "
         "as far as this has one hump and little skew (paper, figure 9).",
-        draw=lambda s: distribution_figure(s.table.sample(s.output)[1], s.output, s.unit),
-        panels=lambda figure, s: [],
+        draw=lambda s: figures.distribution(s.table.sample(s.output)[1], s.output, s.unit),
     ),
     _Kind(
         name="scatter",
         title="Output against each factor",
         caption="Every run, and the mean of each tenth of a factor's range (paper, figure 12).",
-        draw=lambda s: scatter_figure(
+        draw=lambda s: figures.scatter(
             *s.table.sample(s.output), s.table.plan.factors, s.output, s.unit, s.factor_units
         ),
-        panels=lambda figure, s: hover.scatter(figure, s.table.plan.factors, s.output),
     ),
     _Kind(
         name="pairs",
         title="Pairs of the leading factors",
         caption="Two factors against each other, the output as colour. A pattern along a diagonal "
         "hints at an interaction (paper, figure 13).",
-        draw=lambda s: pairs_figure(
+        draw=lambda s: figures.pairs(
             *s.table.sample(s.output),
             s.table.plan.factors,
             s.order,
@@ -191,7 +168,6 @@ _KINDS = (
             s.unit,
             s.factor_units,
         ),
-        panels=lambda figure, s: hover.pairs(figure, s.order),
     ),
 )
 
@@ -204,21 +180,19 @@ def curve_pictures(
     for name in snapshot.get("curves", {}):
         unit = units.get(name, "")
         drawn += [
-            Picture(
-                name=f"{name}-indices",
-                title=f"{words(name).capitalize()}: indices along the curve",
-                caption="Left: the leading factors, with bands that hold a whole line at once. "
+            _picture(
+                figures.curve(snapshot, name, unit, palette),
+                f"{name}-indices",
+                f"{words(name).capitalize()}: indices along the curve",
+                "Left: the leading factors, with bands that hold a whole line at once. "
                 "Right: all factors, the most influential on the curve as a whole first.",
-                figure=curve_figure(snapshot, name, unit, list(palette)),
-                panels=[],
             ),
-            Picture(
-                name=f"{name}-components",
-                title=f"{words(name).capitalize()}: principal components",
-                caption="Left: the mean curve, and what one standard deviation of each component's "
+            _picture(
+                figures.components(snapshot, name, unit),
+                f"{name}-components",
+                f"{words(name).capitalize()}: principal components",
+                "Left: the mean curve, and what one standard deviation of each component's "
                 "score adds to it and takes from it. Right: the indices of the scores.",
-                figure=components_figure(snapshot, name, unit),
-                panels=[],
             ),
         ]
     return drawn
@@ -230,21 +204,19 @@ def pictures(subject: Subject) -> list[Picture]:
     Raises:
         ValueError: the study has no such output.
     """
-    drawn = []
-    for kind in _KINDS:
-        if subject.snapshot["method"] in kind.methods:
-            figure = kind.draw(subject)
-            # Places of panels are settled when a figure is drawn, and not before.
-            figure.draw_without_rendering()
-            # To settle them again for each file that is written takes longer than to draw it.
-            figure.set_layout_engine(None)
-            drawn.append(
-                Picture(
-                    name=kind.name,
-                    title=kind.title,
-                    caption=kind.caption,
-                    figure=figure,
-                    panels=kind.panels(figure, subject),
-                )
-            )
-    return drawn
+    return [
+        _picture(kind.draw(subject), kind.name, kind.title, kind.caption)
+        for kind in _KINDS
+        if subject.snapshot["method"] in kind.methods
+    ]
+
+
+def _picture(figure: figures.Figure, name: str, title: str, caption: str) -> Picture:
+    drawn = on_paper(figure)
+    # Places of panels are settled when a figure is drawn, and not before.
+    drawn.draw_without_rendering()
+    # To settle them again for each file that is written takes longer than to draw it.
+    drawn.set_layout_engine(None)
+    return Picture(
+        name=name, title=title, caption=caption, figure=drawn, panels=hover.panels(figure, drawn)
+    )

@@ -8,7 +8,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from analysis.designs import family
-from analysis.reports.figures.style import spread_in_words
+from analysis.reports.figures.shared import spread_in_words
 from analysis.reports.wording import words
 from analysis.sensitivity.estimators import SYMBOLS
 from analysis.sensitivity.judgement.ranking import RANKED_BY

@@ -11,7 +11,8 @@ from typing import Any
 
 from analysis.designs import instance_parameters
 from analysis.designs.distributions import Uniform
-from analysis.reports.figures import components_figure, curve_figure
+from analysis.reports.figures import components, curve
+from analysis.reports.paper import on_paper
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse
 from benchmarks.machine import describe_machine
@@ -96,8 +97,8 @@ def main() -> None:
         if len(asked) > 1:
             folder = Path(asked[1])
             folder.mkdir(parents=True, exist_ok=True)
-            curve_figure(snapshot, name, UNITS[name]).savefig(folder / f"{name}.png")
-            components_figure(snapshot, name, UNITS[name]).savefig(folder / f"{name}_parts.png")
+            on_paper(curve(snapshot, name, UNITS[name])).savefig(folder / f"{name}.png")
+            on_paper(components(snapshot, name, UNITS[name])).savefig(folder / f"{name}_parts.png")
 
 
 if __name__ == "__main__":

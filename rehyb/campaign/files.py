@@ -59,14 +59,16 @@ def write_report(
         seconds: returns the wall time that the campaign has run.
         precision: the last decision about phase 2's precision goal, a sentence.
     """
-    from analysis.reports.figures import campaign_figure
+    from analysis.reports.figures import campaign
+    from analysis.reports.paper import on_paper
     from rehyb.reports import write
 
     model, output, fixed = plan.description, plan.output, decision["fixed"]
     unit = model.units[output]
     phase1, phase2 = (phase["indices"] for phase in phases)
     picture, page = directory / "campaign.png", directory / "report.html"
-    campaign_figure(phase1, phase2, output, "" if unit == "1" else unit).savefig(picture)
+    drawn = campaign(phase1, phase2, output, "" if unit == "1" else unit)
+    on_paper(drawn).savefig(picture)
     findings = [
         decision["evidence"],
         f"Phase 2 holds {fixed} at its nominal {nominal_value(plan, fixed)}.",

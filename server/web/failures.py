@@ -6,7 +6,7 @@ from typing import Any
 
 from analysis.designs import family
 from analysis.reports import tables
-from analysis.reports.interactive.failures import failures
+from analysis.reports.figures import failures
 from analysis.sensitivity.judgement.ranking import RANKED_BY
 from analysis.sensitivity.remarks import warning
 from server.logic.study.instances import BUDGETS

@@ -6,7 +6,17 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 
 from analysis.reports import tables
-from analysis.reports.interactive import bars, convergence, plane, precision
+from analysis.reports.figures import (
+    Figure,
+    bars,
+    components,
+    convergence,
+    curve,
+    interactions,
+    plane,
+    precision,
+    together,
+)
 from analysis.sensitivity.judgement.stopping import advise
 from analysis.sensitivity.records import StudyPlan, curves_as_outputs
 from analysis.sensitivity.remarks import remarks, warning
@@ -66,14 +76,29 @@ def look(asked: Look) -> dict[str, Any]:
             ],
             units,
         ),
-        "figures": {
-            "bars": bars(snapshot, output, unit),
-            "plane": plane(snapshot, output, unit),
-            "convergence": convergence(snapshot, output, unit),
+        "figures": _figures(snapshot, output, unit)
+        | {
             "precision": precision(snapshot, output, advice),
             "sample": {"version": sample.version(study), "output": output},
         },
     }
+
+
+def _figures(snapshot: dict[str, Any], output: str, unit: str) -> dict[str, Figure | None]:
+    """Return the figures that a study's report has too; None for those with nothing to show yet."""
+    morris = snapshot["method"] == "morris"
+    of_pairs = "second_order" in snapshot["outputs"][output]
+    of_curve = output in snapshot.get("curves", {})
+    drawn = {
+        "bars": bars(snapshot, output, unit),
+        "plane": plane(snapshot, output, unit) if morris else None,
+        "convergence": convergence(snapshot, output, unit),
+        "together": together(snapshot, output) if of_pairs and not of_curve else None,
+        "interactions": interactions(snapshot, output) if of_pairs and not of_curve else None,
+        "curve": curve(snapshot, output, unit) if of_curve else None,
+        "components": components(snapshot, output, unit) if of_curve else None,
+    }
+    return {name: figure if figure and figure["data"] else None for name, figure in drawn.items()}
 
 
 PAGE = Page(

@@ -224,10 +224,12 @@ def test_a_coordinator_that_hangs_is_missed_and_a_button_says_that_nothing_came_
     )
     page.goto(f"{client.url}/")
     live(page)
+    pause = page.locator("tr", has_text="hanging").get_by_role("button", name="Pause")
+    pause.wait_for()
     coordinator = fleet.pids()["coordinator"]
     os.kill(coordinator, signal.SIGSTOP)
     try:
-        page.locator("tr", has_text="hanging").get_by_role("button", name="Pause").click()
+        pause.click()
         page.locator("#told.shown", has_text="has not answered").wait_for()
         page.clock.fast_forward(15_000)
         page.locator("#banner").wait_for()
@@ -247,6 +249,11 @@ def test_a_reader_is_refused_what_no_button_offers(browser: Any, furnished: Furn
             assert page.evaluate(ask, path) == 403
 
 
+#: Whether every figure that is shown has been drawn.
+DRAWN = """() => [...document.querySelectorAll("[data-figure]")]
+  .filter(box => box.offsetParent).every(box => box.querySelector(".plot-container"))"""
+
+
 @pytest.mark.parametrize(("width", "scheme"), [(1440, "light"), (400, "dark")])
 def test_every_page_is_readable_for_everybody_and_runs_nobody_s_script(
     browser: Any, furnished: Furnished, tmp_path: Path, width: int, scheme: str
@@ -261,8 +268,9 @@ def test_every_page_is_readable_for_everybody_and_runs_nobody_s_script(
             page.goto(client.url + path)
             if page.locator("#live[data-stream^='/live']").count():
                 live(page)
-            if "/studies/" in path:
-                page.wait_for_timeout(1000)
+            if house.study in path:
+                page.locator(".plot-container").first.wait_for()
+                page.wait_for_function(DRAWN)
             picture = tmp_path / f"{number:02}{path.split('?')[0].replace('/', '-')}.png"
             page.screenshot(path=picture, full_page=True)
             assert page.evaluate("document.documentElement.scrollWidth") <= width, path

@@ -1,30 +1,38 @@
-"""Figures of studies, each named after what it shows; they return a matplotlib `Figure`.
+"""Figures of studies, each named after what it shows, as data that plotly.js reads.
 
-One that is given a snapshot of another method, or without the output, raises ValueError.
-matplotlib is imported when a figure is drawn, so that a coordinator without it can run.
+Pages draw them with plotly.js, and reports and files with matplotlib (`analysis.reports.paper`):
+one description each, so that a study looks the same wherever it is shown
+(docs/decisions/0013-a-figure-is-described-once.md). One that is given a snapshot of another
+method, or without the output, raises ValueError.
 """
 
-from analysis.reports.figures.campaign import campaign_figure
-from analysis.reports.figures.convergence import convergence_figure
-from analysis.reports.figures.curves import components_figure, curve_figure
-from analysis.reports.figures.distribution import distribution_figure
-from analysis.reports.figures.interactions import interactions_figure
-from analysis.reports.figures.pairs import pairs_figure
-from analysis.reports.figures.plane import screening_figure
-from analysis.reports.figures.scatter import scatter_figure
-from analysis.reports.figures.shares import variance_figure
-from analysis.reports.figures.together import together_figure
+from analysis.reports.figures.campaign import campaign
+from analysis.reports.figures.convergence import convergence
+from analysis.reports.figures.curves import components, curve
+from analysis.reports.figures.distribution import distribution
+from analysis.reports.figures.failures import failures
+from analysis.reports.figures.interactions import interactions
+from analysis.reports.figures.pairs import pairs
+from analysis.reports.figures.plane import plane
+from analysis.reports.figures.precision import precision
+from analysis.reports.figures.scatter import scatter
+from analysis.reports.figures.shared import Figure
+from analysis.reports.figures.shares import bars
+from analysis.reports.figures.together import together
 
 __all__ = [
-    "campaign_figure",
-    "components_figure",
-    "convergence_figure",
-    "curve_figure",
-    "distribution_figure",
-    "interactions_figure",
-    "pairs_figure",
-    "scatter_figure",
-    "screening_figure",
-    "together_figure",
-    "variance_figure",
+    "Figure",
+    "bars",
+    "campaign",
+    "components",
+    "convergence",
+    "curve",
+    "distribution",
+    "failures",
+    "interactions",
+    "pairs",
+    "plane",
+    "precision",
+    "scatter",
+    "together",
 ]

@@ -1,120 +1,188 @@
 """Indices of growing parts of the sample (paper, figure 11)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from math import inf
+from typing import Any
 
 from analysis.designs import family
-from analysis.reports.figures import style
-from analysis.reports.wording import with_unit, words
+from analysis.reports.figures.shared import (
+    ENDS,
+    INDICES,
+    MOST_LINES,
+    WHOLE,
+    Figure,
+    Snapshot,
+    axis,
+    beside,
+    faded,
+    figure,
+    looks,
+    plain,
+    ranked,
+    rows_axis,
+    sentence,
+    titled,
+)
+from analysis.reports.wording import with_interval, with_unit, words
+from analysis.sensitivity.estimators import SYMBOLS
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+Point = tuple[int, dict[str, float]]
 
-#: Highest share worth showing, unless an index itself is higher: intervals of the first rows are
-#: wide, and would make all lines one.
-_SHARE = 1.25
+#: Highest share worth showing, unless an index itself is higher.
+SHARE = 1.25
 
 
-def convergence_figure(
-    snapshot: style.Snapshot, output: str, unit: str = "", palette: Sequence[str] = ()
+def convergence(
+    snapshot: Snapshot, output: str, unit: str = "", palette: Sequence[str] = ()
 ) -> Figure:
     """Draw the indices of the first 8, 16, ... rows and of all rows, with their intervals.
+
+    Of the most influential factors only, as many as there are colours.
 
     Args:
         unit: of the output, for the axes of elementary effects.
         palette: factors in the order of their colours; default: the study's.
+
+    Raises:
+        ValueError: the study has no such output.
     """
-    factors = style.factors_of(snapshot, output, family(snapshot["method"]))
-    series = snapshot["outputs"][output]["convergence"]
-    figure = style.new_figure(11.0, 4.2)
-    panels = style.INDICES[family(snapshot["method"])]
-    shares = family(snapshot["method"]) != "morris"
-    own = style.looks(factors, palette)
-    drawn = figure.subplots(1, len(panels), sharey=shares)
-    for axes, (index, label) in zip(drawn, panels.items(), strict=True):
-        curves = {
-            words(name): (series["factors"][name][index], entry[index])
-            for name, entry in factors.items()
-        }
-        draw_curves(axes, series["rows"], curves, snapshot["rows_complete"], own)
-        axes.set_ylabel(label if shares else with_unit(label, unit))
-        axes.tick_params(labelleft=True)
-    if shares:
-        _limit(drawn)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    if handles:
-        figure.legend(handles, labels, loc="outside right upper", frameon=False, fontsize=9)
-    figure.suptitle(f"Convergence of the indices of {words(output)}", fontsize=11)
-    style.caption(figure, snapshot, what="bands span")
-    return figure
-
-
-def _limit(drawn: Sequence[Axes]) -> None:
-    """Cut bands off that reach beyond every index and every share."""
-    curves = [line for axes in drawn for line in _curves(axes)]
-    if curves:
-        highest = max(_SHARE, *(1.1 * float(np.max(line.get_ydata())) for line in curves))
-        low = max(min(axes.dataLim.y0 for axes in drawn), -0.5)
-        high = min(max(axes.dataLim.y1 for axes in drawn), highest)
-        margin = 0.04 * (high - low)
-        drawn[0].set_ylim(low - margin, high + margin)
-
-
-def _curves(axes: Axes) -> list[Any]:
-    """Return the lines of indices, without the one at 0 and those without a point."""
-    return [
-        line for line in axes.lines if np.size(line.get_xdata()) and line.get_marker() != "None"
+    kind, names = family(snapshot["method"]), ranked(snapshot, output)
+    own = looks(snapshot["outputs"][output]["factors"], palette)
+    lines = {
+        index: {name: series(snapshot, output, name, index) for name in names[:MOST_LINES]}
+        for index in INDICES[kind]
+    }
+    # Shares are compared with each other.
+    shares = kind != "morris"
+    every = [points for of in lines.values() for points in of.values()]
+    panels = [
+        curves(
+            {plain(words(name)): points for name, points in of.items()},
+            {plain(words(name)): own[name] for name in of},
+            label if shares else with_unit(label, plain(unit)),
+            index,
+            legend=not place,
+            within=worth_showing(every, SHARE) if shares else worth_showing([*of.values()]),
+            customdata={plain(words(name)): name for name in of},
+        )
+        for place, (index, label) in enumerate(INDICES[kind].items())
+        for of in [lines[index]]
     ]
+    drawn = beside(panels, width=WHOLE)
+    drawn["table"] = {
+        "head": ["index", "factor", "rows", *ENDS],
+        "rows": [
+            [index, name, row, *(point[end] for end in ENDS)]
+            for index, of in lines.items()
+            for name, points in of.items()
+            for row, point in points
+        ],
+    }
+    title = f"Convergence of the indices of {plain(words(output))}"
+    return titled(drawn, title, snapshot, what="bands span")
 
 
-def draw_curves(
-    axes: Axes,
-    parts: Sequence[int],
-    curves: Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]],
-    complete: int,
-    own: Sequence[Mapping[str, Any]] = (),
-) -> None:
-    """Draw indices of growing parts of the sample as lines within bands.
+def curves(
+    lines: Mapping[str, Sequence[Point]],
+    own: Mapping[str, Mapping[str, Any]],
+    label: str,
+    index: str,
+    *,
+    legend: bool,
+    within: list[float] | None,
+    customdata: Mapping[str, str] | None = None,
+) -> Figure:
+    """Draw an index of growing parts of the sample as lines within bands (paper, figure 11).
 
     Args:
-        parts: rows of every part.
-        curves: by label, an index of every part and of all rows.
-        complete: how many rows are complete.
-        own: colour and marker of each (`looks`); default: those of the palette in turn.
+        lines: by name, the index of each part; those without a point are left out.
+        own: by name, colour and mark.
+        label: of the index.
+        index: its name, for what the pointer is told.
+        legend: whether names are beside the lines.
+        within: the part of the axis that is shown.
+        customdata: by name, what a line stands for.
     """
-    rows = list(parts)
-    last = [complete] if complete and complete not in rows else []
-    for look, (label, (series, now)) in zip(
-        own or style.looks(curves), curves.items(), strict=True
-    ):
-        curve = {
-            end: [*series[end], *([now[end]] if last else [])] for end in ("value", "low", "high")
-        }
-        known = [
-            place
-            for place in range(len(rows) + len(last))
-            if all(curve[end][place] is not None for end in curve)
+    data: list[dict[str, Any]] = []
+    for name, points in lines.items():
+        if not points:
+            continue
+        rows, look = [row for row, _ in points], own[name]
+        group = {"type": "scatter", "legendgroup": name}
+        data += [
+            {
+                **group,
+                "mode": "lines",
+                "line": {"width": 0, "color": look["color"]},
+                "x": [*rows, *rows[::-1]],
+                "y": [p["low"] for _, p in points] + [p["high"] for _, p in points][::-1],
+                "fill": "toself",
+                "fillcolor": faded(look["color"], 0.14),
+                "showlegend": False,
+                "hoverinfo": "skip",
+            },
+            {
+                **group,
+                "mode": "lines+markers",
+                "name": name,
+                "x": rows,
+                "y": [point["value"] for _, point in points],
+                **({"customdata": [customdata[name]] * len(rows)} if customdata else {}),
+                "line": {"color": look["color"], "width": 1.8},
+                "marker": {"size": 5, **look},
+                "showlegend": legend,
+                "hovertext": [
+                    f"{name}, {row:,} rows: {SYMBOLS.get(index, 'share')} "
+                    + " ".join(with_interval(point["value"], point["low"], point["high"])).strip()
+                    for row, point in points
+                ],
+                "hovertemplate": "%{hovertext}<extra></extra>",
+            },
         ]
-        x = [(rows + last)[place] for place in known]
-        value, low, high = ([curve[end][place] for place in known] for end in curve)
-        axes.fill_between(x, low, high, color=look["color"], alpha=0.13, linewidth=0)
-        axes.plot(x, value, **look, markersize=4, lw=1.4, label=label)
-    if not rows:
-        style.say(axes, "fewer than 8 rows yet")
-        return
-    axes.axhline(0.0, color=style.INK, lw=0.8)
-    axes.set_xscale("log", base=2)
-    crowded = len(rows) > 7
-    axes.set_xticks(
-        rows + last,
-        [f"{row:,}" for row in rows + last],
-        rotation=45 if crowded else 0,
-        fontsize=8 if crowded else 9,
+    last = max((row for points in lines.values() for row, _ in points), default=16)
+    first = min((row for points in lines.values() for row, _ in points), default=8)
+    return figure(
+        data,
+        390,
+        xaxis=rows_axis(first, last),
+        yaxis=axis(label, zeroline=True, **({"range": within} if within else {})),
+        annotations=[] if data else [sentence("fewer than 8 rows yet")],
     )
-    axes.minorticks_off()
-    style.open_axes(axes, "rows of the design")
+
+
+def worth_showing(lines: Sequence[Sequence[Point]], most: float = inf) -> list[float] | None:
+    """Return what of an axis is worth showing (paper, figure 11): the values, the last intervals.
+
+    Intervals of the first rows would make all lines one; ends of the last ones beyond `most`, or
+    as far below 0, are not shown either, unless an index is there itself.
+    """
+    points = [(row, point) for line in lines for row, point in line]
+    if not points:
+        return None
+    last = max(row for row, _ in points)
+    ends = [point for row, point in points if row == last]
+    values = [point["value"] for _, point in points]
+    low = min(0.0, *values, max(min(point["low"] for point in ends), -most))
+    high = max(*values, min(max(point["high"] for point in ends), most))
+    margin = 0.08 * (high - low)
+    return [low - margin, high + margin] if margin else None
+
+
+def series(snapshot: Snapshot, output: str, factor: str, index: str) -> list[Point]:
+    """Return an index of growing parts and of all rows that are complete, where it is defined."""
+    entry = snapshot["outputs"][output]
+    # A snapshot that an earlier version left may not say it.
+    if not entry.get("convergence", {}).get("rows"):
+        return []
+    curve, now = entry["convergence"]["factors"][factor][index], entry["factors"][factor][index]
+    return grown(entry["convergence"]["rows"], curve, now, snapshot["rows_complete"])
+
+
+def grown(
+    rows: Sequence[int], curve: Mapping[str, Any], now: Mapping[str, Any], complete: int
+) -> list[Point]:
+    """Return an index of each part and of all complete rows (paper, figure 11), where defined."""
+    points = [(row, {end: curve[end][place] for end in ENDS}) for place, row in enumerate(rows)]
+    if points and complete > points[-1][0]:
+        points.append((complete, {end: now[end] for end in ENDS}))
+    return [(row, point) for row, point in points if None not in point.values()]

@@ -3,28 +3,39 @@
 Lamboni et al. 2011, figures 2 to 4; bands as in `analysis.sensitivity.curves.bands`.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from analysis.designs import family
-from analysis.reports.figures import style
-from analysis.reports.wording import with_unit, words
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from analysis.reports.figures.shared import (
+    COLOURS,
+    Figure,
+    Snapshot,
+    axis,
+    beside,
+    faded,
+    figure,
+    looks,
+    names_axis,
+    plain,
+    reach,
+    sentence,
+    titled,
+)
+from analysis.reports.wording import with_interval, with_unit, words
 
 #: Factors with a line: the leading ones, as many as can be told apart.
 LINES = 5
 #: By family of methods, the index that is drawn and what it is.
 _DRAWN = {"morris": ("mu_star", "mean magnitude μ*"), "saltelli": ("total_order", "ST")}
+_OF_SCORES = {
+    "morris": ("sigma", "σ of the score's effects"),
+    "saltelli": ("total_order", "ST of the score"),
+}
 
 
-def curve_figure(
-    snapshot: style.Snapshot, curve: str, unit: str, palette: list[str] | None = None
+def curve(
+    snapshot: Snapshot, name: str, unit: str = "", palette: Sequence[str] | None = None
 ) -> Figure:
     """Draw the index over the axis for the leading factors, and all as a heat map.
 
@@ -35,85 +46,173 @@ def curve_figure(
     Raises:
         ValueError: the study has no such curve.
     """
-    said = _said(snapshot, curve)
-    name, what = _DRAWN[family(snapshot["method"])]
+    said = _said(snapshot, name)
+    index, what = _DRAWN[family(snapshot["method"])]
     names = list(said["factors"])
     order = said["ranking"]["order"] or names
-    figure = style.new_figure(11.0, max(4.2, 1.8 + 0.28 * len(names)))
-    left, right = figure.subplots(1, 2)
-    axis, looks = said["axis"], dict(zip(names, style.looks(names, palette or names), strict=True))
-    for factor in order[:LINES]:
-        line, look = said["factors"][factor][name], looks[factor]["color"]
-        value, low, high = (_numbers(line[end]) for end in ("value", "band_low", "band_high"))
-        left.plot(axis, value, color=look, lw=1.6, label=words(factor))
-        left.fill_between(axis, low, high, color=look, alpha=0.18, lw=0.0)
-    if snapshot["method"] != "morris":
-        left.set_ylim(-0.05, min(1.3, left.get_ylim()[1]))
-    left.set_ylabel(what if name != "mu_star" else with_unit(what, unit))
-    left.legend(frameon=False, fontsize=8, loc="best")
-    grid = np.array([_numbers(said["factors"][factor][name]["value"]) for factor in order])
-    image = right.pcolormesh(axis, range(len(order)), grid, cmap="cividis", shading="nearest")
-    right.set_yticks(range(len(order)), [words(factor) for factor in order], fontsize=8)
-    right.invert_yaxis()
-    figure.colorbar(image, ax=right, label=what)
-    for axes in (left, right):
-        axes.set_xlabel(with_unit(words(said["over"]), said["axis_unit"]))
-    figure.suptitle(f"What moves {words(curve)}, and where", fontsize=11)
-    style.caption(figure, snapshot, what="bands hold a whole line as often as")
-    return figure
+    own = looks(names, palette or names)
+    lines = {factor: said["factors"][factor][index] for factor in order[:LINES]}
+    data: list[dict[str, Any]] = []
+    for factor, line in lines.items():
+        data += _banded(said["axis"], line, plain(words(factor)), own[factor]["color"])
+    label = what if index != "mu_star" else with_unit(what, plain(unit))
+    over = axis(plain(with_unit(words(said["over"]), said["axis_unit"])))
+    height = max(390, 165 + 26 * len(names))
+    left = figure(
+        data,
+        height,
+        xaxis=over,
+        yaxis=axis(label, **_within(lines, shares=index != "mu_star")),
+        table={
+            "head": ["factor", words(said["over"]), index, "low", "high"],
+            "rows": [
+                [factor, at, *(line[end][i] for end in ("value", "band_low", "band_high"))]
+                for factor, line in lines.items()
+                for i, at in enumerate(said["axis"])
+            ],
+        },
+    )
+    cells = {
+        "type": "heatmap",
+        "x": list(said["axis"]),
+        "y": list(range(len(order))),
+        "z": [said["factors"][factor][index]["value"] for factor in order],
+        "colorscale": "Cividis",
+        "colorbar": {"title": {"text": label, "side": "right"}, "thickness": 12},
+        "hoverinfo": "skip",
+    }
+    known = any(value is not None for line in cells["z"] for value in line)
+    right = figure(
+        [cells] if known else [],
+        height,
+        xaxis=over,
+        yaxis=names_axis(order),
+        annotations=[] if known else [sentence("no variance yet")],
+    )
+    title = f"What moves {plain(words(name))}, and where"
+    return titled(
+        beside([left, right]), title, snapshot, what="bands hold a whole line as often as"
+    )
 
 
-def components_figure(snapshot: style.Snapshot, curve: str, unit: str) -> Figure:
+def _banded(
+    at: Sequence[float], line: Mapping[str, Any], name: str, colour: str
+) -> list[dict[str, Any]]:
+    """Return a line within its band, where both are known."""
+    points = [
+        (x, *found)
+        for x, *found in zip(at, line["value"], line["band_low"], line["band_high"], strict=True)
+        if None not in found
+    ]
+    if not points:
+        return []
+    x, value, low, high = (list(column) for column in zip(*points, strict=True))
+    group = {"type": "scatter", "mode": "lines", "legendgroup": name, "hoverinfo": "skip"}
+    return [
+        {
+            **group,
+            "line": {"width": 0, "color": colour},
+            "x": [*x, *x[::-1]],
+            "y": [*low, *high[::-1]],
+            "fill": "toself",
+            "fillcolor": faded(colour, 0.18),
+            "showlegend": False,
+        },
+        {**group, "name": name, "x": x, "y": value, "line": {"color": colour, "width": 1.8}},
+    ]
+
+
+def _within(lines: Mapping[str, Mapping[str, Any]], *, shares: bool) -> dict[str, Any]:
+    """Return what of an axis of shares is shown: bands may reach far beyond."""
+    top = max(
+        (v for line in lines.values() for v in line["band_high"] if v is not None), default=None
+    )
+    return {"range": [-0.05, min(1.3, 1.05 * top)]} if shares and top else {}
+
+
+def components(snapshot: Snapshot, name: str, unit: str = "") -> Figure:
     """Draw the mean curve, what each principal component adds to it, and whose the score is.
 
     Raises:
         ValueError: the study has no such curve.
     """
-    said = _said(snapshot, curve)
-    found = said["components"]
-    figure = style.new_figure(11.0, 4.2)
-    left, right = figure.subplots(1, 2)
-    mean, axis = _numbers(said["mean"]), said["axis"]
-    left.plot(axis, mean, color=style.INK, lw=1.6, label="mean")
-    for c, one in enumerate(found):
-        shape, look = _numbers(one["shape"]), style.COLOURS[c]
-        label = f"component {c + 1}, {one['share']['value']:.0%} of the variance"
-        left.plot(axis, mean + shape, color=look, lw=1.1, label=label)
-        left.plot(axis, mean - shape, color=look, lw=1.1, ls="--")
-    left.set_xlabel(with_unit(words(said["over"]), said["axis_unit"]))
-    left.set_ylabel(with_unit(words(curve), unit))
-    left.legend(frameon=False, fontsize=8, loc="best")
-    _draw_scores(right, snapshot, said)
-    figure.suptitle(f"Principal components of {words(curve)}", fontsize=11)
-    style.caption(figure, snapshot)
-    return figure
-
-
-def _draw_scores(axes: Axes, snapshot: style.Snapshot, said: Any) -> None:
-    """Draw the index of every leading factor in the score of each component."""
-    name = {"morris": "sigma", "saltelli": "total_order"}[family(snapshot["method"])]
-    what = {"sigma": "σ of the score's effects", "total_order": "ST of the score"}[name]
-    order = (said["ranking"]["order"] or list(said["factors"]))[: 2 * LINES]
-    height = 0.8 / max(len(said["components"]), 1)
+    said = _said(snapshot, name)
+    at, mean = list(said["axis"]), said["mean"]
+    group = {"type": "scatter", "mode": "lines", "x": at, "hoverinfo": "skip"}
+    data: list[dict[str, Any]] = [
+        {**group, "name": "mean", "y": list(mean), "line": {"width": 1.8, "color": "#000000"}}
+    ]
     for c, one in enumerate(said["components"]):
-        bars = [
-            (place + (c + 0.5) * height - 0.4, one["factors"][factor][name])
-            for place, factor in enumerate(order)
-        ]
-        style.draw_bars(axes, bars, height=0.9 * height, color=style.COLOURS[c])
-    axes.set_yticks(range(len(order)), [words(factor) for factor in order], fontsize=8)
-    axes.invert_yaxis()
-    style.open_axes(axes, what)
-    if not said["components"]:
-        style.say(axes, "no variance yet")
+        label = f"component {c + 1}, {one['share']['value']:.0%} of the variance"
+        for sign, dash in ((1.0, "solid"), (-1.0, "dash")):
+            data.append(
+                {
+                    **group,
+                    "name": label,
+                    "legendgroup": label,
+                    "showlegend": sign > 0.0,
+                    "y": [
+                        None if None in (m, s) else m + sign * s
+                        for m, s in zip(mean, one["shape"], strict=True)
+                    ],
+                    "line": {"width": 1.3, "color": COLOURS[c], "dash": dash},
+                }
+            )
+    left = figure(
+        data,
+        400,
+        xaxis=axis(plain(with_unit(words(said["over"]), said["axis_unit"]))),
+        yaxis=axis(plain(with_unit(words(name), unit))),
+        table={
+            "head": [words(said["over"]), "mean", *(t["name"] for t in data[1::2])],
+            "rows": [
+                [x, mean[i], *(one["shape"][i] for one in said["components"])]
+                for i, x in enumerate(at)
+            ],
+        },
+    )
+    drawn = beside([left, _scores(snapshot, said)])
+    return titled(drawn, f"Principal components of {plain(words(name))}", snapshot)
 
 
-def _said(snapshot: style.Snapshot, curve: str) -> Any:
-    curves = snapshot.get("curves", {})
-    if curve not in curves:
-        raise ValueError(f"the study has no curve {curve!r}: it has {', '.join(curves) or 'none'}")
-    return curves[curve]
+def _scores(snapshot: Snapshot, said: Mapping[str, Any]) -> Figure:
+    """Draw the index of every leading factor in the score of each component."""
+    index, what = _OF_SCORES[family(snapshot["method"])]
+    order = (said["ranking"]["order"] or list(said["factors"]))[: 2 * LINES]
+    data = []
+    for c, one in enumerate(said["components"]):
+        found = [one["factors"][factor][index] for factor in order]
+        data.append(
+            {
+                "type": "bar",
+                "orientation": "h",
+                "name": f"component {c + 1}",
+                "showlegend": False,
+                "x": [share["value"] for share in found],
+                "y": list(range(len(order))),
+                "error_x": reach(found),
+                "marker": {"color": COLOURS[c]},
+                "hovertext": [
+                    f"{plain(words(factor))}, component {c + 1}: "
+                    + ("" if f["value"] is None else " ".join(with_interval(**f)).strip())
+                    for factor, f in zip(order, found, strict=True)
+                ],
+                "hovertemplate": "%{hovertext}<extra></extra>",
+            }
+        )
+    return figure(
+        data,
+        400,
+        barmode="group",
+        bargap=0.2,
+        xaxis=axis(what, zeroline=True),
+        yaxis=names_axis(order),
+        annotations=[] if data else [sentence("no variance yet")],
+    )
 
 
-def _numbers(values: list[float | None]) -> np.ndarray[Any, np.dtype[np.float64]]:
-    return np.array([np.nan if value is None else value for value in values])
+def _said(snapshot: Snapshot, curve: str) -> Any:
+    found = snapshot.get("curves", {})
+    if curve not in found:
+        raise ValueError(f"the study has no curve {curve!r}: it has {', '.join(found) or 'none'}")
+    return found[curve]

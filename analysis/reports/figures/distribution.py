@@ -1,20 +1,23 @@
 """Distribution of an output over the factors' distributions (paper, figure 9)."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reports.figures.style import FAINT, INK, new_figure, open_axes, say
+from analysis.reports.figures.shared import (
+    COLOURS,
+    FAINT,
+    LIGHT,
+    Figure,
+    axis,
+    figure,
+    plain,
+    sentence,
+    titled,
+)
 from analysis.reports.wording import with_unit
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
-
-def distribution_figure(values: NDArray[np.float64], output: str, unit: str = "") -> Figure:
+def distribution(values: NDArray[np.float64], output: str, unit: str = "") -> Figure:
     """Draw a histogram, a kernel density estimate, and the normal density of the same moments.
 
     The kernel is Gaussian with Scott's bandwidth (`scipy.stats.gaussian_kde`). How normal the
@@ -26,26 +29,59 @@ def distribution_figure(values: NDArray[np.float64], output: str, unit: str = ""
     # A coordinator that shows a study's tables draws nothing, and this takes a second to import.
     from scipy.stats import gaussian_kde, norm, skew
 
-    figure = new_figure(7.0, 4.2)
-    axes = figure.subplots()
     per_unit = f"1/({unit})" if unit else ""
-    open_axes(axes, with_unit(output, unit), with_unit("probability density", per_unit))
+    x_axis = axis(plain(with_unit(output, unit)))
+    y_axis = axis(plain(with_unit("probability density", per_unit)), rangemode="tozero")
     if values.size < 2 or np.ptp(values) == 0.0:
-        say(axes, "nothing varies yet")
-        return figure
+        note = [sentence("nothing varies yet")]
+        return figure([], 390, width=640, xaxis=x_axis, yaxis=y_axis, annotations=note)
     mean, sd = float(np.mean(values)), float(np.std(values, ddof=1))
     low, high = np.quantile(values, [0.0, 1.0]) + np.array([-0.4, 0.4]) * sd
-    x = np.linspace(low, high, 400)
+    x = np.linspace(low, high, 200)
     bins = min(max(int(np.sqrt(values.size)), 8), 60)
-    axes.hist(values, bins=bins, density=True, color="#9CC9E8", edgecolor="white", lw=0.4)
-    axes.plot(x, gaussian_kde(values)(x), color="#0072B2", lw=2.0, label="kernel density")
-    axes.plot(x, norm.pdf(x, mean, sd), color=FAINT, lw=1.2, ls="--", label="normal, same moments")
-    axes.axvline(mean, color="#D55E00", lw=1.4, label=f"mean {mean:.3g}")
-    axes.axvline(0.0, color=INK, lw=0.6) if low < 0.0 < high else None
-    axes.set_title(
-        f"{values.size:,} runs: mean {mean:.3g}{' ' + unit if unit else ''}, standard deviation "
-        f"{sd:.3g}, skewness {float(skew(values)):.2g}",
-        fontsize=11,
+    heights, edges = np.histogram(values, bins=bins, density=True)
+    centres, width = 0.5 * (edges[1:] + edges[:-1]), float(edges[1] - edges[0])
+    line = {"type": "scatter", "mode": "lines", "hoverinfo": "skip", "x": x.tolist()}
+    kernel = {"width": 2.0, "color": COLOURS[0]}
+    normal = {"width": 1.2, "color": FAINT, "dash": "dash"}
+    top = float(max(heights.max(), norm.pdf(mean, mean, sd)))
+    data = [
+        {
+            "type": "bar",
+            "name": "runs",
+            "showlegend": False,
+            "x": centres.tolist(),
+            "y": heights.tolist(),
+            "width": width,
+            "marker": {"color": LIGHT},
+            "hovertext": [
+                f"{round(share * width * values.size):,} runs from {low:.3g} to {high:.3g}"
+                for share, low, high in zip(heights, edges, edges[1:], strict=False)
+            ],
+            "hovertemplate": "%{hovertext}<extra></extra>",
+        },
+        {**line, "name": "kernel density", "y": gaussian_kde(values)(x).tolist(), "line": kernel},
+        {
+            **line,
+            "name": "normal, same moments",
+            "y": norm.pdf(x, mean, sd).tolist(),
+            "line": normal,
+        },
+        {
+            **line,
+            "name": f"mean {mean:.3g}",
+            "x": [mean, mean],
+            "y": [0.0, top],
+            "line": {"width": 1.5, "color": COLOURS[1]},
+        },
+    ]
+    rows = list(zip(edges[:-1].tolist(), edges[1:].tolist(), heights.tolist(), strict=True))
+    table = {"head": ["from", "to", "density"], "rows": rows}
+    drawn = figure(data, 390, width=640, xaxis=x_axis, yaxis=y_axis, bargap=0.04, table=table)
+    return titled(
+        drawn,
+        plain(
+            f"{values.size:,} runs: mean {mean:.3g}{' ' + unit if unit else ''}, standard "
+            f"deviation {sd:.3g}, skewness {float(skew(values)):.2g}"
+        ),
     )
-    axes.legend(frameon=False, fontsize=9)
-    return figure

@@ -1,20 +1,14 @@
 """An output as colour over pairs of factors (paper, figure 13)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reports.figures.scatter import DRAWN
-from analysis.reports.figures.style import new_figure, say
+from analysis.reports.figures.shared import Figure, axis, beside, figure, plain, sentence
 from analysis.reports.wording import with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Factors paired with each other: the most influential ones, as in the paper.
 LEADING = 3
@@ -25,7 +19,7 @@ def leading_pairs(order: Sequence[str]) -> list[tuple[str, str]]:
     return list(combinations(order[:LEADING], 2)) or [(order[0], order[0])]
 
 
-def pairs_figure(
+def pairs(
     points: NDArray[np.float64],
     values: NDArray[np.float64],
     names: Sequence[str],
@@ -37,31 +31,40 @@ def pairs_figure(
     """Draw one panel for each pair of the leading factors; a pattern hints at an interaction.
 
     Args:
-        points, values, names, output, unit, units: as in `scatter_figure`.
+        points, values, names, output, unit, units: as in `scatter`.
         order: the factors, the most influential first.
     """
-    pairs = [(list(names).index(a), list(names).index(b)) for a, b in leading_pairs(order)]
-    figure = new_figure(4.1 * len(pairs) + 0.9, 3.7)
-    panels = figure.subplots(1, len(pairs), squeeze=False)[0]
     # Colours span the middle of the values: one extreme run must not make all others alike.
-    low, high = np.quantile(values, [0.02, 0.98]) if values.size else (0.0, 1.0)
-    marks = None
-    for axes, (a, b) in zip(panels, pairs, strict=True):
-        marks = axes.scatter(
-            points[:DRAWN, a],
-            points[:DRAWN, b],
-            c=values[:DRAWN],
-            s=13,
-            cmap="viridis",
-            vmin=low,
-            vmax=high,
-            linewidths=0,
-            rasterized=True,
+    low, high = np.quantile(values, [0.02, 0.98]).tolist() if values.size else (0.0, 1.0)
+    said = dict(zip(names, units or [""] * len(names), strict=True))
+    place = {name: f for f, name in enumerate(names)}
+    colours = {"colorscale": "Viridis", "cmin": low, "cmax": high, "color": values[:DRAWN].tolist()}
+    bar = {"title": {"text": plain(with_unit(output, unit)), "side": "right"}, "thickness": 12}
+    chosen = leading_pairs(order)
+    panels = [
+        figure(
+            [
+                {
+                    "type": "scatter",
+                    "mode": "markers",
+                    "x": points[:DRAWN, place[a]].tolist(),
+                    "y": points[:DRAWN, place[b]].tolist(),
+                    "marker": {
+                        "size": 5,
+                        **colours,
+                        "showscale": number == len(chosen),
+                        "colorbar": bar,
+                    },
+                    "meta": [a, b],
+                    "showlegend": False,
+                    "hoverinfo": "skip",
+                }
+            ],
+            345,
+            xaxis=axis(plain(with_unit(a, said[a])), nticks=6),
+            yaxis=axis(plain(with_unit(b, said[b]))),
+            annotations=[] if values.size else [sentence("no values yet")],
         )
-        for set_label, f in ((axes.set_xlabel, a), (axes.set_ylabel, b)):
-            set_label(with_unit(names[f], units[f] if units else ""), fontsize=9)
-        if not values.size:
-            say(axes, "no values yet")
-    assert marks is not None
-    figure.colorbar(marks, ax=list(panels), label=with_unit(output, unit), extend="both")
-    return figure
+        for number, (a, b) in enumerate(chosen, 1)
+    ]
+    return beside(panels, width=380 * len(chosen) + 80)

@@ -1,118 +1,141 @@
 """The mu*-sigma plane of a screening (paper, figure 8)."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reports.figures import style
+from analysis.reports.figures.shared import (
+    FAINT,
+    INDICES,
+    WHOLE,
+    Figure,
+    Snapshot,
+    across,
+    axis,
+    beside,
+    factors_of,
+    figure,
+    looks,
+    plain,
+    ranked,
+    reach,
+    sentence,
+    titled,
+    told_of,
+)
 from analysis.reports.wording import words
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from analysis.sensitivity.judgement.screening import SHARE_OF_LARGEST
 
 
-def screening_figure(
-    snapshot: style.Snapshot,
+def plane(
+    snapshot: Snapshot,
     output: str,
     unit: str = "",
     clouds: NDArray[np.float64] | None = None,
     palette: Sequence[str] = (),
 ) -> Figure:
-    """Draw the mu*-sigma plane of a screening with its confidence intervals.
+    """Draw mu* and sigma of every factor with their intervals.
 
     Args:
         unit: of the output, for the axes.
         clouds: mu* and sigma of every bootstrap replicate, shape (2, replicates, factors); drawn
             beside the intervals, as on the right of the paper's figure 8.
         palette: factors in the order of their colours; default: the study's.
+
+    Raises:
+        ValueError: the study is no screening, or has no such output.
     """
-    factors = style.factors_of(snapshot, output, "morris")
-    figure = style.new_figure(6.4 if clouds is None else 11.0, 4.6)
-    left, *right = figure.subplots(1, 1 if clouds is None else 2, squeeze=False)[0]
-    draw_plane(left, factors, unit, palette)
-    draw_threshold(left, snapshot["outputs"][output])
-    for axes in right:
-        assert clouds is not None
-        _draw_clouds(axes, list(factors), clouds, unit, palette)
-        _join_limits(left, axes)
-    figure.suptitle(f"Elementary effects on {words(output)}", fontsize=11)
-    style.caption(figure, snapshot)
-    return figure
-
-
-def draw_threshold(axes: Axes, output: Mapping[str, Any]) -> None:
-    """Draw what the index of a factor must exceed to matter (`screening`), if known."""
-    if threshold := output.get("screening", {}).get("threshold"):
-        axes.axvline(threshold, color=style.FAINT, lw=1, ls="--", zorder=1)
-
-
-def _join_limits(left: Axes, right: Axes) -> None:
-    """Give both panels the same limits, so that clouds lie where the intervals are."""
-    for get, set_ in (("get_xlim", "set_xlim"), ("get_ylim", "set_ylim")):
-        both = np.array([getattr(axes, get)() for axes in (left, right)])
-        for axes in (left, right):
-            getattr(axes, set_)(both[:, 0].min(), both[:, 1].max())
-
-
-def _draw_clouds(
-    axes: Axes, names: list[str], clouds: NDArray[np.float64], unit: str, palette: Sequence[str]
-) -> None:
-    mu_star, sigma = clouds
-    own = style.looks(names, palette)
-    for f in np.argsort(-np.nanmean(np.nan_to_num(mu_star), axis=0)):
-        cloud: dict[str, Any] = {"s": 8, "alpha": 0.6, "linewidths": 0, "rasterized": True}
-        axes.scatter(mu_star[:, f], sigma[:, f], label=words(names[f]), **own[f], **cloud)
-    axes.set_title(f"{len(mu_star)} bootstrap replicates", fontsize=10)
-    _label(axes, unit)
-
-
-def _label(axes: Axes, unit: str) -> None:
-    suffix = f" ({unit} per whole range)" if unit else " (per whole range)"
-    style.open_axes(axes, *(label + suffix for label in style.INDICES["morris"].values()))
-
-
-def draw_plane(
-    axes: Axes, factors: Mapping[str, Any], unit: str, palette: Sequence[str] = ()
-) -> None:
-    """Draw mu* and sigma of every factor with their intervals."""
-    known = {
-        name: (look, indices["mu_star"], indices["sigma"])
-        for look, (name, indices) in zip(
-            style.looks(factors, palette), factors.items(), strict=True
-        )
-        if indices["mu_star"]["value"] is not None and indices["sigma"]["value"] is not None
-    }
-    marks = {}
-    # The least influential on top, where the cluster at the origin would hide it.
-    for name in sorted(known, key=lambda name: -float(known[name][1]["value"])):
-        look, mu_star, sigma = known[name]
-        marks[words(name)] = axes.errorbar(
-            mu_star["value"],
-            sigma["value"],
-            xerr=style.reach(mu_star),
-            yerr=style.reach(sigma),
-            ls="",
-            **look,
-            markersize=6.5,
-            markeredgecolor="white",
-            markeredgewidth=0.6,
-            capsize=2.5,
-            elinewidth=1.2,
-        )[0]
-    right = 1.06 * max((style.top_of(mu_star) for _, mu_star, _ in known.values()), default=0.0)
-    top = 1.1 * max((style.top_of(sigma) for _, _, sigma in known.values()), default=0.0)
-    if known and right > 0.0:
+    factors = factors_of(snapshot, output, "morris")
+    own = looks(factors, palette)
+    order = [
+        name
+        for name in ranked(snapshot, output)
+        if None not in (factors[name]["mu_star"]["value"], factors[name]["sigma"]["value"])
+    ]
+    largest = max((factors[name]["mu_star"]["value"] for name in order), default=0.0)
+    data: list[dict[str, Any]] = [
+        {
+            "type": "scatter",
+            "mode": "markers+text",
+            "name": plain(words(name)),
+            "legendgroup": name,
+            "x": [found["mu_star"]["value"]],
+            "y": [found["sigma"]["value"]],
+            # The others lie together at the origin.
+            "text": [plain(words(name))]
+            if found["mu_star"]["value"] > SHARE_OF_LARGEST * largest
+            else [""],
+            "textposition": "top left"
+            if found["mu_star"]["value"] > 0.5 * largest
+            else "top right",
+            "cliponaxis": False,
+            "customdata": [name],
+            "error_x": reach([found["mu_star"]]) | {"color": own[name]["color"]},
+            "error_y": reach([found["sigma"]]) | {"color": own[name]["color"]},
+            "marker": {"size": 9, **own[name]},
+            "hovertext": [told_of(name, found, "morris")],
+            "hovertemplate": "%{hovertext}<extra></extra>",
+        }
+        for name in order
+        for found in [factors[name]]
+    ]
+    if largest > 0.0:
         # A monotonic effect without interactions lies well below this line.
-        marks["σ = μ*"] = axes.plot([0.0, right], [0.0, right], color=style.FAINT, lw=1, ls=":")[0]
-        axes.set_xlim(-0.03 * right, right)
-        top = max(top, 0.1 * right)
-        axes.set_ylim(-0.03 * top, top)
-        axes.legend(marks.values(), marks.keys(), frameon=False, fontsize=9, loc="best")
-    else:
-        style.say(axes, "no elementary effects yet")
-    _label(axes, unit)
+        line = {"dash": "dot", "width": 1, "color": FAINT}
+        ends = {"x": [0.0, largest], "y": [0.0, largest], "line": line, "hoverinfo": "skip"}
+        data.append({"type": "scatter", "mode": "lines", "name": "σ = μ*", **ends})
+    suffix = f" ({plain(unit)} per whole range)" if unit else " (per whole range)"
+    x, y = (label + suffix for label in INDICES["morris"].values())
+    said = snapshot["outputs"].get(output, {})
+    threshold = said.get("screening", {}).get("threshold")
+    drawn = figure(
+        data,
+        400,
+        xaxis=axis(x, rangemode="tozero"),
+        yaxis=axis(y, rangemode="tozero"),
+        shapes=[across(threshold)] if threshold else [],
+        annotations=[] if data else [sentence("no elementary effects yet")],
+        table={
+            "head": ["factor", "mu_star", "sigma"],
+            "rows": [
+                [name, factors[name]["mu_star"]["value"], factors[name]["sigma"]["value"]]
+                for name in order
+            ],
+        },
+    )
+    if clouds is not None:
+        right = _clouds(list(factors), clouds, own, drawn["layout"])
+        drawn = beside([drawn, right], width=WHOLE)
+    title = f"Elementary effects on {plain(words(output))}"
+    return titled(drawn, title, snapshot)
+
+
+def _clouds(
+    names: list[str],
+    clouds: NDArray[np.float64],
+    own: dict[str, dict[str, Any]],
+    layout: dict[str, Any],
+) -> Figure:
+    mu_star, sigma = clouds
+    data = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": plain(words(names[f])),
+            "legendgroup": names[f],
+            "showlegend": False,
+            "x": [float(x) for x in mu_star[known, f]],
+            "y": [float(y) for y in sigma[known, f]],
+            "marker": {"size": 4, "opacity": 0.6, **own[names[f]]},
+            "hoverinfo": "skip",
+        }
+        # The least influential on top, where the cluster at the origin would hide it.
+        for f in np.argsort(-np.nanmean(np.nan_to_num(mu_star), axis=0))
+        for known in [np.isfinite(mu_star[:, f]) & np.isfinite(sigma[:, f])]
+    ]
+    label = f"{layout['xaxis']['title']['text']}<br>{len(mu_star)} bootstrap replicates"
+    # Clouds lie where the intervals are.
+    x, y = axis(label, rangemode="tozero", matches="x"), {**layout["yaxis"], "matches": "y"}
+    return figure(data, layout["height"], xaxis=x, yaxis=y)

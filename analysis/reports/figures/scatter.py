@@ -1,18 +1,13 @@
 """An output against each factor, with means of bins (paper, figure 12)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reports.figures.style import new_figure, open_axes
+from analysis.reports.figures.shared import COLOURS, WHOLE, Figure, axis, beside, figure, plain
 from analysis.reports.wording import with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Equal intervals of a factor's values, as in the paper.
 BINS = 10
@@ -21,7 +16,7 @@ BINS = 10
 DRAWN = 3000
 
 
-def scatter_figure(
+def scatter(
     points: NDArray[np.float64],
     values: NDArray[np.float64],
     names: Sequence[str],
@@ -36,31 +31,61 @@ def scatter_figure(
         values: of the output, shape (n,).
         units: of the factors; none if empty.
     """
-    across = min(3, len(names))
-    down = -(-len(names) // across)
-    figure = new_figure(3.7 * across, 2.9 * down + 0.3)
-    panels = figure.subplots(down, across, sharey=True, squeeze=False).ravel()
-    for f, (axes, name) in enumerate(zip(panels, names, strict=False)):
-        axes.plot(
-            points[:DRAWN, f],
-            values[:DRAWN],
-            ls="",
-            marker="o",
-            ms=2.2 if len(values) > 400 else 3.5,
-            mew=0,
-            color="#333333",
-            alpha=0.4,
-            rasterized=True,
-        )
-        centres, means = bin_means(points[:, f], values)
-        axes.plot(centres, means, "o", ms=6.5, color="#D55E00", mec="white", mew=0.7)
-        open_axes(axes, with_unit(name, units[f] if units else ""), fontsize=9)
-        # Few enough that the last of one panel keeps clear of the first of the next.
-        axes.locator_params(axis="x", nbins=5)
-    for axes in panels[len(names) :]:
-        axes.set_axis_off()
-    figure.supylabel(with_unit(output, unit), fontsize=10)
-    return figure
+    columns = min(3, len(names))
+    panels = [
+        against(points[:, f], values, name, output, unit, units[f] if units else "", first=not f)
+        for f, name in enumerate(names)
+    ]
+    drawn = beside(panels, columns=columns, width=WHOLE * columns // 3)
+    for number in range(1, len(names) + 1):
+        if number % columns != 1 and columns > 1:
+            own = drawn["layout"]["yaxis" + (str(number) if number > 1 else "")]
+            own |= {"title": {"text": ""}, "showticklabels": False}
+    return drawn
+
+
+def against(
+    x: NDArray[np.float64],
+    values: NDArray[np.float64],
+    name: str,
+    output: str,
+    unit: str,
+    own: str,
+    *,
+    first: bool,
+) -> Figure:
+    """Draw one panel of it (paper, figure 12)."""
+    centres, means = bin_means(x, values)
+    mark: dict[str, Any] = {"size": 3 if len(values) > 400 else 5, "opacity": 0.4}
+    data = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": "runs",
+            "x": x[:DRAWN].tolist(),
+            "y": values[:DRAWN].tolist(),
+            "marker": {**mark, "color": "#333333"},
+            "meta": [name, output],
+            "showlegend": False,
+            "hoverinfo": "skip",
+        },
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": "means of bins",
+            "x": centres.tolist(),
+            "y": means.tolist(),
+            "marker": {"size": 9, "color": COLOURS[1], "line": {"width": 1, "color": "#ffffff"}},
+            "showlegend": False,
+            "hoverinfo": "skip",
+        },
+    ]
+    return figure(
+        data,
+        280,
+        xaxis=axis(plain(with_unit(name, own)), nticks=6),
+        yaxis=axis(plain(with_unit(output, unit)), **({} if first else {"matches": "y"})),
+    )
 
 
 def bin_means(

@@ -1,64 +1,99 @@
-"""First- and total-order indices of a variance-based study (paper, figure 10)."""
+"""Indices as bars with their intervals (paper, figures 8 and 10)."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from analysis.designs import family
-from analysis.reports.figures import style
-from analysis.reports.figures.plane import draw_threshold
-from analysis.reports.wording import words
-from analysis.sensitivity.judgement.ranking import RANKED_BY
+from analysis.reports.figures.shared import (
+    COLOURS,
+    ENDS,
+    INDICES,
+    LIGHT,
+    Figure,
+    Snapshot,
+    across,
+    axis,
+    factors_of,
+    figure,
+    names_axis,
+    plain,
+    ranked,
+    reach,
+    sentence,
+    spread_in_words,
+    titled,
+    told_of,
+)
+from analysis.reports.wording import with_unit, words
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-#: By family of methods: colour of the bars of an index, and how far above its factor they are.
-BARS = {
-    "saltelli": {"first_order": ("#0072B2", 0.2), "total_order": ("#9CC9E8", -0.2)},
-    "shapley": {
-        "full_first_order": ("#9CC9E8", 0.26),
-        "shapley": ("#0072B2", 0.0),
-        "independent_total_order": ("#E69F00", -0.26),
-    },
+#: By index, the colour of its bars.
+_COLOURS = {
+    "mu_star": COLOURS[0],
+    "sigma": LIGHT,
+    "first_order": COLOURS[0],
+    "total_order": LIGHT,
+    "full_first_order": LIGHT,
+    "shapley": COLOURS[0],
+    "independent_total_order": COLOURS[4],
 }
 
 
-def variance_figure(snapshot: style.Snapshot, output: str, unit: str = "") -> Figure:
-    """Draw first- and total-order indices of a variance-based study with their intervals.
+def bars(snapshot: Snapshot, output: str, unit: str = "") -> Figure:
+    """Draw S and ST, or mu* and sigma, of every factor, the most influential on top.
 
-    Arguments and errors as `screening_figure`, for a study of shares; the unit is that of
-    the output's mean and standard deviation in the title.
+    Args:
+        unit: of the output, which that of elementary effects is.
+
+    Raises:
+        ValueError: the study has no such output.
     """
-    kind = "shapley" if family(snapshot["method"]) == "shapley" else "saltelli"
-    factors = style.factors_of(snapshot, output, kind)
-    figure = style.new_figure(6.4, 1.6 + 0.55 * len(factors))
-    axes = figure.subplots()
-    draw_shares(axes, factors, kind)
-    draw_threshold(axes, snapshot["outputs"][output])
-    spread = style.spread_in_words(snapshot["outputs"][output], unit)
-    axes.set_title(f"Shares of the variance of {words(output)}\n{spread}", fontsize=11)
-    style.caption(figure, snapshot)
-    return figure
+    kind, said = family(snapshot["method"]), snapshot["outputs"].get(output, {})
+    factors, order = factors_of(snapshot, output), ranked(snapshot, output)
+    data = [
+        {
+            "type": "bar",
+            "orientation": "h",
+            "name": label,
+            "x": [factors[name][index]["value"] for name in order],
+            "y": list(range(len(order))),
+            "error_x": reach([factors[name][index] for name in order]),
+            "marker": {"color": _COLOURS[index]},
+            "customdata": order,
+            "hovertext": [told_of(name, factors[name], kind) for name in order],
+            "hovertemplate": "%{hovertext}<extra></extra>",
+        }
+        for index, label in INDICES[kind].items()
+        if any(factors[name][index]["value"] is not None for name in order)
+    ]
+    title = (
+        "share of the variance"
+        if kind != "morris"
+        else with_unit("effect over the whole range", plain(unit))
+    )
+    threshold = said.get("screening", {}).get("threshold")
+    drawn = figure(
+        data,
+        110 + 34 * len(order),
+        barmode="group",
+        bargap=0.3,
+        xaxis=axis(title, rangemode="tozero", zeroline=True),
+        yaxis=names_axis(order),
+        shapes=[across(threshold)] if threshold else [],
+        annotations=[] if data else [sentence("no variance yet")],
+        table={
+            "head": ["factor", *(f"{i} {end}" for i in INDICES[kind] for end in ENDS)],
+            "rows": [
+                [name, *(factors[name][i][end] for i in INDICES[kind] for end in ENDS)]
+                for name in order
+            ],
+        },
+    )
+    return titled(drawn, _title(kind, said, output, unit), snapshot)
 
 
-def draw_shares(axes: Axes, factors: Mapping[str, Any], kind: str = "saltelli") -> None:
-    """Draw the shares of every factor, those of a family of methods, as bars with intervals."""
-    order = sorted(factors, key=lambda name: factors[name][RANKED_BY[kind]]["value"] or 0.0)
-    drawn = False
-    for index, (colour, offset) in BARS[kind].items():
-        bars = [(place + offset, factors[name][index]) for place, name in enumerate(order)]
-        label = style.INDICES[kind][index]
-        drawn |= style.draw_bars(
-            axes, bars, height=0.72 / len(BARS[kind]), color=colour, label=label
-        )
-    axes.axvline(0.0, color=style.INK, lw=0.8, zorder=3)
-    axes.set_yticks(range(len(order)), [words(name) for name in order])
-    style.open_axes(axes, "share of the variance")
-    if drawn:
-        axes.set_xlim(min(axes.get_xlim()[0], 0.0), max(axes.get_xlim()[1], 1.0))
-        axes.legend(frameon=False, fontsize=9, loc="lower right")
-    else:
-        style.say(axes, "no variance yet")
+def _title(kind: str, said: Mapping[str, Any], output: str, unit: str) -> str:
+    what = "Elementary effects on" if kind == "morris" else "Shares of the variance of"
+    spread: Sequence[str] = ()
+    if kind != "morris" and "mean" in said:
+        spread = (plain(spread_in_words(said, unit)),)
+    return "<br>".join((f"{what} {plain(words(output))}", *spread))

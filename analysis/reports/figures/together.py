@@ -1,54 +1,98 @@
 """What pairs of factors have together, and how it came to be (Saltelli 2002; paper, figure 11)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from analysis.reports.figures import style
-from analysis.reports.figures.convergence import draw_curves
-from analysis.reports.wording import words
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from analysis.reports.figures.convergence import SHARE, curves, grown, worth_showing
+from analysis.reports.figures.shared import (
+    COLOURS,
+    MARKS,
+    Figure,
+    Snapshot,
+    axis,
+    beside,
+    factors_of,
+    figure,
+    names_axis,
+    plain,
+    reach,
+    sentence,
+    titled,
+)
+from analysis.reports.wording import with_interval, words
 
 #: Pairs with a bar, and with a curve: the largest, as many as can be told apart.
 BARS, CURVES = 15, 6
 
 
-def largest_pairs(snapshot: style.Snapshot, output: str) -> list[Mapping[str, Any]]:
+def largest_pairs(snapshot: Snapshot, output: str) -> list[Mapping[str, Any]]:
     """Return the pairs that have a bar, the largest share first; pairs without one come last."""
     pairs: Sequence[Mapping[str, Any]] = snapshot["outputs"][output]["second_order"]
     return sorted(pairs, key=lambda pair: -_size(pair))[:BARS]
 
 
-def together_figure(snapshot: style.Snapshot, output: str) -> Figure:
-    """Draw the indices of pairs (`saltelli_second_order`) with intervals, and their convergence."""
-    style.factors_of(snapshot, output, "saltelli")
-    pairs = largest_pairs(snapshot, output)
-    figure = style.new_figure(11.0, max(4.2, 1.6 + 0.3 * len(pairs)))
-    left, right = figure.subplots(1, 2)
-    known = style.draw_bars(left, enumerate(pairs[::-1]), height=0.6, color=style.COLOURS[0])
-    left.axvline(0.0, color=style.INK, lw=0.8, zorder=3)
-    left.set_yticks(range(len(pairs)), [_name(pair) for pair in pairs[::-1]], fontsize=8)
-    style.open_axes(left, "share of the variance, beyond what each has alone")
-    if not known:
-        style.say(left, "no variance yet")
-    series = snapshot["outputs"][output]["convergence"]
-    curves = {frozenset(curve["factors"]): curve for curve in series["second_order"]}
-    chosen = {
-        _name(pair): (curves[frozenset(pair["factors"])], pair)
-        for pair in pairs[:CURVES]
-        if frozenset(pair["factors"]) in curves
+def together(snapshot: Snapshot, output: str) -> Figure:
+    """Draw the indices of pairs (`saltelli_second_order`) with intervals, and their convergence.
+
+    Raises:
+        ValueError: the study has no such output, or does not look at pairs.
+    """
+    factors_of(snapshot, output, "saltelli")
+    found = largest_pairs(snapshot, output)
+    known = [(place, pair) for place, pair in enumerate(found) if pair["value"] is not None]
+    data = [
+        {
+            "type": "bar",
+            "orientation": "h",
+            "name": "pairs",
+            "showlegend": False,
+            "x": [pair["value"] for _, pair in known],
+            "y": [place for place, _ in known],
+            "error_x": reach([pair for _, pair in known]),
+            "marker": {"color": COLOURS[0]},
+            "hovertext": [
+                f"{' and '.join(plain(words(name)) for name in pair['factors'])}: "
+                + " ".join(with_interval(pair["value"], pair["low"], pair["high"])).strip()
+                + f", n {pair['n']:,}"
+                for _, pair in known
+            ],
+            "hovertemplate": "%{hovertext}<extra></extra>",
+        }
+    ]
+    bars = figure(
+        data if known else [],
+        max(390, 150 + 28 * len(found)),
+        bargap=0.4,
+        xaxis=axis("share of the variance, beyond what each has alone", zeroline=True),
+        yaxis=names_axis([_name(pair) for pair in found]),
+        annotations=[] if known else [sentence("no variance yet")],
+        table={
+            "head": ["factor", "other", "value", "low", "high"],
+            "rows": [
+                [*pair["factors"], pair["value"], pair["low"], pair["high"]] for pair in found
+            ],
+        },
+    )
+    drawn = beside([bars, _growth(snapshot, output, found)])
+    title = f"What pairs of factors have together of {plain(words(output))}"
+    return titled(drawn, title, snapshot, what="error bars and bands span")
+
+
+def _growth(snapshot: Snapshot, output: str, found: Sequence[Mapping[str, Any]]) -> Figure:
+    parts = snapshot["outputs"][output]["convergence"]
+    by_pair = {frozenset(curve["factors"]): curve for curve in parts["second_order"]}
+    lines = {
+        plain(_name(pair)): grown(
+            parts["rows"], by_pair[frozenset(pair["factors"])], pair, snapshot["rows_complete"]
+        )
+        for pair in found[:CURVES]
+        if frozenset(pair["factors"]) in by_pair
     }
-    draw_curves(right, series["rows"], chosen, snapshot["rows_complete"])
-    right.set_ylabel("share of the variance")
-    handles, labels = right.get_legend_handles_labels()
-    if handles:
-        right.legend(handles, labels, frameon=False, fontsize=8, loc="best")
-    figure.suptitle(f"What pairs of factors have together of {words(output)}", fontsize=11)
-    style.caption(figure, snapshot, what="error bars and bands span")
-    return figure
+    own = {
+        name: {"color": COLOURS[place], "symbol": MARKS[place]} for place, name in enumerate(lines)
+    }
+    within = worth_showing(list(lines.values()), SHARE)
+    return curves(lines, own, "share of the variance", "second_order", legend=True, within=within)
 
 
 def _name(pair: Mapping[str, Any]) -> str:

@@ -193,14 +193,15 @@ def indices(
         snapshot = client.indices(study)
     outputs = list(snapshot["outputs"])
     if plot is not None:
-        from analysis.reports.figures import curve_figure, screening_figure, variance_figure
+        from analysis.reports.figures import bars, curve, plane
+        from analysis.reports.paper import on_paper
 
         curves = list(snapshot.get("curves", {}))
         if not outputs and not curves:
             raise Invalid(f"there is nothing to draw: study {study} has no indices yet")
-        draw = screening_figure if snapshot["method"] == "morris" else variance_figure
-        drawn = draw(snapshot, outputs[0]) if outputs else curve_figure(snapshot, curves[0], "")
-        drawn.savefig(plot)
+        draw = plane if snapshot["method"] == "morris" else bars
+        drawn = draw(snapshot, outputs[0]) if outputs else curve(snapshot, curves[0])
+        on_paper(drawn).savefig(plot)
     return Answer(snapshot, partial(_print_indices, snapshot, target))
 
 

@@ -26,11 +26,14 @@ function plotly() {
 
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-/** Returns a figure's layout in the colours of the page. */
-function inked(layout) {
+// Where there is less room, panels stand below each other.
+const NARROW = 700; // pixels
+
+/** Returns a figure's layout in the colours of the page, which has a heading for it of its own. */
+function inked({ title, ...layout }) {
   const axis = { gridcolor: style("--line"), zerolinecolor: style("--faint"), linecolor: style("--faint") };
-  const axes = {};
-  for (const name of ["xaxis", "yaxis"]) axes[name] = { ...axis, ...layout[name] };
+  const names = Object.keys(layout).filter((name) => /^[xy]axis\d*$/.test(name));
+  const axes = Object.fromEntries(names.map((name) => [name, { ...axis, ...layout[name] }]));
   const shapes = (layout.shapes ?? []).map((shape) => ({
     ...shape,
     line: { color: style("--faint"), ...shape.line },
@@ -39,6 +42,7 @@ function inked(layout) {
   return {
     ...layout,
     ...axes,
+    ...stacked(layout),
     shapes,
     paper_bgcolor: "rgba(0,0,0,0)",
     plot_bgcolor: "rgba(0,0,0,0)",
@@ -46,8 +50,14 @@ function inked(layout) {
     hoverlabel: hover,
     // No "transition": with one, plotly.js leaves axes as they were under data that have grown.
     // The reader's own zoom stays for as long as the axes are of the same quantities.
-    uirevision: ["xaxis", "yaxis"].map((name) => layout[name]?.title?.text).join(),
+    uirevision: names.map((name) => layout[name].title?.text).join(),
   };
+}
+
+function stacked({ grid, height }) {
+  if (!grid || grid.columns === 1 || innerWidth >= NARROW) return {};
+  const rows = grid.rows * grid.columns;
+  return { height: height * grid.columns, grid: { ...grid, rows, columns: 1, ygap: 0.25 } };
 }
 
 /** Returns traces whose black lines and error bars are as the page's ink is. */
@@ -64,6 +74,8 @@ export async function draw(name, figure) {
   box.closest("figure").hidden = !figure;
   drawn.set(name, figure);
   if (!figure) return;
+  // What is below stays where it is when the figure comes.
+  box.style.minHeight = `${{ ...figure.layout, ...stacked(figure.layout) }.height}px`;
   try {
     await plotly();
   } catch {
@@ -111,7 +123,8 @@ async function keep(button) {
   const { data, layout } = drawn.get(name);
   const [width, height] = [box.clientWidth, box.clientHeight];
   // plotly.js writes into what it draws.
-  const figure = structuredClone({ data, layout: { ...layout, ...paper } });
+  const margin = { ...layout.margin, t: 70 };
+  const figure = structuredClone({ data, layout: { ...layout, ...paper, margin } });
   const uri = await Plotly.toImage(figure, { format: button.dataset.keep, width, height, scale: 2 });
   save(file, await blob(uri));
 }

@@ -13,7 +13,7 @@ ROOT = Path(str(analysis.__file__)).parent
 #: Modules that carry or show numbers, and make none.
 CARRIERS = {
     *("reports/hover.py", "reports/html.py", "reports/pictures.py", "reports/report.py"),
-    *("reports/tables.py", "reports/validation.py", "reports/figures/style.py"),
+    *("reports/tables.py", "reports/validation.py", "reports/figures/shared.py"),
     *("sensitivity/records.py", "sensitivity/remarks.py", "sensitivity/table.py"),
     *("given/answer.py", "given/check.py", "given/errors.py"),
     *("given/reading.py", "given/sample.py", "given/thousands.py"),
@@ -21,7 +21,7 @@ CARRIERS = {
     *("interpretation/answer.py", "interpretation/build.py", "interpretation/errors.py"),
     *("interpretation/bank/archive.py", "interpretation/contract.py"),
     *("interpretation/page.py", "interpretation/recording.py", "interpretation/bank/sampling.py"),
-    *("reports/interactive/failures.py", "reports/interactive/shared.py"),
+    *("reports/figures/failures.py", "reports/paper.py"),
     "sensitivity/curves/findings.py",
 }
 

@@ -7,7 +7,8 @@ import pytest
 
 from analysis.designs import instance_parameters
 from analysis.designs.distributions import Uniform
-from analysis.reports.figures import components_figure, curve_figure, interactions_figure
+from analysis.reports.figures import components, curve, interactions
+from analysis.reports.paper import on_paper
 from analysis.reports.report import chapter, write_report
 from analysis.sensitivity.records import plan_of
 from analysis.sensitivity.service import analyse
@@ -78,10 +79,10 @@ def test_a_report_shows_curves_beside_the_output_and_alone(method: str, tmp_path
 def test_a_curve_without_results_is_drawn_too_and_an_unknown_one_is_a_sentence() -> None:
     for method in ("morris", "saltelli"):
         empty = analyse(plan_of(study(method, "wave")), [])
-        curve_figure(empty, "wave", "N")
-        components_figure(empty, "wave", "N")
+        on_paper(curve(empty, "wave", "N"))
+        on_paper(components(empty, "wave", "N"))
         with pytest.raises(ValueError, match="no curve 'torque': it has wave"):
-            curve_figure(empty, "torque", "")
+            curve(empty, "torque")
 
 
 def test_the_terminal_shows_whole_curves(
@@ -99,14 +100,16 @@ def test_the_terminal_shows_whole_curves(
 def test_interactions_of_pairs_are_a_heat_map_and_no_other_study_has_one(tmp_path: Path) -> None:
     described = study("saltelli_second_order", "y", "wave")
     snapshot = chapter(described, table_of(described, tmp_path / "r.csv")).snapshot
-    figure = interactions_figure(snapshot, "y")
-    assert len(figure.axes) == 3
-    shares = figure.axes[0].images[0].get_array()
+    figure = interactions(snapshot, "y")
+    drawn = on_paper(figure)
+    # Bars, the map, and its colours.
+    assert len(drawn.axes) == 3
+    shares = drawn.axes[1].collections[0].get_array()
     alone = snapshot["outputs"]["y"]["factors"]["b"]["first_order"]["value"]
-    assert shares is not None and shares[0, 0] == alone
-    interactions_figure(analyse(plan_of(described), []), "y")
+    assert shares is not None and shares[0, 0] == alone == figure["data"][-1]["z"][0][0]
+    on_paper(interactions(analyse(plan_of(described), []), "y"))
     with pytest.raises(ValueError, match="method saltelli_second_order"):
-        interactions_figure(analyse(plan_of(study("saltelli", "y", "wave")), []), "y")
+        interactions(analyse(plan_of(study("saltelli", "y", "wave")), []), "y")
 
 
 def test_a_report_of_groups_names_the_groups(tmp_path: Path) -> None:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.reports.figures import distribution_figure
+from analysis.reports.figures import distribution
 from analysis.reports.html import cell, data_uri, environment
+from analysis.reports.paper import on_paper
 from analysis.reports.tables import Grid
 
 
@@ -36,7 +37,7 @@ def test_names_from_outside_stay_text() -> None:
 @pytest.mark.parametrize("kind", ["svg", "png"])
 def test_the_same_figure_is_the_same_image(kind: str) -> None:
     once, again = (
-        data_uri(distribution_figure(np.arange(9.0), "y"), kind, dpi=30)  # type: ignore[arg-type]
+        data_uri(on_paper(distribution(np.arange(9.0), "y")), kind, dpi=30)  # type: ignore[arg-type]
         for _ in range(2)
     )
     assert once == again and once.startswith(f"data:image/{kind}")

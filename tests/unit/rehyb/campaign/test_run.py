@@ -37,7 +37,7 @@ def campaign(
 def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the figures out: they take seconds, and one test draws them."""
     monkeypatch.setattr("analysis.reports.report.pictures", lambda *_: [])
-    monkeypatch.setattr("analysis.reports.figures.campaign_figure", lambda *_: Figure())
+    monkeypatch.setattr("analysis.reports.paper.on_paper", lambda *_: Figure())
 
 
 @pytest.mark.usefixtures("no_drawing")

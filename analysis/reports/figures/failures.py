@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from analysis.reports.interactive.shared import Figure, layout
+from analysis.reports.figures.shared import FAINT, Figure, axis, figure, plain
 from analysis.reports.wording import words
 
 GLOW = "#ff5a1f"
@@ -34,10 +34,11 @@ def failures(
             "name": f"ok, {len(fine):,} of {of['ok']:,}",
             "x": [run[x] for run in fine],
             "y": [run[y] for run in fine],
-            "marker": {"size": 5, "color": "#8C8C8C", "opacity": 0.45},
+            "marker": {"size": 5, "color": FAINT, "opacity": 0.45},
             "hoverinfo": "skip",
         }
     ]
+    say = {"hovertemplate": "%{hovertext}<extra></extra>"}
     symbols = ("circle", "diamond", "square", "triangle-up", "x", "star")
     for place, (cause, runs) in enumerate(failed.items()):
         where = {"type": "scatter", "mode": "markers", "legendgroup": cause}
@@ -46,22 +47,24 @@ def failures(
         core = {"size": 8, "color": GLOW, "symbol": symbols[place % len(symbols)]}
         core["line"] = {"width": 1, "color": "#ffffff"}
         data.append({**where, **at, "marker": halo, "hoverinfo": "skip", "showlegend": False})
-        name = f"{words(cause)}, {len(runs):,} of {of[cause]:,}"
-        told = f"{words(cause)}<br>{words(x)} %{{x}}<br>{words(y)} %{{y}}<extra></extra>"
-        data.append({**where, **at, "name": name, "marker": core, "hovertemplate": told})
-    return {
-        "data": data,
-        "layout": layout(
-            440,
-            xaxis={"title": {"text": words(x)}, "automargin": True},
-            yaxis={"title": {"text": words(y)}, "automargin": True},
-        ),
-        "table": {
-            "head": ["cause", *(runs_head := list(dict.fromkeys((x, y))))],
+        name = f"{plain(words(cause))}, {len(runs):,} of {of[cause]:,}"
+        told = [
+            "<br>".join((plain(words(cause)), *(f"{plain(words(n))} {run[n]:.4g}" for n in (x, y))))
+            for run in runs
+        ]
+        data.append({**where, **at, "name": name, "marker": core, "hovertext": told, **say})
+    head = list(dict.fromkeys((x, y)))
+    return figure(
+        data,
+        440,
+        xaxis=axis(plain(words(x))),
+        yaxis=axis(plain(words(y))),
+        table={
+            "head": ["cause", *head],
             "rows": [
-                [cause, *(run[name] for name in runs_head)]
+                [cause, *(run[name] for name in head)]
                 for cause, runs in failed.items()
                 for run in runs
             ],
         },
-    }
+    )

@@ -5,12 +5,15 @@ from math import log10
 from typing import Any
 
 from analysis.designs import family
-from analysis.reports.interactive.convergence import series
-from analysis.reports.interactive.shared import (
+from analysis.reports.figures.convergence import series
+from analysis.reports.figures.shared import (
+    FAINT,
     MOST_LINES,
     Figure,
-    colour,
-    layout,
+    axis,
+    figure,
+    looks,
+    plain,
     ranked,
     rows_axis,
 )
@@ -32,6 +35,7 @@ def precision(snapshot: Mapping[str, Any], output: str, advice: Advice | None) -
     data: list[dict[str, Any]] = []
     table: list[tuple[str, int, float]] = []
     wanted = WANTED[family(snapshot["method"])]
+    own = looks(snapshot["outputs"][output]["factors"])
     for name in ranked(snapshot, output)[:MOST_LINES]:
         widths: dict[int, float] = {}
         for index in wanted:
@@ -40,18 +44,21 @@ def precision(snapshot: Mapping[str, Any], output: str, advice: Advice | None) -
                 widths[row] = max(half, widths.get(row, 0.0))
         if not widths:
             continue
-        own = colour(snapshot, output, name)
         data.append(
             {
                 "type": "scatter",
                 "mode": "lines+markers",
-                "name": words(name),
+                "name": plain(words(name)),
                 "x": list(widths),
                 "y": list(widths.values()),
                 "customdata": [name] * len(widths),
-                "line": {"color": own, "width": 1.6},
-                "marker": {"color": own, "size": 5},
-                "hovertemplate": f"{words(name)}, %{{x:,}} rows: ±%{{y:.2g}}<extra></extra>",
+                "line": {"color": own[name]["color"], "width": 1.6},
+                "marker": {"size": 5, **own[name]},
+                "hovertext": [
+                    f"{plain(words(name))}, {row:,} rows: ±{half:.2g}"
+                    for row, half in widths.items()
+                ],
+                "hovertemplate": "%{hovertext}<extra></extra>",
             }
         )
         table += [(name, row, half) for row, half in widths.items()]
@@ -66,7 +73,7 @@ def precision(snapshot: Mapping[str, Any], output: str, advice: Advice | None) -
                 "name": "expected",
                 "x": [now, then],
                 "y": [advice.half_width, advice.target],
-                "line": {"dash": "dash", "width": 1.5, "color": "#8C8C8C"},
+                "line": {"dash": "dash", "width": 1.5, "color": FAINT},
                 "marker": {"size": [0, 11], "symbol": "diamond", "color": GOOD},
                 "text": ["", f"about {then:,} rows"],
                 "textposition": "bottom left",
@@ -75,31 +82,31 @@ def precision(snapshot: Mapping[str, Any], output: str, advice: Advice | None) -
         )
     values = [advice.target, *(half for *_, half in table)]
     bottom, top = 0.6 * min(value for value in values if value > 0.0), 1.4 * max(values)
-    band = {"type": "rect", "xref": "paper", "x0": 0, "x1": 1, "y0": bottom, "y1": advice.target}
-    return {
-        "data": data,
-        "layout": layout(
-            380,
-            xaxis=rows_axis(min(row for _, row, _ in table), then),
-            yaxis={
-                "title": {"text": "half width of the interval, ±"},
-                "type": "log",
-                "range": [log10(bottom), log10(top)],
-                "dtick": "D2",
-                "automargin": True,
-            },
-            shapes=[{**band, "fillcolor": GOOD, "opacity": 0.16, "line": {"width": 0}}],
-            annotations=[
-                {
-                    "xref": "paper",
-                    "x": 0.01,
-                    "y": log10(advice.target),
-                    "yanchor": "top",
-                    "xanchor": "left",
-                    "showarrow": False,
-                    "text": f"wanted: ±{advice.target:.2g}",
-                }
-            ],
+    where = {"xref": "x domain", "yref": "y", "x0": 0, "x1": 1, "y0": bottom, "y1": advice.target}
+    return figure(
+        data,
+        390,
+        xaxis=rows_axis(min(row for _, row, _ in table), then),
+        yaxis=axis(
+            "half width of the interval, ±",
+            type="log",
+            range=[log10(bottom), log10(top)],
+            dtick="D2",
         ),
-        "table": {"head": ["factor", "rows", "half width"], "rows": table},
-    }
+        shapes=[
+            {"type": "rect", **where, "fillcolor": GOOD, "opacity": 0.16, "line": {"width": 0}}
+        ],
+        annotations=[
+            {
+                "xref": "x domain",
+                "yref": "y",
+                "x": 0.01,
+                "y": log10(advice.target),
+                "yanchor": "top",
+                "xanchor": "left",
+                "showarrow": False,
+                "text": f"wanted: ±{advice.target:.2g}",
+            }
+        ],
+        table={"head": ["factor", "rows", "half width"], "rows": table},
+    )
