@@ -22,7 +22,8 @@ from benchmarks.service.coordinator import TOKEN, coordinator, done, submit, thr
 from benchmarks.service.throughput import PROCESSES, ROWS, SECONDS
 from server.app import create_app
 from server.logic.fleet.verdicts import Report
-from server.logic.study.plans import draw_up, parameters
+from server.logic.study.plans import draw_up
+from server.logic.study.points import parameters
 from server.operations.fleet import leasing, results
 from server.operations.fleet.leasing import LeaseRequest
 from server.operations.study import studies

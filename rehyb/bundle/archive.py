@@ -184,6 +184,12 @@ def versions() -> dict[str, str]:
     }
 
 
+def in_words(found: object) -> str:
+    """Say which versions these are, one after another."""
+    pairs = found.items() if isinstance(found, dict) else ()
+    return ", ".join(f"{name} {value}" for name, value in pairs) or "nothing known"
+
+
 def _there(archive: zipfile.ZipFile) -> list[str]:
     """Return what a bundle holds of its model."""
     names = set(archive.namelist())

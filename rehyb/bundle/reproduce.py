@@ -1,39 +1,23 @@
 """Check a bundle without believing it: hashes, design, ledger, indices, a sample of its runs."""
 
-import shutil
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import inf, isfinite
-from pathlib import Path
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from rehyb.again import Code, evaluating, not_here
-from rehyb.bundle.archive import MANIFEST, MEMBERS, OF_MODEL, Bundle, versions
-from rehyb.client import Json
-from rehyb.errors import Invalid, RehybError
+from rehyb.again import Code
+from rehyb.bundle.archive import MANIFEST, MEMBERS, OF_MODEL, Bundle, in_words, versions
+from rehyb.bundle.runs import SAMPLE, TOLERANCE, Judgement, chosen_of, computed_again
+from rehyb.bundle.study import lies_in, places_of, plan_of, table_of
+from rehyb.errors import Invalid
 
 if TYPE_CHECKING:
     from analysis.sensitivity.table import Table
-    from models.description import Description
-    from models.evaluation import Evaluation
     from server.records import Plan
 
-#: What a study of dependent factors says of them.
-_DEPENDENCE = ("correlations", "correlation_kind")
 #: Largest share by which a recomputed parameter or index may differ where the bits do: other
 #: versions of NumPy and SciPy round sums and quantiles differently.
 ROUNDING = 1e-9
-
-#: Runs recomputed, and how far their outputs may be off, as a share of the output's standard
-#: deviation over the study. The same code on the same kind of machine gives the same bits.
-SAMPLE = 10
-TOLERANCE = 1e-6
-
-#: Whether a check holds, and a sentence about it.
-Judgement = tuple[bool, str]
 
 
 @dataclass(frozen=True)
@@ -63,114 +47,15 @@ def check(
     """
     yield Finding("hashes", *_hashes(bundle))
     try:
-        plan, table = plan_of(bundle), _table(bundle)
+        plan, table = plan_of(bundle), table_of(bundle)
     except Invalid as error:
         yield Finding("contents", False, str(error))
         return
     yield Finding("design", *_design(plan, table))
     yield Finding("failures", *_failures(bundle, table))
     yield Finding("indices", *_indices(bundle, table))
-    chosen = _chosen(plan, table, sample, seed)
-    try:
-        with _evaluator(bundle, code or Code()) as evaluate:
-            judgement = _runs(bundle, plan, table, chosen, tolerance, evaluate)
-    except RehybError as error:
-        judgement = False, f"none could be computed again: {error}; --sample 0 leaves them out"
-    yield Finding("runs", *judgement)
-
-
-def plan_of(bundle: Bundle) -> "Plan":
-    """Return its study's plan, drawn up anew and checked as the coordinator would.
-
-    Raises:
-        Invalid: it is no study that this version knows.
-    """
-    from server.errors import InvalidStudyError
-    from server.logic.study.plans import FactorChoice, draw_up
-
-    study, model = bundle.study, model_of(bundle)
-    try:
-        if not 0 <= int(study["seed"]) < 2**63:
-            raise ValueError(f"seed {study['seed']} is none")
-        return draw_up(
-            name=str(study["name"]),
-            model=model,
-            called=str(study["model"]),
-            method=str(study["method"]),
-            sampling=str(study["sampling"]),
-            rows=int(study["rows"]),
-            seed=int(study["seed"]),
-            factors=[
-                FactorChoice(name=factor["name"], distribution=factor["distribution"])
-                for factor in study["factors"]
-            ],
-            fixed={str(name): float(value) for name, value in study["fixed"].items()},
-            outputs=study["outputs"],
-            # Earlier versions did not know them.
-            correlations=study.get("correlations", ()),
-            correlation_kind=study.get("correlation_kind", "rank"),
-            groups=study.get("groups", {}),
-        )
-    except (InvalidStudyError, ValueError, TypeError, AttributeError, OverflowError) as error:
-        raise Invalid(f"study.json describes no study that can be computed here: {error}") from None
-    except KeyError as error:
-        raise Invalid(f"study.json describes no study: it has no {error}") from None
-
-
-def model_of(bundle: Bundle) -> "Description":
-    """Return the description of a bundle's model.
-
-    Raises:
-        Invalid: it neither comes with rehyb nor is in the bundle as the study names it.
-    """
-    from models.description import Description, DescriptionError
-    from models.own import own_models
-
-    called = str(bundle.study.get("model"))
-    if called in own_models():
-        return own_models()[called]
-    if bundle.model is None:
-        raise Invalid(
-            f"study.json is of the model {called!r}, which does not come with rehyb, and there is "
-            f"no model.json; known are {', '.join(own_models())}"
-        )
-    try:
-        model = Description.from_json(bundle.model)
-    except DescriptionError as error:
-        raise Invalid(f"model.json describes no model: {error}") from None
-    if model.version != called:
-        raise Invalid(f"study.json is of the model {called!r}, and model.json of {model.version}")
-    return model
-
-
-@contextmanager
-def _evaluator(bundle: Bundle, code: Code) -> Iterator[Callable[[Json], "Evaluation"]]:
-    """Yield what evaluates an instance of the bundle's model; what is code only if named."""
-    from sim.evaluation import evaluate
-
-    model = model_of(bundle)
-    if bundle.model is None:
-        # What is optional among the outputs is a curve.
-        curves = bundle.study.get("curves", {})
-        yield lambda instance: evaluate(instance["model"], instance["parameters"], curves)
-        return
-
-    def fetch(version: str, path: Path) -> None:
-        if bundle.model_archive is None:
-            raise not_here(version, model.kind, code)
-        shutil.copyfile(bundle.model_archive, path)
-
-    with evaluating(fetch, code) as again:
-        yield again
-
-
-def request_of(study: Json) -> Json:
-    """Return the request that submits the same study again."""
-    asked = ("name", "model", "method", "sampling", "rows", "seed", "factors", "outputs", "fixed")
-    # It was taken when it was submitted first.
-    more = {name: study[name] for name in _DEPENDENCE if study.get("correlations")}
-    more |= {"groups": study["groups"]} if study.get("groups") else {}
-    return {**{name: study[name] for name in asked}, **more, "outside_range": True}
+    chosen = chosen_of(plan, table, sample, seed)
+    yield Finding("runs", *computed_again(bundle, plan, table, chosen, tolerance, code or Code()))
 
 
 def _hashes(bundle: Bundle) -> Judgement:
@@ -189,32 +74,12 @@ def _hashes(bundle: Bundle) -> Judgement:
     return True, f"{len(members)} files are as {MANIFEST} states"
 
 
-def _table(bundle: Bundle) -> "Table":
-    from analysis.files.results_csv import read_table
-    from analysis.sensitivity.records import plan_of
-
-    try:
-        return read_table(plan_of(bundle.study), bundle.results)
-    except (ValueError, OverflowError, TypeError) as error:
-        what = str(error).replace(str(bundle.results), "results.csv")
-        raise Invalid(f"results.csv cannot be read: {what}") from None
-
-
-def _places(table: "Table") -> list[tuple[int, int]]:
-    """Return the row and position of every result."""
-    return list(zip(table.rows.tolist(), table.positions.tolist(), strict=True))
-
-
-def _lies_in(plan: "Plan", place: tuple[int, int]) -> bool:
-    return 0 <= place[0] < plan.rows and 0 <= place[1] < plan.width
-
-
 def _design(plan: "Plan", table: "Table") -> Judgement:
     """Compare every parameter with the one that the study's seed gives."""
-    from server.logic.study.plans import parameters
+    from server.logic.study.points import parameters
 
-    places = _places(table)
-    outside = [place for place in places if not _lies_in(plan, place)]
+    places = places_of(table)
+    outside = [place for place in places if not lies_in(plan, place)]
     if outside or len(set(places)) < len(places):
         where = f"{outside[0]} lies outside the study" if outside else "a place occurs twice"
         return False, f"results.csv has rows and positions that no study has: {where}"
@@ -271,85 +136,11 @@ def _indices(bundle: Bundle, table: "Table") -> Judgement:
     if off <= ROUNDING and made != here:
         return True, (
             f"every index and interval comes out again to {off:.1g} of its size; not bit for bit, "
-            f"since {_in_words(made)} made them and this is {_in_words(here)}"
+            f"since {in_words(made)} made them and this is {in_words(here)}"
         )
     return False, (
         f"{len(differences)} numbers in indices.json do not come out of the results, {where} most"
     )
-
-
-def _chosen(plan: "Plan", table: "Table", sample: int, seed: int) -> list[int]:
-    """Choose the results to compute again, of those that say more of the model than a machine."""
-    from server.logic.study.instances import BUDGETS
-
-    eligible = [
-        line
-        for line, place in enumerate(_places(table))
-        if table.outcomes[line] not in BUDGETS and _lies_in(plan, place)
-    ]
-    chosen = np.random.default_rng(seed).choice(
-        np.array(eligible, dtype=np.int64), min(sample, len(eligible)), replace=False
-    )
-    return sorted(chosen.tolist())
-
-
-def _runs(
-    bundle: Bundle,
-    plan: "Plan",
-    table: "Table",
-    chosen: list[int],
-    tolerance: float,
-    evaluate: "Callable[[Json], Evaluation]",
-) -> Judgement:
-    """Compute some runs again."""
-    from server.logic.study.plans import parameters, point
-
-    sd = np.array([_spread(column) for column in table.values.T])
-    worst, where = 0.0, ""
-    for i in chosen:
-        row, position = int(table.rows[i]), int(table.positions[i])
-        name = f"row {row}, position {position}"
-        try:
-            asked = point(plan, row, parameters(plan, row)[position])
-            done = evaluate({"model": plan.model, **asked})
-        except ValueError as error:
-            return False, f"{name} cannot be computed: {error}"
-        if done.outcome != table.outcomes[i]:
-            return False, f"{name} came out as {table.outcomes[i]}, and here as {done.outcome}"
-        for o, output in enumerate(plan.outputs if done.outcome == "ok" else ()):
-            off = float(abs(done.outputs[output] - table.values[i, o]) / sd[o])
-            # What is no number is as far off as can be.
-            off = off if isfinite(off) else inf
-            if off > worst:
-                worst, where = off, f"{output} of {name}"
-    stated = f"{len(chosen)} of {len(table.outcomes):,} runs, computed again,"
-    code = _code(bundle.manifest)
-    if worst > tolerance:
-        return False, (
-            f"{stated} differ by up to {worst:.2g} standard deviations ({where}), more than "
-            f"{tolerance:g}{code}"
-        )
-    how = "bit for bit" if worst == 0.0 else f"to {worst:.1g} standard deviations ({where})"
-    return True, f"{stated} come out {how}{code}"
-
-
-def _code(manifest: Mapping[str, Any]) -> str:
-    """Say what code computed the study, if it is not what is installed here."""
-    from sim.evaluation import versions as here
-    from worker.machine import code
-
-    mine = {"code": code(), "mujoco": here()["mujoco"]}
-    theirs = manifest.get("identity")
-    if theirs == mine or not isinstance(theirs, dict):
-        return ""
-    return f"; it was computed with {_in_words(theirs)}, and this is {_in_words(mine)}"
-
-
-def _spread(column: Any) -> float:
-    """Return the standard deviation of what is finite; 1 if there is none."""
-    finite = column[np.isfinite(column)]
-    sd = float(np.std(finite)) if finite.size else 0.0
-    return sd or 1.0
 
 
 def _differences(a: Any, b: Any, where: str = "") -> Iterator[tuple[str, float]]:
@@ -375,8 +166,3 @@ def _apart(a: float, b: float) -> float:
         return 0.0
     share = float(abs(a - b) / max(abs(a), abs(b)))
     return share if isfinite(share) else 2.0
-
-
-def _in_words(found: object) -> str:
-    pairs = found.items() if isinstance(found, dict) else ()
-    return ", ".join(f"{name} {value}" for name, value in pairs) or "nothing known"

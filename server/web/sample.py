@@ -11,7 +11,7 @@ from typing import Any
 
 from sqlalchemy.engine import Engine
 
-from server.logic.study.plans import parameters
+from server.logic.study.points import parameters
 from server.operations import watching
 from server.records import Study
 

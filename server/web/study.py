@@ -23,7 +23,7 @@ from analysis.sensitivity.remarks import remarks, warning
 from analysis.sensitivity.snapshot import empty_snapshot
 from models.curves import names_of as output_names
 from server.errors import NotFoundError
-from server.logic.study.plans import for_analysis
+from server.logic.study.points import for_analysis
 from server.operations import models
 from server.operations.study import precision_goals, studies
 from server.operations.study.result_log import StoreResultLog

@@ -99,7 +99,7 @@ def reproduce(
 
 
 def _submitted(bundle: Bundle, url: str | None, token: str | None) -> Answer:
-    from rehyb.bundle.reproduce import model_of, plan_of, request_of
+    from rehyb.bundle.study import model_of, plan_of, request_of
 
     plan_of(bundle)
     with Client(url, token) as client:

@@ -1,23 +1,21 @@
-"""How a study's plan is drawn up from a request, and the points that follow from it."""
+"""How a study's plan is drawn up from a request."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from types import MappingProxyType
 from typing import Any
 
-from analysis.designs import METHODS, fewest_factors, instance_parameters, samplings
+from analysis.designs import METHODS, fewest_factors, samplings
 from analysis.designs.dependence import KINDS, Dependence, DependenceError, copula
-from analysis.designs.distributions import Distribution, scales
+from analysis.designs.distributions import Distribution
 from analysis.designs.groups import fault_in, units_of
 from analysis.json_values import is_finite_number
-from analysis.sensitivity.records import StudyPlan
 from models.curves import columns_of
 from models.description import Description
 from models.factors import SEED, Factor, no_factor
 from server.errors import InvalidStudyError
-from server.records import Plan, Study
+from server.records import Plan
 
 #: Sobol points are numbered in 30 bits; a study beyond this would take a fleet a human lifetime.
 MAX_ROWS = 10_000_000
@@ -36,59 +34,6 @@ class FactorChoice:
     name: str
     range: Sequence[float] | None = None
     distribution: Mapping[str, Any] | None = None
-
-
-def instance_id(study_id: str, row: int, position: int) -> str:
-    """Name an instance so that a reader can replay it: study, row and position in the row."""
-    return f"{study_id}:{row}:{position}"
-
-
-def parameters(plan: Plan, row: int) -> list[dict[str, float]]:
-    """Return every factor's value for every instance of a row, in position order (SI units)."""
-    points = instance_parameters(
-        plan.method,
-        plan.sampling,
-        plan.seed,
-        row,
-        plan.distributions,
-        plan.correlation,
-        plan.groups,
-    )
-    return [{**plan.fixed, **point} for point in points]
-
-
-def point(plan: Plan, row: int, values: Mapping[str, float]) -> dict[str, Any]:
-    """Return what a model is asked at one of a row's points: its parameters, and a seed.
-
-    All of a row have the same seed, so that what differs between them is what their parameters do;
-    where the seed is sampled, too, it is another wherever its value is another.
-    """
-    value = values.get(SEED.name, 0.0)
-    if SEED.name in plan.fixed:
-        seed = int(value)
-    else:
-        said = f"{plan.seed}:{row}:{value!r}".encode()
-        seed = int.from_bytes(hashlib.blake2b(said, digest_size=4).digest(), "big")
-    return {
-        "parameters": {name: x for name, x in values.items() if name != SEED.name},
-        "model_seed": seed,
-    }
-
-
-def for_analysis(study: Study) -> StudyPlan:
-    """Return what the analysis needs to know of a study."""
-    return StudyPlan(
-        id=study.id,
-        method=study.plan.method,
-        seed=study.plan.seed,
-        sampling=study.plan.sampling,
-        rows=study.plan.rows,
-        factors=tuple(study.plan.distributions),
-        outputs=study.plan.outputs,
-        curves=study.plan.curves,
-        groups=study.plan.groups,
-        scales=scales(study.plan.distributions),
-    )
 
 
 def draw_up(

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from server.logic.study.plans import parameters
+from server.logic.study.points import parameters
 from server.records import Plan, Result
 
 

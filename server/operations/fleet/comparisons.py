@@ -10,7 +10,7 @@ from sqlalchemy.engine import Connection, Engine
 
 from server.logic.fleet.comparisons import Reputation, concluded, is_chosen, is_comparable, put_back
 from server.logic.fleet.verdicts import Judgement, Report, as_result, fault_in
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.records import Lease, Result, Study
 from server.states import ComparisonState, Verdict
 from server.store import models

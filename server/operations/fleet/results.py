@@ -9,7 +9,7 @@ from server.errors import NotFoundError
 from server.logic.fleet.leases import expiry, objection_to_results
 from server.logic.fleet.verdicts import Judgement, Report, judge_all
 from server.logic.study.instances import held
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.operations.fleet import comparisons, leasing
 from server.operations.fleet.leasing import Deferred, Grant, Ineligible, LeaseRequest
 from server.operations.study.instances import settle

@@ -15,7 +15,7 @@ from server.logic.fleet.hosts import identity, objection_to_worker
 from server.logic.fleet.leases import expiry, objection_to_results
 from server.logic.fleet.verdicts import Judgement, judge_all
 from server.logic.study import studies as life
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.logic.study.studies import handed_out, new_rows
 from server.operations.fleet import leasing
 from server.operations.fleet.exchange import Answer, Exchange

@@ -7,7 +7,7 @@ from sqlalchemy.engine import Engine
 
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from server.errors import NoStudyError, NotFoundError
-from server.logic.study.plans import for_analysis, instance_id
+from server.logic.study.points import for_analysis, instance_id
 from server.operations.study import precision_goals
 from server.records import Study
 from server.store.database.engine import alone_at, reading, writing

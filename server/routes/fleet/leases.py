@@ -14,7 +14,7 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from server.errors import ConflictError
-from server.logic.study.plans import instance_id, parameters, point
+from server.logic.study.points import instance_id, parameters, point
 from server.metrics import Metrics
 from server.operations.fleet import leases
 from server.operations.fleet.exchange import Exchange

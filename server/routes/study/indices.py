@@ -6,7 +6,7 @@ from fastapi import APIRouter, Response
 
 from analysis.sensitivity.snapshot import empty_snapshot
 from server.logic.caching import tag
-from server.logic.study.plans import for_analysis
+from server.logic.study.points import for_analysis
 from server.operations.study import studies
 from server.operations.study.result_log import StoreResultLog
 from server.routes.common import Id, IfNoneMatch, Store, not_modified

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Path, Query
 
 from server.errors import InvalidStudyError
-from server.logic.study.plans import instance_id, parameters, point
+from server.logic.study.points import instance_id, parameters, point
 from server.operations.study import instances
 from server.routes.common import MAX_INTEGER, Id, Store
 

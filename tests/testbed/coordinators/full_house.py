@@ -13,7 +13,8 @@ from analysis.closeloop.contract import REPORT_FILES
 from analysis.sensitivity.service import catch_up
 from models.description import Description
 from server.logic.fleet.verdicts import Report
-from server.logic.study.plans import draw_up, instance_id, parameters
+from server.logic.study.plans import draw_up
+from server.logic.study.points import instance_id, parameters
 from server.operations import close_loops, models, sessions
 from server.operations.close_loops import Proof
 from server.operations.study import studies

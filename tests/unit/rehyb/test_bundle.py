@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from rehyb.bundle.archive import MANIFEST, MEMBERS, read_bundle, write_bundle
-from rehyb.bundle.reproduce import Finding, check, request_of
+from rehyb.bundle.reproduce import Finding, check
+from rehyb.bundle.study import request_of
 from rehyb.errors import Conflict, Invalid
 from tests.testbed.coordinators.finished_study import ROWS, WIDTH, FinishedStudy
 

@@ -13,7 +13,7 @@ from rehyb.cli import main
 from server.errors import ConflictError, DamagedError
 from server.instance_lock import instance_lock
 from server.logic.fleet.verdicts import Report
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.operations import check
 from server.operations.fleet.leasing import Grant
 from server.operations.study import studies

@@ -14,7 +14,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy.engine import Engine
 
 from server.logic.fleet.verdicts import Report
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.operations import check
 from server.operations.fleet import leases
 from server.operations.study import studies

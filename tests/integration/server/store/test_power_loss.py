@@ -9,7 +9,7 @@ import apsw
 import pytest
 import sqlalchemy as sa
 
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.operations import check
 from server.operations.study import studies
 from server.settings import Settings

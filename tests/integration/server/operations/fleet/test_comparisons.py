@@ -11,7 +11,7 @@ from sqlalchemy.engine import Engine
 from server.app import create_app
 from server.logic.fleet.comparisons import Reputation, agree, difference, is_chosen
 from server.logic.fleet.verdicts import Report
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.operations import check
 from server.operations.fleet import comparisons, leases, results
 from server.operations.fleet.leasing import Grant

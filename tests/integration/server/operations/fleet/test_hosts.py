@@ -9,7 +9,7 @@ from sqlalchemy.engine import Engine
 from server.errors import ConflictError
 from server.logic.fleet.hosts import host_class, identity
 from server.logic.fleet.verdicts import Report
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.operations.fleet import leases
 from server.operations.fleet.leasing import Grant
 from server.operations.study import reruns, studies

@@ -13,7 +13,7 @@ from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError, NotFoundError
 from server.logic.fleet.verdicts import Report, Verdict
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.operations.fleet import leases, results
 from server.operations.fleet.leasing import Grant
 from server.operations.study import studies

@@ -9,7 +9,7 @@ from sqlalchemy.engine import Engine
 
 from server.logic.fleet.verdicts import Report
 from server.logic.study.instances import BUDGETS, PATIENCE, after_attempt, may_try
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.operations import check
 from server.operations.fleet.leasing import Grant
 from server.operations.study import instances, studies

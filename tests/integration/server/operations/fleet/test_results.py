@@ -8,7 +8,7 @@ from sqlalchemy.engine import Engine
 
 from analysis.files.results_csv import columns
 from server.logic.fleet.verdicts import Report, Verdict
-from server.logic.study.plans import instance_id, parameters
+from server.logic.study.points import instance_id, parameters
 from server.logic.study.table import lines
 from server.operations.fleet import leases, results
 from server.operations.fleet.leasing import Grant

@@ -7,7 +7,7 @@ import pytest
 from sqlalchemy.engine import Engine
 
 from server.logic.fleet.verdicts import Report
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.operations.fleet.leasing import Grant
 from server.operations.study import studies
 from server.records import Plan

@@ -7,7 +7,7 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
 from server.logic.fleet.verdicts import Report
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.operations import check
 from server.operations.fleet import leases
 from server.operations.fleet.leasing import Grant

@@ -14,7 +14,7 @@ from sqlalchemy.engine import Engine
 from analysis.sensitivity.service import catch_up
 from server.errors import ConflictError, InvalidStudyError, NotFoundError
 from server.logic.fleet.verdicts import Report
-from server.logic.study.plans import instance_id, parameters
+from server.logic.study.points import instance_id, parameters
 from server.logic.study.precision_goals import is_settled, next_extension, precision_goal, shown
 from server.operations.study import precision_goals, reruns, studies
 from server.operations.study.result_log import StoreResultLog

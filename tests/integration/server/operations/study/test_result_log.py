@@ -8,7 +8,7 @@ from sqlalchemy.engine import Engine
 from analysis.sensitivity.service import ResultLog, analyse, catch_up
 from server.errors import NotFoundError
 from server.logic.fleet.verdicts import Report
-from server.logic.study.plans import instance_id
+from server.logic.study.points import instance_id
 from server.operations.fleet.leasing import Grant
 from server.operations.study import studies
 from server.operations.study.result_log import StoreResultLog

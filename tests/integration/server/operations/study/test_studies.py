@@ -11,7 +11,7 @@ from analysis.sensitivity.records import NoSuchStudyError
 from analysis.sensitivity.service import analyse, catch_up
 from server.errors import ConflictError, NotFoundError
 from server.logic.fleet.verdicts import Report
-from server.logic.study.plans import for_analysis, instance_id
+from server.logic.study.points import for_analysis, instance_id
 from server.operations.fleet import leases, results
 from server.operations.fleet.leasing import Grant
 from server.operations.study import reruns, studies

@@ -11,7 +11,8 @@ from analysis.sensitivity.remarks import remarks
 from analysis.sensitivity.service import analyse
 from models.folder import read_folder
 from server.errors import InvalidStudyError
-from server.logic.study.plans import FactorChoice, draw_up, for_analysis, parameters, point
+from server.logic.study.plans import FactorChoice, draw_up
+from server.logic.study.points import for_analysis, parameters, point
 from server.records import Plan, Study
 from server.states import StudyState
 from tests.testbed.models import EXAMPLES

@@ -7,7 +7,8 @@ import pytest
 
 from analysis.designs import instance_parameters
 from server.errors import InvalidStudyError
-from server.logic.study.plans import MAX_ROWS, FactorChoice, parameters, refuse_outside_range
+from server.logic.study.plans import MAX_ROWS, FactorChoice, refuse_outside_range
+from server.logic.study.points import parameters
 from server.records import Plan
 from sim.models import ELBOW
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from server.logic.study.plans import parameters
+from server.logic.study.points import parameters
 from server.logic.study.table import lines
 from server.records import Plan, Result
 
