@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -11,6 +11,7 @@ from math import inf, isfinite
 from typing import Any, Self
 
 from models.curves import MAX_POINTS, Curve, columns
+from models.entries import DescriptionError, check_names, factor_of, fields_of
 from models.factors import SEED, Factor, check_bounds, no_factor
 
 MAX_FACTORS = 1000
@@ -21,24 +22,9 @@ DIGEST_LENGTH = 16
 
 #: A name, @ and a digest fit in the 64 characters that a study keeps.
 _MODEL_NAME = re.compile(r"[a-z0-9_]{1,40}")
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]{0,63}")
-_MAX_TEXT = 500
 
 #: Entries of an output that say how to show it or when to ask for it, not what it is.
 _AXIS = ("over", "over_unit", "low", "high", "optional")
-
-
-class DescriptionError(ValueError):
-    """A model cannot be described so.
-
-    Attributes:
-        field: which entry, as "factors[2].low".
-        problem: one sentence, which says what would be right.
-    """
-
-    def __init__(self, field: str, problem: str) -> None:
-        self.field, self.problem = field, problem
-        super().__init__(f"{field}: {problem}")
 
 
 class Kind(StrEnum):
@@ -181,7 +167,7 @@ class Description:
         Raises:
             DescriptionError: something is missing, unknown or means nothing.
         """
-        fields = _fields(
+        fields = fields_of(
             "model",
             said,
             needed={"name": str, "kind": str, "factors": list, "outputs": list},
@@ -210,10 +196,10 @@ class Description:
             raise DescriptionError(
                 "factors", f"are {len(fields['factors'])}; at most {MAX_FACTORS}"
             )
-        factors = tuple(_factor(f"factors[{i}]", f) for i, f in enumerate(fields["factors"]))
+        factors = tuple(factor_of(f"factors[{i}]", f) for i, f in enumerate(fields["factors"]))
         results = tuple(_output(f"outputs[{i}]", o) for i, o in enumerate(fields["outputs"]))
-        _check_names("factors", factors, "factor")
-        _check_names("outputs", results, "output")
+        check_names("factors", [factor.name for factor in factors], "factor")
+        check_names("outputs", [output.name for output in results], "output")
         count = sum(output.curve or 1 for output in results)
         if count > MAX_OUTPUTS:
             raise DescriptionError("outputs", f"give {count} numbers; at most {MAX_OUTPUTS}")
@@ -246,54 +232,9 @@ def complete(description: Description, parameters: Mapping[str, float]) -> dict[
     return values
 
 
-def _factor(where: str, said: Any) -> Factor:
-    number = {"low": float, "high": float, "nominal": float}
-    fields = _fields(
-        where,
-        said,
-        needed={"name": str, "unit": str, **number},
-        optional={"description": str, "bounds": list, "optional": bool, "choices": list},
-    )
-    for name in number:
-        if not isfinite(fields[name]):
-            raise DescriptionError(f"{where}.{name}", f"must be finite, not {fields[name]}")
-    if not fields["low"] < fields["high"] or not isfinite(fields["high"] - fields["low"]):
-        raise DescriptionError(
-            f"{where}.high", f"{fields['high']:g} must lie above low, {fields['low']:g}"
-        )
-    low, high = _bounds(f"{where}.bounds", fields.pop("bounds", [None, None]))
-    for name in number:
-        if not low <= fields[name] <= high:
-            raise DescriptionError(
-                f"{where}.{name}", f"{fields[name]:g} lies outside the bounds {low:g} to {high:g}"
-            )
-    if not fields.get("optional") and not fields["low"] <= fields["nominal"] <= fields["high"]:
-        low, high = fields["low"], fields["high"]
-        raise DescriptionError(
-            f"{where}.nominal", f"{fields['nominal']:g} lies outside its range, {low:g} to {high:g}"
-        )
-    choices = tuple(fields.pop("choices", ()))
-    if not all(isinstance(choice, str) and choice for choice in choices):
-        raise DescriptionError(f"{where}.choices", "must be a list of names")
-    if choices and (fields["low"], fields["high"]) != (0.0, len(choices) - 1):
-        raise DescriptionError(
-            f"{where}.high", f"of a choice is the number of its last name, {len(choices) - 1}"
-        )
-    return Factor(**{"description": "", **fields}, bounds=(low, high), choices=choices)
-
-
-def _bounds(where: str, said: Sequence[Any]) -> tuple[float, float]:
-    numbers = [b for b in said if isinstance(b, int | float) and not isinstance(b, bool)]
-    if len(said) != 2 or len(numbers) + said.count(None) != 2:
-        raise DescriptionError(where, "must be two numbers, or null where there is no bound")
-    low = -inf if said[0] is None else float(said[0])
-    high = inf if said[1] is None else float(said[1])
-    return low, high
-
-
 def _output(where: str, said: Any) -> Output:
     axis = {"over": str, "over_unit": str, "low": float, "high": float, "optional": bool}
-    fields = _fields(
+    fields = fields_of(
         where, said, needed={"name": str, "unit": str}, optional={"curve": int, **axis}
     )
     curve = fields.get("curve")
@@ -315,65 +256,3 @@ def _without_defaults(output: dict[str, Any]) -> dict[str, Any]:
     """Return an output's entries without what is said of few."""
     default = Output(name="", unit="")
     return {n: v for n, v in output.items() if n not in _AXIS or v != getattr(default, n)}
-
-
-def _fields(
-    where: str, said: Any, *, needed: Mapping[str, type], optional: Mapping[str, type]
-) -> dict[str, Any]:
-    """Return the entries of a table whose types are right; an entry that is null is left out."""
-    if not isinstance(said, Mapping):
-        raise DescriptionError(where, f"must be a table, not {type(said).__name__}")
-    kinds = {**needed, **optional}
-    for name in said:
-        if name not in kinds:
-            raise DescriptionError(
-                f"{where}.{str(name)[:80]}", f"is unknown: expected one of {', '.join(kinds)}"
-            )
-    found = {}
-    for name, kind in kinds.items():
-        value = said.get(name)
-        if value is None:
-            if name in needed:
-                raise DescriptionError(f"{where}.{name}", "is missing")
-            continue
-        if kind is float and isinstance(value, int) and not isinstance(value, bool):
-            value = _as_float(f"{where}.{name}", value)
-        if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-            word = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
-            raise DescriptionError(
-                f"{where}.{name}", f"must be {word.get(kind, 'a list')}, not {str(value)[:60]!r}"
-            )
-        if isinstance(value, str) and (len(value) > _MAX_TEXT or not value.isprintable()):
-            raise DescriptionError(
-                f"{where}.{name}", f"must be one line of at most {_MAX_TEXT} characters"
-            )
-        found[name] = value
-    return found
-
-
-def _as_float(where: str, value: int) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        raise DescriptionError(where, "is too large for a number") from None
-
-
-def _check_names(where: str, entries: Sequence[Factor | Output], what: str) -> None:
-    if not entries:
-        raise DescriptionError(where, f"a model has at least one {what}")
-    seen: set[str] = set()
-    for i, entry in enumerate(entries):
-        if not _NAME.fullmatch(entry.name):
-            raise DescriptionError(
-                f"{where}[{i}].name",
-                f"{entry.name[:80]!r} must be 1 to 64 letters, digits, _, . and -, "
-                "and begin with a letter or _",
-            )
-        if entry.name in seen:
-            raise DescriptionError(f"{where}[{i}].name", f"{entry.name} is listed twice")
-        seen.add(entry.name)
-        if entry.name == SEED.name and what == "factor":
-            raise DescriptionError(
-                f"{where}[{i}].name",
-                "seed is what every evaluation gets besides its factors: choose another name",
-            )

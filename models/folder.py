@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from intake.zips import Limits, only_folder, unpack
-from models.description import Description, DescriptionError, Kind
+from models.description import Description, Kind
+from models.entries import DescriptionError
 
 MODEL_FILE = "model.toml"
 #: Of model.toml and of one line of it: a dotted key takes time that grows as its square.

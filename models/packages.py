@@ -13,7 +13,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol
 
-from models.description import Description, DescriptionError, Kind, complete
+from models.description import Description, Kind, complete
+from models.entries import DescriptionError
 from models.evaluation import columns
 
 GROUP = "rehyb.models"

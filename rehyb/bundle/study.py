@@ -59,7 +59,8 @@ def model_of(bundle: Bundle) -> "Description":
     Raises:
         Invalid: it neither comes with rehyb nor is in the bundle as the study names it.
     """
-    from models.description import Description, DescriptionError
+    from models.description import Description
+    from models.entries import DescriptionError
     from models.own import own_models
 
     called = str(bundle.study.get("model"))

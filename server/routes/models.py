@@ -11,7 +11,8 @@ from fastapi.responses import StreamingResponse
 from pydantic_core import from_json
 from sqlalchemy.engine import Engine
 
-from models.description import Description, DescriptionError
+from models.description import Description
+from models.entries import DescriptionError
 from server.operations import models
 from server.records import ModelVersion
 from server.routes.common import Configured, Id, Now, Store

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from models.description import Description, DescriptionError, complete
+from models.description import Description, complete
+from models.entries import DescriptionError
 
 SAID: dict[str, Any] = {
     "name": "pendulum",

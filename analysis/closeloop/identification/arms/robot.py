@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.identification.arms.links import Links, links_of
+from analysis.closeloop.identification.arms.shared import LINKS, sure, with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
 from analysis.closeloop.identification.balance.declared import PLACED, placed
 from analysis.closeloop.identification.balance.model import (
     Candidate,
-    Given,
     Model,
     Term,
     evaluate,
@@ -31,29 +31,18 @@ from analysis.closeloop.identification.balance.regression import (
     Rows,
     Score,
     compare,
-    rank_z,
-    takes_all,
 )
 from analysis.closeloop.identification.candidates import candidates, refined
 from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing import MIN_GAIN, MIN_LATER_GAIN, Grown, grow
+from analysis.closeloop.identification.growing import MIN_GAIN, Grown, grow
 from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.selection import (
-    LARGE_GAIN,
-    LARGE_Z,
     MIN_TORQUE,
-    MIN_Z,
-    wins_in_folds,
 )
-from analysis.closeloop.session.link_torque import carriers
 from sim.effects.catalogue import BY_NAME
-from sim.effects.laws.inertia import PLACE, LinkInertia
 
 #: What every joint of a robot may have.
 ORDINARY = ("torque_offset", "viscous_friction", "coulomb_friction", "added_inertia")
-#: By how much a joint's error may grow, by chance, where joints share something.
-WORSE = 0.01
-LINKS = LinkInertia()
 
 
 def traced_robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Grown:
@@ -148,98 +137,6 @@ def _misfit(model: Model, rows: Rows, joint: int) -> float:
     return float(((target - base @ np.linalg.lstsq(base, target, rcond=None)[0]) ** 2).sum())
 
 
-def with_share(model: Model, rows: Rows, links: Links) -> Model:
-    """Add a payload or other links than declared, if left-out groups of no joint speak against."""
-    fit = WholeFit(model, rows, links)
-    every = range(len(model.terms))
-    alone, block = fit.alone(every), fit.with_links(every)
-    loads = [fit.with_load(every, number) for number in range(len(links.bodies))]
-    loads = [load for load in loads if _plausible(load, model, links)]
-    best = min(loads, key=lambda load: load.loss, default=None)
-    block_wins = shared_by_joints(alone, block, rows)
-    if best is not None and shared_by_joints(alone, best, rows):
-        further = best.loss - block.loss > MIN_LATER_GAIN * best.loss
-        if not (block_wins and further and _sure(best.losses, block.losses, rows.fold_of_block)):
-            return _loaded(model, rows, links, best)
-    return _with_links(model, links, block.links) if block_wins else model
-
-
-def shared_by_joints(alone: Fitted, other: Fitted, rows: Rows) -> bool:
-    """Whether something that joints share predicts better, and none of them worse."""
-    gain = alone.loss - other.loss
-    matters = MIN_TORQUE**2 * sum(rows.effort_power(joint) for joint in rows.samples)
-    if gain <= max(MIN_GAIN * alone.loss, matters) or not _sure(
-        alone.losses, other.losses, rows.fold_of_block
-    ):
-        return False
-    before, after = (np.bincount(rows.joint_of_block, fit.losses) for fit in (alone, other))
-    return bool(np.all(after <= (1.0 + WORSE) ** 2 * before))
-
-
-def _sure(worse: np.ndarray, better: np.ndarray, folds: np.ndarray) -> bool:
-    """Whether a gain is more than luck; as for other effects, a large one may have fewer errors.
-
-    Args:
-        worse: losses of blocks, (blocks,).
-        better: the same under the other model.
-        folds: number of each block's fold.
-    """
-    gain, error = compare(worse, better)
-    if gain > MIN_Z * error or (gain > LARGE_Z * error and rank_z(worse, better) > MIN_Z):
-        return True
-    if takes_all(worse, better):
-        return True
-    return (
-        gain > LARGE_GAIN * float(worse.sum())
-        and gain > LARGE_Z * error
-        and wins_in_folds(worse, better, folds)
-    )
-
-
-def _plausible(load: Fitted, model: Model, links: Links) -> bool:
-    """Whether a load has a mass, and hangs where the arm could reach."""
-    assert load.load is not None and load.place is not None and load.link is not None
-    recording = model.recording
-    joint = carriers(recording.device.model, links.bodies[load.link])[0]
-    return bool(load.load[0] > 0.0 and np.linalg.norm(load.place) <= recording.reach(joint))
-
-
-def _loaded(model: Model, rows: Rows, links: Links, load: Fitted) -> Model:
-    """Add the payload of a fit as a term."""
-    assert load.link is not None and load.place is not None
-    recording = model.recording
-    chain = recording.device.model
-    joint = carriers(chain, links.bodies[load.link])[0]
-    theta = dict(zip(PLACE, load.place.tolist(), strict=True))
-    term = Term(
-        effect=PLACED,
-        joint=joint,
-        columns=PLACED.columns(unfitted(recording, joint), theta),
-        lower=PLACED.lower,
-        theta=theta,
-        candidate=Candidate(effect=PLACED, joint=joint),
-    )
-    return with_independent(model, term, rows)
-
-
-def _with_links(model: Model, links: Links, change: np.ndarray) -> Model:
-    """Give the model the links that a fit found."""
-    recording = model.recording
-    torque = {
-        joint: sum(
-            (
-                recording.link_torque(body)[:, joint] @ own
-                for body, own in zip(links.bodies, change, strict=True)
-            ),
-            start=np.zeros(len(recording.time)),
-        )[:, None]
-        for joint in recording.joints
-    }
-    values = dict(zip(links.names, links.declared + change, strict=True))
-    candidate = Candidate(effect=LINKS, joint=recording.joints[0])
-    return replace(model, given=Given(torque=torque, candidate=candidate, links=values))
-
-
 def pruned(model: Model, rows: Rows, links: Links) -> Model:
     """Take out the effects that left-out groups do not miss; links are fitted anew each time.
 
@@ -266,7 +163,7 @@ def pruned(model: Model, rows: Rows, links: Links) -> Model:
         kept = [number for number in kept if number not in gone]
         whole = scored(kept)
     model = replace(model, terms=tuple(model.terms[number] for number in kept))
-    return placed(_with_links(model, links, whole.links) if free else model, rows)
+    return placed(with_links(model, links, whole.links) if free else model, rows)
 
 
 def without_presliding(model: Model, rows: Rows) -> Model:
@@ -288,7 +185,7 @@ def _missed(without: Fitted, whole: Fitted, joint: int, rows: Rows) -> float | N
     worse, better = without.losses[own], whole.losses[own]
     gain = float((worse - better).sum())
     least = max(MIN_GAIN * float(worse.sum()), MIN_TORQUE**2 * rows.effort_power(joint))
-    if gain > least and _sure(worse, better, rows.fold_of_block[own]):
+    if gain > least and sure(worse, better, rows.fold_of_block[own]):
         return None
     return gain / max(float(worse.sum()), 1e-300)
 

@@ -1,0 +1,129 @@
+"""What the joints of a robot share: a payload on one link, or other links than declared."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.closeloop.identification.arms.links import Links
+from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
+from analysis.closeloop.identification.balance.declared import PLACED
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Given,
+    Model,
+    Term,
+    unfitted,
+    with_independent,
+)
+from analysis.closeloop.identification.balance.regression import (
+    Rows,
+    compare,
+    rank_z,
+    takes_all,
+)
+from analysis.closeloop.identification.growing import MIN_GAIN, MIN_LATER_GAIN
+from analysis.closeloop.identification.selection import (
+    LARGE_GAIN,
+    LARGE_Z,
+    MIN_TORQUE,
+    MIN_Z,
+    wins_in_folds,
+)
+from analysis.closeloop.session.link_torque import carriers
+from sim.effects.laws.inertia import PLACE, LinkInertia
+
+#: By how much a joint's error may grow, by chance, where joints share something.
+WORSE = 0.01
+LINKS = LinkInertia()
+
+
+def with_share(model: Model, rows: Rows, links: Links) -> Model:
+    """Add a payload or other links than declared, if left-out groups of no joint speak against."""
+    fit = WholeFit(model, rows, links)
+    every = range(len(model.terms))
+    alone, block = fit.alone(every), fit.with_links(every)
+    loads = [fit.with_load(every, number) for number in range(len(links.bodies))]
+    loads = [load for load in loads if _plausible(load, model, links)]
+    best = min(loads, key=lambda load: load.loss, default=None)
+    block_wins = shared_by_joints(alone, block, rows)
+    if best is not None and shared_by_joints(alone, best, rows):
+        further = best.loss - block.loss > MIN_LATER_GAIN * best.loss
+        if not (block_wins and further and sure(best.losses, block.losses, rows.fold_of_block)):
+            return _loaded(model, rows, links, best)
+    return with_links(model, links, block.links) if block_wins else model
+
+
+def shared_by_joints(alone: Fitted, other: Fitted, rows: Rows) -> bool:
+    """Whether something that joints share predicts better, and none of them worse."""
+    gain = alone.loss - other.loss
+    matters = MIN_TORQUE**2 * sum(rows.effort_power(joint) for joint in rows.samples)
+    if gain <= max(MIN_GAIN * alone.loss, matters) or not sure(
+        alone.losses, other.losses, rows.fold_of_block
+    ):
+        return False
+    before, after = (np.bincount(rows.joint_of_block, fit.losses) for fit in (alone, other))
+    return bool(np.all(after <= (1.0 + WORSE) ** 2 * before))
+
+
+def sure(worse: np.ndarray, better: np.ndarray, folds: np.ndarray) -> bool:
+    """Whether a gain is more than luck; as for other effects, a large one may have fewer errors.
+
+    Args:
+        worse: losses of blocks, (blocks,).
+        better: the same under the other model.
+        folds: number of each block's fold.
+    """
+    gain, error = compare(worse, better)
+    if gain > MIN_Z * error or (gain > LARGE_Z * error and rank_z(worse, better) > MIN_Z):
+        return True
+    if takes_all(worse, better):
+        return True
+    return (
+        gain > LARGE_GAIN * float(worse.sum())
+        and gain > LARGE_Z * error
+        and wins_in_folds(worse, better, folds)
+    )
+
+
+def _plausible(load: Fitted, model: Model, links: Links) -> bool:
+    """Whether a load has a mass, and hangs where the arm could reach."""
+    assert load.load is not None and load.place is not None and load.link is not None
+    recording = model.recording
+    joint = carriers(recording.device.model, links.bodies[load.link])[0]
+    return bool(load.load[0] > 0.0 and np.linalg.norm(load.place) <= recording.reach(joint))
+
+
+def _loaded(model: Model, rows: Rows, links: Links, load: Fitted) -> Model:
+    """Add the payload of a fit as a term."""
+    assert load.link is not None and load.place is not None
+    recording = model.recording
+    chain = recording.device.model
+    joint = carriers(chain, links.bodies[load.link])[0]
+    theta = dict(zip(PLACE, load.place.tolist(), strict=True))
+    term = Term(
+        effect=PLACED,
+        joint=joint,
+        columns=PLACED.columns(unfitted(recording, joint), theta),
+        lower=PLACED.lower,
+        theta=theta,
+        candidate=Candidate(effect=PLACED, joint=joint),
+    )
+    return with_independent(model, term, rows)
+
+
+def with_links(model: Model, links: Links, change: np.ndarray) -> Model:
+    """Give the model the links that a fit found."""
+    recording = model.recording
+    torque = {
+        joint: sum(
+            (
+                recording.link_torque(body)[:, joint] @ own
+                for body, own in zip(links.bodies, change, strict=True)
+            ),
+            start=np.zeros(len(recording.time)),
+        )[:, None]
+        for joint in recording.joints
+    }
+    values = dict(zip(links.names, links.declared + change, strict=True))
+    candidate = Candidate(effect=LINKS, joint=recording.joints[0])
+    return replace(model, given=Given(torque=torque, candidate=candidate, links=values))
