@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import httpx2
 
+from rehyb.client.wire import Wire, is_plain
 from rehyb.errors import Invalid, RehybError, ServerError, Unauthorized, Unreachable, refusal
 from rehyb.whole_files import whole_file
 
@@ -46,16 +47,22 @@ class Connection:
             )
         #: Seconds the coordinator last asked a worker without work to wait before asking again.
         self.retry_after = 1.0
+        headers = {"Authorization": f"Bearer {token}"}
         try:
+            address = httpx2.URL(self.url)
+            direct = address.host in LOOPBACK
             self._http = httpx2.Client(
                 base_url=self.url,
-                headers={"Authorization": f"Bearer {token}"},
+                headers=headers,
                 timeout=timeout,
                 transport=transport,
-                trust_env=httpx2.URL(self.url).host not in LOOPBACK,
+                trust_env=not direct,
             )
         except (httpx2.InvalidURL, UnicodeError) as error:
             raise Invalid(f"{self.url} is not a coordinator's address: {error}") from error
+        plain = transport is None and is_plain(address, token, direct=direct)
+        #: For what is asked over and over; None: by `_http` as everything else.
+        self._wire = Wire(address, headers, timeout) if plain else None
         # A worker asks for the same few all the time: to join and check one is an eighth of a call.
         self._address = lru_cache(maxsize=64)(self._join)
 
@@ -67,6 +74,8 @@ class Connection:
 
     def close(self) -> None:
         """Close the connection."""
+        if self._wire is not None:
+            self._wire.close()
         self._http.close()
 
     def _json(self, method: str, path: str, body: Body = None, headers: Headers = None) -> Json:
@@ -98,17 +107,26 @@ class Connection:
         try:
             address = self._address(path)
             if body is None:
-                return self._http.request(method, address, headers=headers)
+                return self._ask(method, address, headers or {})
             content = json.dumps(body, allow_nan=False).encode()
             headers = {"Content-Type": "application/json", **(headers or {})}
             if len(content) > COMPRESS_BYTES:
                 content = gzip.compress(content, compresslevel=1)
                 headers["Content-Encoding"] = "gzip"
-            return self._http.request(method, address, content=content, headers=headers)
-        except (httpx2.TransportError, httpx2.DecodingError) as error:
+            return self._ask(method, address, headers, content)
+        except (httpx2.TransportError, httpx2.DecodingError, OSError) as error:
             raise self._unreachable(error) from error
+        except httpx2.InvalidURL as error:
+            raise Invalid(f"{path[:80]!r} is no address at {self.url}: {error}") from error
         except ValueError as error:
             raise Invalid(f"the request cannot be written as JSON: {error}") from error
+
+    def _ask(
+        self, method: str, url: httpx2.URL, headers: Mapping[str, str], content: bytes = b""
+    ) -> httpx2.Response:
+        if self._wire is not None:
+            return self._wire.request(method, url, headers, content)
+        return self._http.request(method, url, content=content or None, headers=headers)
 
     def _join(self, path: str) -> httpx2.URL:
         """Return the address of a path at the coordinator."""
