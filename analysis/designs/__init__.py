@@ -4,7 +4,7 @@ A study is made of rows: small groups of points whose outputs belong together. R
 function of (method, sampling, seed, r), so a study can be extended, sharded, or rebuilt without
 storing a point. Rows are those of Campolongo et al. 2011 (`radial`), of Saltelli et al. 2010, or of
 Saltelli 2002 for pairs of factors (`saltelli`), or orders of the factors as Song et al. 2016 need
-them (`shapley`), mapped to the factors' distributions by their
+them (`shapley`), or single points (`surrogate`), mapped to the factors' distributions by their
 quantiles (Devroye 1986, Non-uniform random variate generation, section II.2).
 """
 
@@ -25,8 +25,9 @@ from analysis.designs.shapley import shapley_order, shapley_row
 from analysis.designs.trajectories import grouped_row, trajectory_row
 
 #: Elementary effects for screening; variance-based indices; these with those of pairs of factors;
-#: Shapley effects, the only ones of factors that depend on each other.
-METHODS = ("morris", "saltelli", "saltelli_second_order", "shapley")
+#: Shapley effects, the only ones of factors that depend on each other; variance-based indices by a
+#: function that is fitted to single points (`analysis.sensitivity.fewer_runs`).
+METHODS = ("morris", "saltelli", "saltelli_second_order", "shapley", "surrogate")
 #: Where base points come from: eight Sobol sequences scrambled independently; one Sobol sequence;
 #: the same with the two coordinates that a factor has in a row taken from neighbouring dimensions;
 #: Latin hypercubes, as in the paper.
@@ -67,7 +68,7 @@ def samplings(method: str) -> tuple[str, ...]:
 def family(method: str) -> str:
     """Return "morris", "saltelli" or "shapley": whose indices of single factors a method has.
 
-    Rows of all methods of the family "saltelli" begin with A, B and A_B^(i) (Saltelli et al. 2010).
+    Rows of saltelli and saltelli_second_order begin with A, B and A_B^(i) (Saltelli et al. 2010).
     """
     return method if method in ("morris", "shapley") else "saltelli"
 
@@ -87,6 +88,8 @@ def row_width(method: str, factors: int) -> int:
     if factors < fewest_factors(method):
         least = "two factors" if fewest_factors(method) == 2 else "one factor"
         raise ValueError(f"a study of method {method} must vary at least {least}")
+    if method == "surrogate":
+        return 1
     beside = {"morris": 1, "saltelli": 2, "saltelli_second_order": 2 + factors, "shapley": 3}
     return beside[method] + factors
 
@@ -134,10 +137,12 @@ def unit_row(
         if units is not None:
             return grouped_row(seed, row, factors, units)
         return trajectory_row(seed, row, factors)
-    if units is not None and method == "shapley":
-        raise ValueError("shapley shares the variance among single factors, not groups")
+    if units is not None and method in ("shapley", "surrogate"):
+        raise ValueError(f"{method} shares the variance among single factors, not groups")
     if correlation is not None and method != "shapley":
         raise ValueError(f"{method} samples factors independently of each other: take shapley")
+    if method == "surrogate":
+        return _POINTS[sampling](seed, row, factors)[None]
     point = _point(sampling, seed, row, factors, 2 if method == "shapley" else 0)
     if method == "shapley":
         order = shapley_order(seed, row, point[2 * factors :], factors)

@@ -102,7 +102,7 @@ _KINDS = (
         caption="Share of the output's variance due to a factor alone (S) and in company (ST), "
         "with intervals; ST near 0 means that the factor may take any value; left of the dashed "
         "line, a share of 0.05, it does too little to matter (paper, figure 10).",
-        methods=("saltelli", "saltelli_second_order"),
+        methods=("saltelli", "saltelli_second_order", "surrogate"),
         draw=lambda s: figures.bars(s.snapshot, s.output, s.unit),
     ),
     _Kind(

@@ -30,6 +30,7 @@ _METHODS = {
     "saltelli": "Variance-based indices",
     "saltelli_second_order": "Variance-based indices, also of pairs",
     "shapley": "Shapley effects",
+    "surrogate": "Variance-based indices of a fitted function",
 }
 
 
@@ -198,7 +199,8 @@ def _facts(chapter: Chapter) -> dict[str, str]:
 
 
 def _compared(chapter: Chapter, output: str) -> list[Grid | str]:
-    if family(chapter.table.plan.method) != "saltelli":
+    method = chapter.table.plan.method
+    if family(method) != "saltelli" or method == "surrogate":
         return []
     found = zip(*uncentred(chapter.table.by_row(output)), strict=True)
     plain = dict(zip(chapter.table.plan.units, found, strict=True))

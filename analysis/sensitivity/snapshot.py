@@ -17,6 +17,7 @@
                                                "scale": {"width", "by"}}}},
              sum: {"value", "low", "high"}, ...,
              "second_order": [{"factors": [factor, factor], "value", "low", "high", "n"}],
+             "surrogate": {"kind", "runs", "explained"},
              "trust": {"runs", "effective_runs", "unseen", "trusted", "sentence"},
              "ranking": {"by", "order": [factor], "same_order", "same_first"},
              "screening": {"by", "threshold", "dummy", "influential": [factor],
@@ -39,7 +40,10 @@ sums "sum_first_order" and "sum_total_order" and the measure of chance "dummy_fi
 whatever the failed runs would have said (`judgement.worst_case`; null if none failed),
 "martinez" both indices as correlations with Fisher's intervals
 (`analysis.sensitivity.estimators.martinez`). "second_order", of method
-saltelli_second_order only, is what a pair does beyond what each of the two does alone. "failure" is
+saltelli_second_order only, is what a pair does beyond what each of the two does alone. "surrogate",
+of method surrogate only, says what was fitted to how many runs, and what share of the variance it
+explains of runs held out; indices and convergence are then those of
+`analysis.sensitivity.fewer_runs.looks`. "failure" is
 the indicator that is 1 where a run failed and 0 elsewhere (`judgement.failures`),
 "trust" says whether the sample was enough for its intervals (`judgement.trust`),
 "ranking" says how many bootstrap replicates rank the factors alike
@@ -232,6 +236,7 @@ class _Findings:
                 ]
                 for name in self._of_pairs
             },
+            **({"surrogate": None} if plan.method == "surrogate" else {}),
             "trust": _plain(trust),
             "ranking": {"by": by, **(unknown if ranking is None else _plain(ranking))},
             "screening": _plain(influence(factors, plan.method, trusted=trust.trusted is True)),

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from analysis.sensitivity.curves.points import looked_at
 from analysis.sensitivity.estimators import Estimator
+from analysis.sensitivity.fewer_runs.looks import Looks
 from analysis.sensitivity.records import LARGEST_OUTPUT, LoggedResult, StudyPlan
 from analysis.sensitivity.snapshot import (
+    LEVEL,
     new_curves,
     new_growing_estimator,
     scalars,
@@ -60,6 +62,8 @@ class StudyState:
         }
         own = set(scalars(plan))
         self._own = [o for o, name in enumerate(plan.outputs) if name in own]
+        #: Of a study of single points, whose indices are no sums over rows.
+        self._looks = Looks(plan, scalars(plan), LEVEL) if plan.method == "surrogate" else None
         self._own.append(len(plan.outputs))
         #: Values (width, outputs + 1) of incomplete rows; inf where no result came yet, nan where
         #: the run failed. The last column is 1 for a failed run and 0 for any other.
@@ -94,7 +98,7 @@ class StudyState:
 
     def snapshot(self) -> dict[str, Any]:
         """Return the snapshot of the study (`analysis.sensitivity.snapshot`)."""
-        return take_snapshot(
+        snapshot = take_snapshot(
             self.plan,
             self.estimator(),
             self._estimator.series,
@@ -103,6 +107,7 @@ class StudyState:
             evaluations=self.evaluations,
             curves=self._curves,
         )
+        return snapshot if self._looks is None else self._looks.onto(snapshot)
 
     def estimator(self) -> Estimator:
         """Return the estimator of all complete rows; its last output is the failure indicator."""
@@ -114,6 +119,8 @@ class StudyState:
         curves: dict[str, Any] = {
             f"curve_{name}": _bytes(curve.to_bytes()) for name, curve in self._curves.items()
         }
+        kept = {} if self._looks is None else self._looks.arrays()
+        looks: dict[str, Any] = {f"looks_{name}": array for name, array in kept.items()}
         buffer = io.BytesIO()
         np.savez(
             buffer,
@@ -126,6 +133,7 @@ class StudyState:
             partial_values=np.array([self._partial[row] for row in rows], dtype=np.float64),
             estimator=_bytes(self._estimator.to_bytes()),
             **curves,
+            **looks,
         )
         # The fastest level already shrinks it to a third.
         return zlib.compress(buffer.getvalue(), level=1)
@@ -154,6 +162,8 @@ class StudyState:
             state._estimator.load_bytes(saved["estimator"].tobytes())
             for name, curve in state._curves.items():
                 curve.load_bytes(saved[f"curve_{name}"].tobytes())
+            if state._looks is not None:
+                state._looks.load(saved["looks_values"], saved["looks_found"])
         return state
 
     def _add(self, rows: list[int]) -> None:
@@ -163,6 +173,8 @@ class StudyState:
             self._estimator.add_rows(rows, values[:, :, self._own])
             for name, curve in self._curves.items():
                 curve.add_rows(rows, values[:, :, self._at[name]])
+            if self._looks is not None:
+                self._looks.add_rows(rows, values[:, :, self._own[:-1]])
 
     def _place(self, result: LoggedResult) -> str | None:
         """Put a result in its row and return how it counts; None if its place is taken."""

@@ -1,9 +1,9 @@
 """How many runs a checked surrogate saves, how often its intervals hold, and what fools it.
 
-Functions are evaluated at the first 128, 256, 512 points of a study's Sobol sequence, until every
-90 % interval of S and ST is as narrow as ±0.02 and believed, or the study falls back on sampled
-indices (`analysis.sensitivity.fewer_runs`). Beside it: the runs that a study of method saltelli
-needs for ±0.02 (the median of three seeds, 8192 rows at most). `python -m
+Functions are evaluated at the first 128, 256, 512 points of a study of method surrogate, until
+every 90 % interval of S and ST is as narrow as ±0.02 and believed, or until it gives up and sampled
+indices are needed (`analysis.sensitivity.fewer_runs`). Beside it: the runs that a study of method
+saltelli needs for ±0.02 (the median of three seeds, 8192 rows at most). `python -m
 benchmarks.sensitivity.fewer_runs [SEEDS [FIRST SEED]]` prints it. What was set while looking was
 set on the functions under "seen" and seeds from 50 000 on; on all others nothing was set.
 """
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import DEFAULT_SAMPLING, unit_row
-from analysis.designs.points import sobol
 from analysis.sensitivity.estimators import SaltelliEstimator
-from analysis.sensitivity.fewer_runs.answer import LEAST_EXPLAINED, Answer, answer
+from analysis.sensitivity.fewer_runs.answer import Answer, answer
+from analysis.sensitivity.fewer_runs.limits import FEWEST_RUNS, LEAST_EXPLAINED, LOOKS
 from analysis.sensitivity.judgement.stopping import SHARE_TARGET
 from benchmarks.sensitivity.coverage import FIRST_SEED, LEVEL
 from tests.testbed.functions.engineering import ROUGH, SMOOTH
@@ -25,7 +25,6 @@ from tests.testbed.functions.hard import HARD, HELD_OUT, Hard
 
 Array = NDArray[np.float64]
 
-LOOKS = (128, 256, 512)
 SALTELLI_ROWS = tuple(2**m for m in range(7, 14))
 SALTELLI_SEEDS = 3
 #: An index this close to an interval counts as in it: nobody reads it.
@@ -53,12 +52,14 @@ def off(found: Answer, truth: tuple[Array, Array]) -> float:
 
 
 def study(hard: Hard, seed: int) -> dict[int, Answer | None]:
-    """Return what a study says at each look, until it stops or falls back."""
+    """Return what a study says at each look, until it stops or gives up."""
     said: dict[int, Answer | None] = {}
     for runs in LOOKS:
-        x = np.stack([sobol(seed, row, hard.factors) for row in range(runs)])
+        x = np.concatenate(
+            [unit_row("surrogate", DEFAULT_SAMPLING, seed, r, hard.factors) for r in range(runs)]
+        )
         found = said[runs] = answer(x, hard.function(x), seed, LEVEL)
-        if stopped(found) or (runs >= LOOKS[1] and hopeless(found)):
+        if stopped(found) or (runs >= FEWEST_RUNS and hopeless(found)):
             break
     return said
 
@@ -122,9 +123,7 @@ def line(name: str, hard: Hard, seeds: range) -> str:
 def main(seeds: int = 20, first: int = FIRST_SEED) -> None:
     print(f"90 % intervals, target ±{SHARE_TARGET}, seeds {first} to {first + seeds - 1}")
     print("Q2, half width (medians), and how often intervals of S and ST hold the truth, by runs;")
-    print(
-        "studies that stopped (the others fell back), runs (median), intervals that missed there,"
-    )
+    print("studies that stopped (the others gave up), runs (median), intervals that missed there,")
     print("the worst error there, and runs of a sampled study")
     looks = " | ".join(f"{runs:>4d}: Q2  half    S    ST" for runs in LOOKS)
     print(f"{'function':22s}   k | {looks} | stop    runs  miss  worst   sampled")

@@ -11,7 +11,7 @@ from server.operations.study import studies
 from server.web.page import Look, Page
 
 #: Rows that the form begins with, by method.
-ROWS = {"morris": 20, "saltelli": 256, "saltelli_second_order": 256}
+ROWS = dict.fromkeys(METHODS, 256) | {"morris": 20}
 
 #: Seconds that a run takes a worker at least: to be handed out and to come back costs as much.
 LEAST_SECONDS = 0.0015

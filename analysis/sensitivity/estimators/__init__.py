@@ -15,6 +15,7 @@ from analysis.sensitivity.estimators.morris import MorrisEstimator
 from analysis.sensitivity.estimators.saltelli import SaltelliEstimator
 from analysis.sensitivity.estimators.second_order import SecondOrderEstimator
 from analysis.sensitivity.estimators.shapley import ShapleyEstimator
+from analysis.sensitivity.estimators.single_points import SinglePoints
 
 #: Indices of single factors, with their symbols in the paper.
 SYMBOLS = {
@@ -40,6 +41,7 @@ __all__ = [
     "SaltelliEstimator",
     "SecondOrderEstimator",
     "ShapleyEstimator",
+    "SinglePoints",
     "Statistic",
     "estimator_class",
     "interaction",
@@ -49,9 +51,16 @@ __all__ = [
 def estimator_class(method: str) -> type[Estimator]:
     """Return the estimator of a method of `analysis.designs.METHODS`; ValueError if unknown.
 
-    Morris 1991; Saltelli et al. 2010; Saltelli 2002; Song, Nelson and Staum 2016.
+    Morris 1991; Saltelli et al. 2010; Saltelli 2002; Song, Nelson and Staum 2016; of single
+    points none has indices (`SinglePoints`).
     """
-    for known in (MorrisEstimator, SaltelliEstimator, SecondOrderEstimator, ShapleyEstimator):
+    for known in (
+        MorrisEstimator,
+        SaltelliEstimator,
+        SecondOrderEstimator,
+        ShapleyEstimator,
+        SinglePoints,
+    ):
         if known.method == method:
             return known
     raise ValueError(f"unknown method {method!r}")

@@ -14,24 +14,17 @@ from analysis.sensitivity.estimators.tails import HEAVY_KURTOSIS
 from analysis.sensitivity.fewer_runs.corrected import Corrected, HeldOut, corrected, held_out
 from analysis.sensitivity.fewer_runs.expansion import Expansions
 from analysis.sensitivity.fewer_runs.gaussian_process import Processes, find_scales
+from analysis.sensitivity.fewer_runs.limits import (
+    FEWEST_RUNS,
+    LEAST_EXPLAINED,
+    LEAST_RUNS,
+    MOST_RUNS,
+)
 
 Array = NDArray[np.float64]
 
-#: With fewer runs no answer is believed: an event in 0.015 of the cube is missed by 256 runs in 2
-#: of 100 studies, and by 64 in 38.
-FEWEST_RUNS = 256
-
-#: With fewer there is no answer at all: each fold must leave something to fit to.
-LEAST_RUNS = 32
-
-#: More are not fitted to: the cost grows with their cube.
-MOST_RUNS = 1024
-
 #: Share of failed runs from which they may matter.
 _FAILED = 0.02
-
-#: Held-out share of the variance explained below which a surrogate is no answer.
-LEAST_EXPLAINED = 0.8
 
 #: A polynomial chaos that explains so much is taken as it is: a process takes longer.
 _ENOUGH = 0.9995

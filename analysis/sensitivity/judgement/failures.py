@@ -90,6 +90,12 @@ def judge(
             caused_by=(),
             sentence=f"{start}: too few to tell whether failures depend on the factors.",
         )
+    if estimator.method == "surrogate":
+        return Verdict(
+            depends_on_factors=None,
+            caused_by=(),
+            sentence=f"{start}: single points do not tell whether failures depend on the factors.",
+        )
     zero, floor = _MARKS[family(estimator.method)]
     alone = _errors_off(statistics[zero].weighted[:, column])
     with_others = statistics[floor].weighted[:, column]

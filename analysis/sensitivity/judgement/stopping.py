@@ -13,6 +13,7 @@ from typing import Any
 from analysis.designs import family, row_width
 from analysis.designs.points import LATIN_HYPERCUBE_ROWS
 from analysis.sensitivity.estimators import SYMBOLS
+from analysis.sensitivity.fewer_runs.limits import FEWEST_RUNS, LEAST_EXPLAINED, LOOKS, MOST_RUNS
 from analysis.sensitivity.judgement.trust import FEWEST_ROWS
 from analysis.sensitivity.records import output_of
 
@@ -86,7 +87,9 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
         sobol = snapshot["sampling"].startswith("sobol") and name != "mu_star"
         about = "At most about" if sobol else "About"
         sentence = f"{about} {more:,} more rows ({runs:,} runs) bring {output} to {reach}: {now}."
-        if sobol:
+        if snapshot["method"] == "surrogate" and complete + more > MOST_RUNS:
+            sentence = f"More than the {MOST_RUNS} runs that a function is fitted to: {now}."
+        elif sobol:
             whole = 1 << (complete + more - 1).bit_length()
             sentence += f" Sobol points serve best at a power of two: {whole:,} rows in all."
     return Advice(
@@ -128,7 +131,9 @@ def next_step(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step | None
     By the widths of its intervals, as Sarrazin et al. 2016 judge convergence, and only where they
     can be trusted (see `trust`). It never more than doubles, since a forecast from
     few rows is a rough one. Sobol sequences grow to powers of two, and Latin hypercubes by whole
-    hypercubes, where they are balanced.
+    hypercubes, where they are balanced. A study of method surrogate grows from look to look, and
+    gives up after the last one, or where its function explains too little
+    (`analysis.sensitivity.fewer_runs.limits`).
 
     Args:
         snapshot: of the study.
@@ -143,6 +148,8 @@ def next_step(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step | None
     """
     if snapshot["rows_complete"] != rows:
         return None
+    if snapshot["method"] == "surrogate":
+        return _next_look(snapshot, goal, rows)
     advice = advise(snapshot, goal.output, goal.target)
     if advice is None:
         why = f"After {rows:,} rows {goal.output} has no intervals: see why its runs failed."
@@ -168,6 +175,39 @@ def next_step(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step | None
         reached=False,
         sentence=f"It is extended to {wanted:,} rows. {said}",
     )
+
+
+def _next_look(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step:
+    """Decide for a study whose indices are those of a fitted function."""
+    entry, target = output_of(snapshot, goal.output), goal.target or SHARE_TARGET
+    fitted, trust = entry.get("surrogate"), entry["trust"]
+    said, explained = f"After {rows:,} runs {goal.output} has no indices.", 1.0
+    if fitted is not None:
+        ends = [
+            (_half(found[index]), SYMBOLS[index], factor)
+            for factor, found in entry["factors"].items()
+            for index in WANTED["saltelli"]
+        ]
+        half, index, factor = max(ends)
+        explained = fitted["explained"]
+        said = (
+            f"A {fitted['kind']} fitted to {fitted['runs']} runs explains "
+            f"{max(explained, 0.0):.1%} of the variance of {goal.output} in those held out; the "
+            f"widest interval, {index} of "
+            f"{factor}, has ±{half:.2g} (wanted: ±{target:.2g})."
+        )
+        if half <= target and trust["trusted"]:
+            unseen = f" What fewer than {trust['unseen']:.2g} of the runs show may be unseen."
+            return Step(rows=None, reached=True, sentence=said + unseen)
+        said += f" {trust['sentence']}" if trust["sentence"] else ""
+    most = min(goal.up_to, MOST_RUNS)
+    hopeless = rows >= FEWEST_RUNS and (fitted is None or explained < LEAST_EXPLAINED)
+    if hopeless or rows >= most:
+        more = "" if rows < most or most == MOST_RUNS else f" {most:,} runs at most were allowed."
+        instead = " Indices as precise as that need a study of method saltelli."
+        return Step(rows=None, reached=False, sentence=said + more + instead)
+    wanted = min(next(look for look in LOOKS if look > rows), most)
+    return Step(rows=wanted, reached=False, sentence=f"It is extended to {wanted:,} rows. {said}")
 
 
 def _doubt(trust: Mapping[str, Any], rows: int) -> str:

@@ -11,6 +11,7 @@ from analysis.designs.dependence import KINDS, Dependence, DependenceError, copu
 from analysis.designs.distributions import Distribution
 from analysis.designs.groups import fault_in, units_of
 from analysis.json_values import is_finite_number
+from analysis.sensitivity.fewer_runs.limits import MOST_RUNS
 from models.curves import columns_of
 from models.description import Description
 from models.factors import SEED, Factor, no_factor
@@ -71,6 +72,10 @@ def draw_up(
     _known("/sampling", "sampling", sampling, samplings(method))
     if not 1 <= rows <= MAX_ROWS:
         raise InvalidStudyError("/rows", f"rows must lie between 1 and {MAX_ROWS}, not {rows}")
+    if method == "surrogate" and rows > MOST_RUNS:
+        raise InvalidStudyError(
+            "/rows", f"surrogate fits a function to {MOST_RUNS} rows at most, not {rows}"
+        )
     known = [source.name for source in model.sources]
     numbers = _fixed(model, fixed)
     if factors is None:
@@ -82,13 +87,15 @@ def draw_up(
         factors = [*factors, FactorChoice(name=SEED.name)]
     sampled = _sampled(model, factors, numbers)
     kept = _outputs(model, outputs)
-    if method == "shapley" and (curved := [name for name in kept if name in model.curves]):
+    if method in ("shapley", "surrogate") and (
+        curved := [name for name in kept if name in model.curves]
+    ):
         if outputs is not None:
             whole = any(one.name == curved[0] and one.optional for one in model.results)
             point = columns_of(curved, model.curves)[0]
             raise InvalidStudyError(
                 f"/outputs/{outputs.index(curved[0])}",
-                f"{curved[0]} is a curve, and shapley has indices of numbers only: "
+                f"{curved[0]} is a curve, and {method} has indices of numbers only: "
                 + ("leave it out" if whole else f"keep points of it, such as {point}"),
             )
         kept = tuple(name for name in kept if name not in curved)
@@ -159,8 +166,8 @@ def _check_groups(
 ) -> None:
     if (fault := fault_in(sampled, groups)) is not None:
         raise InvalidStudyError(f"/groups/{fault[0]}", fault[1])
-    if groups and method == "shapley":
-        raise InvalidStudyError("/groups", "shapley shares the variance among single factors")
+    if groups and method in ("shapley", "surrogate"):
+        raise InvalidStudyError("/groups", f"{method} shares the variance among single factors")
     if groups and method == "morris" and sampling != "trajectories":
         raise InvalidStudyError(
             "/sampling",

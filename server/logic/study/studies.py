@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from analysis.sensitivity.fewer_runs.limits import MOST_RUNS
 from server.errors import ConflictError
 from server.logic.study.plans import MAX_ROWS
 from server.records import Instance, Place, Result, Study
@@ -140,6 +141,8 @@ def _objection_to_extension(study: Study, rows: int) -> str | None:
         return f"it has {study.plan.rows} rows, and a study never shrinks"
     if rows > MAX_ROWS:
         return f"a study has {MAX_ROWS} rows at most"
+    if study.plan.method == "surrogate" and rows > MOST_RUNS:
+        return f"a function is fitted to {MOST_RUNS} runs at most"
     return None
 
 

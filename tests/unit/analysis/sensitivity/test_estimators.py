@@ -18,6 +18,7 @@ from analysis.sensitivity.estimators import (
     SaltelliEstimator,
     SecondOrderEstimator,
     ShapleyEstimator,
+    SinglePoints,
     estimator_class,
 )
 from analysis.sensitivity.estimators.bootstrap import replicate_weights
@@ -358,6 +359,6 @@ def test_values_of_another_shape_are_refused(cls: type[Estimator]) -> None:
 
 
 def test_every_method_has_its_estimator() -> None:
-    assert [estimator_class(method) for method in METHODS] == list(CLASSES)
+    assert [estimator_class(method) for method in METHODS] == [*CLASSES, SinglePoints]
     with pytest.raises(ValueError, match="unknown method 'fast'"):
         estimator_class("fast")

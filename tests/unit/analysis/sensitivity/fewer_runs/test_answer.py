@@ -8,13 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.designs.points import sobol
-from analysis.sensitivity.fewer_runs.answer import (
-    FEWEST_RUNS,
-    LEAST_RUNS,
-    MOST_RUNS,
-    Answer,
-    answer,
-)
+from analysis.sensitivity.fewer_runs.answer import Answer, answer
+from analysis.sensitivity.fewer_runs.limits import FEWEST_RUNS, LEAST_RUNS, MOST_RUNS
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
@@ -90,5 +85,5 @@ def test_few_failed_runs_are_left_out_and_many_are_not_believed() -> None:
 
 def test_too_many_runs_are_refused() -> None:
     many = np.zeros((MOST_RUNS + 1, 3))
-    with pytest.raises(ValueError, match="1024 runs at most, not 1025"):
+    with pytest.raises(ValueError, match="512 runs at most, not 513"):
         answer(many, many[:, 0], 3)

@@ -148,3 +148,69 @@ def test_followed_to_its_end_a_study_is_as_precise_as_wanted(sampling: str) -> N
     assert step.reached and len(sizes) > 2
     assert step.sentence.startswith("Every index of y is within ±0.15")
     assert all(later <= 2 * earlier or later == 50 for earlier, later in pairwise(sizes))
+
+
+def fitted(half: float, rows: int, *, explained: float = 0.99, doubt: str = "") -> dict[str, Any]:
+    """Return a snapshot of a study of method surrogate."""
+    found = snapshot(half, sampling="sobol_blocks", rows=rows)
+    found["method"] = "surrogate"
+    found["outputs"]["error"] |= {
+        "surrogate": {"kind": "gaussian process", "runs": rows, "explained": explained},
+        "trust": {
+            "runs": rows,
+            "unseen": 3.0 / rows,
+            "trusted": None if rows < 256 else not doubt,
+            "sentence": doubt,
+        },
+    }
+    return found
+
+
+GOAL = Goal(output="error", target=0.02, up_to=1024)
+
+
+@pytest.mark.parametrize(
+    ("found", "rows", "reached", "words"),
+    [
+        (fitted(0.001, 128), 256, False, "It is extended to 256 rows"),
+        (
+            fitted(0.019, 256),
+            None,
+            True,
+            "has ±0.019 (wanted: ±0.02). What fewer than 0.012",
+        ),
+        (fitted(0.03, 256), 512, False, "It is extended to 512 rows"),
+        (fitted(0.019, 256, doubt="Do not."), 512, False, "(wanted: ±0.02). Do not."),
+        (fitted(0.3, 256, explained=0.5), None, False, "explains 50.0% of the variance"),
+        (fitted(0.03, 512), None, False, "need a study of method saltelli"),
+        (fitted(0.3, 128, explained=-2.0), 256, False, "explains 0.0%"),
+        (fitted(0.03, 300), 512, False, "It is extended to 512 rows"),
+    ],
+)
+def test_a_study_of_a_fitted_function_goes_from_look_to_look(
+    found: dict[str, Any], rows: int | None, reached: bool, words: str
+) -> None:
+    step = next_step(found, GOAL, found["rows_complete"])
+    assert step is not None
+    assert (step.rows, step.reached) == (rows, reached)
+    assert words in step.sentence
+
+
+def test_a_fitted_function_is_allowed_no_more_runs_than_asked_and_none_without_values() -> None:
+    step = next_step(fitted(0.03, 256), replace(GOAL, up_to=300), 256)
+    assert step is not None and step.rows == 300
+    step = next_step(fitted(0.03, 300), replace(GOAL, up_to=300), 300)
+    assert step is not None and step.rows is None
+    assert "300 runs at most were allowed" in step.sentence
+    nothing = fitted(0.03, 256)
+    nothing["outputs"]["error"]["surrogate"] = None
+    step = next_step(nothing, GOAL, 256)
+    assert step is not None and (step.rows, step.reached) == (None, False)
+    assert step.sentence.startswith("After 256 runs error has no indices.")
+
+
+def test_no_more_runs_are_forecast_than_a_function_is_fitted_to() -> None:
+    advice = advise(fitted(0.1, 256), "error")
+    assert advice is not None and advice.sentence.startswith(
+        "More than the 512 runs that a function"
+    )

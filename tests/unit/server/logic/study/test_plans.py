@@ -214,6 +214,32 @@ def test_shapley_effects_of_a_curve_without_points_advise_to_leave_it_out(plan: 
         plan(model="elbow", method="shapley", outputs=["torque_over_phase"])
 
 
+@pytest.mark.parametrize(
+    ("asked", "pointer", "sentence"),
+    [
+        ({"rows": 513}, "/rows", "surrogate fits a function to 512 rows at most, not 513"),
+        ({"groups": {"g": ["x1", "x3"]}}, "/groups", "surrogate shares the variance among single"),
+        (
+            {"model": "elbow", "outputs": ["torque_over_phase"]},
+            "/outputs/0",
+            "torque_over_phase is a curve, and surrogate has indices of numbers only",
+        ),
+        ({"correlations": [["x1", "x2", 0.5]]}, "/method", "with correlations the method is shap"),
+    ],
+)
+def test_what_no_function_is_fitted_to_is_refused(
+    plan: Drawing, asked: dict[str, Any], pointer: str, sentence: str
+) -> None:
+    with pytest.raises(InvalidStudyError, match=sentence) as caught:
+        plan(**{"method": "surrogate", "rows": 256, **asked})
+    assert caught.value.pointer == pointer
+
+
+def test_a_row_of_a_surrogate_is_a_single_point(plan: Drawing) -> None:
+    drawn = plan(method="surrogate", rows=512)
+    assert drawn.width == 1 and len(parameters(drawn, 511)) == 1
+
+
 def test_a_study_of_groups_has_as_many_runs_a_row_as_groups_need(plan: Drawing) -> None:
     drawn = plan(method="saltelli", groups={"outer": ["x1", "x3"]})
     assert drawn.groups == {"outer": ("x1", "x3")} and drawn.width == 4
