@@ -7,6 +7,14 @@ from typing import Any
 from sim.assessment.assess import Assessment, assess
 from sim.models import ELBOW
 
+LONG_HEAVY_STIFF = {
+    "upper_arm_length": 0.3778,
+    "forearm_length": 0.3455,
+    "forearm_mass": 1.82,
+    "upper_arm_elasticity": 974.43,
+    "forearm_elasticity": 974.43,
+}
+
 #: `assess` with a memory: who takes an assessment from it must leave it as it is.
 Assess = Callable[..., Assessment]
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.closeloop.unkind.cases import Case, Controller, to_json
 from benchmarks.closeloop.unkind.chain import (
@@ -19,25 +18,12 @@ from benchmarks.closeloop.unkind.chain import (
     quantised,
     stamps,
 )
-from benchmarks.closeloop.unkind.faults import RANGES, Fault
 from benchmarks.closeloop.unkind.robots import declared_xml
 from benchmarks.closeloop.unkind.simulate import Bench, FlightError, Trial
+from benchmarks.closeloop.unkind.sizing import LEAST_RATIO, chatter_of, noise_of, sized_fault
 
 Signal = NDArray[np.float64]
 
-#: A channel without noise of its own is held for this good, of its RMS.
-LEAST_NOISE = 0.005
-#: Commands above it are the controller's answer to its encoder's noise.
-CHATTER_HZ = 20.0
-#: A fault is at least this strong beside the noise, or its session does not count.
-LEAST_RATIO = 3.0
-#: Frictions whose form must show beside the noise, too: what Coulomb and viscous friction leave.
-FORMS = (
-    "stribeck_friction",
-    "asymmetric_friction",
-    "load_dependent_friction",
-    "position_dependent_friction",
-)
 #: The session's clock begins here, s.
 CLOCK = 100.0
 
@@ -88,10 +74,10 @@ def _record(case: Case) -> Recorded:
     # What the effort is without faults says how much noise its sensor has.
     plain = [bare.run(case.plans[n], starts[n], {}) for n in range(0, len(starts), 2)]
     rms = np.sqrt(np.mean(np.concatenate([t.effort for t in plain]) ** 2, axis=0))
-    noise = _noise(case.chain, rms, chatter := _chatter(plain))
+    noise = noise_of(case.chain, rms, chatter := chatter_of(plain))
     sized, ratios = [], []
     for fault in case.faults:
-        one, ratio = _sized(case, fault, starts, noise, rms)
+        one, ratio = sized_fault(case, fault, starts, noise, rms)
         sized.append(one)
         ratios.append(ratio)
     if ratios and min(ratios) < LEAST_RATIO:
@@ -101,7 +87,7 @@ def _record(case: Case) -> Recorded:
             case.chain, noise=better * case.chain.noise, least_count=better * case.chain.least_count
         )
         case = replace(case, chain=chain)
-        old, noise = noise, _noise(chain, rms, chatter)
+        old, noise = noise, noise_of(chain, rms, chatter)
         ratios = [ratio * float(np.min(old / noise)) for ratio in ratios]
     case = replace(case, faults=tuple(sized))
     pushes = {
@@ -121,93 +107,6 @@ def _record(case: Case) -> Recorded:
         missing=np.sqrt(np.mean(missing**2, axis=0)),
         ratios=tuple(ratios),
     )
-
-
-def _noise(chain: Chain, rms: Signal, chatter: Signal) -> Signal:
-    share = np.hypot(chain.noise, chain.least_count / np.sqrt(12))
-    sensor = max(share, LEAST_NOISE) * np.maximum(rms, 0.05 * np.max(rms))
-    return np.asarray(np.hypot(sensor, chatter))
-
-
-def _chatter(trials: list[Trial]) -> Signal:
-    """Return the RMS of commands above `CHATTER_HZ`: no log at these rates can tell its motion."""
-    step = float(trials[0].time[1])
-    section = butter(4, CHATTER_HZ, "highpass", fs=1 / step, output="sos")
-    fast = np.concatenate([sosfiltfilt(section, t.effort, axis=0)[50:-50] for t in trials])
-    return np.asarray(np.sqrt(np.mean(fast**2, axis=0)))
-
-
-def _sized(
-    case: Case, fault: Fault, starts: list[float], noise: Signal, rms: Signal
-) -> tuple[Fault, float]:
-    """Return a fault at the size that its ratio asks for, and the ratio that it reaches."""
-    joint = case.robot.index(fault.joint)
-    low, high = RANGES.get(fault.name, (0.0, np.inf))
-    if case.robot.limb is not None and fault.name == "nonlinear_stiffness":
-        high = 5.0 * case.robot.limb.stiffness
-    at_torque = fault.ratio * float(noise[joint])
-    first = {
-        "payload": 0.3,
-        "added_inertia": 0.05,
-        "load_dependent_friction": at_torque / float(rms[joint]),
-        "nonlinear_stiffness": 4 * at_torque,
-        "stretch_reflex": 2 * at_torque,
-    }.get(fault.name, float(np.sqrt(low * high)) if low else at_torque)
-    if fault.name == "load_dependent_friction":
-        load = {**fault.values, "base": fault.values["base"] * float(rms[joint]) * 0.3}
-        fault = replace(fault, values=load)
-    size, ratio = first, 0.0
-    for _ in range(3):
-        fault = replace(fault, size=float(np.clip(size, low, high)))
-        try:
-            ratio, form = _strength(case, fault, starts, noise)
-        except FlightError:
-            size = 0.5 * fault.size
-            continue
-        wish = max(fault.ratio / max(ratio, 1e-9), 1.0 / max(form, 1e-9))
-        if 0.8 < wish < 1.25:
-            break
-        size = fault.size * float(np.clip(wish, 0.1, 10.0))
-    return fault, ratio
-
-
-def _strength(case: Case, fault: Fault, starts: list[float], noise: Signal) -> tuple[float, float]:
-    """Return RMS over noise of what only this fault explains, and of its form beyond Coulomb's."""
-    bench = Bench(replace(case, faults=(fault,), pushes=()))
-    fit = [n for n, plan in enumerate(case.plans) if not plan.holdout]
-    chosen = [n for n in fit if n % 3 != 2] if fault.name == "drift" else fit[1:5:2]
-    trials = [bench.run(case.plans[n], starts[n], {}) for n in chosen]
-    missing = np.concatenate([bench.missing(trial) for trial in trials])
-    q, v = (np.concatenate([getattr(t, key)[::5] for t in trials]) for key in ("q", "v"))
-    ratios = []
-    joint = case.robot.index(fault.joint)
-    for n, name in enumerate(case.robot.names):
-        known = []
-        if case.robot.limb is not None:
-            known = [np.ones(len(q)), q[:, n], v[:, n]]
-        elif name in case.declared:
-            known = [np.tanh(v[:, n] / 0.01), v[:, n]]
-        ratios.append(_left(missing[:, n], known) / noise[n])
-    whole = max(ratios) if fault.name == "payload" else ratios[joint]
-    if case.robot.limb is not None and fault.name == "payload":
-        whole = ratios[joint]
-    if fault.name not in FORMS:
-        return float(whole), np.inf
-    simple = [
-        np.ones(len(q)),
-        v[:, joint],
-        np.tanh(v[:, joint] / 0.01),
-        np.tanh(v[:, joint] / 0.05),
-    ]
-    form = _left(missing[:, joint], [*simple, q[:, joint]]) / noise[joint]
-    return float(whole), float(form)
-
-
-def _left(torque: Signal, known: list[Signal]) -> float:
-    if known:
-        design = np.stack(known, axis=1)
-        torque = torque - design @ np.linalg.lstsq(design, torque, rcond=None)[0]
-    return float(np.sqrt(np.mean(torque**2)))
 
 
 def write_session(folder: Path, recorded: Recorded) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from models.curves import Curve
 from server.logic.fleet.verdicts import REASON_LENGTH, Judgement, Report, fault_in, judge, judge_all
 from server.records import Instance, Lease, Result
 from server.states import REFUSALS, InstanceState
@@ -330,42 +329,3 @@ def test_reports_of_one_request_are_judged_in_the_light_of_those_before(report: 
         "unknown",
     ]
     assert [one.about for one in judgements] == ["i", "i", "i", "j", "j", "stranger"]
-
-
-CURVE = {"torque": Curve(points=3, over="phase")}
-COLUMNS = ["y", "torque[0]", "torque[1]", "torque[2]"]
-
-
-def judged_curve(report: Report) -> Judgement:
-    return judge(report, instance=HELD, stored=None, lease=MINE, outputs=COLUMNS, curves=CURVE)
-
-
-def test_a_curve_comes_as_a_list_and_is_kept_point_by_point(report: Reporting) -> None:
-    judgement = judged_curve(report("i", outputs={"y": 1, "torque": [1, 2.5, -3]}))
-    assert judgement.result is not None
-    assert judgement.result.outputs == dict(zip(COLUMNS, [1.0, 1.0, 2.5, -3.0], strict=True))
-
-
-@pytest.mark.parametrize(
-    ("torque", "sentence"),
-    [
-        ([1.0, 2.0], "output torque must have 3 points, not 2"),
-        ([], "output torque must have 3 points, not 0"),
-        (1.0, "output torque must be a list of 3 numbers"),
-        ([1.0, nan, 3.0], "output torque[1] must be a finite number"),
-        ([1.0, None, 3.0], "output torque[1] must be a finite number"),
-        ([1.0, [2.0], 3.0], "output torque[1] must be a finite number"),
-    ],
-)
-def test_a_curve_that_is_none_is_one_sentence(
-    torque: object, sentence: str, report: Reporting
-) -> None:
-    assert judged_curve(report("i", outputs={"y": 1.0, "torque": torque})).detail == sentence
-
-
-def test_a_curve_that_is_missing_or_comes_point_by_point_is_one_sentence(
-    report: Reporting,
-) -> None:
-    by_point = dict.fromkeys(COLUMNS, 1.0)
-    for outputs in ({"y": 1.0}, by_point):
-        assert judged_curve(report("i", outputs=outputs)).detail == "output torque is missing"

@@ -1,0 +1,132 @@
+"""Designs among rows that somebody else sampled: recognised, and told from drawn points."""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+from analysis.designs import unit_row
+from analysis.given import layout
+from analysis.given.answer import analyse, answer
+from analysis.given.errors import GivenError
+from analysis.given.reading import read_sheet
+from analysis.given.sample import choose
+from analysis.given.spread import in_parts, quasi_random, sharing_nothing
+from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
+from tests.testbed.given import ROWS, ishigami, written
+
+
+def saltelli(rows: int, k: int = 3) -> Any:
+    return np.stack([unit_row("saltelli", "sobol_blocks", 4, row, k) for row in range(rows)])
+
+
+def test_a_saltelli_design_of_any_order_is_recognised_and_estimated() -> None:
+    design = saltelli(8)
+    ours = SaltelliEstimator(sampling="latin_hypercube", seed=0, factors=3, outputs=1)
+    ours.add_rows(range(8), ishigami(design.reshape(-1, 3)).reshape(8, 5, 1))
+    for arranged in (design, design[:, [0, 2, 3, 4, 1]], design.swapaxes(0, 1)):
+        x = arranged.reshape(-1, 3)
+        found = layout.recognise(x)
+        assert found is not None and found.method == "saltelli"
+        indices = layout.indices(found, x, ishigami(x)[:, None], 0.9)
+        for name, index in ours.indices(0.9).items():
+            assert np.array_equal(indices[name].value, index.value)
+        independent = x[found.independent].reshape(2, 8, 3)
+        assert np.array_equal(independent, design[:, :2].swapaxes(0, 1))
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "trajectories"])
+def test_a_morris_design_is_recognised_and_estimated(sampling: str) -> None:
+    x = np.concatenate([unit_row("morris", sampling, 4, row, 3) for row in range(12)])
+    found = layout.recognise(x)
+    assert found is not None and found.method == "morris"
+    y = np.stack([2.0 * x[:, 0] - x[:, 1], x[:, 2] ** 2], axis=1)
+    reach = np.ptp(x, axis=0)
+    effects = layout.indices(found, x, y, 0.9)["mu"].value
+    assert effects[0] == pytest.approx([2.0 * reach[0], -reach[1], 0.0])
+    ours = MorrisEstimator(sampling=sampling, seed=4, factors=3, outputs=2)
+    ours.add_rows(range(12), y.reshape(12, 4, 2))
+    assert effects == pytest.approx(ours.indices(0.9)["mu"].value * reach)
+
+
+def test_no_design_is_seen_in_random_points(points: Any) -> None:
+    assert layout.recognise(points) is None
+    x = saltelli(8).reshape(-1, 3)
+    assert layout.recognise(np.roll(x, 1, axis=0)) is None
+
+
+def test_of_a_design_only_points_that_share_nothing_count_as_a_sample(tmp_path: Path) -> None:
+    x = saltelli(40).reshape(-1, 3)
+    path = written(tmp_path / "design.csv", np.column_stack([x, ishigami(x)]))
+    found = answer(choose(read_sheet(path), ["y"]))
+    assert found["design"] == {"method": "saltelli", "rows": 40, "width": 5}
+    assert found["measures"]["pawn"]["rows"] == 80
+    assert set(found["outputs"]["y"]["design"]) == {"first_order", "total_order"}
+
+
+def test_a_full_factorial_in_its_natural_order_has_no_related_factors(tmp_path: Path) -> None:
+    grid = np.array(list(np.ndindex(5, 5, 5)), dtype=float)
+    path = written(tmp_path / "grid.csv", np.column_stack([grid, grid.sum(axis=1)]))
+    assert "depend" not in " ".join(choose(read_sheet(path), ["y"]).remarks)
+
+
+@pytest.mark.parametrize(
+    ("engine", "rows"), [(qmc.Sobol, 128), (qmc.Sobol, 250), (qmc.Halton, 256)]
+)
+def test_points_of_a_sequence_are_told_from_drawn_ones(engine: Any, rows: int) -> None:
+    with warnings.catch_warnings(action="ignore"):
+        points = engine(4, seed=3).random(rows)
+    shuffled = np.random.default_rng(3).permutation(points)[: rows - rows // 40] ** 2
+    assert quasi_random(points) and quasi_random(np.column_stack([shuffled, shuffled[:, 0]]))
+    assert not quasi_random(qmc.LatinHypercube(4, seed=3).random(rows))
+    assert not quasi_random(np.random.default_rng(3).random((rows, 4)))
+
+
+def test_of_sobol_points_rbd_fast_is_withheld_and_why_is_said(tmp_path: Path) -> None:
+    x = qmc.Sobol(3, seed=2).random(64)
+    found = analyse(written(tmp_path / "s.csv", np.column_stack([x, ishigami(x)])), ["y"])
+    of_y = found["outputs"]["y"]["measures"]
+    assert of_y["rbd_fast"]["a"] == {"value": None, "low": None, "high": None}
+    assert of_y["delta"]["a"]["value"] > 0.0
+    assert "rbd_fast is withheld" in " ".join(found["remarks"])
+
+
+def test_copies_of_rows_tell_nothing_new(tmp_path: Path, table: Any) -> None:
+    sample = choose(read_sheet(written(tmp_path / "c.csv", np.tile(table, (3, 1)))), ["y"])
+    assert np.array_equal(sample.x, table[:, :3])
+    assert f"{2 * ROWS} of {3 * ROWS} rows are exact copies" in sample.remarks[0]
+    holes = np.vstack([table, np.full((3, 4), np.nan)])
+    sample = choose(read_sheet(written(tmp_path / "c.csv", holes)), ["y"])
+    assert (
+        "copies" not in sample.remarks[0]
+        and f"3 of {ROWS + 3} rows lack a cell" in sample.remarks[0]
+    )
+    with pytest.raises(GivenError, match="it has 40 different rows, and not the 64"):
+        choose(read_sheet(written(tmp_path / "c.csv", np.tile(table[:40], (3, 1)))), ["y"])
+
+
+def test_equal_rows_of_few_values_are_no_copies(tmp_path: Path) -> None:
+    x = np.random.default_rng(4).integers(0, 3, (80, 2)).astype(float)
+    sample = choose(read_sheet(written(tmp_path / "d.csv", x, "a,y")), ["y"])
+    assert len(sample.x) == 80
+
+
+def test_parts_of_a_design_are_seen_in_any_order_and_thinned(tmp_path: Path) -> None:
+    x = np.random.default_rng(6).permutation(saltelli(80).reshape(-1, 3))[:-3]
+    assert in_parts(x) > 200
+    apart = x[sharing_nothing(x)]
+    assert all(len(np.unique(column)) == len(apart) for column in apart.T)
+    found = answer(
+        choose(read_sheet(written(tmp_path / "p.csv", np.column_stack([x, ishigami(x)]))), ["y"])
+    )
+    assert "give every line of it, in its order" in " ".join(found["remarks"])
+    assert found["measures"]["pawn"]["rows"] == len(apart)
+
+
+def test_drawn_rounded_and_crossed_points_are_no_parts_of_a_design(points: Any) -> None:
+    grid = np.array(list(np.ndindex(5, 5, 5)), dtype=float)
+    for x in (points, points.round(1), grid):
+        assert in_parts(x) == 0

@@ -1,0 +1,142 @@
+"""What rows that somebody else sampled tell."""
+
+import json
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from SALib.analyze import delta as salib_delta
+from SALib.analyze import hdmr as salib_hdmr
+from SALib.analyze import pawn as salib_pawn
+from SALib.analyze import rbd_fast as salib_rbd_fast
+
+from analysis.given import hdmr, measures
+from analysis.given.answer import analyse
+from analysis.given.errors import GivenError
+from analysis.given.hsic import hsic
+from analysis.given.intervals import by_halves, half_width
+from analysis.given.reading import read_sheet
+from tests.testbed.given import ROWS, ishigami, written
+
+
+def test_each_index_is_that_of_salib(points: Any) -> None:
+    y = ishigami(points)
+    problem = {"num_vars": 3, "names": ["a", "b", "c"], "bounds": [[0, 1]] * 3}
+    first = salib_rbd_fast.analyze(problem, points, y, num_resamples=2)["S1"]
+    assert measures.rbd_fast(points, y) == pytest.approx(np.array(first), abs=1e-6)
+    ranks = np.argsort(np.argsort(points, axis=0), axis=0).astype(float)
+    median = salib_pawn.analyze(problem, ranks, y)["median"]
+    assert measures.pawn(points, y) == pytest.approx(np.array(median), abs=1e-6)
+    power = 2.0 / (7.0 + np.tanh((1500.0 - ROWS) / 500.0))
+    edges = np.linspace(0, ROWS, int(np.ceil(ROWS**power)) + 1)
+    grid = np.linspace(y.min(), y.max(), 100)
+    found = [salib_delta.calc_delta(y, grid, column, edges) for column in points.T]
+    assert measures.delta(points, y) == pytest.approx(np.array(found), abs=1e-6)
+
+
+def test_hdmr_is_that_of_salib_less_what_as_many_coefficients_fit_by_chance() -> None:
+    x = np.random.default_rng(8).random((300, 3))
+    y = ishigami(x)
+    problem = {"num_vars": 3, "names": ["a", "b", "c"], "bounds": [[0, 1]] * 3}
+    with warnings.catch_warnings(action="ignore"):
+        # Their fit goes on until coefficients move by less than 0.001, whatever the output's unit.
+        theirs = salib_hdmr.analyze(problem, x, 1e4 * y, maxorder=1, K=1, m=5, maxiter=1000)["S"]
+    assert hdmr.shares(x, y) == pytest.approx(theirs, abs=1e-6)
+    independent = np.random.default_rng(9).normal(size=(200, 300))
+    by_chance = np.mean([hdmr.hdmr(x, noise) for noise in independent], axis=0)
+    assert by_chance == pytest.approx(np.zeros(3), abs=0.01)
+
+
+def test_hdmr_counts_for_each_factor_what_it_shares_with_another() -> None:
+    """Of a + b each has half the variance, of which a part is its own and a part is both's."""
+    rng = np.random.default_rng(10)
+    x = rng.multivariate_normal([0.0, 0.0], [[1.0, 0.8], [0.8, 1.0]], 2000)
+    assert hdmr.hdmr(x, x.sum(axis=1)) == pytest.approx([0.5, 0.5], abs=0.02)
+    assert hdmr.hdmr(x, x[:, 0]) == pytest.approx([1.0, 0.0], abs=0.02)
+
+
+def test_of_too_few_rows_for_its_splines_hdmr_is_withheld(tmp_path: Path) -> None:
+    x = np.random.default_rng(11).random((64, 3))
+    found = analyse(written(tmp_path / "few.csv", np.column_stack([x, ishigami(x)])), ["y"])
+    assert "hdmr is withheld: of 3 factors it takes 88 rows." in found["remarks"]
+    assert found["outputs"]["y"]["measures"]["hdmr"]["a"]["value"] is None
+
+
+def test_hsic_and_its_test_are_those_of_openturns(points: Any) -> None:
+    ot = pytest.importorskip("openturns")
+    x, y = points[:40], ishigami(points[:40])
+    kernels = []
+    for column in (*x.T, y):
+        kernel = ot.SquaredExponential(1)
+        kernel.setScale([float(column.std(ddof=1))])
+        kernels.append(kernel)
+    theirs = ot.HSICEstimatorGlobalSensitivity(
+        kernels, ot.Sample(x), ot.Sample(y[:, None]), ot.HSICUStat()
+    )
+    ours = hsic(x, y)
+    assert ours.r2 == pytest.approx(np.array(theirs.getR2HSICIndices()), abs=1e-6)
+    assert ours.p_value == pytest.approx(np.array(theirs.getPValuesAsymptotic()), abs=1e-6)
+
+
+def test_halves_of_a_mean_give_its_standard_error() -> None:
+    rng = np.random.default_rng(1)
+    y = rng.normal(size=4000)
+
+    def mean(x: Any, y: Any) -> Any:
+        return np.array([y.mean()])
+
+    variance = by_halves(mean, np.zeros((4000, 1)), y, rng)
+    half = half_width(variance, np.zeros(1), 0.9)
+    assert half[0] == pytest.approx(1.746 / np.sqrt(4000.0), rel=0.5)
+
+
+def test_what_chance_adds_is_counted_once_and_takes_half_of_the_variance_at_most() -> None:
+    added = np.array([0.0, 1.0, 3.0])
+    half = half_width(np.full(3, 4.0), added, 0.9)
+    assert half**2 / half[0] ** 2 == pytest.approx([1.0, 0.75, 0.5])
+
+
+def test_every_measure_has_an_interval_and_says_what_it_assumes(answered: Any) -> None:
+    assert list(answered["measures"]) == ["rbd_fast", "hdmr", "delta", "pawn", "hsic"]
+    for name, about in answered["measures"].items():
+        assert about["assumes"] and about["source"] and about["rows"] == ROWS
+        for entry in answered["outputs"]["y"]["measures"][name].values():
+            assert entry["low"] <= entry["value"] <= entry["high"]
+
+
+def test_the_test_of_independence_finds_what_the_variance_misses(points: Any) -> None:
+    rng = np.random.default_rng(2)
+    x = rng.random((400, 2))
+    # The mean does not depend on the first factor, the spread does; nothing on the second.
+    y = (0.1 + x[:, 0]) * rng.normal(size=400)
+    found = hsic(x, y)
+    assert found.p_value[0] < 1e-4 < 0.05 < found.p_value[1]
+    assert abs(measures.rbd_fast(x, y)[0]) < 0.1
+
+
+def test_units_do_not_matter(tmp_path: Path, table: Any, answered: Any) -> None:
+    scaled = table * [1e9, 1e-9, 1.0, 1e80] + [1e5, 0.0, 3.0, 0.0]
+    found = analyse(written(tmp_path / "runs.csv", scaled), ["y"])["outputs"]["y"]["measures"]
+    for name, of_factors in answered["outputs"]["y"]["measures"].items():
+        for factor, entry in of_factors.items():
+            assert found[name][factor] == pytest.approx(entry, abs=1e-6)
+
+
+@pytest.mark.parametrize("rare", [1, 3])
+def test_a_rare_event_of_few_levels_has_an_answer_in_json(tmp_path: Path, rare: int) -> None:
+    rng = np.random.default_rng(4)
+    x = np.column_stack([rng.integers(0, 2, 70), rng.integers(0, 3, 70), np.arange(70) // 69])
+    y = (np.arange(70) < rare).astype(float)
+    path = written(tmp_path / "rare.csv", np.column_stack([x, y]))
+    found = analyse(path, ["y"])
+    json.dumps(found, allow_nan=False)
+    assert "Factors of few values" in " ".join(found["remarks"])
+    assert set(found["outputs"]["y"]["measures"]) == set(found["measures"])
+
+
+def test_numbers_too_small_for_their_squares_are_one_sentence(tmp_path: Path, table: Any) -> None:
+    path = written(tmp_path / "tiny.csv", table * [1.0, 1.0, 1.0, 1e-310])
+    with pytest.raises(GivenError, match=r"column y has no number beyond ±1e-100"):
+        read_sheet(path)

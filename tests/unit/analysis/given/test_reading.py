@@ -1,0 +1,177 @@
+"""Files of rows that somebody else sampled: what is understood, and what is refused."""
+
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.given.errors import GivenError
+from analysis.given.reading import read_sheet
+from analysis.given.sample import choose
+from tests.testbed.given import ROWS, written
+
+
+@pytest.mark.parametrize(
+    ("names", "cell"),
+    [("a;b;c;y", "{:.17g}"), ("a; b;c ;y", "{:.17g}"), ("a,b,c,y", '"{:.17g}"')],
+)
+def test_separators_and_quotes_are_understood(
+    tmp_path: Path, table: Any, names: str, cell: str
+) -> None:
+    sheet = read_sheet(written(tmp_path / "runs.csv", table, names, cell))
+    assert sheet.columns == ("a", "b", "c", "y")
+    assert np.array_equal(np.column_stack(list(sheet.numbers.values())), table)
+
+
+def test_decimal_commas_byte_order_marks_and_tabs_are_understood(
+    tmp_path: Path, table: Any
+) -> None:
+    path = tmp_path / "excel.csv"
+    for separator in (";", "\t"):
+        lines = [separator.join(f"{v:.17g}".replace(".", ",") for v in row) for row in table]
+        text = separator.join("abcy") + "\r\n" + "\r\n".join(lines) + "\r\n"
+        path.write_text("\ufeff" + text, newline="")
+        sheet = read_sheet(path)
+        assert np.array_equal(np.column_stack(list(sheet.numbers.values())), table)
+
+
+@pytest.mark.parametrize(
+    "dressed",
+    [
+        lambda t: "\n".join(line + "," for line in t),
+        lambda t: "\n".join(["# run by X, 2026", "", *t]),
+        lambda t: "\n".join(t).replace(",", " "),
+        lambda t: "\n".join(t).replace(",", "   "),
+        lambda t: "\r".join(t),
+        lambda t: ("\n".join(t)).encode("utf-16"),
+        lambda t: "\n\n" + "\n\n".join(t),
+    ],
+)
+def test_what_programs_put_around_a_table_is_no_part_of_it(
+    tmp_path: Path, table: Any, dressed: Any
+) -> None:
+    path = written(tmp_path / "runs.csv", table)
+    found = dressed(path.read_text().splitlines())
+    path.write_bytes(found if isinstance(found, bytes) else found.encode())
+    sheet = read_sheet(path)
+    assert sheet.columns == ("a", "b", "c", "y")
+    assert np.array_equal(np.column_stack(list(sheet.numbers.values())), table)
+
+
+def test_truths_are_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "runs.csv"
+    path.write_text("on,y\n" + "TRUE,1\nfalse,2\n" * 40)
+    assert set(read_sheet(path).numbers["on"]) == {0.0, 1.0}
+
+
+def test_a_table_without_names_has_numbered_columns(tmp_path: Path, table: Any) -> None:
+    path = tmp_path / "plain.csv"
+    np.savetxt(path, table, delimiter=",")
+    assert read_sheet(path).columns == ("column_1", "column_2", "column_3", "column_4")
+    with pytest.raises(GivenError, match="have no names; say which column is the output"):
+        choose(read_sheet(path))
+    assert choose(read_sheet(path), ["column_4"]).factors == ("column_1", "column_2", "column_3")
+
+
+def test_parquet_is_read_as_csv_is(tmp_path: Path, table: Any) -> None:
+    pa = pytest.importorskip("pyarrow")
+    from pyarrow.parquet import write_table
+
+    columns = {name: list(column) for name, column in zip("abcy", table.T, strict=True)}
+    columns["a"][3] = None
+    write_table(pa.table({**columns, "who": ["anna"] * ROWS}), tmp_path / "runs.parquet")
+    sheet = read_sheet(tmp_path / "runs.parquet")
+    assert sheet.texts == {"who": "anna"}
+    assert np.isnan(sheet.numbers["a"][3]) and sheet.numbers["y"][4] == table[4, 3]
+
+
+def test_what_is_left_out_is_said(tmp_path: Path, table: Any) -> None:
+    path = tmp_path / "messy.csv"
+    lines = [
+        f"{a},{b},{'' if r < 3 else c},7,{'inf' if r == 5 else a},anna,{y}"
+        for r, (a, b, c, y) in enumerate(table)
+    ]
+    path.write_text("\n".join(["a,b,c,still,a2,who,y", *lines]))
+    sample = choose(read_sheet(path), ["y"])
+    said = " ".join(sample.remarks)
+    assert sample.factors == ("a", "b", "c", "a2")
+    assert sample.complete.sum() == ROWS - 4
+    assert "Columns of text are left out: who ('anna')" in said
+    assert "Columns that do not vary are left out: still" in said
+    assert f"4 of {ROWS} rows lack a cell" in said
+    assert "a and a2 (+1.00)" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "outputs", "sentence"),
+    [
+        (lambda t: "", ["y"], "it is empty"),
+        (lambda t: t[:4], ["y"], "it has 3 rows, and not the 64 or more that indices need"),
+        (lambda t: t, [], "say which column is the output: it has a, b, c, y"),
+        (lambda t: t, ["z"], "it has no column 'z': it has a, b, c, y"),
+        (lambda t: ["a,b,a,y", *t[1:]], ["y"], "two columns are called 'a'"),
+        (lambda t: [*t[:6], "12 kg,1,2,3", *t[7:]], ["y"], "line 7 of column a reads '12 kg'"),
+        (lambda t: [*t[:6], "1,2,3,4,5", *t[7:]], ["y"], "line 7 has 5 cells and not 4"),
+        (lambda t: [t[0], *(r.rpartition(",")[0] + ",2" for r in t[1:])], ["y"], "y is the same"),
+        (lambda t: [*t[:6], "1e101,1,2,3", *t[7:]], ["y"], "column a has numbers beyond ±1e+100"),
+        (lambda t: ["# nothing else"], ["y"], "it has no table"),
+        (lambda t: ["\ufeff"], ["y"], "it has no table"),
+        (lambda t: ["sep=;"], ["y"], "it has no table"),
+        (lambda t: [t[0], *("x" + r for r in t[1:])], ["a"], "column a is text ('x0."),
+        (lambda t: [t[0], *(r + "\0" for r in t[1:])], ["y"], "neither CSV nor Parquet"),
+        (lambda t: [t[0], *(",,," + r.rpartition(",")[2] for r in t[1:])], ["y"], "only 0 of its"),
+    ],
+)
+def test_what_cannot_be_analysed_is_one_sentence(
+    tmp_path: Path, table: Any, change: Any, outputs: list[str], sentence: str
+) -> None:
+    path = written(tmp_path / "runs.csv", table)
+    path.write_text("\n".join(change(path.read_text().splitlines())))
+    with pytest.raises(GivenError) as caught:
+        choose(read_sheet(path), outputs)
+    assert sentence in str(caught.value)
+    assert str(caught.value).startswith("runs.csv: ") and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("mark", [".", ","])
+def test_marks_that_may_be_of_thousands_are_refused(tmp_path: Path, mark: str) -> None:
+    path, other = tmp_path / "t.csv", {".": ",", ",": "."}[mark]
+    path.write_text(f"a;y\n12{mark}345;345\n345;1{mark}500\n")
+    with pytest.raises(GivenError, match=r"beside '345': the .* may be of thousands"):
+        read_sheet(path)
+    path.write_text(f"a;y\n12{mark}345;0{mark}5\n345;1{mark}5\n")
+    assert list(read_sheet(path).numbers["a"]) == [12.345, 345.0]
+    path.write_text(f"a;y\n12{mark}345;0{other}5\n13{mark}345;1{other}5\n")
+    with pytest.raises(GivenError, match="may be of thousands"):
+        read_sheet(path)
+    path.write_text(f"a;y\n12{mark}345;7{mark}000\n13{mark}345;8{mark}125\n")
+    assert list(read_sheet(path).numbers["y"]) == [7.0, 8.125]
+
+
+def test_what_spreadsheets_write_first_is_understood(tmp_path: Path) -> None:
+    path = tmp_path / "excel.csv"
+    path.write_text('sep=;\n"a\n(m)";"b; c"\n1;2\n3;4\n')
+    sheet = read_sheet(path)
+    assert sheet.columns == ("a (m)", "b; c") and list(sheet.numbers["a (m)"]) == [1.0, 3.0]
+    path.write_text('"a\n(m)",b\n1,2\nx,4\n3,3\n')
+    with pytest.raises(GivenError, match=r"line 4 of column a \(m\) reads 'x'"):
+        read_sheet(path)
+
+
+def test_parquet_of_decimals_empty_columns_and_equal_names(tmp_path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    from pyarrow.parquet import write_table
+
+    path = tmp_path / "odd.parquet"
+    y = pa.array([Decimal(row) / 4 for row in range(ROWS)])
+    write_table(pa.table({"a": list(range(ROWS)), "z": pa.nulls(ROWS), "y": y}), path)
+    sample = choose(read_sheet(path), ["y"])
+    assert sample.y[3, 0] == 0.75
+    assert sample.remarks == ("Columns that are empty are left out: z.",)
+    with pytest.raises(GivenError, match="column z is empty"):
+        choose(read_sheet(path), ["z"])
+    write_table(pa.Table.from_arrays([y, y], names=["a", "a"]), path)
+    with pytest.raises(GivenError, match="two columns are called 'a'"):
+        read_sheet(path)
