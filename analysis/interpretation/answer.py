@@ -11,7 +11,7 @@ from analysis.interpretation.errors import InterpretationError
 from analysis.interpretation.inference.familiarity import CALLED_STRANGE
 from analysis.interpretation.inference.features import RECORDED
 from analysis.interpretation.inference.interpreter import Interpreter, Known
-from analysis.interpretation.inference.posterior import TARGETS, Posterior
+from analysis.interpretation.inference.posterior import TARGETS, Posterior, View
 from analysis.interpretation.inference.rows import targets_of
 from analysis.interpretation.plan import (
     Step,
@@ -21,8 +21,9 @@ from analysis.interpretation.plan import (
     steps,
 )
 from analysis.interpretation.recording import Recording
+from analysis.interpretation.sensors import coarse, posture
 from sim.models import WINDOWS
-from sim.robot.device import NESM
+from sim.robot.device import NESM, load_device
 
 #: What is said of a recording that is unlike the bank's.
 ADVICE = (
@@ -80,8 +81,8 @@ def interpret(bank: Bank, question: Question) -> dict[str, Any]:
             bank, question, f"it was recorded by {recording.device}, and the bank is of {NESM.name}"
         )
     values = recording.values()
-    why = _unfamiliar(interpreter, recording, values)
     view = interpreter.look(values)
+    why = _unfamiliar(interpreter, recording, values) or _contrary(interpreter, view, known)
     posterior = interpreter.infer(view, known)
     offered = steps(interpreter, known)
     after = {step.factor: half_width_after(interpreter, view, known, (step,)) for step in offered}
@@ -122,6 +123,11 @@ def _unfamiliar(interpreter: Interpreter, recording: Recording, values: np.ndarr
             f"the elbow's velocity is not the slope of its angle over time: it is {gain:.2f} times "
             f"it, and off by {off:.2g} rad/s, where {allowed:.2g} is as much as goes unnoticed"
         )
+    device = load_device(NESM.name)
+    if why := posture(recording.motion, device):
+        return why
+    if why := coarse(recording.motion, device, interpreter.population.torque_zero):
+        return why
     scaled = features.scaled(values[None])[0]
     if offset := familiarity.offset(scaled):
         joint, found, most = offset
@@ -138,6 +144,22 @@ def _unfamiliar(interpreter: Interpreter, recording: Recording, values: np.ndarr
             f"distance {distance:.0f}, of the bank's own {limit:.0f} at most)"
         )
     return None
+
+
+def _contrary(interpreter: Interpreter, view: View, known: tuple[Known, ...]) -> str | None:
+    """Return what is known that does not go with the recording, or None."""
+    if not known:
+        return None
+    found, limit, worst = interpreter.surprise(view, known)
+    if found <= limit:
+        return None
+    one = known[worst]
+    unit = interpreter.population.units()[one.name]
+    return (
+        f"what was measured on the patient does not go with the recording, most of all "
+        f"{one.name} {one.value:g} {unit}: measure again (squared distance {found:.0f}, of the "
+        f"bank's own {limit:.0f} at most)"
+    )
 
 
 def _velocity_error(interpreter: Interpreter) -> float:

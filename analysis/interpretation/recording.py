@@ -14,6 +14,7 @@ from analysis.closeloop.session.reading import read_session
 from analysis.closeloop.session.trial_csv import read_trial
 from analysis.interpretation.bank.archive import is_finite, read_arrays
 from analysis.interpretation.errors import InterpretationError
+from analysis.interpretation.sensors import impossible
 from sim.assessment.summary import (
     AFTER,
     BEFORE,
@@ -170,6 +171,8 @@ def _check(motion: Motion, source: str) -> None:
             raise InterpretationError(f"{source}: {name} has values that are not finite")
     if not (np.diff(motion.time) > 0.0).all():
         raise InterpretationError(f"{source}: time must rise from sample to sample")
+    if why := impossible(motion):
+        raise InterpretationError(f"{source}: {why}")
 
 
 def _from_session(folder: Path) -> Recording:

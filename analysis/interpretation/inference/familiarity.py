@@ -79,7 +79,7 @@ class Familiarity:
     @property
     def limit(self) -> float:
         """Squared distance beyond which a recording is strange."""
-        return _quantile(self.distances, CALLED_STRANGE)
+        return beyond(self.distances, CALLED_STRANGE)
 
     def distance(self, scaled: np.ndarray) -> float:
         """Return the squared distance of a scaled recording, shape (both,)."""
@@ -94,7 +94,7 @@ class Familiarity:
         """
         found = _constants(scaled[None] - self.mean, self.precision)[0]
         joint = int(np.argmax(np.abs(found / self.constants)))
-        most = _quantile(self.largest, CALLED_OFFSET) * float(self.constants[joint])
+        most = beyond(self.largest, CALLED_OFFSET) * float(self.constants[joint])
         return (joint, float(found[joint]), most) if abs(found[joint]) > most else None
 
     def strangest(self, scaled: np.ndarray) -> str:
@@ -129,7 +129,7 @@ def _constants(away: np.ndarray, precision: np.ndarray) -> np.ndarray:
     return np.asarray(away @ weighted / (CONSTANTS.T * weighted).sum(axis=0))
 
 
-def _quantile(ordered: np.ndarray, share: float) -> float:
+def beyond(ordered: np.ndarray, share: float) -> float:
     """Return what a share of new values is expected beyond, of n sorted ones, conformally."""
     place = int(np.ceil((1.0 - share) * (len(ordered) + 1))) - 1
     return float(ordered[min(place, len(ordered) - 1)])

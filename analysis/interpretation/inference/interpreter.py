@@ -19,10 +19,16 @@ from analysis.interpretation.bank.bank import Bank
 from analysis.interpretation.bank.population import Population
 from analysis.interpretation.errors import InterpretationError
 from analysis.interpretation.inference.any_muscles import AnyMuscles, any_muscles, has_sets
-from analysis.interpretation.inference.familiarity import Familiarity
+from analysis.interpretation.inference.familiarity import Familiarity, beyond
 from analysis.interpretation.inference.features import Features
 from analysis.interpretation.inference.gaussian_process import GaussianProcess
-from analysis.interpretation.inference.posterior import TARGETS, Posterior, View, corrected
+from analysis.interpretation.inference.posterior import (
+    TARGETS,
+    Posterior,
+    View,
+    corrected,
+    squared,
+)
 from analysis.interpretation.inference.rows import noisy, normal_scores, positions, targets_of
 
 #: Rows around a recording whose errors are like its own.
@@ -31,6 +37,8 @@ NEIGHBOURS = 40
 LOCAL_WEIGHT = 0.8
 #: By how much the errors' correlation is shrunk towards none.
 SHRINKAGE = 0.05
+#: Share of patients of whom what is known is said not to go with the recording.
+CALLED_CONTRARY = 0.01
 #: Fewest rows to learn from.
 LEAST_ROWS = 4 * NEIGHBOURS
 #: Fewest rows with contact from which its correction is learnt.
@@ -195,6 +203,22 @@ class Interpreter:
         centre, spread = view.corrected(columns, values, sds)
         return Posterior(centre=centre, spread=spread, scores=self._scores(columns, sds))
 
+    def surprise(self, view: View, known: tuple[Known, ...]) -> tuple[float, float, int]:
+        """Return how far what is known is from what a recording says of it.
+
+        Returns:
+            The squared distance, that beyond which CALLED_CONTRARY of the bank's rows are if they
+            are measured alike, and which of `known` is farthest by itself.
+        """
+        columns, values, sds = self._measured(known)
+        away, count = values - view.mean[columns], len(TARGETS)
+        own = view.covariance[np.ix_(columns, columns)] + np.diag(sds**2)
+        errors, every = self._as_measured(columns, sds)
+        distances = squared(errors, every[:, count:, count:] + np.diag(sds**2))
+        worst = int(np.argmax(np.abs(away) / np.sqrt(np.diag(own))))
+        limit = beyond(np.sort(distances), CALLED_CONTRARY)
+        return float(squared(away[None], own[None])[0]), limit, worst
+
     def whatever_muscles(
         self, recorded: np.ndarray, known: tuple[Known, ...] = ()
     ) -> Posterior | None:
@@ -236,14 +260,16 @@ class Interpreter:
 
     def residual_scores(self, columns: np.ndarray, sds: np.ndarray) -> np.ndarray:
         """Return the scores of the bank's rows, not sorted, shape (rows, TARGETS)."""
-        covariances = self._covariances(self._own_neighbours, columns)
-        rng = np.random.default_rng(0)
-        noise = rng.standard_normal((len(self.errors), len(columns))) * sds
-        # What is measured is off by what it is measured to: so are the differences to its mean.
-        surprise = self.errors[:, columns] + noise
+        surprise, covariances = self._as_measured(columns, sds)
         own = self.errors[:, : len(TARGETS)]
         centre, spread = corrected(np.zeros_like(own), covariances, surprise, sds)
         return np.asarray((own - centre) / spread)
+
+    def _as_measured(self, columns: np.ndarray, sds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return errors of `columns` if they were measured, and covariances, of the bank's rows."""
+        noise = np.random.default_rng(0).standard_normal((len(self.errors), len(columns))) * sds
+        # What is measured is off by what it is measured to: so are the differences to its mean.
+        return self.errors[:, columns] + noise, self._covariances(self._own_neighbours, columns)
 
     @cached_property
     def _own_neighbours(self) -> np.ndarray:

@@ -79,6 +79,12 @@ def corrected(
     return mean, np.sqrt(np.maximum(variance, 1e-10))
 
 
+def squared(away: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """Return squared Mahalanobis distances (1936) of n vectors (n, k), shape (n,)."""
+    solved = np.linalg.solve(covariances, away[..., None])[..., 0]
+    return np.asarray((away * solved).sum(axis=1))
+
+
 def _quantiles(ordered: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
     """Return quantiles of sorted scores (n, m), as wide as few scores must be, (k, m)."""
     count = len(ordered)

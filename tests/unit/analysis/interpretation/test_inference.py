@@ -64,6 +64,23 @@ def test_what_is_measured_on_the_patient_narrows_the_interval_and_moves_it_to_th
     assert np.mean(inside) > 0.78
 
 
+def test_what_is_known_must_go_with_the_recording(interpreter: Interpreter) -> None:
+    column = interpreter.population.names.index("forearm_mass")
+    contrary = []
+    for row in range(60):
+        right = Known(name="forearm_mass", value=float(FRESH.factors[row, column]), sd=0.02)
+        found, limit, _ = interpreter.surprise(interpreter.look(RECORDINGS[row]), (right,))
+        contrary.append(found > limit)
+    assert np.mean(contrary) < 0.06
+    # A recording that shows the mass to a hundredth of that, and a wearer of whom another is known.
+    view = interpreter.look(RECORDINGS[0])
+    sure = replace(view, covariance=1e-4 * view.covariance)
+    other = Known(name="forearm_mass", value=1.45, sd=0.02)
+    length = Known(name="forearm_length", value=0.3, sd=0.05)
+    found, limit, worst = interpreter.surprise(sure, (length, other))
+    assert found > limit and worst == 1
+
+
 def test_the_half_width_to_expect_is_the_one_that_comes(interpreter: Interpreter) -> None:
     for row in range(10):
         view = interpreter.look(RECORDINGS[row])
