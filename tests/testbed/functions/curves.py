@@ -117,6 +117,34 @@ def waves(points: int) -> CurveFunction:
     return CurveFunction(terms=terms, shapes=shapes, parts=parts, factors=5)
 
 
+def decays(points: int) -> CurveFunction:
+    """Return what begins as a product of two factors and decays into those of three others.
+
+    (1 + z1) (1 + z2) e^-3t + e^u3 t + u4^2 sin(pi t) + z1 t^2 of standardised factors z and such
+    from 0 to 1, u. Nothing was set on it.
+    """
+    t = np.linspace(0.0, 1.0, points)
+
+    def terms(unit: Array) -> Array:
+        z = np.sqrt(12.0) * (unit - 0.5)
+        product = (1.0 + z[..., 0]) * (1.0 + z[..., 1])
+        return np.stack([product, np.exp(unit[..., 2]), unit[..., 3] ** 2, z[..., 0]], axis=-1)
+
+    of_exp = 0.5 * (np.e**2 - 1.0) - (np.e - 1.0) ** 2
+    return CurveFunction(
+        terms=terms,
+        shapes=np.stack([np.exp(-3.0 * t), t, np.sin(np.pi * t), t * t], axis=-1),
+        parts={
+            frozenset({0}): _only(1.0, (0, 0), (0, 3), (3, 3), terms=4),
+            frozenset({1}): _only(1.0, (0, 0), terms=4),
+            frozenset({0, 1}): _only(1.0, (0, 0), terms=4),
+            frozenset({2}): _only(of_exp, (1, 1), terms=4),
+            frozenset({3}): _only(4.0 / 45.0, (2, 2), terms=4),
+        },
+        factors=4,
+    )
+
+
 def gamboa(a: float, b: float) -> CurveFunction:
     """Return (x1 + x2 + x1 x2, a x1 + x2 + b x1 x2) of standard normal factors.
 

@@ -17,7 +17,13 @@ from analysis.sensitivity.curves.points import MOST_POINTS, looked_at
 from analysis.sensitivity.curves.whole import generalised
 from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
 from models.curves import Curve
-from tests.testbed.functions.curves import CurveFunction, gamboa, ishigami_over_time, waves
+from tests.testbed.functions.curves import (
+    CurveFunction,
+    decays,
+    gamboa,
+    ishigami_over_time,
+    waves,
+)
 
 Array = NDArray[np.float64]
 SEED = 5
@@ -52,7 +58,9 @@ def values(entries: dict[str, Any], index: str) -> list[float]:
     return [entry[index]["value"] for entry in entries.values()]
 
 
-@pytest.mark.parametrize("function", [ishigami_over_time(6), waves(12), gamboa(1.5, 0.5)])
+@pytest.mark.parametrize(
+    "function", [ishigami_over_time(6), waves(12), decays(8), gamboa(1.5, 0.5)]
+)
 def test_indices_at_points_of_the_whole_and_of_scores_come_to_their_closed_forms(
     function: CurveFunction,
 ) -> None:
