@@ -104,6 +104,23 @@ def answer(sample: Sample) -> dict[str, Any]:
         )
     designed = {} if found is None else layout.indices(found, sample.x, sample.y, LEVEL)
     measures = MEASURES if len(rows) else ()
+    of_samples = {
+        name: {
+            m.name: _withheld(sample.factors)
+            if m.name in withheld
+            else _of_sample(m, x, y[:, o], sample.factors)
+            for m in measures
+        }
+        for o, name in enumerate(sample.outputs)
+    }
+    for name, found_of in of_samples.items():
+        if any(
+            one["value"] is None or one["low"] is None for one in found_of.get("delta", {}).values()
+        ):
+            remarks.append(
+                f"delta of {name} is not told, or without an interval: its tail is too heavy for a "
+                "density between its extremes; give its logarithm or its ranks."
+            )
     return {
         "file": sample.file,
         "rows": len(sample.x),
@@ -126,12 +143,7 @@ def answer(sample: Sample) -> dict[str, Any]:
                 "mean": _number(float(sample.y[complete, o].mean())),
                 "sd": _number(float(sample.y[complete, o].std(ddof=1))),
                 "design": _of_design(designed, o, sample.factors),
-                "measures": {
-                    m.name: _withheld(sample.factors)
-                    if m.name in withheld
-                    else _of_sample(m, x, y[:, o], sample.factors)
-                    for m in measures
-                },
+                "measures": of_samples[name],
             }
             for o, name in enumerate(sample.outputs)
         },

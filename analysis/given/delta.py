@@ -19,14 +19,16 @@ _MOST_CLASSES = 48
 def delta(x: Array, y: Array) -> Array:
     """Return Borgonovo's delta, equation 26 of Plischke, Borgonovo and Smith 2013.
 
-    Classes of values that are all the same have no density, and are left out.
+    Classes of values that are all the same have no density, and are left out. Where a density is so
+    narrow that it lies between points, or upon one, what is found says nothing, and may be above 1,
+    which no delta is.
 
     Args:
         x: shape (rows, factors).
         y: shape (rows,).
 
     Returns:
-        Shape (factors,).
+        Shape (factors,), nan where it would be above 1.
     """
     rows = len(y)
     # The classes of a factor, of equal size: as many as SALib cuts a sample in.
@@ -43,7 +45,7 @@ def delta(x: Array, y: Array) -> Array:
             if len(of_class) and np.ptp(of_class) > 0.0:
                 apart = np.trapezoid(np.abs(whole - _density(of_class, grid)), grid)
                 found[i] += 0.5 * len(of_class) / rows * apart
-    return found
+    return np.where(found <= 1.0, found, np.nan)
 
 
 def _density(values: Array, grid: Array) -> Array:

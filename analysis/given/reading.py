@@ -36,6 +36,10 @@ _TRUTHS = {"true": 1.0, "false": 0.0}
 _LARGEST = 1e100
 #: What programs write where there is no number, besides nothing.
 _MISSING = ("", "na", "n/a", "nan", "-nan", "null", "none", "-", "?", "#n/a", "#na", "<na>")
+#: Marks of thousands that no decimal sign looks like, minus signs that are none, and percent.
+_GROUPED = re.compile(r"(?<=\d)['\u2019 \u00a0\u202f\u2009](?=\d{3}(?!\d))")
+_MINUS = re.compile(r"^[\u2212\u2013](?=[\d.,])")
+_PERCENT = re.compile(r"(?<=\d)\s?%$")
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 #: Of a column with more than this share of text, all of it is text, and not a number gone wrong.
 _TEXT = 0.5
@@ -241,8 +245,10 @@ def _numbers(
     odd = np.flatnonzero(np.isnan(numbers))
     wrong: list[int] = []
     for at in odd.tolist():
-        cell = stripped.iloc[at]
-        if _COMMA_NUMBER.fullmatch(cell):
+        cell = _plain(stripped.iloc[at])
+        if _NUMBER.fullmatch(cell):
+            numbers[at] = float(cell)
+        elif _COMMA_NUMBER.fullmatch(cell):
             numbers[at] = float(cell.replace(",", "."))
         elif cell.lower() in _TRUTHS:
             numbers[at] = _TRUTHS[cell.lower()]
@@ -261,6 +267,11 @@ def _numbers(
         )
     numbers[~np.isfinite(numbers)] = np.nan
     return _checked(file, name, numbers)
+
+
+def _plain(cell: str) -> str:
+    """Return a number as programs read it: 1 234 and −5 and 12 % without what people add."""
+    return _PERCENT.sub("", _GROUPED.sub("", _MINUS.sub("-", cell)))
 
 
 def _checked(file: str, name: str, numbers: NDArray[np.float64]) -> NDArray[np.float64]:

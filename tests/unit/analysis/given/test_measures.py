@@ -140,3 +140,26 @@ def test_numbers_too_small_for_their_squares_are_one_sentence(tmp_path: Path, ta
     path = written(tmp_path / "tiny.csv", table * [1.0, 1.0, 1.0, 1e-310])
     with pytest.raises(GivenError, match=r"column y has no number beyond ±1e-100"):
         read_sheet(path)
+
+
+def test_of_a_tail_too_heavy_for_a_density_delta_is_not_told(tmp_path: Path) -> None:
+    rng = np.random.default_rng(12)
+    x, y = rng.random((96, 2)), np.exp(40.0 * rng.normal(size=96))
+    found = analyse(written(tmp_path / "h.csv", np.column_stack([x, y]), "a,b,y"), ["y"])
+    assert found["outputs"]["y"]["measures"]["delta"]["a"]["value"] is None
+    assert "delta of y is not told" in " ".join(found["remarks"])
+
+
+def test_one_factor_two_that_are_the_same_and_one_that_is_the_output(
+    tmp_path: Path, table: Any
+) -> None:
+    alone = analyse(written(tmp_path / "one.csv", table[:, [0, 3]], "a,y"), ["y"])
+    assert alone["outputs"]["y"]["measures"]["hdmr"]["a"]["value"] > 0.1
+    twice = table[:, [0, 0, 3]]
+    found = analyse(written(tmp_path / "two.csv", twice, "a,b,y"), ["y"])
+    assert "a and b (+1.00)" in " ".join(found["remarks"])
+    shares = found["outputs"]["y"]["measures"]["hdmr"]
+    assert shares["a"]["value"] == pytest.approx(shares["b"]["value"], abs=1e-6)
+    itself = analyse(written(tmp_path / "is.csv", table[:, [0, 1, 0]], "a,b,y"), ["y"])
+    for name in ("rbd_fast", "hdmr", "hsic"):
+        assert itself["outputs"]["y"]["measures"][name]["a"]["value"] == pytest.approx(1, abs=0.05)

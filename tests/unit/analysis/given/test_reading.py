@@ -175,3 +175,30 @@ def test_parquet_of_decimals_empty_columns_and_equal_names(tmp_path: Path) -> No
     write_table(pa.Table.from_arrays([y, y], names=["a", "a"]), path)
     with pytest.raises(GivenError, match="two columns are called 'a'"):
         read_sheet(path)
+
+
+@pytest.mark.parametrize(
+    "dressed",
+    ["1'234", "1 234", "1\u00a0234", "1\u202f234", "\u22121234", "12 %", "12%", "1 234,5"],
+)
+def test_numbers_as_people_write_them_are_numbers(tmp_path: Path, dressed: str) -> None:
+    path = tmp_path / "people.csv"
+    path.write_text(f"a;y\n{dressed};1\n7;2\n", encoding="utf-8")
+    plain = {"\u22121234": -1234.0, "12 %": 12.0, "12%": 12.0, "1 234,5": 1234.5}
+    assert list(read_sheet(path).numbers["a"]) == [plain.get(dressed, 1234.0), 7.0]
+
+
+def test_no_date_and_no_two_numbers_in_a_cell_are_a_number(tmp_path: Path) -> None:
+    path = tmp_path / "dates.csv"
+    path.write_text("a;b;c;y\n2026-01-02;12 34;1 2345;1\n2026-01-03;56 78;2 3456;2\n")
+    assert set(read_sheet(path).texts) == {"a", "b", "c"}
+
+
+@pytest.mark.parametrize(
+    "names", ["\u03b1,\u0434\u043b\u0438\u043d\u0430,\u91cd\u3055,\u00ff", "A,a,A a,\u00c4"]
+)
+def test_names_are_any_text(tmp_path: Path, table: Any, names: str) -> None:
+    path = written(tmp_path / "names.csv", table)
+    path.write_text(path.read_text().replace("a,b,c,y", names), encoding="utf-8")
+    output = names.rpartition(",")[2]
+    assert ",".join((*choose(read_sheet(path), [output]).factors, output)) == names
