@@ -53,7 +53,7 @@ def look(asked: Look) -> dict[str, Any]:
         "factors": list(study.plan.distributions),
         "x": x,
         "y": y,
-        "units": units_of(asked, study),
+        "units": units_of(asked.engine, study),
         "figures": {"failures": _figure(asked, study, seen, x, y)},
     }
 

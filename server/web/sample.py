@@ -6,11 +6,18 @@ all of them do; they are looked for again when the rows have doubled, so an open
 
 import json
 from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
 from threading import Lock
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from sqlalchemy.engine import Engine
 
+from analysis.reports import figures
+from analysis.reports.figures.shared import plain
+from analysis.reports.wording import words
 from server.logic.study.points import parameters
 from server.operations import watching
 from server.records import Study
@@ -18,7 +25,7 @@ from server.records import Study
 #: Rows that are looked at; of each the first point, which is independent of the other rows'.
 MOST_ROWS = 1024
 #: Answers that are remembered, and points.
-MOST_KEPT = 16
+MOST_KEPT = 48
 MOST_POINTS = 10_000
 
 _points: OrderedDict[tuple[str, int, int, int], dict[str, float]] = OrderedDict()
@@ -48,28 +55,37 @@ def point(study: Study, row: int, position: int) -> dict[str, float]:
     return found
 
 
-def runs(engine: Engine, study: Study, output: str) -> bytes:
-    """Return the runs as JSON: {"rows", "of", "factors", "columns", "output", "outcomes"}."""
+def shown(
+    engine: Engine, study: Study, output: str, factor: str, other: str, units: Mapping[str, str]
+) -> bytes:
+    """Return figures of the runs as JSON.
+
+    Args:
+        output: what they are of.
+        factor, other: the two that are drawn; the first ones for names that the study lacks.
+        units: of factors and outputs by name.
+
+    Returns:
+        {"rows", "of", "factors", "factor", "other", "table", "figures": by name}.
+    """
     edition, rows = version(study)
-    key = (study.id, edition, rows, output)
+    factors = list(study.plan.distributions)
+    x = factor if factor in factors else next((n for n in factors if n != other), factors[0])
+    y = other if other in factors else next((n for n in factors if n != x), x)
+    key = (study.id, edition, rows, output, x, y)
     with _lock:
         if key in _answers:
             return _answers[key]
-    found = watching.first_of_rows(engine, study.id, rows=rows)
-    factors = list(study.plan.distributions)
-    there = [row for row in range(rows) if row in found]
+    runs = _Runs.of(engine, study, output, rows)
     answer = json.dumps(
         {
-            "rows": len(there),
+            "rows": len(runs.row),
             "of": study.plan.rows,
             "factors": factors,
-            "output": output,
-            "columns": {
-                name: [_short(point(study, row, 0)[name]) for row in there] for name in factors
-            }
-            | {output: [_short((found[row][1] or {}).get(output)) for row in there]},
-            "outcomes": [found[row][0] for row in there],
-            "row": there,
+            "factor": x,
+            "other": y,
+            "table": runs.table(output),
+            "figures": runs.figures(output, x, y, units) if runs.row else {},
         }
     ).encode()
     with _lock:
@@ -79,6 +95,75 @@ def runs(engine: Engine, study: Study, output: str) -> bytes:
     return answer
 
 
-def _short(value: float | None) -> float | None:
-    """Return a number with six digits: more than a screen shows."""
-    return None if value is None else float(f"{value:.6g}")
+@dataclass(frozen=True, kw_only=True)
+class _Runs:
+    """Runs that are there: where, what came of them, their factors (n, factors), their output."""
+
+    factors: list[str]
+    row: list[int]
+    outcome: list[str]
+    points: NDArray[np.float64]
+    #: NaN where there is none.
+    values: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, engine: Engine, study: Study, output: str, rows: int) -> "_Runs":
+        found = watching.first_of_rows(engine, study.id, rows=rows)
+        there = [row for row in range(rows) if row in found]
+        factors = list(study.plan.distributions)
+        said = [(found[row][1] or {}).get(output) for row in there]
+        points = [[point(study, row, 0)[name] for name in factors] for row in there]
+        return cls(
+            factors=factors,
+            row=there,
+            outcome=[found[row][0] for row in there],
+            points=np.array(points, dtype=float).reshape(len(there), len(factors)),
+            # Of a curve no run has one number.
+            values=np.array([v if isinstance(v, int | float) else np.nan for v in said]),
+        )
+
+    def table(self, output: str) -> dict[str, Any]:
+        """Return them as a table, with six digits: more than a screen shows."""
+        numbers = np.column_stack([self.points, self.values]).tolist()
+        return {
+            "head": ["row", "outcome", *self.factors, output],
+            "rows": [
+                [row, outcome, *(None if v != v else float(f"{v:.6g}") for v in line)]
+                for row, outcome, line in zip(self.row, self.outcome, numbers, strict=True)
+            ],
+        }
+
+    def figures(
+        self, output: str, x: str, y: str, units: Mapping[str, str]
+    ) -> dict[str, figures.Figure]:
+        """Return what is drawn of them; those that failed glow."""
+        good = np.isfinite(self.values)
+        bad = np.array([outcome != "ok" for outcome in self.outcome], dtype=bool)
+        i, j = self.factors.index(x), self.factors.index(y)
+        told = [
+            f"row {row}<br>{plain(words(x))} {line[i]:.4g}<br>{plain(words(y))} {line[j]:.4g}<br>"
+            f"{plain(words(output))} {f'{value:.4g}' if value == value else plain(words(outcome))}"
+            for row, outcome, line, value in zip(
+                self.row, self.outcome, self.points, self.values, strict=True
+            )
+        ]
+        values = self.values[good]
+        say: dict[str, Any] = {
+            "told": [text for text, shown in zip(told, good, strict=True) if shown],
+            "of_failed": [text for text, shown in zip(told, bad, strict=True) if shown],
+        }
+        unit, named = units.get(output, ""), ((x, units.get(x, "")), (y, units.get(y, "")))
+        return {
+            "scatter": figures.against(
+                *(self.points[good, i], values, x, output, unit, units.get(x, "")),
+                failed=self.points[bad, i],
+                **say,
+            ),
+            "distribution": figures.distribution(values, output, unit),
+            "pair": figures.pair(
+                *(self.points[good][:, [i, j]], values, named, (output, unit)),
+                failed=self.points[bad][:, [i, j]],
+                **say,
+            ),
+            "parallel": figures.parallel(self.points[good], values, self.factors, output),
+        }

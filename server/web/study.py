@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from fastapi import APIRouter, Request, Response
+from sqlalchemy.engine import Engine
 
 from analysis.reports import tables
 from analysis.reports.figures import (
@@ -45,7 +46,7 @@ def look(asked: Look) -> dict[str, Any]:
     goal = precision_goals.of(asked.engine, study.id)
     output, name, form = chosen(study, asked.choices, goal.output if goal else None)
     snapshot = snapshot_of(asked, study)
-    units = units_of(asked, study)
+    units = units_of(asked.engine, study)
     unit = units.get(output, "")
     target = goal.target if goal and goal.output == output else None
     advice = advise(snapshot, output, target)
@@ -108,10 +109,13 @@ PAGE = Page(
 
 @router.get("/studies/{study_id}/sample")
 def runs(study_id: Id, store: Store, request: Request) -> Response:
-    """Return some runs of a study, of which a page draws what the pointer touches."""
+    """Return figures of some runs of a study, about the factor that the pointer touches."""
     study = studies.get(store, study_id)
-    output, _, _ = chosen(study, request.query_params, None)
-    content = sample.runs(store, study, output)
+    choices = request.query_params
+    output, _, _ = chosen(study, choices, None)
+    factor, other = choices.get("factor", ""), choices.get("other", "")
+    units = units_of(store, study)
+    content = sample.shown(store, study, output, factor, other, units)
     return Response(content, media_type="application/json", headers={"Cache-Control": "no-store"})
 
 
@@ -138,10 +142,10 @@ def forms_of(study: Study, name: str) -> list[tuple[str, str]]:
     return [(end, said) for end, said in FORMS.items() if name + end in _outputs(study)]
 
 
-def units_of(asked: Look, study: Study) -> dict[str, str]:
+def units_of(engine: Engine, study: Study) -> dict[str, str]:
     """Return the units of a study's factors and outputs; none where the model is not known."""
     try:
-        model = models.get(asked.engine, study.plan.model).description
+        model = models.get(engine, study.plan.model).description
     except NotFoundError:
         return {}
     found = {factor.name: factor.unit for factor in model.factors} | dict(model.units)

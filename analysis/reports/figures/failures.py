@@ -3,10 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from analysis.reports.figures.shared import FAINT, Figure, axis, figure, plain
+from analysis.reports.figures.shared import FAINT, GLOW, Figure, axis, figure, plain
 from analysis.reports.wording import words
-
-GLOW = "#ff5a1f"
 
 
 def failures(

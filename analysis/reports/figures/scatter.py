@@ -6,7 +6,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reports.figures.shared import COLOURS, WHOLE, Figure, axis, beside, figure, plain
+from analysis.reports.figures.shared import (
+    COLOURS,
+    GLOW,
+    WHOLE,
+    Figure,
+    axis,
+    beside,
+    figure,
+    plain,
+)
 from analysis.reports.wording import with_unit
 
 #: Equal intervals of a factor's values, as in the paper.
@@ -52,9 +61,22 @@ def against(
     unit: str,
     own: str,
     *,
-    first: bool,
+    first: bool = True,
+    told: Sequence[str] = (),
+    failed: NDArray[np.float64] | None = None,
+    of_failed: Sequence[str] = (),
 ) -> Figure:
-    """Draw one panel of it (paper, figure 12)."""
+    """Draw one panel of it (paper, figure 12).
+
+    Args:
+        x, values: the factor and the output of each run, shape (n,).
+        name, own: of the factor, and its unit.
+        output, unit: the same of the output.
+        first: whether it has a vertical axis of its own.
+        told: what the pointer is told of each run; nothing if empty.
+        failed: the factor of runs without a value, which glow below the others.
+        of_failed: what the pointer is told of them.
+    """
     centres, means = bin_means(x, values)
     mark: dict[str, Any] = {"size": 3 if len(values) > 400 else 5, "opacity": 0.4}
     data = [
@@ -67,7 +89,7 @@ def against(
             "marker": {**mark, "color": "#333333"},
             "meta": [name, output],
             "showlegend": False,
-            "hoverinfo": "skip",
+            **telling(told),
         },
         {
             "type": "scatter",
@@ -80,12 +102,29 @@ def against(
             "hoverinfo": "skip",
         },
     ]
+    if failed is not None and failed.size:
+        floor = float(values.min()) if values.size else 0.0
+        data.append(glowing(failed.tolist(), [floor] * failed.size, of_failed))
     return figure(
         data,
         280,
         xaxis=axis(plain(with_unit(name, own)), nticks=6),
         yaxis=axis(plain(with_unit(output, unit)), **({} if first else {"matches": "y"})),
     )
+
+
+def telling(told: Sequence[str]) -> dict[str, Any]:
+    """Return what a trace of runs tells the pointer (paper, figure 12)."""
+    if not told:
+        return {"hoverinfo": "skip"}
+    return {"hovertext": list(told[:DRAWN]), "hovertemplate": "%{hovertext}<extra></extra>"}
+
+
+def glowing(x: list[float], y: list[float], told: Sequence[str]) -> dict[str, Any]:
+    """Return the trace of runs that failed (paper, section 3.3: what they depend on)."""
+    look = {"size": 9, "color": GLOW, "symbol": "x", "line": {"width": 1, "color": "#ffffff"}}
+    mark = {"name": "failed", "marker": look, "showlegend": False}
+    return {"type": "scatter", "mode": "markers", "x": x, "y": y, **mark, **telling(told)}
 
 
 def bin_means(

@@ -23,6 +23,8 @@ Interval = Mapping[str, float | None]
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#B8A800")
 MARKS = ("circle", "square", "diamond", "triangle-up", "triangle-down", "star", "cross", "pentagon")
 FAINT = "#8C8C8C"
+#: Of what failed.
+GLOW = "#ff5a1f"
 LIGHT = "#9CC9E8"
 
 #: Lines in one figure: more than there are colours could not be told apart.
@@ -129,6 +131,7 @@ def names_axis(names: Sequence[str], **more: Any) -> dict[str, Any]:
         "range": [len(names) - 0.5, -0.5],
         "automargin": True,
         "ticksuffix": "  ",
+        "zeroline": False,
         **more,
     }
 

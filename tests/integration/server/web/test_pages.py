@@ -128,11 +128,23 @@ def test_any_choice_is_answered(client: TestClient, house: House, choices: str) 
 def test_runs_are_a_bounded_sample_and_failures_lie_where_they_happened(
     client: TestClient, house: House
 ) -> None:
-    runs = client.get(f"/studies/{house.study}/sample").json()
-    assert runs["rows"] == runs["of"] == 16 and set(runs["columns"]) == {"x1", "x2", "x3", "y"}
-    failed = [place for place, outcome in enumerate(runs["outcomes"]) if outcome != "ok"]
-    for place in failed:
-        assert runs["columns"]["x1"][place] > 2.0 and runs["columns"]["y"][place] is None
+    runs = client.get(f"/studies/{house.study}/sample?factor=x1&other=x1").json()
+    assert runs["rows"] == runs["of"] == 16 and (runs["factor"], runs["other"]) == ("x1", "x1")
+    assert runs["table"]["head"] == ["row", "outcome", "x1", "x2", "x3", "y"]
+    failed = [line for line in runs["table"]["rows"] if line[1] != "ok"]
+    assert failed and all(x1 > 2.0 and y is None for _, _, x1, _, _, y in failed)
+    glowing = runs["figures"]["scatter"]["data"][-1]
+    assert glowing["x"] == pytest.approx([line[2] for line in failed], rel=1e-5)
+    good = runs["figures"]["pair"]["data"][0]
+    assert len(good["x"]) == len(good["hovertext"]) == 16 - len(failed)
+
+
+def test_any_factor_that_is_asked_for_is_answered(client: TestClient, house: House) -> None:
+    for query in ("?factor=none&other=%00", "?factor=x3", "?output=y&other=x1"):
+        runs = client.get(f"/studies/{house.study}/sample{query}").json()
+        assert {runs["factor"], runs["other"]} <= {"x1", "x2", "x3"}
+        assert runs["factor"] != runs["other"], query
+    assert client.get(f"/studies/{house.study}/sample?output=w").status_code == 404
 
 
 @pytest.mark.parametrize("method", ["morris", "saltelli_second_order"])

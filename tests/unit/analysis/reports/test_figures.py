@@ -3,9 +3,10 @@
 import json
 from typing import Any
 
+import numpy as np
 import pytest
 
-from analysis.reports.figures import bars, convergence, failures, plane, precision
+from analysis.reports.figures import bars, convergence, failures, parallel, plane, precision
 from analysis.reports.figures.shared import COLOURS, plain
 from analysis.sensitivity.judgement.stopping import advise
 from analysis.sensitivity.service import analyse
@@ -109,3 +110,20 @@ def test_a_plot_of_failures_says_how_many_of_how_many_it_shows() -> None:
     assert found is not None
     names = [trace["name"] for trace in found["data"] if "name" in trace]
     assert names == ["ok, 1 of 1,234", "diverged, 2 of 5"]
+
+
+def test_lines_of_runs_are_coloured_by_their_output_and_as_many_of_each_colour() -> None:
+    points = np.array([[i, (7 * i) % 20] for i in range(20)], dtype=float)
+    figure = parallel(points, points[:, 0] ** 2, ["a", "b"], "y")
+    assert [trace["name"] for trace in figure["data"]] == [
+        "0 to 9",
+        "16 to 49",
+        "64 to 121",
+        "144 to 225",
+        "256 to 361",
+    ]
+    largest = figure["data"][-1]
+    # Four runs of three numbers, with a gap behind each; the largest a is at the top.
+    assert len(largest["y"]) == 16 and largest["y"][3] is None and max(largest["y"][::4]) == 1.0
+    assert parallel(points, np.ones(20), ["a", "b"], "y")["data"] == []
+    assert parallel(points[:0], np.ones(0), ["a", "b"], "y")["data"] == []
