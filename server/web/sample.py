@@ -153,7 +153,7 @@ class _Runs:
             "of_failed": [text for text, shown in zip(told, bad, strict=True) if shown],
         }
         unit, named = units.get(output, ""), ((x, units.get(x, "")), (y, units.get(y, "")))
-        return {
+        drawn = {
             "scatter": figures.against(
                 *(self.points[good, i], values, x, output, unit, units.get(x, "")),
                 failed=self.points[bad, i],
@@ -167,3 +167,7 @@ class _Runs:
             ),
             "parallel": figures.parallel(self.points[good], values, self.factors, output),
         }
+        for name in ("scatter", "distribution", "pair"):
+            # They stand beside each other.
+            drawn[name]["layout"]["height"] = 350
+        return drawn

@@ -9,6 +9,7 @@ from typing import Any
 from analysis.designs import family
 from analysis.reports.figures.shared import (
     COLOURS,
+    INK,
     Figure,
     Snapshot,
     axis,
@@ -140,7 +141,7 @@ def components(snapshot: Snapshot, name: str, unit: str = "") -> Figure:
     at, mean = list(said["axis"]), said["mean"]
     group = {"type": "scatter", "mode": "lines", "x": at, "hoverinfo": "skip"}
     data: list[dict[str, Any]] = [
-        {**group, "name": "mean", "y": list(mean), "line": {"width": 1.8, "color": "#000000"}}
+        {**group, "name": "mean", "y": list(mean), "line": {"width": 1.8, "color": INK}}
     ]
     for c, one in enumerate(said["components"]):
         label = f"component {c + 1}, {one['share']['value']:.0%} of the variance"

@@ -11,8 +11,8 @@ from analysis.reports.wording import words
 #: Runs that are drawn, and parts of equally many into which their outputs are sorted.
 MOST_RUNS = 400
 PARTS = 5
-#: Of the parts, the least outputs first: five steps of Viridis.
-_COLOURS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#e6b800")
+#: Of the parts, the least outputs first: from blue to red, seen on white and on black.
+_COLOURS = ("#4575b4", "#74add1", "#8c8c8c", "#f46d43", "#d73027")
 
 
 def parallel(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from analysis.reports.figures.shared import (
     COLOURS,
     GLOW,
+    INK,
     WHOLE,
     Figure,
     axis,
@@ -86,7 +87,7 @@ def against(
             "name": "runs",
             "x": x[:DRAWN].tolist(),
             "y": values[:DRAWN].tolist(),
-            "marker": {**mark, "color": "#333333"},
+            "marker": {**mark, "color": INK},
             "meta": [name, output],
             "showlegend": False,
             **telling(told),

@@ -23,6 +23,8 @@ Interval = Mapping[str, float | None]
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#B8A800")
 MARKS = ("circle", "square", "diamond", "triangle-up", "triangle-down", "star", "cross", "pentagon")
 FAINT = "#8C8C8C"
+#: What a page shows in its own ink, also where it is dark.
+INK = "#000000"
 #: Of what failed.
 GLOW = "#ff5a1f"
 LIGHT = "#9CC9E8"
