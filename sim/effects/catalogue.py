@@ -33,6 +33,7 @@ EFFECTS: tuple[Effect, ...] = (
     friction.PositionDependent(),
     elastic.EndRange(),
     transmission.TorqueRipple(),
+    limb.ThixotropicStiffness(),
     limb.StretchReflex(),
     load_friction.StribeckLoad(),
 )

@@ -22,7 +22,7 @@ GROUPS = (
     FRICTION,
     ("torque_gain", "payload", "added_inertia"),
     ("time_delay", "actuator_lag", "series_elasticity", "backlash"),
-    ("nonlinear_stiffness", "end_range_torque", "hysteresis", "thixotropy"),
+    ("nonlinear_stiffness", "end_range_torque", "hysteresis", "thixotropic_stiffness"),
     ("torque_offset", "drift"),
 )
 ELBOW = (
@@ -40,7 +40,7 @@ ELBOW = (
     "backlash",
     "hysteresis",
     "stretch_reflex",
-    "thixotropy",
+    "thixotropic_stiffness",
     "drift",
     "cross_joint_coupling",
 )
@@ -91,7 +91,7 @@ SCALED = {
     "backlash": ("gap",),
     "hysteresis": ("torque",),
     "stretch_reflex": ("gain",),
-    "thixotropy": ("stiffness",),
+    "thixotropic_stiffness": ("stiffness",),
     "drift": ("torque",),
     "cross_joint_coupling": ("stiffness",),
     "tremor": ("torque",),
@@ -187,7 +187,11 @@ def draw_fault(name: str, joint: str, robot: Robot, rng: np.random.Generator) ->
             "delay": u(0.03, 0.07),
             "side": sign(rng),
         },
-        "thixotropy": lambda: {"stiffness": 1.0, "recovery": u(0.8, 3.0), "distance": u(0.1, 0.4)},
+        "thixotropic_stiffness": lambda: {
+            "stiffness": 1.0,
+            "recovery": u(0.8, 3.0),
+            "distance": u(0.1, 0.4),
+        },
         "drift": lambda: {"torque": sign(rng), "bend": float(rng.choice([0.0, u(1.0, 3.0)]))},
         "cross_joint_coupling": lambda: {"stiffness": sign(rng), "neutral": 0.0},
         "tremor": lambda: {"torque": 1.0, "hertz": u(3.5, 9.0), "wobble": u(0.3, 1.0)},

@@ -66,7 +66,7 @@ class Law:
         """Begin a trial at `start` s of a session of `duration` s."""
         self.fault, self.limits, self.limb, self.step = fault, limits, limb, step
         self.start, self.duration = start, max(duration, 1.0)
-        self.state = 1.0 if fault.name == "thixotropy" else 0.0
+        self.state = 1.0 if fault.name == "thixotropic_stiffness" else 0.0
         delay = fault.values.get("delay", 0.0)
         self.past: deque[float] = deque([0.0] * max(1, round(delay / step)))
         self.bristles = Bristles(fault.values.get("distance", 1.0))
@@ -99,7 +99,7 @@ class Law:
                 self.past.append(v * value("side"))
                 late = self.past.popleft()
                 return -value("side") * value("gain") * max(0.0, late - value("threshold"))
-            case "thixotropy":
+            case "thixotropic_stiffness":
                 return self._thixotropy(q, v)
             case "drift":
                 x = (self.start + k * self.step) / self.duration
@@ -123,7 +123,10 @@ class Law:
         )
 
     def _thixotropy(self, q: float, v: float) -> float:
-        """Stiffness that rest builds up and movement takes away (Lakie and Robson 1988)."""
+        """Stiffness that rest builds up and movement takes away (Lakie and Robson 1988).
+
+        The product's `thixotropy` is friction after a rest, another law (Proske et al. 1993).
+        """
         assert self.limb is not None
         recovery, distance = self.fault.value("recovery"), self.fault.value("distance")
         self.state += self.step * ((1 - self.state) / recovery - self.state * abs(v) / distance)

@@ -20,8 +20,8 @@ STEP = 0.002
 FINE_STEP = 0.001
 #: Faults that act on the link rather than on the motor.
 OF_LIMB = (
-    "nonlinear_stiffness", "end_range_torque", "hysteresis", "thixotropy", "stretch_reflex",
-    *OUTSIDE,
+    "nonlinear_stiffness", "end_range_torque", "hysteresis", "thixotropic_stiffness",
+    "stretch_reflex", *OUTSIDE,
 )  # fmt: skip
 
 

@@ -1,7 +1,8 @@
 """What a living limb adds: reflexes, stiffness after rest, and torque passed between joints.
 
 Stretch reflex after Lance 1980 and the threshold models of Koo and Mak 2006; thixotropy after
-Proske, Morgan and Gregory 1993; coupling by two-joint muscles after Hogan 1985.
+Proske, Morgan and Gregory 1993, and as a structure that moving breaks and rest builds after Moore
+1959 and Lakie and Robson 1988; coupling by two-joint muscles after Hogan 1985.
 """
 
 from collections import deque
@@ -148,6 +149,66 @@ class Thixotropy(AppliedEffect):
             return float(parameters["torque"] * motion.direction * left)
 
         return torque
+
+
+class ThixotropicStiffness(AppliedEffect):
+    """A further spring that moving breaks and rest builds again: s K (q - c).
+
+    Its structure s, 0 to 1, is broken over a distance and built over a time:
+    ds/dt = (1 - s) / recovery - s |v| / distance.
+    """
+
+    limb = True
+    name = "thixotropic_stiffness"
+    complexity = 4
+    signature = "the slope against position is steep after a rest and falls as the joint moves"
+    separating_trial = "move to and fro without a pause, then after rests of one, three and ten s"
+    parameters = named(
+        stiffness=Parameter("Nm/rad", "of the spring after a long rest", floor=0.0),
+        torque_at_zero=Parameter("Nm", "what the motor adds at position 0 after a long rest"),
+        recovery=Parameter("s", "time in which rest builds it", floor=0.0),
+        distance=Parameter("rad", "of motion over which it is lost", floor=0.0),
+    )
+    coefficients = ("stiffness", "torque_at_zero")
+    lower = (0.0, -np.inf)
+    nonlinear = (
+        Nonlinear("recovery", (0.7, 1.5, 3.0), scaling=0.4, step=SECONDS),
+        Nonlinear("distance", (0.2, 0.5, 1.0), scaling=0.4, step=RELATIVE),
+    )
+
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        distance = theta["distance"] * joint.travel[1]
+        return {"recovery": theta["recovery"], "distance": distance}
+
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        """Return the spring's columns along the recorded motion; each piece begins rested."""
+        fixed, rate = self.fixed(joint, theta), joint.recording.rate
+        built = 1.0 / (fixed["recovery"] * rate)
+        broken = np.abs(joint.velocity) / (fixed["distance"] * rate)
+        left = np.ones(len(broken))
+        for piece in joint.recording.slices:
+            state = 1.0
+            for i, loss in enumerate(broken[piece].tolist(), piece.start):
+                left[i] = state
+                state = self.stepped(state, built, loss)
+        return {joint.number: np.column_stack([left * joint.position, left])}
+
+    def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
+        state = 1.0
+
+        def torque(motion: Motion) -> float:
+            nonlocal state
+            left, way = state, abs(float(motion.velocity)) * step
+            state = self.stepped(state, step / parameters["recovery"], way / parameters["distance"])
+            spring = parameters["stiffness"] * float(motion.position)
+            return left * (spring + parameters["torque_at_zero"])
+
+        return torque
+
+    @staticmethod
+    def stepped(state: float, built: float, broken: float) -> float:
+        """Return the structure one step on; implicit, so that it stays between 0 and 1."""
+        return (state + built) / (1.0 + built + broken)
 
 
 def distance_since_rest(joint: RecordedJoint) -> np.ndarray:

@@ -45,6 +45,7 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
     "hysteresis": ({"distance": 0.25}, (1.2,)),
     "stretch_reflex": ({"side": 1.0, "delay": 0.06, "speed": 0.15, "angle": -2.0}, (1.5,)),
     "thixotropy": ({"distance": 1.0}, (1.5,)),
+    "thixotropic_stiffness": ({"recovery": 1.5, "distance": 0.5}, (3.0, -2.5)),
     "drift": ({"level_off": 0.6}, (0.3,)),
     "cross_joint_coupling": ({}, (2.0, 0.4)),
 }

@@ -22,7 +22,9 @@ joint_stiffness nonlinear_stiffness end_range_torque torque_ripple time_delay ac
 series_elasticity backlash hysteresis stretch_reflex thixotropy drift cross_joint_coupling
 """
 #: Names that came later.
-LATER = "stribeck_load_friction directional_load_friction quadratic_load_friction"
+LATER = """
+stribeck_load_friction directional_load_friction quadratic_load_friction thixotropic_stiffness
+"""
 every_effect = pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
 #: Effects whose torque an actuator applies at every step.
 APPLIED = [

@@ -23,6 +23,9 @@ PARAMETERS: dict[str, dict[str, float]] = {
     "hysteresis": {"torque": 1.5, "distance": 0.1},
     "stretch_reflex": {"gain": 2.0, "delay": 0.0, "side": 1.0, "threshold_velocity": 0.2},
     "thixotropy": {"torque": 1.0, "distance": 0.5},
+    "thixotropic_stiffness": {
+        "stiffness": 3.0, "torque_at_zero": -1.5, "recovery": 1.5, "distance": 0.5,
+    },
     "drift": {"rate": 0.1, "time_constant": 100.0},
     "cross_joint_coupling": {"stiffness": 2.0, "damping": 0.1, "neutral": 0.0, "other_dof": 0.0},
 }  # fmt: skip
@@ -117,6 +120,7 @@ def test_a_late_actuator_is_late(name: str) -> None:
         ("stretch_reflex", 0.0, 1.2, -2.0),
         ("stretch_reflex", 0.0, -1.2, 0.0),
         ("thixotropy", 0.0, 1.0, -1.0),
+        ("thixotropic_stiffness", 1.2, 0.0, -2.1),
         ("drift", 0.0, 0.0, 0.0),
     ],
 )

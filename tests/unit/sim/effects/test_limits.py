@@ -60,7 +60,13 @@ def test_what_can_be_is_within_its_limits(effect: Effect, recording: Recording) 
 
 
 def test_an_industrial_robot_has_no_reflex(recording: Recording) -> None:
-    of_limbs = {"stretch_reflex", "thixotropy", "end_range_torque", "nonlinear_stiffness"}
+    of_limbs = {
+        "stretch_reflex",
+        "thixotropy",
+        "thixotropic_stiffness",
+        "end_range_torque",
+        "nonlinear_stiffness",
+    }
     assert {effect.name for effect in EFFECTS if effect.limb} == of_limbs
     assert not of_limbs & {c.effect.name for c in candidates(robot(recording))}
     found = {c.key for c in candidates(recording)}
