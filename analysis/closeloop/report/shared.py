@@ -59,21 +59,41 @@ class Spread:
 
 
 def link_parameters(model: Model, rows: Rows) -> dict[str, Any]:
-    """Return mass and centre of mass of every link that moves, with 90 % intervals."""
+    """Return mass and centre of mass of every link that moves, with 90 % intervals.
+
+    A mass that could be none has no value, nor has its centre: a joint feels moments, and of a link
+    near its axis they say little of the mass (Khalil and Dombre 2002, Modeling, identification and
+    control of robots, chapter 9, on base parameters). `repaired` has what was fitted all the same.
+    """
     spread = Spread(model, rows)
     links = spread.links
     assert model.given is not None
     found = _described(np.array([model.given.links[name] for name in links.names]))
     every = [_described(links.declared + changes) for _, changes in spread.fits]
     half = spread.half_width(found, every)
-    return {
-        f"{name}.{word}": {
-            "value": value,
-            "ci90": [max(value - width, 0.0) if word == "mass" else value - width, value + width],
-            "unit": "kg" if word == "mass" else "m",
+    entries: dict[str, Any] = {}
+    for name, values, widths in zip(links.names, found, half, strict=True):
+        entries |= {f"{name}.{word}": entry for word, entry in _link(values, widths).items()}
+    return entries
+
+
+def _link(values: np.ndarray, widths: np.ndarray) -> dict[str, dict[str, Any]]:
+    """Return the entries of one link: mass and centre, (4,), and half of their intervals."""
+    units = dict(zip(("mass", *PLACE), ("kg", "m", "m", "m"), strict=True))
+    mass, width = values[0], widths[0]
+    if width >= mass:
+        why = (
+            f"its 90 % interval, {mass - width:.3g} to {mass + width:.3g} kg, holds a link without "
+            "mass: only moments of the link are known, not its mass and centre"
+        )
+        unknown = {
+            word: {"value": None, "ci90": None, "unit": unit} for word, unit in units.items()
         }
-        for name, values, widths in zip(links.names, found, half, strict=True)
-        for word, value, width in zip(("mass", *PLACE), values, widths, strict=True)
+        unknown["mass"]["refused"] = why
+        return unknown
+    return {
+        word: {"value": value, "ci90": [value - half, value + half], "unit": unit}
+        for (word, unit), value, half in zip(units.items(), values, widths, strict=True)
     }
 
 
