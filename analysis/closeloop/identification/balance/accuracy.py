@@ -20,7 +20,9 @@ def settled(model: Model, coefficients: np.ndarray) -> np.ndarray:
     """Return the expected effort, (n, joints), with friction at rest as the trials show it.
 
     A stopped joint keeps a share of the friction that it stopped with: all of it if bristles or
-    clamped links hold, none if they slip back. The share is fitted to the rests of the fit trials.
+    clamped links hold, none if they slip back. The share is fitted to the rests of the fit trials;
+    where a share from the others predicts a trial's rests worse than friction that goes on with the
+    velocity, as that of a joint that creeps through a reversal does, the friction is left so.
     """
     recording = model.recording
     predicted = prediction(model, coefficients)
@@ -38,11 +40,35 @@ def settled(model: Model, coefficients: np.ndarray) -> np.ndarray:
             rests[piece] = still
         fitted = rests & np.isin(recording.trial, recording.fit_trials)
         missing = recording.effort[fitted, joint] - predicted[fitted, joint] + sliding[fitted]
-        power = float(held[fitted] @ held[fitted])
-        share = float(held[fitted] @ missing) / power if power > 0 else 0.0
-        kept = float(np.clip(share, 0.0, 1.0)) * held[rests]
+        if _creeps(held[fitted], sliding[fitted], missing, recording.trial[fitted]):
+            continue
+        kept = _share(held[fitted], missing) * held[rests]
         predicted[rests, joint] += kept - sliding[rests]
     return predicted
+
+
+def _share(held: np.ndarray, missing: np.ndarray) -> float:
+    """Return the share of held friction that samples at rest show, 0 to 1."""
+    power = float(held @ held)
+    return float(np.clip(held @ missing / power, 0.0, 1.0)) if power > 0 else 0.0
+
+
+def _creeps(held: np.ndarray, sliding: np.ndarray, missing: np.ndarray, trial: np.ndarray) -> bool:
+    """Whether friction at rest goes on with the velocity rather than stay as it was.
+
+    Args:
+        held: friction of the last sample in motion, at each sample at rest.
+        sliding: what the velocity makes of it there.
+        missing: what it has to be.
+        trial: number of each sample's trial; its share comes from the other trials, if any.
+    """
+    lost = 0.0
+    for number in np.unique(trial):
+        own = trial == number
+        others = own if own.all() else ~own
+        left = missing[own] - _share(held[others], missing[others]) * held[own]
+        lost += float(left @ left)
+    return lost > float((missing - sliding) @ (missing - sliding))
 
 
 def raw_errors(
