@@ -13,16 +13,18 @@ from analysis.closeloop.identification.balance.regression import (
 )
 from analysis.closeloop.identification.candidates import candidates, options_beside, refined
 from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.selection import MIN_Z, carries_more, choose, more_than_luck
+from analysis.closeloop.identification.selection import (
+    MIN_GAIN,
+    MIN_LATER_GAIN,
+    MIN_Z,
+    carries_more,
+    choose,
+    more_than_luck,
+)
 
 #: Effects that are looked for at a time.
 MAX_EFFECTS = 3
-#: Least share of the held-out loss that a gain takes, below which no number in a report changes.
-MIN_GAIN = 0.03
-#: A later effect has to take this share of what the first left: what a form that is a little wrong
-#: leaves behind is not another effect.
-MIN_LATER_GAIN = 0.2
-#: ... and this share of what the declared model left.
+#: Beside `MIN_LATER_GAIN`, a later effect takes this share of what the declared model left.
 MIN_LATER_SHARE = 0.005
 
 

@@ -16,6 +16,11 @@ from sim.effects.catalogue import BY_NAME
 
 #: A gain must exceed this many of its standard errors: some 30 candidates at each of three steps.
 MIN_Z = 4.0
+#: Least share of the held-out loss that a gain takes, below which no number in a report changes.
+MIN_GAIN = 0.03
+#: A later effect has to take this share of what the first left: what a form that is a little wrong
+#: leaves behind is not another effect.
+MIN_LATER_GAIN = 0.2
 #: Candidates whose gain differs by less than this share of the best count as equal.
 EQUAL_SHARE = 0.005
 #: Least torque that an effect must explain, over the joint's effort (both root mean square): less

@@ -21,14 +21,13 @@ from analysis.closeloop.identification.candidates import ONE_WAY, one_way
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Option, Step, Trace
 from analysis.closeloop.identification.growing import (
-    MIN_GAIN,
     Grown,
     better,
     grow,
     simpler_starts,
 )
 from analysis.closeloop.identification.holding import held_in_octaves
-from analysis.closeloop.identification.selection import LARGE_GAIN, MIN_TORQUE, MIN_Z
+from analysis.closeloop.identification.selection import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 

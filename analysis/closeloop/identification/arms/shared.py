@@ -21,10 +21,11 @@ from analysis.closeloop.identification.balance.regression import (
     rank_z,
     takes_all,
 )
-from analysis.closeloop.identification.growing import MIN_GAIN, MIN_LATER_GAIN
 from analysis.closeloop.identification.selection import (
     LARGE_GAIN,
     LARGE_Z,
+    MIN_GAIN,
+    MIN_LATER_GAIN,
     MIN_TORQUE,
     MIN_Z,
     wins_in_folds,
