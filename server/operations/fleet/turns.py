@@ -6,6 +6,7 @@ what workers do nearly always. Whatever is unusual it leaves to `results` and `l
 which decide in the same way one by one.
 """
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -26,6 +27,8 @@ from server.states import InstanceState, StudyState, Verdict
 from server.store.database.prepared import as_text
 from server.store.fleet.turns import Changes, Seen, Slots, TurnConnection
 
+#: A row as instances are called by it.
+_ROW = re.compile(r"0|[1-9][0-9]{0,9}")
 #: How JSON writes a character that PostgreSQL's texts cannot hold.
 NUL = "\\u0000"
 
@@ -58,12 +61,18 @@ def take_turn(
         exchanges = waiting()
         posts = [one.posted for one in exchanges if one.posted is not None]
         hosts = {one.request.worker.host for one in exchanges if one.request is not None}
-        seen = turn.look([post.lease for post in posts], hosts)
-        served = _Served(study, seen)
-        if study is not None:
-            served.fill(
-                turn.slots(study, served.rows_of(posts), _wanted(exchanges, study.plan.model))
-            )
+        named = set() if study is None else _rows_named(study.id, posts)
+        seen, slots = turn.look(
+            study,
+            leases_of=[post.lease for post in posts],
+            hosts=hosts,
+            rows=named,
+            wanted={} if study is None else _wanted(exchanges, study.plan.model),
+        )
+        served = _Served(study, seen, slots)
+        # A lease may hold more than what is posted.
+        if study is not None and (more := served.rows_of(posts) - named):
+            served.fill(turn.rows(study, more))
         answers = [(one, served.serve(one)) for one in exchanges]
         changes = served.changes()
         fences = {} if changes is None else turn.write(changes)
@@ -71,6 +80,16 @@ def take_turn(
         answers=[(one, _with_fence(answer, fences)) for one, answer in answers],
         next_study=next((first for first, _ in seen.work), ""),
     )
+
+
+def _rows_named(study_id: str, posts: Iterable[Post]) -> set[int]:
+    """Return the rows of a study that posts name, as far as they do as they should."""
+    named = (report.instance.split(":") for post in posts for report in post.reports)
+    return {
+        int(row[0])
+        for whose, *row in named
+        if whose == study_id and len(row) == 2 and _ROW.fullmatch(row[0])
+    }
 
 
 def _wanted(exchanges: Iterable[Exchange], model: str) -> dict[str, int]:
@@ -96,13 +115,13 @@ def _with_fence(answer: Answer | None, fences: Mapping[str, int]) -> Answer | No
 class _Served:
     """A study in the course of a turn."""
 
-    def __init__(self, study: Study | None, seen: Seen) -> None:
+    def __init__(self, study: Study | None, seen: Seen, slots: Slots) -> None:
         self._before = self._study = study
         self._seen = seen
         #: All instances of the rows that the turn is about, as they are now, row by row.
         self._rows: dict[int, dict[Place, Instance]] = {}
-        self._pending: dict[str, list[Instance]] = {}
-        self._unbound = False
+        self._pending = {kind: [*found] for kind, found in slots.pending.items()}
+        self._unbound = slots.unbound
         self._workers: list[tuple[Any, str, int]] = []
         self._heard: dict[str, int] = {}
         self._extended: dict[float, list[str]] = {}
@@ -116,6 +135,7 @@ class _Served:
         self._filed: list[tuple[str, Result]] = []
         self._asked: list[tuple[str, str, Place]] = []
         self._now = 0.0
+        self.fill(slots.rows)
 
     def rows_of(self, posts: Iterable[Post]) -> set[int]:
         """Return the rows in which the leases of posts hold anything."""
@@ -127,12 +147,10 @@ class _Served:
             for row, _ in lease.instances
         }
 
-    def fill(self, slots: Slots) -> None:
-        """Take note of the instances that may change."""
-        for place, one in slots.rows.items():
+    def fill(self, rows: Mapping[Place, Instance]) -> None:
+        """Take note of all instances of some rows, which may change."""
+        for place, one in rows.items():
             self._rows.setdefault(place[0], {})[place] = one
-        self._pending = {kind: [*found] for kind, found in slots.pending.items()}
-        self._unbound = slots.unbound
 
     def serve(self, exchange: Exchange) -> Answer | None:
         """Serve one; None, and nothing is changed, if it is unusual."""

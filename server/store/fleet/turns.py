@@ -1,6 +1,6 @@
 """Turns on PostgreSQL: one transaction for all who wait, in statements over sets of rows.
 
-Waiting for the server dominates there, so a turn is four trips, each a pipeline, however many
+Waiting for the server dominates there, so a turn is three trips, each a pipeline, however many
 requests it serves. Rows go there as one text of JSON: to write arrays takes the driver a third of
 the time of a turn. Joins to them are planned without statistics; on the connection of the turns
 only look-ups by index are allowed, or a plan made on an empty table would read the whole study.
@@ -140,43 +140,55 @@ class Turn:
         _, found = self.trip([("BEGIN", ()), studies.FIND_LOCKED.words(self._dialect, study_id)])
         return studies.study_of(found[0]) if found else None
 
-    def look(self, lease_ids: Collection[str], hosts: Collection[str]) -> Seen:
-        """Return what there is to do, and what these leases and hosts are about."""
-        found, work, opinions = self.trip(
-            [
-                leases.FIND_ANY.words(self._dialect, _array(lease_ids)),
-                (sql.WORK, ()),
-                (sql.OPINIONS, (_array(hosts),)),
-            ]
-        )
-        return Seen(
-            leases={row[0]: leases.lease_of(row) for row in found},
+    def look(
+        self,
+        study: Study | None,
+        *,
+        leases_of: Collection[str],
+        hosts: Collection[str],
+        rows: Collection[int],
+        wanted: Mapping[str, int],
+    ) -> tuple[Seen, Slots]:
+        """Return what there is to do, and what is about these leases, hosts and rows.
+
+        Args:
+            study: the one that is locked; None: there are no slots.
+            leases_of: ids of leases.
+            hosts: names of machines.
+            rows: of the study, whose instances are wanted.
+            wanted: how many instances that wait are wanted, by the kind of machine asking.
+        """
+        asks = wanted if study is not None and study.returned else {}
+        id_ = "" if study is None else study.id
+        hints = {kind: self._first_pending.get((id_, kind), 0) for kind in asks}
+        statements: list[Statement] = [
+            leases.FIND_ANY.words(self._dialect, _array(leases_of)),
+            (sql.WORK, ()),
+            (sql.OPINIONS, (_array(hosts),)),
+            _in_rows(id_, rows),
+        ]
+        if asks:
+            statements.append((sql.UNBOUND, (id_,)))
+        statements += [(sql.PENDING, (id_, kind, hints[kind], most)) for kind, most in asks.items()]
+        known, work, opinions, in_rows, *waiting = self.trip(statements)
+        pending = {}
+        for (kind, most), here in zip(asks.items(), waiting[1:], strict=True):
+            if len(here) < most and hints[kind]:
+                (here,) = self.trip([(sql.PENDING, (id_, kind, 0, most))])
+            self._note(id_, kind, here)
+            pending[kind] = [instances.from_row(row) for row in here]
+        seen = Seen(
+            leases={row[0]: leases.lease_of(row) for row in known},
             work=[(study_id, model) for study_id, model in work],
             opinions={host for (host,) in opinions},
         )
+        slots = Slots(rows=_by_place(in_rows), pending=pending, unbound=bool(asks and waiting[0]))
+        return seen, slots
 
-    def slots(self, study: Study, rows: Collection[int], wanted: Mapping[str, int]) -> Slots:
-        """Return the instances of rows, and so many that wait by the kind of machine asking."""
-        asks = wanted if study.returned else {}
-        hints = {kind: self._first_pending.get((study.id, kind), 0) for kind in asks}
-        statements: list[Statement] = [(sql.IN_ROWS, (_array(sorted(rows)), study.id))]
-        if asks:
-            statements.append((sql.UNBOUND, (study.id,)))
-        statements += [
-            (sql.PENDING, (study.id, kind, hints[kind], most)) for kind, most in asks.items()
-        ]
-        found = self.trip(statements)
-        pending = {}
-        for (kind, most), here in zip(asks.items(), found[2:], strict=True):
-            if len(here) < most and hints[kind]:
-                (here,) = self.trip([(sql.PENDING, (study.id, kind, 0, most))])
-            self._note(study.id, kind, here)
-            pending[kind] = [instances.from_row(row) for row in here]
-        return Slots(
-            rows={(row[0], row[1]): instances.from_row(row) for row in found[0]},
-            pending=pending,
-            unbound=bool(asks and found[1]),
-        )
+    def rows(self, study: Study, rows: Collection[int]) -> dict[Place, Instance]:
+        """Return the instances of rows."""
+        (found,) = self.trip([_in_rows(study.id, rows)])
+        return _by_place(found)
 
     def write(self, changes: Changes) -> dict[str, int]:
         """Write changes and commit; returns the fences of the new leases."""
@@ -264,6 +276,14 @@ class Turn:
         if changes.granted or changes.filed:
             statement, given = studies.saving(study, counted=changes.counted)
             yield statement.words(self._dialect, *given)
+
+
+def _in_rows(study_id: str, rows: Collection[int]) -> Statement:
+    return sql.IN_ROWS, (_array(sorted(rows)), study_id)
+
+
+def _by_place(found: Rows) -> dict[Place, Instance]:
+    return {(row[0], row[1]): instances.from_row(row) for row in found}
 
 
 def _told(found: Sequence[tuple[Introduction, str, int]]) -> list[dict[str, Any]]:
