@@ -3,9 +3,9 @@
 Functions are evaluated at the first 128, 256, 512 points of a study of method surrogate, until
 every 90 % interval of S and ST is as narrow as ±0.02 and believed, or until it gives up and sampled
 indices are needed (`analysis.sensitivity.fewer_runs`). Beside it: the runs that a study of method
-saltelli needs for ±0.02 (the median of three seeds, 8192 rows at most). `python -m
-benchmarks.sensitivity.fewer_runs [SEEDS [FIRST SEED]]` prints it. What was set while looking was
-set on the functions under "seen" and seeds from 50 000 on; on all others nothing was set.
+saltelli needs for ±0.02 (the median of three seeds; 8192 rows and 100 000 runs at most). `python -m
+benchmarks.sensitivity.fewer_runs [SEEDS [FIRST SEED [FUNCTION ...]]]` prints it. What was set while
+looking was set on the functions under "seen" and seeds from 50 000 on; on all others nothing was.
 """
 
 import sys
@@ -26,7 +26,7 @@ from tests.testbed.functions.hard import HARD, HELD_OUT, Hard
 Array = NDArray[np.float64]
 
 SALTELLI_ROWS = tuple(2**m for m in range(7, 14))
-SALTELLI_SEEDS = 3
+SALTELLI_SEEDS, SALTELLI_RUNS = 3, 100_000
 #: An index this close to an interval counts as in it: nobody reads it.
 CLOSE = 1e-3
 
@@ -79,7 +79,7 @@ def saltelli_runs(hard: Hard, seed: int) -> float:
     k = hard.factors
     estimator = SaltelliEstimator(sampling=DEFAULT_SAMPLING, seed=seed, factors=k, outputs=1)
     start = 0
-    for rows in SALTELLI_ROWS:
+    for rows in _sizes(k):
         numbers = range(start, rows)
         x = np.stack([unit_row("saltelli", DEFAULT_SAMPLING, seed, row, k) for row in numbers])
         estimator.add_rows(numbers, hard.function(x)[..., None])
@@ -89,6 +89,11 @@ def saltelli_runs(hard: Hard, seed: int) -> float:
         if max(float(((i.high - i.low) / 2.0).max()) for i in both) <= SHARE_TARGET:
             return rows * (k + 2.0)
     return np.inf
+
+
+def _sizes(factors: int) -> list[int]:
+    """Return the rows at which a study of method saltelli is looked at."""
+    return [rows for rows in SALTELLI_ROWS if rows * (factors + 2) <= SALTELLI_RUNS]
 
 
 def line(name: str, hard: Hard, seeds: range) -> str:
@@ -114,13 +119,13 @@ def line(name: str, hard: Hard, seeds: range) -> str:
     wrong = max((off(one, truth) for one in ends), default=np.nan)
     missed = np.mean([1.0 - holds(one, truth).mean() for one in ends]) if ends else np.nan
     needed = np.median([saltelli_runs(hard, seed) for seed in seeds[:SALTELLI_SEEDS]])
-    most = SALTELLI_ROWS[-1] * (hard.factors + 2)
+    most = _sizes(hard.factors)[-1] * (hard.factors + 2)
     sampled = f"{needed:9,.0f}" if np.isfinite(needed) else f"> {most:,}".rjust(9)
     cells.append(f"{len(ends):3d}/{len(last):<3d} {runs:4.0f} {missed:6.1%} {wrong:6.3f} {sampled}")
     return " | ".join(cells)
 
 
-def main(seeds: int = 20, first: int = FIRST_SEED) -> None:
+def main(seeds: int = 20, first: int = FIRST_SEED, *names: str) -> None:
     print(f"90 % intervals, target ±{SHARE_TARGET}, seeds {first} to {first + seeds - 1}")
     print("Q2, half width (medians), and how often intervals of S and ST hold the truth, by runs;")
     print("studies that stopped (the others gave up), runs (median), intervals that missed there,")
@@ -130,8 +135,10 @@ def main(seeds: int = 20, first: int = FIRST_SEED) -> None:
     for group, functions in GROUPS.items():
         print(f"{group}:")
         for name, hard in functions.items():
+            if names and name not in names:
+                continue
             print(line(name, hard, range(first, first + seeds)), flush=True)
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main(*map(int, sys.argv[1:3]), *sys.argv[3:])

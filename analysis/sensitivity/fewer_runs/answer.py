@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 #: Share of failed runs from which they may matter.
 _FAILED = 0.02
 
+#: Values that differ by less than this share of their size differ by rounding.
+_ROUNDING = 16.0 * np.finfo(np.float64).eps
+
 #: A polynomial chaos that explains so much is taken as it is: a process takes longer.
 _ENOUGH = 0.9995
 
@@ -70,8 +73,10 @@ def answer(x: Array, y: Array, seed: int, level: float = 0.9) -> Answer | None:
     ok = np.isfinite(y)
     runs, failed = len(y), int((~ok).sum())
     x, y = x[ok], y[ok]
-    if len(y) < LEAST_RUNS or np.ptp(y) <= 1e-12 * np.abs(y).max():
+    if len(y) < LEAST_RUNS or np.ptp(y) <= _ROUNDING * np.abs(y).max():
         return None
+    # Divided once more beforehand, because squares of tiny numbers are 0.
+    y = (y - y.mean()) / np.ptp(y)
     y = (y - y.mean()) / y.std()
     kinds: dict[str, HeldOut] = {"polynomial chaos": held_out(Expansions(x), y, seed)}
     if kinds["polynomial chaos"].explained(y) < _ENOUGH:

@@ -50,6 +50,13 @@ def test_it_is_the_same_again_and_in_other_units() -> None:
     )
 
 
+@pytest.mark.parametrize(("size", "offset"), [(1e-200, 0.0), (1e99, 0.0), (10.0, 1e14)])
+def test_an_output_may_be_tiny_huge_or_far_from_zero(size: float, offset: float) -> None:
+    found = said(lambda x: offset + size * smooth(x), 64)
+    expected = said(smooth, 64).found.total_order.value
+    np.testing.assert_allclose(found.found.total_order.value, expected, atol=1e-3)
+
+
 def test_of_few_runs_nothing_is_believed() -> None:
     assert answer(points(LEAST_RUNS - 1), smooth(points(LEAST_RUNS - 1)), 3) is None
     assert "fewer than 256 runs" in said(smooth, 64).doubt
@@ -57,7 +64,8 @@ def test_of_few_runs_nothing_is_believed() -> None:
 
 def test_what_never_varies_has_no_answer() -> None:
     assert answer(points(), np.full(FEWEST_RUNS, 7.1), 3) is None
-    rounded = np.full(FEWEST_RUNS, 0.1) + 1e-17 * points()[:, 0]
+    rounded = 0.1 + 3e-17 * np.round(points()[:, 0])
+    assert np.ptp(rounded) > 0.0
     assert answer(points(), rounded, 3) is None
     assert answer(points(), np.full(FEWEST_RUNS, np.nan), 3) is None
 
