@@ -40,21 +40,22 @@ def hdmr(x: Array, y: Array) -> Array:
 
 def shares(x: Array, y: Array) -> Array:
     """Return the shares of the functions as fitted (Li et al. 2010): SALib's `S`."""
-    bases = [_splines(column) for column in x.T]
-    basis = np.concatenate(bases, axis=1)
+    rows, factors = x.shape
+    basis = _splines(x)
     centred = y - y.mean()
     normal = basis.T @ basis + PENALTY * np.eye(basis.shape[1])
-    coefficients = np.linalg.solve(normal, basis.T @ centred).reshape(len(bases), -1)
+    coefficients = np.linalg.solve(normal, basis.T @ centred)
+    functions = (basis * coefficients).reshape(rows, factors, -1).sum(axis=-1)
     # Covariances divide by n - 1 and the variance by n, as theirs.
-    whole = (centred @ centred) * (len(y) - 1) / len(y)
-    functions = (one @ c for one, c in zip(bases, coefficients, strict=True))
-    return np.array([function @ centred / whole for function in functions])
+    found: Array = centred @ functions / (centred @ centred) * rows / (rows - 1)
+    return found
 
 
-def _splines(column: Array) -> Array:
-    """Return the cubic B-splines of a factor over its range, shape (rows, pieces + 3)."""
-    reach = np.ptp(column)
-    inside = (column - column.min()) / (reach if reach > 0.0 else 1.0)
+def _splines(x: Array) -> Array:
+    """Return the cubic B-splines of every factor over its range, (rows, factors * (pieces + 3))."""
+    reach = np.ptp(x, axis=0)
+    inside = (x - x.min(axis=0)) / np.where(reach > 0.0, reach, 1.0)
     knots = np.arange(-3.0, PIECES + 4.0) / PIECES
-    basis: Array = BSpline.design_matrix(inside, knots, 3).toarray() * PIECES**3
+    every = BSpline.design_matrix(inside.ravel(), knots, 3)
+    basis: Array = every.toarray().reshape(len(x), -1) * PIECES**3
     return basis
