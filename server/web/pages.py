@@ -8,7 +8,7 @@ from starlette.concurrency import run_in_threadpool
 
 from server.errors import NotFoundError
 from server.logic.tokens import may
-from server.web import failures, fleet, loops, models, new_study, studies, study
+from server.web import compare, failures, fleet, loops, models, new_study, studies, study
 from server.web.assets import page_headers, render
 from server.web.page import Look, Page
 
@@ -19,6 +19,7 @@ PAGES = (
     new_study.PAGE,
     study.PAGE,
     failures.PAGE,
+    compare.PAGE,
     fleet.PAGE,
     loops.PAGE,
     loops.ONE,

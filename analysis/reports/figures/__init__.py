@@ -7,6 +7,7 @@ method, or without the output, raises ValueError.
 """
 
 from analysis.reports.figures.campaign import campaign
+from analysis.reports.figures.comparison import comparison
 from analysis.reports.figures.convergence import convergence
 from analysis.reports.figures.curves import components, curve
 from analysis.reports.figures.distribution import distribution
@@ -26,6 +27,7 @@ __all__ = [
     "against",
     "bars",
     "campaign",
+    "comparison",
     "components",
     "convergence",
     "curve",

@@ -69,6 +69,8 @@ class House:
             f"/studies/{self.study}/failures",
             f"/studies/{self.other}",
             f"/studies/{self.other}/failures",
+            "/compare",
+            f"/compare?a={self.study}&b={self.study}",
             "/fleet",
             "/fleet?all=1",
             "/loops",

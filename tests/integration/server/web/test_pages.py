@@ -240,3 +240,35 @@ def test_failures_are_found_by_their_index(app: FastAPI, client: TestClient, hou
         explain = "EXPLAIN QUERY PLAN " if lite else "EXPLAIN "
         plan = str(connection.exec_driver_sql(explain + statement, values).fetchall())
     assert "results_failed" in plan, plan
+
+
+def test_two_studies_are_compared_factor_by_factor(
+    app: FastAPI, client: TestClient, house: House
+) -> None:
+    same = client.get(f"/compare?a={house.study}&b={house.study}", headers=BROWSER).text
+    assert same.count("<td>overlap</td>") >= 2 and "<td>apart</td>" not in same
+    assert "differs" not in same
+    asked = {"name": "other seed", "model": "ishigami", "method": "saltelli", "rows": 4}
+    fixed = {"fixed": {"x3": 0.5}, "factors": [{"name": "x1"}, {"name": "x2"}]}
+    other = client.post("/v1/studies", json=asked | fixed | {"seed": 9}).json()["id"]
+    found = Elements(client.get(f"/compare?a={house.study}&b={other}", headers=BROWSER).text)
+    assert "only one samples it" in found.text and "fixed at 0.5" in found.text
+    assert "differs" in found.text
+    # The latest of the same model is what is beside it at first.
+    assert f"/studies/{other}" in client.get(f"/compare?a={house.study}", headers=BROWSER).text
+
+
+def test_studies_of_different_things_are_not_drawn_as_if_they_were_one(
+    client: TestClient, house: House
+) -> None:
+    asked = {"name": "m", "model": "ishigami", "method": "morris", "rows": 2}
+    morris = client.post("/v1/studies", json=asked).json()["id"]
+    page = client.get(f"/compare?a={house.study}&b={morris}", headers=BROWSER).text
+    assert "are different things" in Elements(page).text
+    page = client.get(f"/compare?a={house.study}&b={house.other}", headers=BROWSER).text
+    assert "are different things" in page
+    assert client.get("/compare?a=none&b=none", headers=BROWSER).status_code == 404
+
+
+def test_one_study_alone_has_nothing_beside_it(client: TestClient) -> None:
+    assert "not two studies yet" in client.get("/compare", headers=BROWSER).text

@@ -6,7 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.reports.figures import bars, convergence, failures, parallel, plane, precision
+from analysis.reports.figures import (
+    bars,
+    comparison,
+    convergence,
+    failures,
+    parallel,
+    plane,
+    precision,
+)
 from analysis.reports.figures.shared import COLOURS, plain
 from analysis.sensitivity.judgement.stopping import advise
 from analysis.sensitivity.service import analyse
@@ -127,3 +135,19 @@ def test_lines_of_runs_are_coloured_by_their_output_and_as_many_of_each_colour()
     assert len(largest["y"]) == 16 and largest["y"][3] is None and max(largest["y"][::4]) == 1.0
     assert parallel(points, np.ones(20), ["a", "b"], "y")["data"] == []
     assert parallel(points[:0], np.ones(0), ["a", "b"], "y")["data"] == []
+
+
+def test_two_studies_have_their_bars_at_the_same_place_and_no_two_kinds_of_index() -> None:
+    one, other = (
+        analyse(plan, results_of(plan))
+        for plan in (study_plan("saltelli", 16), study_plan("saltelli", 16, seed=8))
+    )
+    figure = comparison((one, other), ("<a>", "b"), "y")
+    first, second, *_ = figure["data"]
+    assert first["y"] == second["y"] and first["name"] == "&lt;a&gt;"
+    ranked = [text.split("<br>")[1].split(":")[0] for text in first["hovertext"]]
+    shown = [one["outputs"]["y"]["factors"][name]["first_order"]["value"] for name in ranked]
+    assert first["x"] == shown
+    plan = study_plan("morris", 4)
+    with pytest.raises(ValueError, match="indices of saltelli and of morris are not of one kind"):
+        comparison((one, analyse(plan, results_of(plan))), ("a", "b"), "y")
