@@ -46,7 +46,7 @@ def parallel(
             "name": f"{every[part[0], -1]:.3g} to {every[part[-1], -1]:.3g}",
             "x": places * len(part),
             "y": [y for run in inside[part].tolist() for y in (*run, None)],
-            "line": {"width": 1, "color": colour},
+            "line": {"width": 1.4, "color": colour},
             "opacity": 0.55,
             "hoverinfo": "skip",
         }
