@@ -16,16 +16,19 @@ LIMB_BITS = 32
 #: How many terms one matrix product may sum: limb 2**32 * weight 2**4 * terms 2**16 < 2**53.
 _TERMS_PER_PRODUCT = 2**16
 
+#: Beyond, a power of two is no double.
+_LARGEST_EXPONENT = 1000
+
 Integers = NDArray[np.object_]
 Doubles = NDArray[np.float64]
 
 
-def split(values: NDArray[np.float64]) -> tuple[int, NDArray[np.float64]]:
+def split(values: NDArray[np.float64]) -> tuple[int, list[NDArray[np.float64]]]:
     """Cut finite numbers into limbs (Demmel and Nguyen 2015).
 
     Returns:
         `(low, limbs)` with `values == sum(limbs[j] * 2.0**(LIMB_BITS * (low + j)))` exactly; limbs
-        are whole numbers of magnitude below 2**LIMB_BITS, shape (limbs, *values.shape).
+        are whole numbers of magnitude below 2**LIMB_BITS, each of the shape of `values`.
 
     Raises:
         ValueError: a value is not finite.
@@ -37,11 +40,18 @@ def split(values: NDArray[np.float64]) -> tuple[int, NDArray[np.float64]]:
     limbs: list[NDArray[np.float64]] = []
     rest, place = values, high
     while not limbs or rest.any():
-        limb = np.trunc(np.ldexp(rest, -LIMB_BITS * place))
-        rest = rest - np.ldexp(limb, LIMB_BITS * place)
+        limb = np.trunc(_times_power(rest, -LIMB_BITS * place))
+        rest = rest - _times_power(limb, LIMB_BITS * place)
         limbs.append(limb)
         place -= 1
-    return place + 1, np.stack(limbs[::-1])
+    return place + 1, limbs[::-1]
+
+
+def _times_power(values: NDArray[np.float64], exponent: int) -> NDArray[np.float64]:
+    """Return values * 2**exponent; a product is as exact as `ldexp`, in a tenth of the time."""
+    if abs(exponent) < _LARGEST_EXPONENT:
+        return values * 2.0**exponent
+    return np.ldexp(values, exponent)
 
 
 class ExactSums:
@@ -76,7 +86,8 @@ class ExactSums:
             low, limbs = split(terms[:, batch])
             # In floating point for the speed of BLAS: every partial sum is a whole number below
             # 2**53, so the product is exact in whatever order it is taken.
-            product = weights[:, batch] @ limbs.sum(axis=1)
+            whole = [limb[0] if per_row == 1 else limb.sum(axis=0) for limb in limbs]
+            product = np.stack([weights[:, batch] @ one for one in whole])
             self._include(low, product.astype(np.int64), columns)
 
     def merge(self, other: "ExactSums") -> None:

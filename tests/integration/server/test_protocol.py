@@ -44,7 +44,7 @@ from tests.testbed.protocol.faults import Faults
 from tests.testbed.protocol.model import BUDGETS, SERVED, Done, Json, Protocol
 
 #: Stories told on each database, and what happens in each of them.
-STORIES = int(os.environ.get("REHYB_PROTOCOL_STORIES", "8"))
+STORIES = int(os.environ.get("REHYB_PROTOCOL_STORIES", "4"))
 STEPS = 20
 TOKEN = "protocol"
 #: So long that the coordinator's own reaper, which lives in real time, never comes.

@@ -28,7 +28,7 @@ from tests.testbed import spoiling
 
 TOKEN = "fuzz"
 #: Requests.
-REQUESTS = int(os.environ.get("REHYB_FUZZ", "300"))
+REQUESTS = int(os.environ.get("REHYB_FUZZ", "150"))
 WORKER = {"id": "w", "host": "h", "versions": {"mujoco": "4.0.1"}, "tags": [], "canaries": {}}
 ASKED = {"worker": WORKER, "models": ["ishigami"], "max_instances": 2}
 #: Bodies that are right, by path; S, L and C stand for a study, a lease and a close-loop.
