@@ -22,8 +22,9 @@ class Settings(BaseSettings):
     #: Seconds a lease lasts unless its worker is heard from.
     lease_seconds: float = Field(default=60.0, gt=0.0, le=86400.0)
 
-    #: "full": with SQLite, nothing that a worker was told is safe is lost with the power; "normal":
-    #: the last moments may be, and are computed again.
+    #: "full": nothing that a worker was told is safe is lost with the power; "normal": with SQLite,
+    #: and with a PostgreSQL whose synchronous_commit is off, the last moments may be, and are
+    #: computed again.
     durability: Literal["normal", "full"] = "normal"
 
     #: Seconds that a begun row waits for its kind of machine before another begins it anew.

@@ -31,7 +31,8 @@ def create_engine(url: str, *, durability: str = "normal") -> Engine:
 
     Args:
         url: sqlite:///FILE or postgresql+psycopg://...; the file need not exist yet.
-        durability: of SQLite; "full": a commit waits until the disk has it.
+        durability: "full": a commit waits until the disk has it. SQLite does not by itself;
+            PostgreSQL does unless its `synchronous_commit` is off.
     """
     engine = sa.create_engine(
         url,
@@ -48,6 +49,8 @@ def create_engine(url: str, *, durability: str = "normal") -> Engine:
             sa.event.listen(
                 engine, "connect", lambda driver, _: driver.execute("PRAGMA synchronous = FULL")
             )
+    elif durability == "full":
+        sa.event.listen(engine, "connect", _wait_for_the_disk)
     return engine
 
 
@@ -191,6 +194,15 @@ def _open_sqlite(connection: Any, _record: Any) -> None:
     # The log is copied into the file, and the disk waited for, when it has so many pages.
     connection.execute(f"PRAGMA wal_autocheckpoint = {LOG_PAGES}")
     connection.execute("PRAGMA foreign_keys = ON")
+
+
+def _wait_for_the_disk(connection: Any, _record: Any) -> None:
+    """Have one PostgreSQL connection's commits wait, unless they wait for more than that."""
+    connection.execute(
+        "SELECT set_config('synchronous_commit', 'on', false) "
+        "WHERE current_setting('synchronous_commit') = 'off'"
+    )
+    connection.commit()
 
 
 def _use_write_ahead_log(connection: Any) -> None:

@@ -9,11 +9,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import psutil
 import sqlalchemy as sa
 
 START_SECONDS = 60.0
@@ -25,7 +26,8 @@ class Server:
 
     #: SQLAlchemy URL of a database of it, with a role that may make others.
     url: str
-    pid: int
+    #: Kills it as a power cut does, its files left as they are, and starts it again.
+    crash: Callable[[], None]
 
     def database(self, name: str) -> str:
         """Make an empty database and return its URL."""
@@ -98,22 +100,45 @@ def _serve(binaries: Path, folder: Path, options: Sequence[str]) -> Iterator[Ser
     port = free_port()
     given = [word for option in options for word in ("-c", option)]
     listen = ["-h", "127.0.0.1", "-p", str(port), "-k", str(folder)]
-    with (folder / "log").open("wb") as log:
-        server = subprocess.Popen(
-            [binaries / "postgres", "-D", str(data), *listen, *given],
-            user=user,
-            cwd=folder,
-            stdout=log,
-            stderr=log,
-        )
-    try:
-        url = f"postgresql+psycopg://rehyb@127.0.0.1:{port}/postgres"
+    url = f"postgresql+psycopg://rehyb@127.0.0.1:{port}/postgres"
+
+    def start() -> subprocess.Popen[bytes]:
+        with (folder / "log").open("wb") as log:
+            return subprocess.Popen(
+                [binaries / "postgres", "-D", str(data), *listen, *given],
+                user=user,
+                cwd=folder,
+                stdout=log,
+                stderr=log,
+            )
+
+    def crash() -> None:
+        nonlocal server
+        # Each has a session of its own; the first must not see the others go.
+        others = psutil.Process(server.pid).children(recursive=True)
+        for process in (server, *others):
+            with suppress(psutil.NoSuchProcess):
+                process.kill()
+        server.wait(30)
+        while any(map(_runs, others)):
+            time.sleep(0.01)
+        server = start()
         _wait_for(url, server, folder / "log")
-        yield Server(url=url, pid=server.pid)
+
+    server = start()
+    try:
+        _wait_for(url, server, folder / "log")
+        yield Server(url=url, crash=crash)
     finally:
         # Its immediate shutdown: nobody will want to read this again.
         server.send_signal(signal.SIGQUIT)
         server.wait(30)
+
+
+def _runs(process: psutil.Process) -> bool:
+    with suppress(psutil.NoSuchProcess):
+        return bool(process.status() != psutil.STATUS_ZOMBIE)
+    return False
 
 
 def free_port() -> int:

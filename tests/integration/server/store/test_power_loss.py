@@ -3,6 +3,7 @@
 import os
 import random
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import apsw
@@ -13,9 +14,10 @@ from server.logic.study.points import instance_id
 from server.operations import check
 from server.operations.study import studies
 from server.settings import Settings
-from server.store import create_engine
+from server.store import create_engine, upgrade
 from tests.testbed.coordinators import exchanges, records
 from tests.testbed.coordinators.forgetful_disk import Disk, ForgetfulVFS
+from tests.testbed.coordinators.postgresql import Server, serving
 
 #: Ways in which each commit's writes that were not synced fare, besides that all are forgotten.
 CUTS = int(os.environ.get("REHYB_POWER_CUTS", "1"))
@@ -90,6 +92,64 @@ def test_after_a_power_cut_nothing_is_corrupt_and_with_full_nothing_is_missing(
     assert boundaries >= 41
     # Under `normal` the disk must have had something to forget, or nothing was tested.
     assert (lost == 0) == (durability == "full")
+
+
+@pytest.fixture(scope="module")
+def careless() -> Iterator[Server]:
+    """A PostgreSQL server that does not wait for the disk, and is slow to write at all."""
+    with serving(("synchronous_commit=off", "wal_writer_delay=10s", "autovacuum=off")) as server:
+        yield server
+
+
+@pytest.mark.parametrize("durability", ["normal", "full"])
+def test_after_a_power_cut_postgresql_has_all_that_was_acknowledged_under_full(
+    durability: str, careless: Server
+) -> None:
+    """It is killed with all of its processes after some of the commits."""
+    url = careless.database(f"rehyb_{durability}")
+    upgrade(url)
+    engine = create_engine(url, durability=durability)
+    study, _ = studies.create(engine, records.plan(rows=50), key=None, digest="", now=0.0)
+    server_has_written_all(engine)
+    acknowledged, lost = 0, 0
+    for cut in range(2 * CUTS):
+        # After every result's commit, if there are cuts enough.
+        for number in range(1 + cut % 4 if CUTS == 1 else 1):
+            now = 100.0 * cut + number
+            held = exchanges.grant(
+                engine,
+                worker="w",
+                host="h",
+                versions={},
+                models=["ishigami"],
+                max_instances=5,
+                now=now,
+                ttl=1e6,
+            )
+            if held is None:
+                break
+            reports = [
+                records.report(instance_id(study.id, *place), outputs={"y": 1.0})
+                for place in held.lease.instances
+            ]
+            told = exchanges.hand_in(engine, held.lease, reports, now=now)
+            acknowledged += told.count("accepted")
+        engine.dispose()
+        careless.crash()
+        engine = create_engine(url, durability=durability)
+        assert check.faults(engine) == []
+        there = studies.get(engine, study.id).result_count
+        lost += acknowledged - there
+        acknowledged = there
+    engine.dispose()
+    # Under `normal` there must have been something to lose, or nothing was tested.
+    assert (lost == 0) == (durability == "full")
+
+
+def server_has_written_all(engine: sa.Engine) -> None:
+    """Make the making of the study safe, which is not what is tested."""
+    with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+        connection.exec_driver_sql("CHECKPOINT")
 
 
 @pytest.mark.parametrize(("durability", "synchronous"), [("normal", 1), ("full", 2)])
