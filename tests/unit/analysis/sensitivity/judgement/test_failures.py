@@ -9,8 +9,7 @@ from scipy.stats import qmc
 
 from analysis.designs import METHODS, instance_parameters, unit_row
 from analysis.designs.radial import MEAN_INVERSE_STEP, legs
-from analysis.sensitivity.estimators import SaltelliEstimator
-from analysis.sensitivity.judgement.failures import FEWEST, WRONGLY
+from analysis.sensitivity.judgement.failures import FEWEST
 from analysis.sensitivity.records import StudyPlan
 from analysis.sensitivity.service import analyse
 from tests.testbed.studies import FACTORS, results_of, study_plan, two_outputs
@@ -135,36 +134,6 @@ def test_failures_that_go_with_an_output_are_noticed(seed: int) -> None:
     assert failure["depends_on_factors"] is True
     assert "y" in failure["goes_with"]
     assert "They go with high y" in failure["sentence"]
-
-
-def rows_that_fail(tie: float, studies: int, rows: int = 512) -> SaltelliEstimator:
-    """Return studies as outputs, of which 10 % of the runs fail, more so in rows of high values."""
-    rng = np.random.default_rng(5)
-    high = rng.normal(size=(rows, 1, studies))
-    values = high + 0.5 * rng.normal(size=(rows, 4, studies))
-    values[rng.random(values.shape) < 0.1 * (1.0 + tie * high)] = np.nan
-    estimator = SaltelliEstimator(
-        sampling="sobol_blocks", seed=1, factors=2, outputs=studies, indicators=0
-    )
-    estimator.add_rows(range(rows), values)
-    return estimator
-
-
-def noticed(estimator: SaltelliEstimator) -> float:
-    found = estimator.failing_with()
-    return float(np.mean(np.abs(found.correlation) * np.sqrt(found.rows - 1.0) > 2.576))
-
-
-def test_failures_at_random_seem_to_go_with_an_output_as_rarely_as_is_said() -> None:
-    assert noticed(rows_that_fail(0.0, 300)) == pytest.approx(WRONGLY, abs=0.015)
-
-
-def test_what_nine_studies_of_ten_would_notice_is_noticed_by_as_many() -> None:
-    found = rows_that_fail(0.0, 300).failing_with()
-    detectable = float(np.median((2.576 + 1.282) / np.sqrt(found.rows - 1.0) * found.off))
-    # A row's mean of three has the standard deviation sqrt(1 + 0.25 / 3) and slope 1 on `high`.
-    tie = detectable * np.sqrt(1.0 + 0.25 / 3.0)
-    assert noticed(rows_that_fail(tie, 300)) == pytest.approx(0.9, abs=0.06)
 
 
 def test_an_all_clear_says_what_would_have_been_noticed() -> None:
