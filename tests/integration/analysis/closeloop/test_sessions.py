@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.contract import REPORT_FILES
-from analysis.closeloop.loop import close_loop
+from analysis.closeloop.loop import analyse, close_loop
 from sim.effects.applied import AppliedEffects
 from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.synthetic import write_session
@@ -88,6 +88,25 @@ def test_two_effects_are_both_found(tmp_path: Path) -> None:
     assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(
         arm.stiffness, rel=0.015
     )
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        # Once named as friction that depends on the load, with a worse stiffness.
+        ("coulomb_friction", "drift"),
+        # Once named as a ripple and a nonlinear stiffness.
+        ("end_range_torque", "coulomb_friction"),
+    ],
+)
+def test_no_third_effect_stands_in_for_a_pair(tmp_path: Path, effects: tuple[str, ...]) -> None:
+    arm = write_session(tmp_path, SEED, effects)
+    report = analyse(tmp_path).report
+    assert {effect["name"] for effect in report["effects"]} == set(effects)
+    stiffness = report["impedance"]["elbow"]["stiffness"]
+    assert stiffness["after"] == pytest.approx(arm.stiffness, rel=0.01)
+    before, after = (abs(stiffness[word] - arm.stiffness) for word in ("before", "after"))
+    assert after < before
 
 
 def test_what_a_reflex_adds_is_not_taken_for_an_asymmetry_of_friction(tmp_path: Path) -> None:
