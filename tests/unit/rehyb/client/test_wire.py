@@ -48,6 +48,9 @@ class Host:
                     return
 
     def close(self) -> None:
+        # Closed alone it listens on for as long as a thread waits in accept.
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
 
 
