@@ -35,7 +35,22 @@ _TRUTHS = {"true": 1.0, "false": 0.0}
 #: No number may be larger, nor all of a column's smaller than its inverse: their squares are none.
 _LARGEST = 1e100
 #: What programs write where there is no number, besides nothing.
-_MISSING = ("", "na", "n/a", "nan", "-nan", "null", "none", "-", "?", "#n/a", "#na", "<na>")
+_MISSING = (
+    "",
+    "na",
+    "n/a",
+    "nan",
+    "-nan",
+    "null",
+    "none",
+    "-",
+    "–",
+    "—",
+    "?",
+    "#n/a",
+    "#na",
+    "<na>",
+)
 #: Marks of thousands that no decimal sign looks like, minus signs that are none, and percent.
 _GROUPED = re.compile(r"(?<=\d)['\u2019 \u00a0\u202f\u2009](?=\d{3}(?!\d))")
 _MINUS = re.compile(r"^[\u2212\u2013](?=[\d.,])")
@@ -245,11 +260,9 @@ def _numbers(
     odd = np.flatnonzero(np.isnan(numbers))
     wrong: list[int] = []
     for at in odd.tolist():
-        cell = _plain(stripped.iloc[at])
-        if _NUMBER.fullmatch(cell):
-            numbers[at] = float(cell)
-        elif _COMMA_NUMBER.fullmatch(cell):
-            numbers[at] = float(cell.replace(",", "."))
+        cell, part = _plain(stripped.iloc[at])
+        if _is_number(cell):
+            numbers[at] = part * float(cell.replace(",", "."))
         elif cell.lower() in _TRUTHS:
             numbers[at] = _TRUTHS[cell.lower()]
         elif cell.lower() not in _MISSING and not _INFINITE.fullmatch(cell):
@@ -269,9 +282,10 @@ def _numbers(
     return _checked(file, name, numbers)
 
 
-def _plain(cell: str) -> str:
-    """Return a number as programs read it: 1 234 and −5 and 12 % without what people add."""
-    return _PERCENT.sub("", _GROUPED.sub("", _MINUS.sub("-", cell)))
+def _plain(cell: str) -> tuple[str, float]:
+    """Return 1 234 and −5 as programs write them, and what a number is of one: 0.01 with %."""
+    bare = _PERCENT.sub("", cell)
+    return _GROUPED.sub("", _MINUS.sub("-", bare)), 1.0 if bare == cell else 0.01
 
 
 def _checked(file: str, name: str, numbers: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -183,9 +183,10 @@ def test_parquet_of_decimals_empty_columns_and_equal_names(tmp_path: Path) -> No
 )
 def test_numbers_as_people_write_them_are_numbers(tmp_path: Path, dressed: str) -> None:
     path = tmp_path / "people.csv"
-    path.write_text(f"a;y\n{dressed};1\n7;2\n", encoding="utf-8")
-    plain = {"\u22121234": -1234.0, "12 %": 12.0, "12%": 12.0, "1 234,5": 1234.5}
-    assert list(read_sheet(path).numbers["a"]) == [plain.get(dressed, 1234.0), 7.0]
+    path.write_text(f"a;y\n{dressed};1\n7;2\n–;3\n", encoding="utf-8")
+    plain = {"\u22121234": -1234.0, "12 %": 0.12, "12%": 0.12, "1 234,5": 1234.5}
+    found = read_sheet(path).numbers["a"].tolist()
+    assert found[:2] == [plain.get(dressed, 1234.0), 7.0] and np.isnan(found[2])
 
 
 def test_no_date_and_no_two_numbers_in_a_cell_are_a_number(tmp_path: Path) -> None:
