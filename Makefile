@@ -75,6 +75,7 @@ curves: $(READY)  ## Draw what each factor does alone (docs/measurements/one_at_
 bench-analysis: $(READY)  ## Errors, coverage and speed of the indices beside SALib, SciPy and OpenTURNS
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.indices
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.hard
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.opponents
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.curves
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.rivals
 

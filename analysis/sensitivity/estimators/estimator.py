@@ -16,7 +16,7 @@ from analysis.designs import row_width
 from analysis.sensitivity.estimators.intervals import Estimate, check_level, estimate, without_bias
 from analysis.sensitivity.estimators.rows import ROW_SUMS, Association, association, row_terms
 from analysis.sensitivity.estimators.shares import kept_apart, share_of_squares
-from analysis.sensitivity.estimators.tails import HEAVY_KURTOSIS, Tail
+from analysis.sensitivity.estimators.tails import Tail
 from analysis.sensitivity.estimators.weightings import (
     FIRST,
     SQUARED,
@@ -145,7 +145,7 @@ class Estimator(ABC):
 
     method: ClassVar[str]
     #: From which `kurtosis` on few rows make up what is estimated.
-    heavy_kurtosis: ClassVar[float] = HEAVY_KURTOSIS
+    heavy_kurtosis: ClassVar[float] = 6.0
     #: The sum of which a row must have a term to count as used.
     use: ClassVar[str]
     #: The sum whose terms are counted as the rows of an index.

@@ -5,13 +5,14 @@ import pytest
 
 from tests.testbed.functions.hard import HARD, HELD_OUT, sampled
 from tests.testbed.functions.level_e import level_e
+from tests.testbed.functions.opponents import OPPONENTS
 
-CLOSED = ("rare event", "exp-sum", "Pareto 0.2", "linear, 20 factors")
+CLOSED = ("rare event", "exp-sum", "Pareto 0.2", "linear, 20 factors", "Laplace", "sine product")
 
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_closed_forms_agree_with_many_points(name: str) -> None:
-    hard = HARD[name]
+    hard = {**HARD, **OPPONENTS}[name]
     found = sampled(hard, 2**13)
     for closed, by_points in zip((hard.first, hard.total), found, strict=True):
         assert closed is not None
@@ -19,7 +20,7 @@ def test_closed_forms_agree_with_many_points(name: str) -> None:
 
 
 def test_every_function_is_one_of_the_cube_and_finite() -> None:
-    for hard in (*HARD.values(), *HELD_OUT.values()):
+    for hard in (*HARD.values(), *HELD_OUT.values(), *OPPONENTS.values()):
         u = np.random.default_rng(1).random((4, 3, hard.factors))
         y = hard.function(u)
         assert y.shape == (4, 3) and np.isfinite(y).all()
