@@ -9,12 +9,10 @@ from collections import deque
 from math import cos, exp, pi, sin, tanh
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchmarks.closeloop.unkind.chain import Signal
 from benchmarks.closeloop.unkind.faults import FRICTION, Fault
 from benchmarks.closeloop.unkind.robots import Limb
-
-Signal = NDArray[np.float64]
 
 
 def friction_level(fault: Fault, q: float, v: float, load: float) -> float:

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Signal = NDArray[np.float64]
+from benchmarks.closeloop.unkind.chain import Signal
+
 Path = tuple[Signal, Signal, Signal]
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.closeloop.unkind.cases import Case, Controller, to_json
 from benchmarks.closeloop.unkind.chain import (
     Chain,
+    Signal,
     effort_noise,
     logged,
     low_pass,
@@ -21,8 +21,6 @@ from benchmarks.closeloop.unkind.chain import (
 from benchmarks.closeloop.unkind.robots import declared_xml
 from benchmarks.closeloop.unkind.simulate import Bench, FlightError, Trial
 from benchmarks.closeloop.unkind.sizing import LEAST_RATIO, chatter_of, noise_of, sized_fault
-
-Signal = NDArray[np.float64]
 
 #: The session's clock begins here, s.
 CLOCK = 100.0

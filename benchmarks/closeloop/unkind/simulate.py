@@ -5,15 +5,13 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.closeloop.unkind.cases import Case, Plan
+from benchmarks.closeloop.unkind.chain import Signal
 from benchmarks.closeloop.unkind.faults import OUTSIDE, Fault
 from benchmarks.closeloop.unkind.laws import Bristles, Law, bump, friction_level, is_friction
 from benchmarks.closeloop.unkind.motion import MOTIONS
 from benchmarks.closeloop.unkind.robots import Hidden, declared_xml, real_xml
-
-Signal = NDArray[np.float64]
 
 STEP = 0.002
 #: With a spring or a gap behind a motor.
