@@ -14,6 +14,7 @@ from server.store.fleet import leases, results, workers
 
 every_close_loop = alone_reading(close_loops.every)
 first_of_rows = alone_reading(results.first_of_rows)
+results_at = alone_reading(results.at)
 
 #: Results whose times say how long an evaluation takes, and the least of them that say how fast
 #: they come.

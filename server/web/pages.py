@@ -8,17 +8,19 @@ from starlette.concurrency import run_in_threadpool
 
 from server.errors import NotFoundError
 from server.logic.tokens import may
-from server.web import compare, failures, fleet, loops, models, new_study, studies, study
+from server.web import fleet, loops, models, new_study, studies
 from server.web.assets import page_headers, render
 from server.web.page import Look, Page
+from server.web.study import compare, failures, overview, runs
 
 router = APIRouter(include_in_schema=False)
 
 PAGES = (
     studies.PAGE,
     new_study.PAGE,
-    study.PAGE,
+    overview.PAGE,
     failures.PAGE,
+    runs.PAGE,
     compare.PAGE,
     fleet.PAGE,
     loops.PAGE,
@@ -71,7 +73,7 @@ def _followed(page: Page) -> Callable[[Request], Awaitable[Response]]:
     return follow
 
 
-router.routes.extend(study.router.routes)
+router.routes.extend(overview.router.routes)
 for _page in PAGES:
     router.add_api_route(_page.path, _shown(_page), response_model=None)
     router.add_api_route(f"/live{_page.path}", _followed(_page), response_model=None)

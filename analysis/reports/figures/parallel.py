@@ -9,7 +9,7 @@ from analysis.reports.figures.shared import WHOLE, Figure, figure, plain, senten
 from analysis.reports.wording import words
 
 #: Runs that are drawn, and parts of equally many into which their outputs are sorted.
-MOST_RUNS = 400
+MOST_RUNS = 160
 PARTS = 5
 #: Of the parts, the least outputs first: from blue to red, seen on white and on black.
 _COLOURS = ("#4575b4", "#74add1", "#8c8c8c", "#f46d43", "#d73027")
@@ -47,7 +47,7 @@ def parallel(
             "x": places * len(part),
             "y": [y for run in inside[part].tolist() for y in (*run, None)],
             "line": {"width": 1.4, "color": colour},
-            "opacity": 0.55,
+            "opacity": 0.6,
             "hoverinfo": "skip",
         }
         for part, colour in zip(parts, _COLOURS, strict=True)

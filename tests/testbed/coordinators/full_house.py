@@ -69,6 +69,7 @@ class House:
             f"/studies/{self.study}/failures",
             f"/studies/{self.other}",
             f"/studies/{self.other}/failures",
+            f"/studies/{self.study}/runs",
             "/compare",
             f"/compare?a={self.study}&b={self.study}",
             "/fleet",

@@ -272,3 +272,25 @@ def test_studies_of_different_things_are_not_drawn_as_if_they_were_one(
 
 def test_one_study_alone_has_nothing_beside_it(client: TestClient) -> None:
     assert "not two studies yet" in client.get("/compare", headers=BROWSER).text
+
+
+def test_runs_are_paged_through_by_state_and_from_any_row(client: TestClient, house: House) -> None:
+    page = f"/studies/{house.study}/runs"
+
+    def rows(query: str) -> list[str]:
+        text = client.get(page + query, headers=BROWSER).text
+        return re.findall(r'<tr data-key="([^"]+)"', text)
+
+    first = rows("")
+    assert len(first) == 50 and first[:2] == ["0-0", "0-1"]
+    text = client.get(page, headers=BROWSER).text
+    onward = re.search(r'runs(\?state=&amp;output=y&amp;after=[\d:]+)"', text)
+    assert onward is not None
+    second = rows(html.unescape(onward[1]))
+    assert second and not set(first) & set(second) and len(first + second) == 80
+    assert rows("?row=3")[0] == "3-0"
+    failed = client.get(page + "?state=failed", headers=BROWSER).text
+    assert "diverged" in failed and len(rows("?state=failed")) < 50
+    for query in ("?state=none&row=-1&after=x", "?after=99999999999999999999:1", "?row=9e9"):
+        assert client.get(page + query, headers=BROWSER).status_code == 200, query
+    assert client.get(page + "?output=w", headers=BROWSER).status_code == 404

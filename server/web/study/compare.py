@@ -10,7 +10,7 @@ from analysis.sensitivity.judgement.ranking import RANKED_BY
 from server.operations.study import studies
 from server.records import Study
 from server.web.page import Look, Page
-from server.web.study import names_of, snapshot_of
+from server.web.study.overview import names_of, snapshot_of
 
 #: Studies that can be chosen, the latest ones.
 MOST_LISTED = 300

@@ -13,9 +13,9 @@ from server.logic.study.instances import BUDGETS
 from server.operations import watching
 from server.operations.study import studies
 from server.records import Study
-from server.web import sample
 from server.web.page import Look, Page
-from server.web.study import snapshot_of, units_of
+from server.web.study import sample
+from server.web.study.overview import snapshot_of, units_of
 
 #: Failed results that are looked at, and of which the factors are drawn; as many of good ones.
 MOST_SEEN = 500

@@ -30,9 +30,9 @@ from server.operations.study import precision_goals, studies
 from server.operations.study.result_log import StoreResultLog
 from server.records import Study
 from server.routes.common import Id, Store
-from server.web import sample
 from server.web.page import Look, Page
 from server.web.studies import detail
+from server.web.study import sample
 
 router = APIRouter(include_in_schema=False)
 

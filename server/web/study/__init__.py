@@ -1,0 +1,1 @@
+"""The pages of one study, and of two beside each other."""
