@@ -245,8 +245,11 @@ def _plans(interpreter: Interpreter, fresh: Samples, zero: np.ndarray, count: in
             measured = {step.factor: step.to for step in plan[0]}
             came = judge(interpreter, one, zero[[row]], measured, seed=row)
             held.append(came.coverage(np.ones(1, bool)))
-        said = f", median {np.median(minutes):.0f} min, then 90 % hold {100 * np.mean(held):.0f} %"
-        print(f"  {tolerance:.2f} Nm/rad: {reached:3}{planned:5}{said if planned else ''}")
+        said = ""
+        if planned:
+            share = 100 * np.mean(held)
+            said = f", median {np.median(minutes):.0f} min, then 90 % hold {share:.0f} %"
+        print(f"  {tolerance:.2f} Nm/rad: {reached:3}{planned:5}{said}")
 
 
 def _speed(interpreter: Interpreter, fresh: Samples) -> None:
