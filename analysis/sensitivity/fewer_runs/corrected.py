@@ -69,6 +69,24 @@ class HeldOut:
         """Return the share of the variance of `y` that is explained (Q2; Marrel et al. 2009)."""
         return 1.0 - float((self.missed**2).sum() / ((y - y.mean()) ** 2).sum())
 
+    def beyond(self, x: Array) -> float:
+        """Return the share of the variance that may lie beyond the outermost runs `x`.
+
+        A first-order part whose square is bounded has a share of the outermost e of a factor that
+        falls with e; that of a heavy tail falls with a smaller power of e. The power between 1/8
+        and 1/32 is taken on to 1/n (regular variation, as of Karamata 1930), and the share that the
+        outermost run has itself is taken off.
+        """
+        n, most = len(x), 0.0
+        squares = self.first**2 / (n * float(self.variance.mean()))
+        for at in (x, 1.0 - x):
+            wide = np.where(at < 1.0 / 8.0, squares, 0.0).sum(axis=0)
+            narrow = np.where(at < 1.0 / 32.0, squares, 0.0).sum(axis=0)
+            falls = np.divide(narrow, wide, out=np.zeros_like(wide), where=wide > 0.0)
+            last = squares[np.argmin(at, axis=0), np.arange(x.shape[1])]
+            most = max(most, float((narrow * falls ** np.emath.logn(4.0, n / 32.0) - last).max()))
+        return most
+
 
 def folds(seed: int, n: int) -> Sequence[NDArray[np.bool_]]:
     """Return which of `n` runs are held out in turn (Chernozhukov et al. 2018)."""

@@ -81,6 +81,14 @@ def test_a_heavy_tail_is_not_believed() -> None:
     assert "kurtosis" in said(lambda x: (1.0 - x[:, 0]) ** -0.4 + x[:, 1]).doubt
 
 
+def test_what_may_lie_beyond_the_outermost_runs_is_a_doubt(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("analysis.sensitivity.fewer_runs.corrected.HeldOut.beyond", lambda *_: 0.05)
+    found = said(smooth)
+    assert "about 5% of its variance may lie beyond the outermost runs" in found.doubt
+
+
 def test_few_failed_runs_are_left_out_and_many_are_not_believed() -> None:
     y = smooth(points()).copy()
     y[5] = np.nan

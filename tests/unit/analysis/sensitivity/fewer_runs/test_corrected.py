@@ -1,12 +1,13 @@
 """Held-out runs make of any surrogate, right or wrong, intervals that hold the truth."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.sensitivity.fewer_runs.corrected import FOLDS, corrected, folds, held_out
+from analysis.sensitivity.fewer_runs.corrected import FOLDS, HeldOut, corrected, folds, held_out
 from analysis.sensitivity.fewer_runs.parts import Parts
 
 Array = NDArray[np.float64]
@@ -82,3 +83,29 @@ def test_one_run_that_is_far_off_widens_all(x: Array) -> None:
     missed[7] = 3.0
     found = corrected(y, replace(held, missed=missed), 0.9)
     assert np.all(found.total_order.high - found.total_order.low > 0.1)
+
+
+@pytest.mark.parametrize(
+    ("part", "variance", "least", "most"),
+    [
+        (lambda u: u - 0.5, 1.0 / 12.0, 0.0, 0.01),
+        (lambda u: (1.0 - u) ** -0.3 - 1.0 / 0.7, 2.5 - 1.0 / 0.49, 0.05, 0.4),
+        (lambda u: u**-0.4 - 1.0 / 0.6, 5.0 - 1.0 / 0.36, 0.1, 0.6),
+    ],
+    ids=["a slope", "a heavy tail above", "a heavier one below"],
+)
+def test_how_a_part_grows_tells_what_lies_beyond_the_outermost_run(
+    part: Callable[[Array], Array], variance: float, least: float, most: float
+) -> None:
+    x = (np.arange(256.0) + 0.5)[:, None] / 256.0
+    zero = np.zeros_like(x)
+    held = HeldOut(
+        missed=zero[:, 0],
+        centred=part(x[:, 0]),
+        first=part(x),
+        total=part(x),
+        variance=np.full(256, variance),
+        first_squares=zero,
+        total_squares=zero,
+    )
+    assert least <= held.beyond(x) <= most
