@@ -28,6 +28,13 @@ class Server:
     url: str
     #: Kills it as a power cut does, its files left as they are, and starts it again.
     crash: Callable[[], None]
+    #: The number of its first process as of now: after a crash it is another.
+    process: Callable[[], int]
+
+    @property
+    def pid(self) -> int:
+        """The number of its first process."""
+        return self.process()
 
     def database(self, name: str) -> str:
         """Make an empty database and return its URL."""
@@ -128,7 +135,7 @@ def _serve(binaries: Path, folder: Path, options: Sequence[str]) -> Iterator[Ser
     server = start()
     try:
         _wait_for(url, server, folder / "log")
-        yield Server(url=url, crash=crash)
+        yield Server(url=url, crash=crash, process=lambda: server.pid)
     finally:
         # Its immediate shutdown: nobody will want to read this again.
         server.send_signal(signal.SIGQUIT)
