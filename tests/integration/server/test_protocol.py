@@ -291,6 +291,20 @@ class Story(RuleBasedStateMachine):
             due = self.model.release(lease.id, fence, self.now)
             assert answer.status_code == (200 if due else 409)
 
+    @rule(host=ANY_HOST, times=st.integers(2, 6), silent=st.booleans())
+    def go_wrong(self, host: str, times: int, silent: bool) -> None:
+        """Have a worker fall silent, or crash, over instances again and again."""
+        for _ in range(times):
+            known = len(self.model.leases)
+            self.lease(host, 2)
+            if len(self.model.leases) == known:
+                return
+            if silent:
+                self.wait(TTL)
+                self.take_back()
+            else:
+                self.post(0, ["crashed"])
+
     # What nobody asks for.
 
     @rule(seconds=st.sampled_from([100.0, TTL / 2, TTL, PATIENCE]))
