@@ -83,17 +83,20 @@ class Spool:
 
     def next_batch(self, limit: int = BATCH) -> Batch | None:
         """Return the oldest results that share a lease; None if there are none to post now."""
-        rows = self._database.execute(
-            """
-            WITH waiting AS (
-                SELECT * FROM results WHERE key NOT IN (SELECT value FROM json_each(?))
-            )
-            SELECT key, lease, fence, worker, result FROM waiting
-            WHERE (lease, worker) = (SELECT lease, worker FROM waiting ORDER BY key LIMIT 1)
-            ORDER BY key LIMIT ?
-            """,
-            (json.dumps(sorted(self._forgotten | self._aside)), limit),
-        ).fetchall()
+        left_out = json.dumps(sorted(self._forgotten | self._aside))
+        oldest = self._database.execute(
+            "SELECT key, lease, worker FROM results "
+            "WHERE key NOT IN (SELECT value FROM json_each(?)) ORDER BY key LIMIT 1",
+            (left_out,),
+        ).fetchone()
+        rows: list[tuple[int, str, int, str, str]] = []
+        if oldest is not None:
+            rows = self._database.execute(
+                "SELECT key, lease, fence, worker, result FROM results "
+                "WHERE key >= ? AND lease = ? AND worker = ? "
+                "AND key NOT IN (SELECT value FROM json_each(?)) ORDER BY key LIMIT ?",
+                (*oldest, left_out, limit),
+            ).fetchall()
         if not rows:
             overflow = {k: row for k, row in self._overflow.items() if k not in self._aside}
             first = next(iter(overflow.values()), None)
