@@ -22,21 +22,10 @@ from analysis.interpretation.inference.any_muscles import AnyMuscles, any_muscle
 from analysis.interpretation.inference.familiarity import Familiarity, beyond
 from analysis.interpretation.inference.features import Features
 from analysis.interpretation.inference.gaussian_process import GaussianProcess
-from analysis.interpretation.inference.posterior import (
-    TARGETS,
-    Posterior,
-    View,
-    corrected,
-    squared,
-)
+from analysis.interpretation.inference.local_errors import NEIGHBOURS, LocalErrors
+from analysis.interpretation.inference.posterior import TARGETS, Posterior, View, squared
 from analysis.interpretation.inference.rows import noisy, normal_scores, positions, targets_of
 
-#: Rows around a recording whose errors are like its own.
-NEIGHBOURS = 40
-#: Weight of these in how large errors are; the rest is of all rows.
-LOCAL_WEIGHT = 0.8
-#: By how much the errors' correlation is shrunk towards none.
-SHRINKAGE = 0.05
 #: Share of patients of whom what is known is said not to go with the recording.
 CALLED_CONTRARY = 0.01
 #: Fewest rows to learn from.
@@ -64,10 +53,8 @@ class Interpreter:
     first: GaussianProcess
     #: To what contact adds; None without contact in the bank.
     correction: GaussianProcess | None
-    #: Inputs over the first's lengths, and errors of prediction of targets and factors, of the rows
-    #: that intervals are calibrated on.
-    places: np.ndarray
-    errors: np.ndarray
+    #: Of the rows that intervals are calibrated on.
+    local: LocalErrors
     #: What recordings have in common.
     familiarity: Familiarity
     #: K whatever the muscles are; None if the population has one set of them only.
@@ -119,8 +106,7 @@ class Interpreter:
             features=features,
             first=first,
             correction=correction,
-            places=inputs / first.lengths,
-            errors=errors,
+            local=LocalErrors(places=inputs / first.lengths, errors=errors),
             familiarity=Familiarity.fit(features.scaled(looked_at)),
             any_muscles=any_muscles(bank, features, sorted_factors, correction is not None),
             scores=scores,
@@ -137,8 +123,8 @@ class Interpreter:
             "correction": self.correction.arrays if self.correction else {},
             "any_muscles": self.any_muscles.arrays if self.any_muscles else {},
         }
-        own = ("places", "errors", "scores", "sorted_factors")
-        return {name: getattr(self, name) for name in own} | {
+        own = {"scores": self.scores, "sorted_factors": self.sorted_factors}
+        return {**self.local.arrays, **own} | {
             f"{part}.{name}": array
             for part, arrays in parts.items()
             for name, array in arrays.items()
@@ -179,7 +165,9 @@ class Interpreter:
             first=GaussianProcess(**part("first")),
             correction=GaussianProcess(**part("correction")) if part("correction") else None,
             any_muscles=AnyMuscles(**part("any_muscles")) if part("any_muscles") else None,
-            **{name: bank.fitted[name] for name in own},
+            local=LocalErrors(places=bank.fitted["places"], errors=bank.fitted["errors"]),
+            scores=bank.fitted["scores"],
+            sorted_factors=bank.fitted["sorted_factors"],
         )
 
     def inputs(self, recorded: np.ndarray) -> np.ndarray:
@@ -189,9 +177,8 @@ class Interpreter:
     def look(self, recorded: np.ndarray) -> View:
         """Return what a recording (CURVES and ESTIMATES, shape (both,)) says before calibration."""
         inputs = self.inputs(recorded[None])
-        near = self._neighbours(inputs / self.first.lengths, own=False)
-        every = np.arange(len(TARGETS), self.errors.shape[1])
-        return View(mean=self._mean(inputs)[0], covariance=self._covariances(near, every)[0])
+        around = self.local.around(inputs / self.first.lengths)
+        return View(mean=self._mean(inputs)[0], covariance=around[0])
 
     def infer(self, view: View, known: tuple[Known, ...] = ()) -> Posterior:
         """Return what is believed after a recording and what was measured on the patient.
@@ -201,7 +188,7 @@ class Interpreter:
         """
         columns, values, sds = self._measured(known)
         centre, spread = view.corrected(columns, values, sds)
-        return Posterior(centre=centre, spread=spread, scores=self._scores(columns, sds))
+        return Posterior(centre=centre, spread=spread, scores=self.local.scores(columns, sds))
 
     def surprise(self, view: View, known: tuple[Known, ...]) -> tuple[float, float, int]:
         """Return how far what is known is from what a recording says of it.
@@ -213,7 +200,7 @@ class Interpreter:
         columns, values, sds = self._measured(known)
         away, count = values - view.mean[columns], len(TARGETS)
         own = view.covariance[np.ix_(columns, columns)] + np.diag(sds**2)
-        errors, every = self._as_measured(columns, sds)
+        errors, every = self.local.as_measured(columns, sds)
         distances = squared(errors, every[:, count:, count:] + np.diag(sds**2))
         worst = int(np.argmax(np.abs(away) / np.sqrt(np.diag(own))))
         limit = beyond(np.sort(distances), CALLED_CONTRARY)
@@ -242,7 +229,7 @@ class Interpreter:
         more, scaled = self.measurable(view, sds)
         columns, scaled = np.concatenate([columns, more]), np.concatenate([own, scaled])
         _, spread = view.corrected(columns, np.zeros(len(columns)), scaled)
-        return Posterior(centre=centre, spread=spread, scores=self._scores(columns, scaled))
+        return Posterior(centre=centre, spread=spread, scores=self.local.scores(columns, scaled))
 
     def measurable(self, view: View, sds: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         """Return columns of factors, and standard deviations as those of their normal scores."""
@@ -258,68 +245,9 @@ class Interpreter:
         columns, _, sds = self._measured(known)
         return columns, sds
 
-    def residual_scores(self, columns: np.ndarray, sds: np.ndarray) -> np.ndarray:
-        """Return the scores of the bank's rows, not sorted, shape (rows, TARGETS)."""
-        surprise, covariances = self._as_measured(columns, sds)
-        own = self.errors[:, : len(TARGETS)]
-        centre, spread = corrected(np.zeros_like(own), covariances, surprise, sds)
-        return np.asarray((own - centre) / spread)
-
-    def _as_measured(self, columns: np.ndarray, sds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return errors of `columns` if they were measured, and covariances, of the bank's rows."""
-        noise = np.random.default_rng(0).standard_normal((len(self.errors), len(columns))) * sds
-        # What is measured is off by what it is measured to: so are the differences to its mean.
-        return self.errors[:, columns] + noise, self._covariances(self._own_neighbours, columns)
-
-    @cached_property
-    def _own_neighbours(self) -> np.ndarray:
-        return self._neighbours(self.places, own=True)
-
-    def _scores(self, columns: np.ndarray, sds: np.ndarray) -> np.ndarray:
-        return np.sort(self.residual_scores(columns, sds), axis=0)
-
     def _mean(self, inputs: np.ndarray) -> np.ndarray:
         mean = self.first.predict(inputs)
         return mean if self.correction is None else mean + self.correction.predict(inputs)
-
-    def _neighbours(self, places: np.ndarray, *, own: bool) -> np.ndarray:
-        """Return the rows nearest to each place, shape (k, NEIGHBOURS); `own` leaves it out."""
-        squared = (
-            (places**2).sum(axis=1)[:, None]
-            + (self.places**2).sum(axis=1)
-            - 2.0 * places @ self.places.T
-        )
-        if own:
-            np.fill_diagonal(squared, np.inf)
-        return np.asarray(np.argpartition(squared, NEIGHBOURS, axis=1)[:, :NEIGHBOURS])
-
-    def _covariances(self, near: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Return covariances of errors of targets and `columns`, shape (k, both, both).
-
-        Errors are as large as around each place, and go together as in the whole bank: too few
-        rows are near a place to tell the latter there.
-        """
-        chosen = np.concatenate([np.arange(len(TARGETS)), columns]).astype(int)
-        spread = self._spreads(near)[:, chosen]
-        together = self._together[np.ix_(chosen, chosen)]
-        return np.asarray(spread[:, :, None] * together * spread[:, None, :])
-
-    def _spreads(self, near: np.ndarray) -> np.ndarray:
-        """Return how large errors are around places, shape (k, targets and factors)."""
-        squared = self.errors**2
-        local = squared[near].mean(axis=1)
-        return np.asarray(
-            np.sqrt(LOCAL_WEIGHT * local + (1.0 - LOCAL_WEIGHT) * squared.mean(axis=0))
-        )
-
-    @cached_property
-    def _together(self) -> np.ndarray:
-        """Correlation of errors over their local size, shrunk towards none."""
-        relative = self.errors / self._spreads(self._own_neighbours)
-        found = relative.T @ relative
-        size = np.sqrt(np.diag(found))
-        found = found / np.outer(size, size)
-        return np.asarray((1.0 - SHRINKAGE) * found + SHRINKAGE * np.eye(len(found)))
 
     def _measured(self, known: tuple[Known, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return columns, normal scores and their standard deviations of what is known."""
