@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rehyb.client import Json
-from rehyb.errors import Invalid
+from rehyb.errors import Invalid, RehybError
 
 if TYPE_CHECKING:
     from models.evaluation import Evaluation
@@ -45,21 +45,24 @@ def evaluating(
         RehybError: something in `code` cannot be used; and, when it is called, that the model
             cannot be had.
     """
-    from worker.models.places import Places
-    from worker.queue import EvaluationQueue
+    from models.running.places import NoModelError, Places
+    from models.running.queue import EvaluationQueue
 
     with tempfile.TemporaryDirectory(prefix="rehyb-models-") as cache:
         places = Places(fetch=fetch, cache=Path(cache))
-        places.have(code.folders, code.packages, code.servers)
-        with EvaluationQueue(1, SECONDS) as queue:
 
-            def evaluate(instance: Json) -> "Evaluation":
-                ready = places.prepared(instance)
-                return queue.evaluate(
-                    ready["model"], ready.get("place"), ready["parameters"], ready.get("seed", 0)
-                )
+        def evaluate(instance: Json) -> "Evaluation":
+            ready = places.prepared(instance)
+            return queue.evaluate(
+                ready["model"], ready.get("place"), ready["parameters"], ready.get("seed", 0)
+            )
 
-            yield evaluate
+        try:
+            places.have(code.folders, code.packages, code.servers)
+            with EvaluationQueue(1, SECONDS) as queue:
+                yield evaluate
+        except NoModelError as error:
+            raise RehybError(str(error)) from None
 
 
 def not_here(version: str, kind: str, code: Code) -> Invalid:

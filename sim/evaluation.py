@@ -1,9 +1,11 @@
 """Evaluate one point of a model: what a worker does with an instance."""
 
+import hashlib
 import time
 from collections.abc import Callable, Collection, Mapping
 from importlib import metadata
 from math import sin
+from pathlib import Path
 from platform import machine, python_version
 from platform import system as operating_system
 
@@ -66,6 +68,16 @@ def versions() -> dict[str, str]:
         "python": python_version(),
         "platform": f"{operating_system()}-{machine()}",
     }
+
+
+def code() -> str:
+    """Return a digest of the sources of `sim`: it shows a changed model where no version does."""
+    folder = Path(__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted((*folder.rglob("*.py"), *folder.rglob("*.xml"))):
+        digest.update(path.relative_to(folder).as_posix().encode() + b"\0")
+        digest.update(path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
 
 
 def _ishigami(x: tuple[float, ...]) -> float:

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any
 
+from models.running.child import Result, failed
+from models.running.outcomes import Outcome
+from models.running.places import NoModelError
+from models.running.pool import Pool
 from rehyb.errors import RehybError, ServerError, Unreachable
 from worker import backoff
-from worker.child import Result, failed
 from worker.close_loop.jobs import CloseLoopJobs
 from worker.leases import LeaseRequest, Leases, Ticket
-from worker.outcomes import Outcome
-from worker.pool import Pool
 from worker.posting import Posting
 from worker.spool import Spool
 
@@ -147,7 +148,7 @@ class Agent:
             except (Unreachable, ServerError):
                 self.leases.queue.appendleft(ticket)
                 return bundle, True
-            except RehybError as error:
+            except (RehybError, NoModelError) as error:
                 bad = failed(ticket.instance, Outcome.BAD_MODEL, str(error))
                 self._finish([(ticket, bad)])
         return bundle, False

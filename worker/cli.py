@@ -18,6 +18,8 @@ from typing import Annotated, Any
 
 import typer
 
+from models.running.places import NoModelError, Places
+from models.running.pool import Pool, available_cores
 from rehyb.client import DEFAULT_URL, Client
 from rehyb.durations import seconds
 from rehyb.errors import Invalid, RehybError
@@ -31,8 +33,6 @@ from worker.leases import Leases
 from worker.machine import describe
 from worker.models.canaries import Canaries
 from worker.models.offered import WorkerModels
-from worker.models.places import Places
-from worker.pool import Pool, available_cores
 from worker.spool import Spool
 
 #: Seconds to wait for one answer: well under a lease's time to live, so that leases stay renewed.
@@ -311,6 +311,6 @@ def main() -> None:
     """Run the command; a failure is one sentence on stderr and exit status 1."""
     try:
         app(prog_name="rehyb-worker")
-    except RehybError as error:
+    except (RehybError, NoModelError) as error:
         print(f"rehyb-worker: {error}", file=sys.stderr)
         sys.exit(1)

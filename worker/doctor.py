@@ -8,10 +8,11 @@ from email.utils import parsedate_to_datetime
 from enum import StrEnum
 from pathlib import Path
 
+from models.running.pool import available_cores
 from rehyb.client import Client
 from rehyb.errors import RehybError, Unauthorized
-from worker.machine import canary, code, cpu
-from worker.pool import available_cores
+from sim.evaluation import code
+from worker.machine import canary, cpu
 
 #: An assessment takes 0.4 s on a core of 2020; one that takes ten times as long is hardly a help.
 SLOW_SECONDS = 4.0

@@ -1,14 +1,12 @@
 """What this machine is, as far as it decides which bits a simulation comes out with."""
 
-import hashlib
 import json
 import subprocess
 import sys
 from pathlib import Path
 
-import sim
 from rehyb.errors import RehybError
-from sim.evaluation import versions
+from sim.evaluation import code, versions
 
 #: Seconds the canary may take: half a second of simulation, and MuJoCo's first start from a disk
 #: that sleeps.
@@ -45,16 +43,6 @@ def cpu(path: Path = Path("/proc/cpuinfo")) -> str:
     except OSError:
         return "unknown"
     return " ".join(flag for flag in VECTOR_FLAGS if flag in flags) or "none"
-
-
-def code() -> str:
-    """Return a digest of the sources of `sim`: it shows a changed model where no version does."""
-    folder = Path(str(sim.__file__)).parent
-    digest = hashlib.sha256()
-    for path in sorted((*folder.rglob("*.py"), *folder.rglob("*.xml"))):
-        digest.update(path.relative_to(folder).as_posix().encode() + b"\0")
-        digest.update(path.read_bytes() + b"\0")
-    return digest.hexdigest()[:16]
 
 
 def canary(program: str = _CANARY) -> tuple[str, float]:

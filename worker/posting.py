@@ -11,8 +11,8 @@ from typing import Any
 from rehyb.client import Client
 from rehyb.errors import Invalid, ServerError
 from worker.leases import LeaseRequest, Leases
-from worker.outcomes import Verdict
 from worker.spool import Batch, Spool
+from worker.verdicts import Verdict
 
 log = logging.getLogger(__name__)
 

@@ -132,10 +132,9 @@ def _judged(
 
 def _code(manifest: Mapping[str, Any]) -> str:
     """Say what code computed the study, if it is not what is installed here."""
-    from sim.evaluation import versions as here
-    from worker.machine import code
+    from sim.evaluation import code, versions
 
-    mine = {"code": code(), "mujoco": here()["mujoco"]}
+    mine = {"code": code(), "mujoco": versions()["mujoco"]}
     theirs = manifest.get("identity")
     if theirs == mine or not isinstance(theirs, dict):
         return ""

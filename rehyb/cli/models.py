@@ -47,8 +47,8 @@ def check(
     Exit status 1 if an evaluation fails.
     """
     from models.description import Kind
-    from worker.models.evaluation import Place
-    from worker.pool import Pool
+    from models.running.place import Place
+    from models.running.pool import Pool
 
     read = _read(folder)
     description = read.description
@@ -156,10 +156,10 @@ def serve(
     ] = None,
 ) -> None:
     """Serve models to everybody who samples with an UM-Bridge client, until Ctrl-C."""
+    from models.running.place import Place
+    from models.running.pool import available_cores
+    from models.running.queue import EvaluationQueue
     from models.umbridge.server import serve as bound
-    from worker.models.evaluation import Place
-    from worker.pool import available_cores
-    from worker.queue import EvaluationQueue
 
     described: dict[str, Description] = {}
     places: dict[str, Place | None] = {}
@@ -182,7 +182,7 @@ def serve(
 def _served(model: str) -> "tuple[Description, Any]":
     """Return a model's description, and where it is evaluated (None: it is rehyb's own)."""
     from models.own import own_models
-    from worker.models.evaluation import Place
+    from models.running.place import Place
 
     if model in own_models():
         return own_models()[model], None

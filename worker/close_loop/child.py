@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from worker.outcomes import Outcome
+from models.running.outcomes import Outcome
 
 if TYPE_CHECKING:
     from models.evaluation import Evaluation

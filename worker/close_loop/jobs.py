@@ -16,14 +16,14 @@ from random import Random
 from threading import Event, Thread
 from typing import Any
 
+from models.running.outcomes import Outcome
+from models.running.pool import Pool
 from rehyb.client import Client
 from rehyb.errors import Conflict, Invalid, NotFound, RehybError, ServerError, Unreachable
 from worker import backoff
 from worker.close_loop.child import CLOSE_LOOP, INTERPRETATION, OUT, PROGRESS
 from worker.close_loop.scratch import Scratch, file_name, sweep
 from worker.leases import renewal_time
-from worker.outcomes import Outcome
-from worker.pool import Pool
 
 log = logging.getLogger(__name__)
 

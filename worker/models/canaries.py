@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from models.description import Description
-from worker.models.evaluation import Place
-from worker.outcomes import Outcome
-from worker.pool import Pool
+from models.running.outcomes import Outcome
+from models.running.place import Place
+from models.running.pool import Pool
 
 log = logging.getLogger(__name__)
 

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from models.description import Description, Kind
+from models.running.places import NoModelError, Places
 from rehyb.client import Client
 from rehyb.client.models import description_of
 from rehyb.errors import RehybError, ServerError, Unreachable
 from sim.models import MODELS
 from worker.models.canaries import Canaries
-from worker.models.places import Places
 
 log = logging.getLogger(__name__)
 
@@ -64,7 +64,7 @@ class WorkerModels:
                 canary = self.canaries.of(description, self.places.place(version))
             except (Unreachable, ServerError):
                 raise
-            except RehybError as error:
+            except (RehybError, NoModelError) as error:
                 log.error("does not take %s: %s", version, error)
                 self.canaries.refused.add(version)
                 continue

@@ -51,8 +51,8 @@ def up(
     for name in ("fastapi", "uvicorn", "sqlalchemy", "alembic", "pydantic_settings"):
         if find_spec(name) is None:
             raise RehybError(f"rehyb up needs {name}: pip install 'rehyb[server]'")
+    from models.running.pool import available_cores
     from rehyb.fleet import LocalFleet
-    from worker.pool import available_cores
 
     fleet = LocalFleet(
         directory,

@@ -13,9 +13,8 @@ from analysis.designs.distributions import Distribution, Uniform
 from analysis.sensitivity.records import plan_of
 from analysis.sensitivity.service import analyse
 from rehyb.client import Client, Json
-from sim.evaluation import evaluate, versions
+from sim.evaluation import code, evaluate, versions
 from tests.testbed.studies import Function, results_of
-from worker.machine import code
 
 RANGES = {name: Uniform(low=-3.0, high=3.0) for name in ("x1", "x2", "x3")}
 ROWS, WIDTH = 6, 5

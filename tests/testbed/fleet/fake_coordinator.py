@@ -9,10 +9,10 @@ from typing import Any
 
 import httpx2
 
+from models.running.pool import Finished
 from rehyb.client import Client
 from worker.agent import Agent
 from worker.leases import Leases
-from worker.pool import Finished
 from worker.spool import Spool
 
 

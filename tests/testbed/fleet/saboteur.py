@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from models.evaluation import Evaluation
+from models.running.place import evaluate as soundly
+from models.running.pool import Pool
 from worker import cli, spool
-from worker.models.evaluation import evaluate as soundly
-from worker.pool import Pool
 
 #: One instance in so many.
 CRASHES, HANGS = 101, 397

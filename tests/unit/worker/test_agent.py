@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from models.running.pool import Finished
 from rehyb.errors import Unauthorized
 from tests.testbed.fleet.fake_coordinator import Work
 from worker.leases import LAST_WORDS_SECONDS
-from worker.pool import Finished
 from worker.posting import TRIES
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from models.description import Description, Kind, Output
 from models.factors import Factor
+from models.running.place import Place
+from models.running.pool import Finished
 from worker.models.canaries import Canaries, points
-from worker.models.evaluation import Place
-from worker.pool import Finished
 
 MODEL = Description(
     name="m",

@@ -10,8 +10,9 @@ import pytest
 
 from rehyb.client import Client
 from rehyb.errors import RehybError
+from sim.evaluation import code
 from worker.doctor import Finding, examine
-from worker.machine import CanaryError, canary, code, cpu
+from worker.machine import CanaryError, canary, cpu
 
 FAST = "print('[\"c0ffee\", 0.4]')"
 
@@ -53,7 +54,7 @@ def test_the_code_of_the_simulation_has_one_digest() -> None:
 
 def test_a_changed_device_is_changed_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot is a file of the simulation's, and decides the bits as its modules do."""
-    monkeypatch.setattr("worker.machine.sim.__file__", str(tmp_path / "__init__.py"))
+    monkeypatch.setattr("sim.evaluation.__file__", str(tmp_path / "evaluation.py"))
     (tmp_path / "robot.xml").write_text("<mujoco/>")
     before = code()
     (tmp_path / "robot.xml").write_text('<mujoco model="other"/>')

@@ -13,13 +13,13 @@ import pytest
 
 from analysis.closeloop.contract import REPORT_FILES
 from analysis.interpretation.contract import code
+from models.running.pool import Finished
 from rehyb.client import Client
 from worker import backoff
 from worker.close_loop import jobs as close_loop_jobs
 from worker.close_loop.child import OUT, PROGRESS, can_close_loops
 from worker.close_loop.jobs import CloseLoopJobs
 from worker.close_loop.scratch import sweep
-from worker.pool import Finished
 
 ARCHIVE = b"PK of a session"
 

@@ -10,8 +10,9 @@ from typing import Any
 from models.description import Kind
 from models.evaluation import Evaluation, Evaluator, ModelFailure
 from models.folder import read_folder
+from models.own import evaluate_own
 from models.packages import announced
-from worker.outcomes import Outcome
+from models.running.outcomes import Outcome
 
 #: That a child gets to end a program which has taken too long.
 GRACE_SECONDS = 2.0
@@ -54,9 +55,7 @@ def evaluate(instance: Mapping[str, Any]) -> Evaluation:
     """
     place: Place | None = instance.get("place")
     if place is None:
-        from sim.evaluation import evaluate as evaluate_ours
-
-        return evaluate_ours(instance["model"], instance["parameters"], instance.get("curves", ()))
+        return evaluate_own(instance["model"], instance["parameters"], instance.get("curves", ()))
     load(place)
     started = time.perf_counter()
     outputs = _LOADED[place](instance["parameters"], instance["seed"])

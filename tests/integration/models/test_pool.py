@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from models.evaluation import Evaluation
-from worker.pool import Finished, Pool
+from models.running.pool import Finished, Pool
 
 
 def behave(instance: Mapping[str, Any]) -> Evaluation:

@@ -17,8 +17,8 @@ from typing import Any
 
 from models.evaluation import Evaluation
 from models.processes import descendants
-from worker.child import Evaluate, Result, evaluate_until_closed, failed
-from worker.outcomes import Outcome
+from models.running.child import Evaluate, Result, evaluate_until_closed, failed
+from models.running.outcomes import Outcome
 
 #: Seconds a killed child gets to disappear.
 REAP_SECONDS = 5.0
@@ -37,7 +37,7 @@ def available_cores() -> int:
 
 def evaluate_model(instance: Mapping[str, Any]) -> Evaluation:
     """Evaluate an instance of any model, imported here so that only the child loads it."""
-    from worker.models.evaluation import evaluate
+    from models.running.place import evaluate
 
     return evaluate(instance)
 

@@ -11,10 +11,13 @@ from typing import Any
 
 from models.description import Description, Kind
 from models.folder import MODEL_FILE, ModelError, ModelFolder, copied, read_folder, unpacked_into
+from models.own import own_models
 from models.packages import announced
-from rehyb.errors import RehybError
-from sim.models import MODELS
-from worker.models.evaluation import Place
+from models.running.place import Place
+
+
+class NoModelError(Exception):
+    """A model cannot be had on this machine; the message says why."""
 
 
 def folders_in(paths: Sequence[Path]) -> Iterator[ModelFolder]:
@@ -59,7 +62,7 @@ class Places:
                 evaluates it.
 
         Raises:
-            RehybError: one of them cannot be used.
+            NoModelError: one of them cannot be used.
         """
         try:
             for folder in folders_in(folders):
@@ -68,21 +71,21 @@ class Places:
                 )
                 self._add(folder.description, str(self._kept(folder)), url)
         except ModelError as error:
-            raise RehybError(str(error)) from None
+            raise NoModelError(str(error)) from None
         for name in packages:
             description = described(name)
             if description.name != name:
-                raise RehybError(f"the package announces {name} and calls it {description.name}")
+                raise NoModelError(f"the package announces {name} and calls it {description.name}")
             self._add(description, name)
 
     def prepared(self, instance: Mapping[str, Any]) -> dict[str, Any]:
         """Return a leased instance with all that a child needs; fetches its model if need be.
 
         Raises:
-            RehybError: the model cannot be had.
+            NoModelError: the model cannot be had.
         """
         version = instance["model"]
-        if version in MODELS:
+        if version in own_models():
             return dict(instance)
         place = self.place(version)
         return {
@@ -96,15 +99,15 @@ class Places:
         """Return where a model is, which is fetched if need be.
 
         Raises:
-            RehybError: it cannot be had.
+            NoModelError: it cannot be had.
         """
         if version not in self.places:
             self._fetched(version)
         return self.places[version]
 
     def _add(self, description: Description, where: str, url: str = "") -> None:
-        if description.name in MODELS:
-            raise RehybError(f"{description.name} is a model of rehyb's own: choose another name")
+        if description.name in own_models():
+            raise NoModelError(f"{description.name} is a model of rehyb's own: choose another name")
         version = description.version
         self.descriptions[version] = description
         self.places[version] = Place(
@@ -145,9 +148,9 @@ class Places:
                 try:
                     found = read_folder(unpacked_into(archive, fresh))
                 except ModelError as error:
-                    raise RehybError(f"{version} cannot be used: {error}") from None
+                    raise NoModelError(f"{version} cannot be used: {error}") from None
                 if found.description.digest != digest or found.description.kind != Kind.MJCF:
-                    raise RehybError(f"{version} arrived as {found.description.version}")
+                    raise NoModelError(f"{version} arrived as {found.description.version}")
                 self._moved(found.path, target)
         self._add(read_folder(target).description, str(target))
 
@@ -156,11 +159,11 @@ def described(name: str) -> Description:
     """Return the description of a Python model, which a process of its own loads.
 
     Raises:
-        RehybError: no package announces it here, or it is no model.
+        NoModelError: no package announces it here, or it is no model.
     """
     known = announced()
     if name not in known:
-        raise RehybError(
+        raise NoModelError(
             f"no package here announces the model {name!r}; there are {', '.join(known) or 'none'}"
         )
     ran = subprocess.run(
@@ -171,7 +174,7 @@ def described(name: str) -> Description:
     )
     if ran.returncode != 0:
         lines = ran.stderr.strip().splitlines() or [f"exit status {ran.returncode}"]
-        raise RehybError(lines[-1])
+        raise NoModelError(lines[-1])
     return Description.from_json(json.loads(ran.stdout))
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from models.description import Kind
-from worker.models.evaluation import GRACE_SECONDS, Place
+from models.running.place import GRACE_SECONDS, Place
 
 
 @pytest.mark.parametrize(

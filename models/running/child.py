@@ -15,7 +15,7 @@ from typing import Any
 from models.curves import Curve, folded
 from models.evaluation import Evaluation, ModelFailure
 from models.processes import adopt_orphans, die_with_parent
-from worker.outcomes import Outcome
+from models.running.outcomes import Outcome
 
 #: Of {"id", "model", "parameters"}; it raises ModelFailure where a model has no answer.
 Evaluate = Callable[[Mapping[str, Any]], Evaluation]
@@ -94,7 +94,7 @@ def _loaded(place: Any) -> bool:
         return False
     _AT_HAND.add(place)
     if place is not None:
-        from worker.models.evaluation import load
+        from models.running.place import load
 
         with suppress(Exception):
             load(place)

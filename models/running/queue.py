@@ -7,8 +7,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from models.evaluation import Evaluation
-from worker.models.evaluation import Place
-from worker.pool import Pool
+from models.running.place import Place
+from models.running.pool import Pool
 
 #: Seconds between two looks of the thread that runs the pool for what is newly asked.
 TICK_SECONDS = 0.01

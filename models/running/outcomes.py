@@ -1,10 +1,10 @@
-"""How an instance or a close-loop job may end, and what the coordinator says of a result."""
+"""How what a child process is given may end, an instance or a close-loop job."""
 
 from enum import StrEnum
 
 
 class Outcome(StrEnum):
-    """Outcomes that the worker itself tells apart; a simulation has names of its own beside."""
+    """Outcomes that whoever runs it tells apart; a simulation has names of its own beside."""
 
     OK = "ok"
     #: The child process died, or raised an exception.
@@ -16,10 +16,3 @@ class Outcome(StrEnum):
     BAD_MODEL = "bad_model"
     #: A close-loop job: the session cannot be analysed.
     BAD_SESSION = "bad_session"
-
-
-class Verdict(StrEnum):
-    """Verdicts of the coordinator with which a result is where it belongs."""
-
-    ACCEPTED = "accepted"
-    DUPLICATE = "duplicate"
