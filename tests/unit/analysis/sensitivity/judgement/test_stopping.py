@@ -9,26 +9,8 @@ import pytest
 from analysis.sensitivity.judgement.stopping import Goal, advise, next_step
 from analysis.sensitivity.service import analyse
 from analysis.sensitivity.snapshot import empty_snapshot
+from tests.testbed.snapshots import fitted, snapshot
 from tests.testbed.studies import results_of, study_plan
-
-
-def interval(value: float | None, half: float) -> dict[str, float | None]:
-    if value is None:
-        return {"value": None, "low": None, "high": None}
-    return {"value": value, "low": value - half, "high": value + half}
-
-
-def snapshot(half: float, *, sampling: str = "sobol", rows: int = 300) -> dict[str, Any]:
-    factors = {
-        "x": {"first_order": interval(0.3, 0.01), "total_order": interval(0.5, half), "n": rows},
-        "y": {"first_order": interval(0.2, 0.01), "total_order": interval(0.4, 0.01), "n": rows},
-    }
-    return {
-        "method": "saltelli",
-        "sampling": sampling,
-        "rows_complete": rows,
-        "outputs": {"error": {"factors": factors}},
-    }
 
 
 def test_twice_the_precision_takes_four_times_the_rows() -> None:
@@ -130,22 +112,6 @@ def test_followed_to_its_end_a_study_is_as_precise_as_wanted(sampling: str) -> N
     assert step.reached and len(sizes) > 2
     assert step.sentence.startswith("Every index of y is within ±0.15")
     assert all(later <= 2 * earlier or later == 50 for earlier, later in pairwise(sizes))
-
-
-def fitted(half: float, rows: int, *, explained: float = 0.99, doubt: str = "") -> dict[str, Any]:
-    """Return a snapshot of a study of method surrogate."""
-    found = snapshot(half, sampling="sobol_blocks", rows=rows)
-    found["method"] = "surrogate"
-    found["outputs"]["error"] |= {
-        "surrogate": {"kind": "gaussian process", "runs": rows, "explained": explained},
-        "trust": {
-            "runs": rows,
-            "unseen": 3.0 / rows,
-            "trusted": None if rows < 256 else not doubt,
-            "sentence": doubt,
-        },
-    }
-    return found
 
 
 GOAL = Goal(output="error", target=0.02, up_to=1024)

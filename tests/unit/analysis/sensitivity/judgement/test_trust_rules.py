@@ -1,0 +1,121 @@
+"""Where trust ends, to the row and to the last digit; the estimator is its sums alone."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.sensitivity.estimators import Estimate
+from analysis.sensitivity.judgement.trust import Trust, judge
+
+
+@dataclass
+class Sums:
+    """What is asked of an estimator of two outputs, of which the second one is looked at."""
+
+    rows: int
+    runs: int
+    kurtosis_of_y: float
+    method: str = "saltelli"
+    heavy_kurtosis: float = 6.0
+
+    @property
+    def effects(self) -> Any:
+        return np.array([[9999, 9999], [self.rows, 1]])
+
+    def independent_runs(self) -> Any:
+        return np.array([9999, self.runs])
+
+    def kurtosis(self) -> Any:
+        return np.array([1.0, self.kurtosis_of_y])
+
+
+@dataclass
+class SumOfShares:
+    """The sum of total-order indices, whose upper end is this."""
+
+    high: float
+    asked: list[float] = field(default_factory=list)
+
+    def estimate(self, level: float) -> Estimate:
+        self.asked.append(level)
+        high = np.array([9.0, self.high])
+        return Estimate(value=high, low=high, high=high)
+
+
+def judged(sums: Sums, **statistics: Any) -> Trust:
+    return judge(sums, statistics, 1, "y")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("sums", "trusted"),
+    [
+        (Sums(rows=127, runs=254, kurtosis_of_y=9.0), None),
+        (Sums(rows=127, runs=254, kurtosis_of_y=3.0), None),
+        (Sums(rows=128, runs=256, kurtosis_of_y=3.0), True),
+        (Sums(rows=128, runs=256, kurtosis_of_y=6.0), True),
+        (Sums(rows=128, runs=256, kurtosis_of_y=6.01), False),
+        (Sums(rows=2000, runs=4000, kurtosis_of_y=8.01), False),
+        (Sums(rows=2000, runs=4000, kurtosis_of_y=8.0), True),
+        (Sums(rows=2000, runs=4000, kurtosis_of_y=8.01, heavy_kurtosis=9.0), True),
+        (Sums(rows=2000, runs=4000, kurtosis_of_y=float("nan")), True),
+    ],
+)
+def test_a_tail_is_heavy_above_its_bound_and_seen_well_from_500_effective_runs_on(
+    sums: Sums, trusted: bool | None
+) -> None:
+    found = judged(sums)
+    assert found.trusted is trusted
+    assert bool(found.sentence) is (trusted is False)
+
+
+def test_what_few_runs_make_up_is_said_of_shares_and_of_effects() -> None:
+    assert judged(Sums(rows=500, runs=1000, kurtosis_of_y=8.0)).sentence == (
+        "Do not trust these intervals: the variance of y rests on few runs (as many as 125 of "
+        "equal size would, of 1,000), so shares of it may be far off, those of light factors too "
+        "large."
+    )
+    screening = Sums(rows=500, runs=1000, kurtosis_of_y=8.0, method="morris")
+    assert judged(screening).sentence == (
+        "Do not trust these intervals: the largest effects on y rest on few rows (as many as 125 "
+        "of equal size would, of 1,000), so sigma and the means may be far off."
+    )
+
+
+@pytest.mark.parametrize(("high", "trusted"), [(1.0, True), (1.2, True), (0.994, False)])
+def test_shares_sum_to_one_or_more_by_their_interval_of_99_percent(
+    high: float, trusted: bool
+) -> None:
+    light, total = Sums(rows=128, runs=256, kurtosis_of_y=3.0), SumOfShares(high)
+    found = judged(light, sum_total_order=total)
+    assert total.asked == [0.99]
+    assert found.trusted is trusted
+    if not trusted:
+        assert found.sentence == (
+            "Do not trust these intervals: the total-order indices of y sum to at most 0.99, and "
+            "truly never to less than 1, so something that matters was seen too rarely."
+        )
+
+
+def test_both_reasons_are_said_and_none_of_too_few_rows() -> None:
+    heavy = Sums(rows=128, runs=256, kurtosis_of_y=20.0)
+    both = judged(heavy, sum_total_order=SumOfShares(0.5)).sentence
+    assert "too large; the total-order indices of y sum to at most 0.50" in both
+    few = Sums(rows=100, runs=200, kurtosis_of_y=20.0)
+    found = judged(few, sum_total_order=SumOfShares(0.5))
+    assert (found.trusted, found.sentence) == (None, "")
+
+
+@pytest.mark.parametrize(
+    ("runs", "unseen"), [(0, None), (2, None), (3, 1.0), (4, 0.75), (600, 0.005)]
+)
+def test_what_three_runs_in_a_sample_would_show_may_be_unseen(
+    runs: int, unseen: float | None
+) -> None:
+    found = judged(Sums(rows=0, runs=runs, kurtosis_of_y=2.0))
+    assert (found.runs, found.unseen, found.effective_runs) == (runs, unseen, runs / 2.0)
+
+
+def test_an_unknown_kurtosis_leaves_the_effective_runs_unknown() -> None:
+    assert judged(Sums(rows=0, runs=9, kurtosis_of_y=float("nan"))).effective_runs is None
