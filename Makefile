@@ -45,8 +45,8 @@ soak: $(READY)  ## Disturb studies in every way, twenty times over; an hour
 		tests/integration/server/test_protocol.py tests/integration/server/routes/test_fuzz.py \
 		tests/unit/analysis/closeloop/session/test_fuzz.py
 
-mutants: $(READY)  ## Break what decides in every small way, and list what no test notices
-	$(BIN)/mutmut run
+mutants: $(READY)  ## Break what decides in every small way, and list what no test notices (ROOM="server.logic.fleet*")
+	$(BIN)/mutmut run $(if $(ROOM),"$(ROOM)")
 	$(BIN)/mutmut results
 
 power-loss: $(READY)  ## Cut the power at every commit of a study, each in a hundred ways
