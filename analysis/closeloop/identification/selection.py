@@ -16,6 +16,8 @@ from sim.effects.catalogue import BY_NAME
 
 #: A gain must exceed this many of its standard errors: some 30 candidates at each of three steps.
 MIN_Z = 4.0
+#: Fewer seconds of motion show nothing: their spread says little of a gain's error.
+LEAST_BLOCKS = 6
 #: Least share of the held-out loss that a gain takes, below which no number in a report changes.
 MIN_GAIN = 0.03
 #: A later effect has to take this share of what the first left: what a form that is a little wrong
@@ -102,6 +104,8 @@ def more_than_luck(worse: np.ndarray, better: np.ndarray, fold_of_block: np.ndar
     Args: as of `wins_in_folds`.
     """
     gain, error = compare(worse, better)
+    if len(worse) < LEAST_BLOCKS:
+        return False
     if gain > MIN_Z * error or takes_all(worse, better):
         return True
     if gain <= LARGE_GAIN * float(worse.sum()):

@@ -13,34 +13,30 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, median_filter, uniform_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.spatial import cKDTree
-from scipy.stats import norm
 
 from analysis.closeloop.identification.balance.least_squares import gram_matrices
 from analysis.closeloop.identification.balance.model import Model, evaluate, kept_columns
-from analysis.closeloop.identification.balance.regression import Rows, resting, select_rows
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.explainable import (
     FOLDS,
     phase_groups,
     signal_groups,
 )
 from analysis.closeloop.identification.findings import Event
+from analysis.closeloop.judgement.holds import held, rest_events, runs, spread
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lowpass
 
 #: An event's peak and its flanks, over the spread of the residual (from its median).
 PEAK, FLANK = 6.0, 2.5
-#: ... and over its own spread, for a joint at rest, whose stiction creeps.
-STILL_PEAK = 8.0
-#: ... and, for a joint at rest, over the Coulomb friction that its motion shows.
-STICTION = 3.0
-#: ... and over the noise of single samples.
-OVER_NOISE = 4.0
 #: Lengths over which the residual is averaged, s: a weak push shows by lasting.
 SCALES = (0.0, 0.2, 0.6)
-#: Time over which a resting joint's torque is compared with its own course, s.
-COURSE = 4.0
+#: Least time that a joint moves by itself in each direction, s, before it shows its friction.
+MOVED = 0.5
+#: Rows of a joint in motion, below which nothing is said of it.
+LEAST_ROWS = 50
 #: Shortest event, s, and how many a second of motion are no events but a form that is wrong.
 SHORTEST, OFTEN = 0.08, 0.15
 #: What takes a larger share of the time than this is not local.
@@ -72,13 +68,16 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
     if not recording.still:
         rows = select_rows(recording, tuple(range(len(recording.session.trials))))
         for joint in recording.joints:
+            samples = rows.samples[joint]
+            if len(samples) < LEAST_ROWS:
+                continue
             friction[joint] = friction_of(model, rows, joint)
-            own = _joined(_moving(rows, joint, *beyond_splines(model, rows, joint)))
+            own = _joined(_moving(model, rows, joint))
             own = [event for event in own if event.end - event.begin > SHORTEST]
-            seconds = len(rows.samples[joint]) * samples_step(rows.samples[joint]) / recording.rate
+            seconds = len(samples) * samples_step(samples) / recording.rate
             found += own if len(own) <= max(3.0, OFTEN * seconds) else []
     for joint in range(recording.effort.shape[1]):
-        found += _resting(recording, joint, friction.get(joint, 0.0))
+        found += rest_events(recording, joint, friction.get(joint, 0.0))
     return tuple(sorted(_joined(found), key=lambda one: (one.begin, one.joint)))
 
 
@@ -122,13 +121,11 @@ def beyond_splines(model: Model, rows: Rows, joint: int) -> tuple[np.ndarray, np
     return left, sure
 
 
-def quiet_spread(signal: np.ndarray) -> float:
-    """Return the same from the quietest quarter: somebody may push most of the time."""
-    return float(np.quantile(np.abs(signal), 0.25) / norm.ppf(0.625))
-
-
 def friction_of(model: Model, rows: Rows, joint: int) -> float:
-    """Return half of the step that a joint's torque makes where it turns, Nm or N."""
+    """Return half of the step that a joint's torque makes where it turns, Nm or N.
+
+    Zero where it hardly moves by itself: what pushes a held joint to and fro is no friction.
+    """
     recording = rows.recording
     samples = rows.samples[joint]
     coefficients = evaluate(model, rows).coefficients
@@ -138,17 +135,15 @@ def friction_of(model: Model, rows: Rows, joint: int) -> float:
         if not term.rubs and joint in term.columns:
             rubbing = rubbing - recording.filtered(kept_columns(term)[joint])[samples] @ own
     slow = np.abs(recording.velocity[samples, joint]) < 0.25 * recording.top_speed[joint]
+    for piece in recording.slices:
+        for hold in held(recording, joint, piece):
+            slow &= (samples < piece.start + hold.start) | (samples >= piece.start + hold.stop)
     sides = [
         rubbing[slow & (sign * recording.velocity[samples, joint] > 0)] for sign in (1.0, -1.0)
     ]
-    if not all(len(side) for side in sides):
+    if min(len(side) for side in sides) * samples_step(samples) < MOVED * recording.rate:
         return 0.0
     return 0.5 * abs(float(np.median(sides[0]) - np.median(sides[1])))
-
-
-def spread(signal: np.ndarray) -> float:
-    """Return the standard deviation of a signal from the median of its size."""
-    return float(1.4826 * np.median(np.abs(signal))) if len(signal) else 0.0
 
 
 def _predicted(
@@ -163,11 +158,12 @@ def _predicted(
     return left, left / np.sqrt(1.0 + COLOUR * leverage)
 
 
-def _moving(rows: Rows, joint: int, left: np.ndarray, residual: np.ndarray) -> Iterator[Event]:
+def _moving(model: Model, rows: Rows, joint: int) -> Iterator[Event]:
     """Yield what stands out of a moving joint's residual and is not there in other passes."""
     recording, samples = rows.recording, rows.samples[joint]
-    if len(samples) < 50:
+    if len(np.unique(rows.block[rows.parts[joint]])) < FOLDS:
         return
+    left, residual = beyond_splines(model, rows, joint)
     step = float(np.median(np.diff(recording.time[samples])))
     pieces = np.split(
         np.arange(len(samples)), np.flatnonzero(np.diff(samples) > 2 * samples_step(samples)) + 1
@@ -238,57 +234,6 @@ class _Way:
         passes = np.split(near, np.flatnonzero(np.diff(time[near]) > 0.5) + 1)
         alike = [float(np.median(residual[one])) / residual[top] for one in passes]
         return bool(3 * int(np.sum(np.array(alike) > ALIKE)) >= max(3, len(alike)))
-
-
-def _resting(recording: Recording, joint: int, friction: float) -> Iterator[Event]:
-    """Yield what stands out of a resting joint's own course."""
-    courses = []
-    for piece in recording.slices:
-        effort = recording.effort[piece, joint]
-        if np.isnan(effort).any():
-            continue
-        still = recording.still or joint not in recording.joints
-        rests = [slice(0, len(effort))] if still else list(runs(resting(recording, joint, piece)))
-        for run in rests:
-            if run.stop - run.start < recording.rate:
-                continue
-            own = effort[run] - recording.static[piece, joint][run]
-            width = int(COURSE * recording.rate) | 1
-            beyond = own - median_filter(own, min(width, len(own) | 1), mode="nearest")
-            courses.append((piece, run, beyond))
-    if not courses:
-        return
-    noise = max(_noise(recording, joint, number) for number in np.unique(recording.trial))
-    usual = quiet_spread(np.concatenate([beyond for _, _, beyond in courses]))
-    least = max(STILL_PEAK * usual, STICTION * friction, OVER_NOISE * noise)
-    if usual <= 0.0:
-        return
-    for piece, run, beyond in courses:
-        for peak_run in runs(np.abs(beyond) > max(FLANK * usual, 0.2 * least)):
-            top = peak_run.start + int(np.argmax(np.abs(beyond[peak_run])))
-            if abs(beyond[top]) <= least:
-                continue
-            start = piece.start + run.start
-            yield Event(
-                trial=recording.trial_of(piece),
-                joint=joint,
-                begin=float(recording.time[start + peak_run.start]),
-                end=float(recording.time[start + peak_run.stop - 1]),
-                peak=float(beyond[top]),
-            )
-
-
-def _noise(recording: Recording, joint: int, trial: int) -> float:
-    """Return what differs from one raw sample to the next, Nm or N."""
-    effort = recording.raw_effort(trial, joint)
-    return 0.0 if effort is None else spread(np.diff(effort)) / float(np.sqrt(2.0))
-
-
-def runs(marked: np.ndarray) -> Iterator[slice]:
-    """Yield where a boolean array is true without a break."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(int), [0]])))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        yield slice(int(start), int(stop))
 
 
 def _joined(events: Iterable[Event]) -> list[Event]:

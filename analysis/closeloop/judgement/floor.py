@@ -45,7 +45,7 @@ def floors(recording: Recording, errors: Sequence[TrialError]) -> dict[int, Floo
             or _from_repeats(recording, repeated, own)
             or _above_the_band(recording, own)
         )
-        digit = _last_digit(own)
+        digit = last_digit(np.concatenate([error.effort for error in own])) if own else 0.0
         if digit > (floor.value if floor else 0.0):
             floor = Floor(value=digit, source="quantisation")
         if floor is not None:
@@ -148,9 +148,8 @@ def _above_the_band(recording: Recording, errors: Sequence[TrialError]) -> Floor
     return Floor(value=float(np.sqrt(square)), source="above the band")
 
 
-def _last_digit(errors: Sequence[TrialError]) -> float:
-    """Return what rounding to the channel's steps leaves, or 0 if it shows no steps."""
-    effort = np.concatenate([error.effort for error in errors]) if errors else np.zeros(1)
+def last_digit(effort: np.ndarray) -> float:
+    """Return what rounding to a channel's steps leaves, or 0 if it shows no steps."""
     levels = np.unique(effort)
     if len(levels) < 2 or len(levels) > 0.2 * len(effort):
         return 0.0

@@ -164,6 +164,7 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
             own = 2 * groups.index(recording.session.trials[number].group)
             fold.append(own + (recording.time[rows] > halves.get(number, np.inf)))
         samples[joint] = np.concatenate(chosen) if chosen else np.empty(0, dtype=int)
+    fold, block, trial = ([np.empty(0, dtype=int), *found] for found in (fold, block, trial))
     folds = np.concatenate(fold)
     present = np.unique(folds)
     grouped = len(present) > 1

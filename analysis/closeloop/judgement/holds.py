@@ -1,0 +1,135 @@
+"""Torque that is local in time at a joint that rests: somebody pushes what a controller holds.
+
+Friction at rest has any value, so a joint is compared with the course of its own torque there.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.stats import norm
+
+from analysis.closeloop.identification.balance.regression import resting
+from analysis.closeloop.identification.findings import Event
+from analysis.closeloop.judgement.floor import last_digit
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.stretches import MOVING
+
+#: An event's flanks and its peak, over the spread of a course: stiction creeps.
+FLANK, PEAK = 2.5, 8.0
+#: ... its peak over the Coulomb friction that the joint's motion shows.
+STICTION = 3.0
+#: ... and over the noise of single samples.
+OVER_NOISE = 4.0
+#: Time over which a resting joint's torque is compared with its own course, s.
+COURSE = 4.0
+#: A joint that is pushed out of a hold is back within this time, s, but for this share of its way.
+AWAY, BACK = 3.0, 0.2
+
+
+def rest_events(recording: Recording, joint: int, friction: float) -> Iterator[Event]:
+    """Yield what stands out of a resting joint's own course."""
+    courses = []
+    for piece in recording.slices:
+        effort = recording.effort[piece, joint]
+        if np.isnan(effort).any():
+            continue
+        still = recording.still or joint not in recording.joints
+        holds = [slice(0, len(effort))] if still else held(recording, joint, piece)
+        for run in holds:
+            if run.stop - run.start < recording.rate:
+                continue
+            own = effort[run] - recording.static[piece, joint][run]
+            width = int(COURSE * recording.rate) | 1
+            beyond = own - median_filter(own, min(width, len(own) | 1), mode="nearest")
+            courses.append((piece, run, beyond))
+    if not courses:
+        return
+    noise = max(_noise(recording, joint, number) for number in np.unique(recording.trial))
+    usual = quiet_spread(np.concatenate([beyond for _, _, beyond in courses]))
+    least = max(PEAK * usual, STICTION * friction, OVER_NOISE * noise)
+    if usual <= 0.0:
+        return
+    for piece, run, beyond in courses:
+        for peak_run in runs(np.abs(beyond) > max(FLANK * usual, 0.2 * least)):
+            top = peak_run.start + int(np.argmax(np.abs(beyond[peak_run])))
+            start = piece.start + run.start
+            if abs(beyond[top]) <= least or _driven(recording, joint, start, peak_run, beyond):
+                continue
+            yield Event(
+                trial=recording.trial_of(piece),
+                joint=joint,
+                begin=float(recording.time[start + peak_run.start]),
+                end=float(recording.time[start + peak_run.stop - 1]),
+                peak=float(beyond[top]),
+            )
+
+
+def held(recording: Recording, joint: int, piece: slice) -> list[slice]:
+    """Return where in a stretch a joint rests, or comes back at once to where it rested.
+
+    A push moves a joint that a controller holds; it rests before and after, in the same place.
+    """
+    position = recording.position[piece, joint]
+    found: list[slice] = []
+    for run in runs(resting(recording, joint, piece)):
+        # It may rest on the way, where the push is strongest.
+        for number in reversed(range(len(found))):
+            hold = found[number]
+            if run.start - hold.stop > AWAY * recording.rate:
+                continue
+            place = float(np.median(position[hold]))
+            way = float(np.abs(position[hold.stop : run.start] - place).max())
+            if abs(position[run.start] - place) <= max(BACK * way, MOVING):
+                found[number:] = [slice(hold.start, run.stop)]
+                break
+        else:
+            found.append(run)
+    return found
+
+
+def _driven(recording: Recording, joint: int, start: int, run: slice, beyond: np.ndarray) -> bool:
+    """Whether a motor moved its joint away from rest itself: then its torque is no event.
+
+    Where something pushes, the controller resists: its torque is against the way that the joint
+    goes. A motor's own torque goes that way.
+
+    Args:
+        recording: all trials.
+        joint: which.
+        start: the sample at which `beyond` begins.
+        run: the torque in question, in samples from there.
+        beyond: torque beside the joint's own course, Nm or N.
+    """
+    samples = slice(start + run.start, start + run.stop)
+    position = recording.position[samples, joint]
+    rested = float(np.median(recording.position[start : start + len(beyond), joint]))
+    way = position - rested
+    if np.abs(way).max() <= MOVING:
+        return False
+    return float(way @ beyond[run]) > 0.0
+
+
+def _noise(recording: Recording, joint: int, trial: int) -> float:
+    """Return what differs from one raw sample to the next, Nm or N; its last digit at least."""
+    effort = recording.raw_effort(trial, joint)
+    if effort is None:
+        return 0.0
+    return max(spread(np.diff(effort)) / float(np.sqrt(2.0)), last_digit(effort))
+
+
+def quiet_spread(signal: np.ndarray) -> float:
+    """Return the same from the quietest quarter: somebody may push most of the time."""
+    return float(np.quantile(np.abs(signal), 0.25) / norm.ppf(0.625))
+
+
+def spread(signal: np.ndarray) -> float:
+    """Return the standard deviation of a signal from the median of its size."""
+    return float(1.4826 * np.median(np.abs(signal))) if len(signal) else 0.0
+
+
+def runs(marked: np.ndarray) -> Iterator[slice]:
+    """Yield where a boolean array is true without a break."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(int), [0]])))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        yield slice(int(start), int(stop))

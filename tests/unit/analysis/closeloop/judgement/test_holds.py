@@ -1,0 +1,87 @@
+"""A push moves a joint that its controller holds; what its own motor moves is not pushed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.judgement.events import find_events
+from analysis.closeloop.judgement.floor import last_digit
+from analysis.closeloop.session.contents import Trial
+from analysis.closeloop.session.recording import Recording
+
+RATE, NOISE = 50.0, 0.05
+TIME = np.arange(int(20.0 * RATE)) / RATE
+
+
+def bump(begin: float, seconds: float) -> np.ndarray:
+    """Return a smooth rise and fall between 0 and 1, (n,)."""
+    inside = (begin < TIME) & (begin + seconds > TIME)
+    return np.where(inside, np.sin(np.pi * (TIME - begin) / seconds) ** 2, 0.0)
+
+
+def holding(recording: Recording, away: np.ndarray, beyond: np.ndarray) -> Recording:
+    """Return a trial in which the elbow sags at first, is held then, and goes away from there.
+
+    Args:
+        recording: its device and session.
+        away: of the elbow from where it is held, rad, (n,).
+        beyond: effort beside what holding takes and noise, Nm, (n,).
+    """
+    elbow = 1.0 + 0.2 * np.exp(-((TIME / 0.3) ** 2)) + away
+    position = np.column_stack([np.zeros(len(TIME)), elbow])
+    velocity = np.gradient(position, 1 / RATE, axis=0)
+    recording = replace(
+        recording,
+        sampling=replace(recording.sampling, recorded=RATE, working=RATE, cutoff=10.0),
+        slices=[slice(0, len(TIME))],
+        trial=np.zeros(len(TIME), dtype=int),
+        time=TIME,
+        position=position,
+        velocity=velocity,
+        acceleration=np.gradient(velocity, 1 / RATE, axis=0),
+        measured=np.ones(len(TIME)),
+        extra=np.empty((len(TIME), 0)),
+        joints=(1,),
+        cache={},
+    )
+    noise = NOISE * np.random.default_rng(5).standard_normal(len(TIME))
+    raw = recording.static[:, 1] + noise + beyond
+    trial = Trial(
+        file="a.csv", label="a", group="a", role="fit", time=TIME, columns={"elbow.effort": raw}
+    )
+    effort = np.full_like(position, np.nan)
+    effort[:, 1] = recording.filtered(raw[:, None])[:, 0]
+    session = replace(recording.session, trials=(trial,))
+    return replace(recording, session=session, effort=effort, cache={})
+
+
+def test_a_push_that_moves_a_held_joint_is_found_with_its_time(recording: Recording) -> None:
+    pushed = holding(recording, 0.03 * bump(12.0, 0.8), -0.8 * bump(12.0, 0.8))
+    (event,) = find_events(Model(pushed), pushed)
+    assert 11.9 < event.begin < 12.3 < 12.5 < event.end < 12.9
+    assert event.peak == pytest.approx(-0.8, rel=0.25)
+
+
+def test_a_joint_that_its_motor_moves_out_and_back_is_not_pushed(recording: Recording) -> None:
+    moved = holding(recording, 0.03 * bump(12.0, 0.8), 0.8 * bump(12.0, 0.8))
+    assert find_events(Model(moved), moved) == ()
+
+
+def test_a_joint_that_goes_to_another_place_is_not_held(recording: Recording) -> None:
+    gone = holding(recording, np.where(TIME > 12.0, 0.1, 0.0), -0.8 * bump(11.8, 0.4))
+    assert find_events(Model(gone), gone) == ()
+
+
+def test_a_last_digit_that_flickers_is_noise() -> None:
+    steps = np.where(np.arange(400) % 7 == 0, 0.06, 0.0)
+    assert last_digit(steps) == pytest.approx(0.06 / np.sqrt(12.0))
+    assert last_digit(np.random.default_rng(1).standard_normal(400)) == 0.0
+
+
+def test_a_push_at_whose_height_the_joint_rests_is_one_event(recording: Recording) -> None:
+    plateau = np.clip(1.5 * bump(12.0, 1.6), 0.0, 1.0)
+    pushed = holding(recording, 0.03 * plateau, -0.8 * plateau)
+    (event,) = find_events(Model(pushed), pushed)
+    assert 11.9 < event.begin < 12.5 < 13.0 < event.end < 13.7
