@@ -85,7 +85,7 @@ def create_app(settings: Settings) -> FastAPI:
                         await task
         finally:
             # Also of what refuses to start.
-            app.state.exchange.close()
+            await app.state.exchange.close()
             app.state.write.close()
             engine.dispose()
 

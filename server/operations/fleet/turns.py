@@ -47,7 +47,7 @@ class Turn:
     next_study: str = ""
 
 
-def take_turn(
+async def take_turn(
     store: TurnConnection, study_id: str, waiting: Callable[[], Sequence[Exchange]]
 ) -> Turn:
     """Serve all who wait.
@@ -56,13 +56,13 @@ def take_turn(
         study_id: the study that is locked; empty: none.
         waiting: returns who waits, once it is: the longer that takes, the more there are.
     """
-    with store.turn() as turn:
-        study = turn.lock(study_id)
+    async with store.turn() as turn:
+        study = await turn.lock(study_id)
         exchanges = waiting()
         posts = [one.posted for one in exchanges if one.posted is not None]
         hosts = {one.request.worker.host for one in exchanges if one.request is not None}
         named = set() if study is None else _rows_named(study.id, posts)
-        seen, slots = turn.look(
+        seen, slots = await turn.look(
             study,
             leases_of=[post.lease for post in posts],
             hosts=hosts,
@@ -72,10 +72,10 @@ def take_turn(
         served = _Served(study, seen, slots)
         # A lease may hold more than what is posted.
         if study is not None and (more := served.rows_of(posts) - named):
-            served.fill(turn.rows(study, more))
+            served.fill(await turn.rows(study, more))
         answers = [(one, served.serve(one)) for one in exchanges]
         changes = served.changes()
-        fences = {} if changes is None else turn.write(changes)
+        fences = {} if changes is None else await turn.write(changes)
     return Turn(
         answers=[(one, _with_fence(answer, fences)) for one, answer in answers],
         next_study=next((first for first, _ in seen.work), ""),

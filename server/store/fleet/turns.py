@@ -6,9 +6,9 @@ the time of a turn. Joins to them are planned without statistics; on the connect
 only look-ups by index are allowed, or a plan made on an empty table would read the whole study.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from typing import Any
+from collections.abc import AsyncIterator, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import asynccontextmanager, suppress
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy.engine import Engine
 
@@ -18,10 +18,10 @@ from server.store.database.prepared import as_text
 from server.store.fleet import leases
 from server.store.fleet import turn_statements as sql
 from server.store.study import instances, studies
+from server.threads import in_thread
 
-Rows = list[tuple[Any, ...]]
-#: A statement and its values.
-Statement = tuple[str, Sequence[Any]]
+if TYPE_CHECKING:
+    from server.store.database.pipeline import Pipeline, Rows, Statement
 
 _SETTINGS = ("enable_hashjoin", "enable_mergejoin", "enable_seqscan")
 
@@ -83,23 +83,26 @@ class Changes:
 
 
 class TurnConnection:
-    """The connection of the turns; for one thread."""
+    """The connection of the turns; for one event loop, and one turn at a time."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._held: Any = None
+        self._pipeline: Pipeline | None = None
         #: By study and kind of machine the first row in which an instance was found waiting: before
         #: it the index holds little but what is dead.
         self._first_pending: dict[tuple[str, str], int] = {}
 
-    @contextmanager
-    def turn(self) -> Iterator["Turn"]:
+    @asynccontextmanager
+    async def turn(self) -> AsyncIterator["Turn"]:
         """Open a transaction that is committed by `Turn.write`, else rolled back."""
         try:
-            turn = Turn(self._driver(), self._engine, self._first_pending)
+            if self._pipeline is None:
+                self._pipeline = await in_thread(self._open)
+            turn = Turn(self._pipeline, self._engine, self._first_pending)
             yield turn
             if not turn.committed:
-                turn.trip([("ROLLBACK", ())])
+                await turn.trip([("ROLLBACK", ())])
         except BaseException:
             # Whatever state it is in, nobody wants to know.
             self.close()
@@ -107,40 +110,47 @@ class TurnConnection:
 
     def close(self) -> None:
         """Close the connection; the next turn opens another."""
+        pipeline, self._pipeline = self._pipeline, None
+        if pipeline is not None:
+            pipeline.close()
         held, self._held = self._held, None
         if held is not None:
             with suppress(Exception):
                 held.invalidate()
             held.close()
 
-    def _driver(self) -> Any:
-        if self._held is None:
-            self._held = self._engine.raw_connection()
-            driver = self._held.driver_connection
-            # Transactions are begun and ended in the trips themselves.
-            driver.autocommit = True
-            for name in _SETTINGS:
-                driver.execute(f"SET {name} = off")
-        return self._held.driver_connection
+    def _open(self) -> "Pipeline":
+        # Its driver is there only where PostgreSQL is used.
+        from server.store.database.pipeline import Pipeline
+
+        self._held = self._engine.raw_connection()
+        driver = self._held.driver_connection
+        # Transactions are begun and ended in the trips themselves.
+        driver.autocommit = True
+        for name in _SETTINGS:
+            driver.execute(f"SET {name} = off")
+        return Pipeline(driver)
 
 
 class Turn:
     """One transaction."""
 
     def __init__(
-        self, driver: Any, engine: Engine, first_pending: dict[tuple[str, str], int]
+        self, pipeline: "Pipeline", engine: Engine, first_pending: dict[tuple[str, str], int]
     ) -> None:
-        self._driver = driver
+        self.trip = pipeline.trip
         self._dialect = engine.dialect
         self._first_pending = first_pending
         self.committed = False
 
-    def lock(self, study_id: str) -> Study | None:
+    async def lock(self, study_id: str) -> Study | None:
         """Begin, and lock a study; None if there is none of that id."""
-        _, found = self.trip([("BEGIN", ()), studies.FIND_LOCKED.words(self._dialect, study_id)])
+        _, found = await self.trip(
+            [("BEGIN", ()), studies.FIND_LOCKED.words(self._dialect, study_id)]
+        )
         return studies.study_of(found[0]) if found else None
 
-    def look(
+    async def look(
         self,
         study: Study | None,
         *,
@@ -170,11 +180,11 @@ class Turn:
         if asks:
             statements.append((sql.UNBOUND, (id_,)))
         statements += [(sql.PENDING, (id_, kind, hints[kind], most)) for kind, most in asks.items()]
-        known, work, opinions, in_rows, *waiting = self.trip(statements)
+        known, work, opinions, in_rows, *waiting = await self.trip(statements)
         pending = {}
         for (kind, most), here in zip(asks.items(), waiting[1:], strict=True):
             if len(here) < most and hints[kind]:
-                (here,) = self.trip([(sql.PENDING, (id_, kind, 0, most))])
+                (here,) = await self.trip([(sql.PENDING, (id_, kind, 0, most))])
             self._note(id_, kind, here)
             pending[kind] = [instances.from_row(row) for row in here]
         seen = Seen(
@@ -185,30 +195,24 @@ class Turn:
         slots = Slots(rows=_by_place(in_rows), pending=pending, unbound=bool(asks and waiting[0]))
         return seen, slots
 
-    def rows(self, study: Study, rows: Collection[int]) -> dict[Place, Instance]:
+    async def rows(self, study: Study, rows: Collection[int]) -> dict[Place, Instance]:
         """Return the instances of rows."""
-        (found,) = self.trip([_in_rows(study.id, rows)])
+        (found,) = await self.trip([_in_rows(study.id, rows)])
         return _by_place(found)
 
-    def write(self, changes: Changes) -> dict[str, int]:
+    async def write(self, changes: Changes) -> dict[str, int]:
         """Write changes and commit; returns the fences of the new leases."""
-        *found, _ = self.trip([*self._statements(changes), ("COMMIT", ())])
+        *found, _ = await self.trip([*self._statements(changes), ("COMMIT", ())])
         self.committed = True
         # Only the statement about leases returns anything.
         return {lease: fence for rows in found for lease, fence in rows}
 
-    def trip(self, statements: Sequence[Statement]) -> list[Rows]:
-        """Execute statements in one round trip; return the rows of each."""
-        with self._driver.pipeline():
-            cursors = [self._driver.execute(text, values) for text, values in statements]
-        return [one.fetchall() if one.description else [] for one in cursors]
-
-    def _note(self, study_id: str, kind: str, rows: Rows) -> None:
+    def _note(self, study_id: str, kind: str, rows: "Rows") -> None:
         if len(self._first_pending) > 1000:
             self._first_pending.clear()
         self._first_pending[study_id, kind] = rows[0][0] if rows else 0
 
-    def _statements(self, changes: Changes) -> Iterator[Statement]:
+    def _statements(self, changes: Changes) -> "Iterator[Statement]":
         """Yield what writes changes.
 
         Old leases first, then workers by name, as renewals do: nobody waits in a circle. New leases
@@ -227,7 +231,7 @@ class Turn:
         if changes.study is not None:
             yield from self._of_study(changes, changes.study)
 
-    def _of_study(self, changes: Changes, study: Study) -> Iterator[Statement]:
+    def _of_study(self, changes: Changes, study: Study) -> "Iterator[Statement]":
         now = changes.now
         if changes.emptied:
             values = (InstanceState.DONE, study.id, *changes.emptied_rows, _array(changes.emptied))
@@ -278,11 +282,11 @@ class Turn:
             yield statement.words(self._dialect, *given)
 
 
-def _in_rows(study_id: str, rows: Collection[int]) -> Statement:
+def _in_rows(study_id: str, rows: Collection[int]) -> "Statement":
     return sql.IN_ROWS, (_array(sorted(rows)), study_id)
 
 
-def _by_place(found: Rows) -> dict[Place, Instance]:
+def _by_place(found: "Rows") -> dict[Place, Instance]:
     return {(row[0], row[1]): instances.from_row(row) for row in found}
 
 

@@ -1,6 +1,7 @@
 """A turn serves many workers as transactions of their own would have, one after the other."""
 
-from collections.abc import Callable, Iterator
+import asyncio
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -17,7 +18,7 @@ from server.operations.fleet import leases
 from server.operations.fleet.exchange import Answer, Exchange
 from server.operations.fleet.leasing import Deferred, Grant, LeaseRequest
 from server.operations.fleet.results import Post
-from server.operations.fleet.turns import take_turn
+from server.operations.fleet.turns import Turn, take_turn
 from server.operations.study import studies
 from server.records import Introduction, Plan
 from server.states import StudyState
@@ -32,10 +33,25 @@ from tests.testbed.coordinators.records import report
 TTL = 60.0
 
 
+class Turns:
+    """Takes turns, in an event loop of its own."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._runner = asyncio.Runner()
+        self._store = TurnConnection(engine)
+
+    def take(self, study: str, waiting: Callable[[], Sequence[Exchange]]) -> Turn:
+        return self._runner.run(take_turn(self._store, study, waiting))
+
+    def close(self) -> None:
+        self._store.close()
+        self._runner.close()
+
+
 class Twin:
     """One of two coordinators' databases, and what its workers hold."""
 
-    def __init__(self, engine: Engine, turns: TurnConnection | None) -> None:
+    def __init__(self, engine: Engine, turns: Turns | None) -> None:
         self.engine = engine
         self.turns = turns
         self.held: dict[str, Grant] = {}
@@ -44,7 +60,7 @@ class Twin:
         """Serve all in a turn, or each by itself; None: left to a transaction of its own."""
         if self.turns is None:
             return [self.alone(one) for one in exchanges]
-        return [answer for _, answer in take_turn(self.turns, study, lambda: exchanges).answers]
+        return [answer for _, answer in self.turns.take(study, lambda: exchanges).answers]
 
     def alone(self, exchange: Exchange) -> Answer:
         with writing(self.engine) as connection:
@@ -85,14 +101,14 @@ def kind() -> str:
 
 
 @pytest.fixture
-def turns(engine: Engine) -> Iterator[TurnConnection]:
-    connection = TurnConnection(engine)
-    yield connection
-    connection.close()
+def turns(engine: Engine) -> Iterator[Turns]:
+    found = Turns(engine)
+    yield found
+    found.close()
 
 
 @pytest.fixture
-def twins(engine: Engine, turns: TurnConnection, upgraded_file: Path, tmp_path: Path) -> list[Twin]:
+def twins(engine: Engine, turns: Turns, upgraded_file: Path, tmp_path: Path) -> list[Twin]:
     """The same coordinator on PostgreSQL, in turns, and on SQLite, one by one."""
     file = tmp_path / "twin.sqlite3"
     file.write_bytes(upgraded_file.read_bytes())
@@ -204,11 +220,11 @@ def _told(answer: Answer, ids: list[str]) -> Any:
 
 
 def test_what_is_unusual_is_left_alone_and_changes_nothing(
-    engine: Engine, turns: TurnConnection, plan: Callable[..., Plan]
+    engine: Engine, turns: Turns, plan: Callable[..., Plan]
 ) -> None:
     study, _ = studies.create(engine, plan(), key=None, digest="", now=0.0)
-    ((_, answer),) = take_turn(
-        turns, study.id, lambda: [Exchange(now=0.0, ttl=TTL, request=asking("w", 4))]
+    ((_, answer),) = turns.take(
+        study.id, lambda: [Exchange(now=0.0, ttl=TTL, request=asking("w", 4))]
     ).answers
     assert answer is not None and isinstance(answer[1], Grant)
     grant = answer[1]
@@ -222,35 +238,35 @@ def test_what_is_unusual_is_left_alone_and_changes_nothing(
         posting(grant, [(0, {"outcome": "slipped", "state": {"x": ["\0"]}})]),
     ]
     waiting = [Exchange(now=1.0, ttl=TTL, posted=post) for post in odd]
-    assert {answer for _, answer in take_turn(turns, study.id, lambda: waiting).answers} == {None}
+    assert {answer for _, answer in turns.take(study.id, lambda: waiting).answers} == {None}
     assert Twin(engine, None).tables() == before
 
 
 def test_an_instance_of_any_name_disturbs_no_turn(
-    engine: Engine, turns: TurnConnection, plan: Callable[..., Plan]
+    engine: Engine, turns: Turns, plan: Callable[..., Plan]
 ) -> None:
     post = Post(reports=[report("\0 ' or 1:0:0")], lease="l", fence=1, worker="w")
     exchange = Exchange(now=0.0, ttl=TTL, posted=post)
     assert exchange.study == ""
-    assert take_turn(turns, exchange.study, lambda: [exchange]).answers == [(exchange, None)]
+    assert turns.take(exchange.study, lambda: [exchange]).answers == [(exchange, None)]
 
 
 def test_a_late_result_is_not_given_out_again_in_the_same_turn(
-    engine: Engine, turns: TurnConnection, plan: Callable[..., Plan]
+    engine: Engine, turns: Turns, plan: Callable[..., Plan]
 ) -> None:
     study, _ = studies.create(engine, plan(rows=1), key=None, digest="", now=0.0)
     asked = Exchange(now=0.0, ttl=TTL, request=asking("w", 4))
-    ((_, answer),) = take_turn(turns, study.id, lambda: [asked]).answers
+    ((_, answer),) = turns.take(study.id, lambda: [asked]).answers
     assert answer is not None and isinstance(answer[1], Grant)
     leases.reap(engine, now=100.0)
     late = Exchange(now=101.0, ttl=TTL, posted=posting(answer[1], [(n, {}) for n in range(4)]))
     other = Exchange(now=101.0, ttl=TTL, request=asking("v", 4))
-    answers = [found for _, found in take_turn(turns, study.id, lambda: [late, other]).answers]
+    answers = [found for _, found in turns.take(study.id, lambda: [late, other]).answers]
     assert answers == [None, None]
 
 
 def test_a_turn_whose_connection_is_lost_stores_nothing_and_the_next_one_has_another(
-    engine: Engine, turns: TurnConnection, plan: Callable[..., Plan]
+    engine: Engine, turns: Turns, plan: Callable[..., Plan]
 ) -> None:
     study, _ = studies.create(engine, plan(), key=None, digest="", now=0.0)
     before = Twin(engine, None).tables()
@@ -267,8 +283,8 @@ def test_a_turn_whose_connection_is_lost_stores_nothing_and_the_next_one_has_ano
         return [Exchange(now=0.0, ttl=TTL, request=asking("w", 4))]
 
     with pytest.raises(Exception, match=r"terminating connection|closed"):
-        take_turn(turns, study.id, cut)
+        turns.take(study.id, cut)
     assert Twin(engine, None).tables() == before
     asked = Exchange(now=0.0, ttl=TTL, request=asking("w", 4))
-    ((_, answer),) = take_turn(turns, study.id, lambda: [asked]).answers
+    ((_, answer),) = turns.take(study.id, lambda: [asked]).answers
     assert answer is not None and isinstance(answer[1], Grant)

@@ -1,0 +1,135 @@
+"""Statements that go to PostgreSQL together, for an event loop: it waits for nothing.
+
+Each trip is one write and, nearly always, one read.
+
+The driver's own pipelines send each statement by itself and look for answers in between, which
+costs two system calls a statement. From a thread, as the driver needs it, each of them hands the
+interpreter's lock to the event loop, which gives it back when it is done with what it does. Here a
+trip is one write and, nearly always, one read.
+"""
+
+import asyncio
+from collections.abc import Sequence
+from typing import Any
+
+import psycopg
+from psycopg.adapt import Transformer
+from psycopg.pq import ExecStatus
+
+Rows = list[tuple[Any, ...]]
+#: A statement, in which %s stands for values, and its values.
+Statement = tuple[str, Sequence[Any]]
+
+_TRUTH = {True: b"t", False: b"f"}
+
+
+class Pipeline:
+    """A connection of the driver that does nothing but trips, one at a time.
+
+    Nothing else may use the connection any more. It belongs to the event loop of its first trip.
+    """
+
+    def __init__(self, driver: "psycopg.Connection[Any]") -> None:
+        self._raw = driver.pgconn
+        self._loading = Transformer(driver)
+        #: What the server calls the statements that it has seen.
+        self._names: dict[str, bytes] = {}
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._arrival: asyncio.Future[None] | None = None
+        self._raw.nonblocking = 1
+        self._raw.enter_pipeline_mode()
+
+    async def trip(self, statements: Sequence[Statement]) -> list[Rows]:
+        """Execute statements; return the rows of each.
+
+        Raises:
+            psycopg.Error: the server refused one, or is gone. The connection is good for nothing
+                then but to be closed.
+        """
+        if self._loop is None:
+            self._loop = asyncio.get_running_loop()
+            self._loop.add_reader(self._raw.socket, self._arrived)
+        answers: list[bool] = []
+        for text, values in statements:
+            if text not in self._names:
+                self._name(text)
+                answers.append(False)
+            self._raw.send_query_prepared(self._names[text], [_told(one) for one in values])
+            answers.append(True)
+        self._raw.pipeline_sync()
+        while self._raw.flush():
+            await self._writable()
+        found = [await self._answer() for _ in answers]
+        # What the end of the trip is answered.
+        await self._result()
+        return [rows for rows, wanted in zip(found, answers, strict=True) if wanted]
+
+    def close(self) -> None:
+        """Let go of the event loop; to be called before the connection is closed."""
+        if self._loop is not None:
+            self._loop.remove_reader(self._raw.socket)
+            self._loop = None
+
+    def _name(self, text: str) -> None:
+        name = self._names[text] = b"trip_%d" % len(self._names)
+        first, *rest = text.split("%s")
+        numbered = first + "".join(f"${n}{part}" for n, part in enumerate(rest, start=1))
+        self._raw.send_prepare(name, numbered.replace("%%", "%").encode())
+
+    async def _answer(self) -> Rows:
+        """Return the rows of one statement."""
+        rows: Rows = []
+        while (result := await self._result()) is not None:
+            if result.status == ExecStatus.TUPLES_OK:
+                self._loading.set_pgresult(result)
+                rows = self._loading.load_rows(0, result.ntuples, tuple)
+            elif result.status != ExecStatus.COMMAND_OK:
+                raise psycopg.errors.error_from_result(result)
+        return rows
+
+    async def _result(self) -> Any:
+        """Return the next thing that the server says; None: that was all of a statement."""
+        while self._raw.is_busy():
+            assert self._loop is not None
+            self._arrival = self._loop.create_future()
+            await self._arrival
+        return self._raw.get_result()
+
+    async def _writable(self) -> None:
+        """Wait until the server takes more."""
+        assert self._loop is not None
+        able = self._loop.create_future()
+        self._loop.add_writer(self._raw.socket, _settle, able)
+        try:
+            await able
+        finally:
+            self._loop.remove_writer(self._raw.socket)
+
+    def _arrived(self) -> None:
+        """Take in what the server has sent, asked or not; it may be that it hung up."""
+        failure = None
+        try:
+            self._raw.consume_input()
+        except psycopg.OperationalError as error:
+            self.close()
+            failure = error
+        waiting, self._arrival = self._arrival, None
+        if waiting is not None and not waiting.done():
+            if failure is None:
+                waiting.set_result(None)
+            else:
+                waiting.set_exception(failure)
+
+
+def _settle(able: "asyncio.Future[None]") -> None:
+    if not able.done():
+        able.set_result(None)
+
+
+def _told(value: Any) -> bytes | None:
+    """Return a value as the server reads it."""
+    if value is None:
+        return None
+    if isinstance(value, bool):
+        return _TRUTH[value]
+    return str(value).encode()
