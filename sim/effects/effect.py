@@ -76,6 +76,8 @@ class Effect(ABC):
     directed: bool = False
     #: Whether it acts at reversals, where friction turns.
     at_reversals: bool = False
+    #: Whether it winds up over a way after each reversal, as friction itself does over a short one.
+    winds: bool = False
     #: Whether it is further mass or inertia of what the joint moves.
     adds_mass: bool = False
     #: Whether it multiplies the whole effort, and with it every coefficient.

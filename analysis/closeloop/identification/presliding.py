@@ -8,11 +8,22 @@ is largest, looks like a late motor or a little inertia.
 
 import numpy as np
 
-from analysis.closeloop.identification.balance.model import Candidate, Model, Term, evaluate
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    Term,
+    evaluate,
+    unfitted,
+)
 from analysis.closeloop.identification.balance.regression import Rows, compare, takes_all
+from sim.effects.motion import PRESLIDING_SHARE
 
 #: How far friction is moved and widened in time, s.
 SHIFT = 0.01
+#: Ways over which friction may wind up, over the longest that is presliding.
+WAYS = (0.5, 1.0)
+#: Parameters of how friction turns, and their value where it turns at once.
+TURNS, AT_ONCE = frozenset({"smooth"}), 1e-6
 #: Standard errors that an effect has to gain beside friction that is free to do so.
 MIN_Z = 3.0
 
@@ -26,6 +37,8 @@ def only_presliding(candidate: Candidate, beside: Model, model: Model, rows: Row
         model: the model without; friction may be declared in it or found before.
         rows: the samples that are fitted.
     """
+    if candidate.effect.winds:
+        return _wound(candidate, beside, model, rows)
     free = _free_presliding(model, candidate.joint, model.terms)
     if free is None or candidate.effect.at_reversals:
         return False
@@ -33,6 +46,20 @@ def only_presliding(candidate: Candidate, beside: Model, model: Model, rows: Row
     better = evaluate(beside.with_term(free), rows).losses
     gain, error = compare(worse, better)
     return gain <= MIN_Z * error and not takes_all(worse, better)
+
+
+def _wound(candidate: Candidate, beside: Model, model: Model, rows: Rows) -> bool:
+    """Whether the joint's friction, free to wind up over presliding's way, predicts as well.
+
+    By one standard error, as the simpler of two models is chosen (Breiman, Friedman, Olshen and
+    Stone 1984, section 3.4.3): what is known to rub anyway explains it, without another effect.
+    """
+    free = _free_winding(model, candidate.joint)
+    if free is None:
+        return False
+    losses = evaluate(model.with_term(free), rows).losses
+    gain, error = compare(losses, evaluate(beside, rows).losses)
+    return gain <= error
 
 
 def with_free_presliding(model: Model) -> Model:
@@ -63,3 +90,31 @@ def _free_presliding(model: Model, joint: int, terms: tuple[Term, ...]) -> Term 
     late, early = (recording.shifted(friction, shift) for shift in (SHIFT, -SHIFT))
     both = np.concatenate([late - early, late + early - 2.0 * friction], axis=1)
     return Term(joint=joint, columns={joint: both}, kept=tuple(range(both.shape[1])))
+
+
+def _free_winding(model: Model, joint: int) -> Term | None:
+    """Return a term that lets a joint's friction wind up over presliding's way; None without any.
+
+    Bristles bend by up to `PRESLIDING_SHARE` of half the travel before friction slides (Dahl 1968):
+    what winds up over a longer way is an effect of its own, what does so over this one is not.
+
+    Args:
+        model: with the recording.
+        joint: which.
+    """
+    recorded = unfitted(model.recording, joint)
+    levels = []
+    for term in model.terms:
+        if term.rubs and term.joint == joint and term.effect is not None:
+            theta = {**term.theta, **dict.fromkeys(TURNS & term.theta.keys(), AT_ONCE)}
+            levels.append(term.effect.columns(recorded, theta)[joint][:, list(term.kept)])
+    if model.recording.device.friction[joint]:
+        levels.append(np.sign(recorded.velocity)[:, None])
+    if not levels:
+        return None
+    sign = np.sign(recorded.velocity)
+    level = np.concatenate(levels, axis=1) * sign[:, None]
+    longest = PRESLIDING_SHARE * recorded.travel[1]
+    wound = [level * (recorded.wound(share * longest) - sign)[:, None] for share in WAYS]
+    columns = np.concatenate(wound, axis=1)
+    return Term(joint=joint, columns={joint: columns}, kept=tuple(range(columns.shape[1])))

@@ -149,7 +149,7 @@ class Hysteresis(AppliedEffect):
     coefficients = ("torque",)
     lower = (0.0,)
     nonlinear = (Nonlinear("distance", (0.03, 0.06, 0.12, 0.25, 0.5), scaling=0.4, step=RELATIVE),)
-    rubs = directed = at_reversals = True
+    rubs = directed = at_reversals = winds = True
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
         return {"distance": theta["distance"] * joint.travel[1]}

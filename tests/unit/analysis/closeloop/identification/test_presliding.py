@@ -1,0 +1,62 @@
+"""Friction that winds up over some millirads is that friction, and no hysteresis beside it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.balance.model import Candidate, Model, Term, unfitted
+from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.presliding import only_presliding
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
+from sim.effects.motion import PRESLIDING_SHARE
+from tests.testbed.sessions.rich import ELBOW, rich_recording
+
+
+@pytest.fixture(scope="module")
+def elbow() -> Recording:
+    return replace(rich_recording(), joints=(ELBOW,), cache={})
+
+
+def named_beside_friction(elbow: Recording, way: float, friction: float) -> bool:
+    """Whether hysteresis passes beside Coulomb friction; it is there over a way, 1 Nm.
+
+    Args:
+        elbow: without friction.
+        way: over half the travel.
+        friction: that slides at once, Nm.
+    """
+    joint = unfitted(elbow, ELBOW)
+    effort = np.array(elbow.inverse)
+    effort[:, ELBOW] += joint.wound(way * joint.travel[1]) + friction * np.sign(joint.velocity)
+    effort[:, ELBOW] += 0.02 * np.random.default_rng(3).standard_normal(len(effort))
+    loud = replace(elbow, effort=elbow.filtered(effort), cache={})
+    thetas = {
+        "coulomb_friction": {"smooth": 0.004},
+        "hysteresis": {"distance": max(way, 1.2 * PRESLIDING_SHARE)},
+    }
+    terms = [
+        Term(
+            joint=ELBOW,
+            columns=BY_NAME[name].columns(unfitted(loud, ELBOW), theta),
+            kept=(0,),
+            theta=theta,
+            effect=BY_NAME[name],
+            candidate=Candidate(effect=BY_NAME[name], joint=ELBOW),
+        )
+        for name, theta in thetas.items()
+    ]
+    model = Model(loud, terms=(terms[0],))
+    candidate = terms[1].candidate
+    assert candidate is not None
+    beside = model.with_term(terms[1])
+    return not only_presliding(candidate, beside, model, select_rows(loud, (0,)))
+
+
+def test_friction_that_winds_up_over_presliding_s_way_is_no_hysteresis(elbow: Recording) -> None:
+    assert not named_beside_friction(elbow, 0.7 * PRESLIDING_SHARE, 0.0)
+
+
+def test_what_winds_up_over_a_longer_way_is_hysteresis_beside_friction(elbow: Recording) -> None:
+    assert named_beside_friction(elbow, 0.15, 1.0)
