@@ -4,8 +4,8 @@ A study is made of rows: small groups of points whose outputs belong together. R
 function of (method, sampling, seed, r), so a study can be extended, sharded, or rebuilt without
 storing a point. Rows are those of Campolongo et al. 2011 (`radial`), of Saltelli et al. 2010, or of
 Saltelli 2002 for pairs of factors (`saltelli`), or orders of the factors as Song et al. 2016 need
-them (`shapley`), or single points (`surrogate`), mapped to the factors' distributions by their
-quantiles (Devroye 1986, Non-uniform random variate generation, section II.2).
+them (`shapley`), or single points (`surrogate`, `sample`), mapped to the factors' distributions by
+their quantiles (Devroye 1986, Non-uniform random variate generation, section II.2).
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,8 +26,14 @@ from analysis.designs.trajectories import grouped_row, trajectory_row
 
 #: Elementary effects for screening; variance-based indices; these with those of pairs of factors;
 #: Shapley effects, the only ones of factors that depend on each other; variance-based indices by a
-#: function that is fitted to single points (`analysis.sensitivity.fewer_runs`).
-METHODS = ("morris", "saltelli", "saltelli_second_order", "shapley", "surrogate")
+#: function that is fitted to single points (`analysis.sensitivity.fewer_runs`); and single points
+#: for their own sake, which say how outputs spread.
+METHODS = ("morris", "saltelli", "saltelli_second_order", "shapley", "surrogate", "sample")
+#: Of these, those whose rows are single points, those whose factors may depend on each other, and
+#: those that have indices while results arrive.
+SINGLE_POINTS = ("surrogate", "sample")
+DEPENDENT = ("shapley", "sample")
+WITH_INDICES = tuple(method for method in METHODS if method != "sample")
 #: Where base points come from: eight Sobol sequences scrambled independently; one Sobol sequence;
 #: the same with the two coordinates that a factor has in a row taken from neighbouring dimensions;
 #: Latin hypercubes, as in the paper.
@@ -47,8 +53,11 @@ _PAIRED = ("sobol_blocks", "sobol_paired")
 __all__ = [
     "BLOCKS",
     "DEFAULT_SAMPLING",
+    "DEPENDENT",
     "METHODS",
     "SAMPLINGS",
+    "SINGLE_POINTS",
+    "WITH_INDICES",
     "blocks_of",
     "family",
     "fewest_factors",
@@ -69,6 +78,7 @@ def family(method: str) -> str:
     """Return "morris", "saltelli" or "shapley": whose indices of single factors a method has.
 
     Rows of saltelli and saltelli_second_order begin with A, B and A_B^(i) (Saltelli et al. 2010).
+    Indices of single points are those of saltelli, as far as they are known.
     """
     return method if method in ("morris", "shapley") else "saltelli"
 
@@ -88,7 +98,7 @@ def row_width(method: str, factors: int) -> int:
     if factors < fewest_factors(method):
         least = "two factors" if fewest_factors(method) == 2 else "one factor"
         raise ValueError(f"a study of method {method} must vary at least {least}")
-    if method == "surrogate":
+    if method in SINGLE_POINTS:
         return 1
     beside = {"morris": 1, "saltelli": 2, "saltelli_second_order": 2 + factors, "shapley": 3}
     return beside[method] + factors
@@ -137,12 +147,15 @@ def unit_row(
         if units is not None:
             return grouped_row(seed, row, factors, units)
         return trajectory_row(seed, row, factors)
-    if units is not None and method in ("shapley", "surrogate"):
+    if units is not None and method in ("shapley", *SINGLE_POINTS):
         raise ValueError(f"{method} shares the variance among single factors, not groups")
-    if correlation is not None and method != "shapley":
-        raise ValueError(f"{method} samples factors independently of each other: take shapley")
-    if method == "surrogate":
-        return _POINTS[sampling](seed, row, factors)[None]
+    if correlation is not None and method not in DEPENDENT:
+        raise ValueError(
+            f"{method} samples factors independently of each other: take {' or '.join(DEPENDENT)}"
+        )
+    if method in SINGLE_POINTS:
+        single = _POINTS[sampling](seed, row, factors)[None]
+        return single if correlation is None else dependent(single, correlation, range(factors))
     point = _point(sampling, seed, row, factors, 2 if method == "shapley" else 0)
     if method == "shapley":
         order = shapley_order(seed, row, point[2 * factors :], factors)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.designs import METHODS
+from analysis.designs import METHODS, WITH_INDICES
 from analysis.reports import figures, hover
 from analysis.reports.html import data_uri
 from analysis.reports.paper import PIXELS_PER_INCH, on_paper
@@ -138,6 +138,7 @@ _KINDS = (
         caption="The same indices from the first 8, 16, 32, ... rows, of the leading factors. "
         "Bands are intervals, cut off where the first ones would dwarf the rest; lines that still "
         "move ask for more rows (paper, figure 11).",
+        methods=WITH_INDICES,
         draw=lambda s: figures.convergence(s.snapshot, s.output, s.unit, s.palette),
     ),
     _Kind(

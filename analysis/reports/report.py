@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from analysis.designs import family
+from analysis.designs import SINGLE_POINTS, family
 from analysis.files.results_csv import read_table
 from analysis.reports import hover, tables
 from analysis.reports.html import render
@@ -31,6 +31,7 @@ _METHODS = {
     "saltelli_second_order": "Variance-based indices, also of pairs",
     "shapley": "Shapley effects",
     "surrogate": "Variance-based indices of a fitted function",
+    "sample": "A sample",
 }
 
 
@@ -200,7 +201,7 @@ def _facts(chapter: Chapter) -> dict[str, str]:
 
 def _compared(chapter: Chapter, output: str) -> list[Grid | str]:
     method = chapter.table.plan.method
-    if family(method) != "saltelli" or method == "surrogate":
+    if family(method) != "saltelli" or method in SINGLE_POINTS:
         return []
     found = zip(*uncentred(chapter.table.by_row(output)), strict=True)
     plain = dict(zip(chapter.table.plan.units, found, strict=True))

@@ -39,6 +39,7 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
         ValueError: as `analysis.sensitivity.judgement.stopping.advise`.
     """
     found = [str(snapshot.get("failure", {}).get("sentence", ""))]
+    found.append(_sample(snapshot))
     found.append(_own_noise(snapshot, output))
     found.append(_worst_case(snapshot, output))
     found.append(_ranking(said_of(snapshot, output).get("ranking", {}), output))
@@ -51,6 +52,16 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
         advice = advise(snapshot, output, target)
         found.append("" if advice is None else advice.sentence)
     return [sentence for sentence in found if sentence]
+
+
+def _sample(snapshot: Mapping[str, Any]) -> str:
+    """Return where to look for what a plain sample tells of its factors."""
+    if snapshot.get("method") != "sample":
+        return ""
+    return (
+        "A sample says how outputs spread and has no indices while it arrives: "
+        f"`rehyb study analyse {snapshot['study']}` says what it tells of each factor."
+    )
 
 
 def _own_noise(snapshot: Mapping[str, Any], output: str) -> str:
@@ -151,6 +162,8 @@ def _few_rows(snapshot: Mapping[str, Any], output: str) -> str:
 
 def _one_sequence(snapshot: Mapping[str, Any]) -> str:
     """Return what intervals of one Sobol sequence are worth (docs/decisions/0006)."""
+    if snapshot.get("method") == "sample":
+        return ""
     if snapshot.get("sampling") not in ("sobol", "sobol_paired") or not snapshot["rows_used"]:
         return ""
     return (

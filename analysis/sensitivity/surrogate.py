@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import sobol_indices, uniform
 
-from analysis.designs import family, unit_row
+from analysis.designs import DEPENDENT, family, unit_row
 from analysis.sensitivity.table import Table
 from models.curves import names_of
 
@@ -112,10 +112,10 @@ def answer(table: Table, output: str) -> Answer:
         ModuleNotFoundError: scikit-learn is not installed (extra `surrogate`).
     """
     plan = table.plan
-    if plan.method == "shapley":
+    if plan.method in DEPENDENT:
         raise ValueError(
-            "a surrogate's indices are those of independent factors, and a study of method shapley "
-            "may have others"
+            "a surrogate's indices are those of independent factors, and a study of method "
+            f"{plan.method} may have others"
         )
     if plan.groups:
         raise ValueError(

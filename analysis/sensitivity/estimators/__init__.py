@@ -15,7 +15,7 @@ from analysis.sensitivity.estimators.morris import MorrisEstimator
 from analysis.sensitivity.estimators.saltelli import SaltelliEstimator
 from analysis.sensitivity.estimators.second_order import SecondOrderEstimator
 from analysis.sensitivity.estimators.shapley import ShapleyEstimator
-from analysis.sensitivity.estimators.single_points import SinglePoints
+from analysis.sensitivity.estimators.single_points import Sample, SinglePoints
 
 #: Indices of single factors, with their symbols in the paper.
 SYMBOLS = {
@@ -39,6 +39,7 @@ __all__ = [
     "Moments",
     "MorrisEstimator",
     "SaltelliEstimator",
+    "Sample",
     "SecondOrderEstimator",
     "ShapleyEstimator",
     "SinglePoints",
@@ -60,6 +61,7 @@ def estimator_class(method: str) -> type[Estimator]:
         SecondOrderEstimator,
         ShapleyEstimator,
         SinglePoints,
+        Sample,
     ):
         if known.method == method:
             return known

@@ -1,7 +1,8 @@
 """Mean and spread of outputs at single points, of which no sum is an index.
 
 The indices of a study of method surrogate are those of a fitted function, which needs the values
-themselves (`analysis.sensitivity.fewer_runs.looks`). To all others they are not defined yet.
+themselves (`analysis.sensitivity.fewer_runs.looks`). A study of method sample has none: what its
+rows tell of factors is what any sample's tell (`analysis.given`).
 """
 
 from collections.abc import Sequence
@@ -40,3 +41,9 @@ class SinglePoints(Estimator):
             "value": points,
             "value_squared": points,
         }
+
+
+class Sample(SinglePoints):
+    """The same of a study that only samples (Saltelli et al. 2010, for the names)."""
+
+    method = "sample"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from analysis.designs import family
+from analysis.designs import SINGLE_POINTS, family
 from analysis.designs.radial import MEAN_INVERSE_STEP
 from analysis.designs.trajectories import STEP
 from analysis.sensitivity.estimators import Estimator, Statistic
@@ -90,7 +90,7 @@ def judge(
             caused_by=(),
             sentence=f"{start}: too few to tell whether failures depend on the factors.",
         )
-    if estimator.method == "surrogate":
+    if estimator.method in SINGLE_POINTS:
         return Verdict(
             depends_on_factors=None,
             caused_by=(),

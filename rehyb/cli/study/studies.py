@@ -45,7 +45,8 @@ def submit(
     ] = None,
     model: Annotated[str | None, typer.Option(help="One of `rehyb model list`.")] = None,
     method: Annotated[
-        str | None, typer.Option(help="morris, saltelli, saltelli_second_order or shapley.")
+        str | None,
+        typer.Option(help="morris, saltelli, saltelli_second_order, shapley, surrogate or sample."),
     ] = None,
     rows: Annotated[int | None, typer.Option(min=1, help="Rows of the design.")] = None,
     name: Annotated[str | None, typer.Option(help="What to call it.")] = None,

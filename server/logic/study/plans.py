@@ -6,7 +6,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Any
 
-from analysis.designs import METHODS, fewest_factors, samplings
+from analysis.designs import DEPENDENT, METHODS, SINGLE_POINTS, fewest_factors, samplings
 from analysis.designs.dependence import KINDS, Dependence, DependenceError, copula
 from analysis.designs.distributions import Distribution
 from analysis.designs.groups import fault_in, units_of
@@ -87,7 +87,7 @@ def draw_up(
         factors = [*factors, FactorChoice(name=SEED.name)]
     sampled = _sampled(model, factors, numbers)
     kept = _outputs(model, outputs)
-    if method in ("shapley", "surrogate") and (
+    if method in ("shapley", *SINGLE_POINTS) and (
         curved := [name for name in kept if name in model.curves]
     ):
         if outputs is not None:
@@ -95,7 +95,7 @@ def draw_up(
             point = columns_of(curved, model.curves)[0]
             raise InvalidStudyError(
                 f"/outputs/{outputs.index(curved[0])}",
-                f"{curved[0]} is a curve, and {method} has indices of numbers only: "
+                f"{curved[0]} is a curve, and {method} takes numbers only: "
                 + ("leave it out" if whole else f"keep points of it, such as {point}"),
             )
         kept = tuple(name for name in kept if name not in curved)
@@ -134,11 +134,11 @@ def _dependence(
     _known("/correlation_kind", "correlation_kind", kind, KINDS)
     if not correlations:
         return None
-    if method != "shapley":
+    if method not in DEPENDENT:
         raise InvalidStudyError(
             "/method",
             f"{method} moves one factor and leaves the others alone, which factors that depend on "
-            "each other do not allow: with correlations the method is shapley",
+            f"each other do not allow: with correlations the method is {' or '.join(DEPENDENT)}",
         )
     pairs: list[tuple[str, str, float]] = []
     for i, entry in enumerate(correlations):
@@ -166,8 +166,8 @@ def _check_groups(
 ) -> None:
     if (fault := fault_in(sampled, groups)) is not None:
         raise InvalidStudyError(f"/groups/{fault[0]}", fault[1])
-    if groups and method in ("shapley", "surrogate"):
-        raise InvalidStudyError("/groups", f"{method} shares the variance among single factors")
+    if groups and method in ("shapley", *SINGLE_POINTS):
+        raise InvalidStudyError("/groups", f"{method} looks at single factors, not at groups")
     if groups and method == "morris" and sampling != "trajectories":
         raise InvalidStudyError(
             "/sampling",

@@ -34,6 +34,10 @@ def precision_goal(
     Raises:
         InvalidStudyError: with a pointer to what is wrong and a sentence saying what is right.
     """
+    if plan.method == "sample":
+        raise InvalidStudyError(
+            pointer, "a study of method sample has no indices, so none can become precise"
+        )
     names = names_of(plan.outputs, plan.curves)
     output = names[0] if output is None else output
     if output not in names:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.designs import METHODS
+from analysis.designs import METHODS, SINGLE_POINTS
 from analysis.sensitivity import service
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse, catch_up, follow
@@ -93,7 +93,7 @@ def study(method: str, rows: int = 10) -> tuple[MemoryLog, dict[str, Any]]:
 def computed(method: str, rows: int) -> tuple[StudyPlan, list[LoggedResult], dict[str, Any]]:
     """Return a study, its results and its snapshot; nobody changes them."""
     # Rows of single points: four times as many, for as many results.
-    plan = study_plan(method, 4 * rows if method == "surrogate" else rows)
+    plan = study_plan(method, 4 * rows if method in SINGLE_POINTS else rows)
     results = results_of(plan, failed=FAILED)
     return plan, results, analyse(plan, results)
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.special import ndtri
 from scipy.stats import kstest, spearmanr
 
-from analysis.designs import SAMPLINGS, instance_parameters, order_of, unit_row
+from analysis.designs import DEPENDENT, SAMPLINGS, instance_parameters, order_of, unit_row
 from analysis.designs.dependence import (
     LEAST_EIGENVALUE,
     Dependence,
@@ -43,12 +43,15 @@ def of(*pairs: tuple[str, str, float], kind: str = "rank", shapes: Any = SHAPES)
     return copula(Dependence(pairs=pairs, kind=kind), names, tuple(shapes))
 
 
-def points(correlation: Any, rows: int = 600, sampling: str = "sobol_blocks") -> Any:
+def points(
+    correlation: Any, rows: int = 600, sampling: str = "sobol_blocks", method: str = "shapley"
+) -> Any:
     """Return the A of many rows."""
-    return np.stack([unit_row("shapley", sampling, 3, r, 3, correlation)[0] for r in range(rows)])
+    return np.stack([unit_row(method, sampling, 3, r, 3, correlation)[0] for r in range(rows)])
 
 
-def test_factors_keep_their_distributions_and_get_their_rank_correlations() -> None:
+@pytest.mark.parametrize("method", DEPENDENT)
+def test_factors_keep_their_distributions_and_get_their_rank_correlations(method: str) -> None:
     drawn = points(of(("a", "b", 0.6), ("b", "c", -0.4)))
     for column in drawn.T:
         assert kstest(column, "uniform").pvalue > 0.01

@@ -16,6 +16,7 @@ from analysis.sensitivity.estimators import (
     Estimator,
     MorrisEstimator,
     SaltelliEstimator,
+    Sample,
     SecondOrderEstimator,
     ShapleyEstimator,
     SinglePoints,
@@ -359,6 +360,6 @@ def test_values_of_another_shape_are_refused(cls: type[Estimator]) -> None:
 
 
 def test_every_method_has_its_estimator() -> None:
-    assert [estimator_class(method) for method in METHODS] == [*CLASSES, SinglePoints]
+    assert [estimator_class(method) for method in METHODS] == [*CLASSES, SinglePoints, Sample]
     with pytest.raises(ValueError, match="unknown method 'fast'"):
         estimator_class("fast")

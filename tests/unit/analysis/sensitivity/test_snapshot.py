@@ -7,7 +7,7 @@ from math import cos, sin
 import numpy as np
 import pytest
 
-from analysis.designs import METHODS, instance_parameters
+from analysis.designs import METHODS, WITH_INDICES, instance_parameters
 from analysis.designs.distributions import Normal, scales
 from analysis.sensitivity.service import analyse
 from analysis.sensitivity.snapshot import empty_snapshot
@@ -20,6 +20,7 @@ INDICES = {
     "saltelli": SHARES,
     "saltelli_second_order": SHARES,
     "surrogate": SHARES,
+    "sample": SHARES,
     "shapley": {"shapley"}
     | {f"{kind}_{order}_order" for kind in ("full", "independent") for order in ("first", "total")},
 }
@@ -30,8 +31,14 @@ SUMS = {
     "saltelli_second_order": SUMS_OF_SHARES | {"second_order"},
     "shapley": set(),
     "surrogate": {"sum_first_order", "sum_total_order", "surrogate"},
+    "sample": {"sum_first_order", "sum_total_order"},
 }
-MORE = {"morris": {"per_unit"}, "shapley": set(), "surrogate": {"interaction"}}
+MORE = {
+    "morris": {"per_unit"},
+    "shapley": set(),
+    "surrogate": {"interaction"},
+    "sample": {"interaction"},
+}
 OUTPUT = {"mean", "sd", "n", "factors", "ranking", "trust", "screening", "convergence"}
 
 
@@ -71,7 +78,7 @@ def test_a_study_without_results_knows_nothing_and_says_null(method: str) -> Non
         assert all(set(factor[index].values()) == {None} for index in INDICES[method])
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", WITH_INDICES)
 def test_every_interval_is_in_order_and_contains_its_estimate(method: str) -> None:
     # A function is fitted to 128 rows at first.
     plan = study_plan(method, rows=128 if method == "surrogate" else 64)
@@ -79,6 +86,21 @@ def test_every_interval_is_in_order_and_contains_its_estimate(method: str) -> No
         for factor in output["factors"].values():
             for index in INDICES[method]:
                 assert factor[index]["low"] <= factor[index]["value"] <= factor[index]["high"]
+
+
+def test_a_sample_has_mean_and_spread_and_says_null_for_its_indices() -> None:
+    plan = study_plan("sample", rows=64)
+    results = results_of(plan)
+    found = analyse(plan, results)["outputs"]["y"]
+    values = [result.outputs["y"] for result in results]
+    assert found["mean"] == pytest.approx(np.mean(values), rel=1e-12)
+    assert found["sd"] == pytest.approx(np.std(values, ddof=1), rel=1e-12)
+    assert found["n"] == 64
+    for factor in found["factors"].values():
+        for index in (*SHARES, "interaction"):
+            assert set(factor[index].values()) == {None}
+        assert factor["worst_case"] is None
+    assert (found["ranking"]["order"], found["screening"]["influential"]) == (None, [])
 
 
 def test_counts_tell_results_complete_rows_and_rows_used_apart() -> None:

@@ -237,7 +237,7 @@ def test_factors_that_depend_on_each_other_are_sampled_so(client: TestClient) ->
 @pytest.mark.parametrize(
     ("changes", "pointer", "sentence"),
     [
-        ({"method": "saltelli"}, "/method", "with correlations the method is shapley"),
+        ({"method": "saltelli"}, "/method", "with correlations the method is shapley or sample"),
         ({"correlation_kind": "kendall"}, "/correlation_kind", "expected one of rank, linear"),
         ({"correlations": [["x1", "x2"]]}, "/correlations/0", "two factors and a number"),
         ({"correlations": [["x1", "x2", "much"]]}, "/correlations/0", "two factors and a number"),

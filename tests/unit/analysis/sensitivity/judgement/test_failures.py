@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from analysis.designs import METHODS, instance_parameters, unit_row
+from analysis.designs import METHODS, SINGLE_POINTS, instance_parameters, unit_row
 from analysis.designs.radial import MEAN_INVERSE_STEP, legs
 from analysis.sensitivity.judgement.failures import FEWEST
 from analysis.sensitivity.records import StudyPlan
@@ -15,7 +15,7 @@ from analysis.sensitivity.service import analyse
 from tests.testbed.studies import FACTORS, results_of, study_plan, two_outputs
 
 #: In rows that share coordinates a failed run has others to be compared with.
-BY_ROWS = [method for method in METHODS if method != "surrogate"]
+BY_ROWS = [method for method in METHODS if method not in SINGLE_POINTS]
 
 
 def failing_where(plan: StudyPlan, condition: Any) -> list[tuple[int, int]]:
@@ -50,8 +50,9 @@ def test_two_factors_that_fail_only_together_are_both_named(method: str) -> None
     assert set(failure["caused_by"]) == {"a", "b"}
 
 
-def test_single_points_do_not_tell_why_runs_fail() -> None:
-    plan = study_plan("surrogate", rows=64)
+@pytest.mark.parametrize("method", SINGLE_POINTS)
+def test_single_points_do_not_tell_why_runs_fail(method: str) -> None:
+    plan = study_plan(method, rows=64)
     failed = failing_where(plan, lambda x: x["b"] > 1.0)
     failure = analyse(plan, results_of(plan, failed=failed))["failure"]
     assert (failure["depends_on_factors"], failure["caused_by"]) == (None, [])

@@ -218,11 +218,11 @@ def test_shapley_effects_of_a_curve_without_points_advise_to_leave_it_out(plan: 
     ("asked", "pointer", "sentence"),
     [
         ({"rows": 513}, "/rows", "surrogate fits a function to 512 rows at most, not 513"),
-        ({"groups": {"g": ["x1", "x3"]}}, "/groups", "surrogate shares the variance among single"),
+        ({"groups": {"g": ["x1", "x3"]}}, "/groups", "surrogate looks at single factors"),
         (
             {"model": "elbow", "outputs": ["torque_over_phase"]},
             "/outputs/0",
-            "torque_over_phase is a curve, and surrogate has indices of numbers only",
+            "torque_over_phase is a curve, and surrogate takes numbers only",
         ),
         ({"correlations": [["x1", "x2", 0.5]]}, "/method", "with correlations the method is shap"),
     ],
@@ -238,6 +238,14 @@ def test_what_no_function_is_fitted_to_is_refused(
 def test_a_row_of_a_surrogate_is_a_single_point(plan: Drawing) -> None:
     drawn = plan(method="surrogate", rows=512)
     assert drawn.width == 1 and len(parameters(drawn, 511)) == 1
+
+
+def test_a_sample_takes_correlations_and_as_many_rows_as_any_study(plan: Drawing) -> None:
+    drawn = plan(method="sample", rows=MAX_ROWS, correlations=[["x1", "x2", 0.6]])
+    assert drawn.width == 1 and drawn.dependence is not None
+    alone = plan(method="sample", rows=MAX_ROWS)
+    assert parameters(drawn, 7)[0]["x1"] == pytest.approx(parameters(alone, 7)[0]["x1"], rel=1e-12)
+    assert parameters(drawn, 7)[0]["x2"] != parameters(alone, 7)[0]["x2"]
 
 
 def test_a_study_of_groups_has_as_many_runs_a_row_as_groups_need(plan: Drawing) -> None:

@@ -1,6 +1,7 @@
 """How precise a study shall become."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -51,6 +52,14 @@ def test_a_goal_is_for_the_first_output_unless_told_otherwise(plan: Callable[...
     )
     asked = precision_goals.precision_goal(plan(), output="y", target=1e-9, up_to=MAX_ROWS)
     assert asked == PrecisionGoal(output="y", target=1e-9, up_to=MAX_ROWS)
+
+
+def test_a_sample_has_no_index_that_could_become_precise(plan: Callable[..., Plan]) -> None:
+    with pytest.raises(InvalidStudyError, match="method sample has no indices") as refused:
+        precision_goals.precision_goal(
+            replace(plan(), method="sample"), output=None, target=None, up_to=8, pointer="/goal"
+        )
+    assert refused.value.pointer == "/goal"
 
 
 @pytest.mark.parametrize(
