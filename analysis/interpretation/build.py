@@ -59,10 +59,7 @@ def grow(
         raise InterpretationError(
             "this bank was made by other versions of rehyb, MuJoCo or NumPy: build a new one"
         )
-    if rows < LEAST_ROWS:
-        raise InterpretationError(
-            f"{rows} rows without contact are too few to learn from: take {LEAST_ROWS} or more"
-        )
+    check_rows(rows)
     grown = replace(
         bank,
         fitted={},
@@ -76,10 +73,31 @@ def grow(
             progress,
         ),
     )
+    return learnt(grown, progress)
+
+
+def learnt(bank: Bank, progress: Progress = lambda what, done, total: None) -> Bank:
+    """Return a bank with what its rows teach.
+
+    Raises:
+        InterpretationError: the bank is too small.
+    """
     progress("learning", 0, 1)
-    learnt = replace(grown, fitted=Interpreter.fit(grown).arrays)
+    found = replace(bank, fitted=Interpreter.fit(bank).arrays)
     progress("learning", 1, 1)
-    return learnt
+    return found
+
+
+def check_rows(rows: int) -> None:
+    """Refuse a bank of which too little could be learnt, before it is simulated.
+
+    Raises:
+        InterpretationError: `rows` without contact are too few.
+    """
+    if rows < LEAST_ROWS:
+        raise InterpretationError(
+            f"{rows} rows without contact are too few to learn from: take {LEAST_ROWS} or more"
+        )
 
 
 def _grown(

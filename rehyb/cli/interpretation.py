@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from rehyb.banks import sample_on_fleet
 from rehyb.cli.answers import Answer, Token, Url, answering
 from rehyb.cli.options import assignment, number, optional
 from rehyb.client import Client, Json
@@ -159,8 +160,24 @@ def build(
     extend: Annotated[
         bool, typer.Option("--extend", help="Keep the rows that the file has already.")
     ] = False,
+    submit: Annotated[
+        bool,
+        typer.Option(
+            "--submit",
+            help="Have the coordinator's workers simulate. Again, with more rows, it goes on.",
+        ),
+    ] = False,
+    url: Url = None,
+    token: Token = None,
 ) -> Answer:
     """Simulate a population's recordings and learn from them, into one file."""
+    if submit and (extend or processes is not None):
+        raise Invalid(
+            "with --submit workers simulate and the studies keep the rows: leave --extend and "
+            "--processes out"
+        )
+    if not submit and (url or token):
+        raise Invalid("--url and --token go with --submit: without it this machine does the work")
     if find_spec("sklearn") is None:
         raise RehybError("to learn takes scikit-learn: pip install 'rehyb[interpret]'")
     from analysis.interpretation.bank.bank import load_bank
@@ -169,7 +186,7 @@ def build(
         read_population,
         with_effects,
     )
-    from analysis.interpretation.build import describe, empty_bank, grow
+    from analysis.interpretation.build import describe, empty_bank, grow, learnt
     from analysis.interpretation.errors import InterpretationError
 
     path = bank_file(out)
@@ -187,13 +204,20 @@ def build(
                 people = with_effects(people, _effects(with_effect), str(with_effect))
             bank = empty_bank(people, seed)
         with _bars() as show:
-            bank = grow(
-                bank,
-                rows=rows,
-                contact_rows=contact_rows,
-                processes=processes or os.cpu_count() or 1,
-                progress=show,
-            )
+            if submit:
+                with Client(url, token) as client:
+                    bank = sample_on_fleet(
+                        client, bank, rows=rows, contact_rows=contact_rows, progress=show
+                    )
+                bank = learnt(bank, show)
+            else:
+                bank = grow(
+                    bank,
+                    rows=rows,
+                    contact_rows=contact_rows,
+                    processes=processes or os.cpu_count() or 1,
+                    progress=show,
+                )
     except InterpretationError as error:
         raise Invalid(str(error)) from None
     bank.save(path)

@@ -9,9 +9,11 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from rehyb import Client
 from rehyb.cli import app
 from rehyb.client.packing import packed
 from rehyb.errors import Invalid
+from rehyb.fleet import LocalFleet
 from sim.assessment.assess import assess
 from tests.testbed.interpretation import written_session
 from worker.banks import usable_bank
@@ -125,3 +127,33 @@ def test_a_known_value_without_its_accuracy_is_one_sentence(known: str, sentence
     result = RUNNER.invoke(app, ["interpret", "a.npz", "--known", known])
     assert result.exit_code == 2
     assert sentence in " ".join(result.output.split())
+
+
+def test_a_fleet_samples_a_bank_and_goes_on_where_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "bank.npz"
+    with (
+        LocalFleet(tmp_path / "fleet", workers=2) as fleet,
+        Client(fleet.url, fleet.token) as client,
+    ):
+        there = ("--submit", "--url", fleet.url, "--token", fleet.token, "--out", str(path))
+        first = run("bank", "build", "--rows", "160", "--contact-rows", "2", *there)
+        # The coordinator has them: nothing is simulated again, and two rows more.
+        more = run("bank", "build", "--rows", "162", "--contact-rows", "2", *there)
+        rows = {study["model"]: study["rows"] for study in client.studies()}
+    assert rows == {"elbow_bushing_recording": 162, "elbow_recording": 2}
+    for bank, levels in ((first, (160, 2)), (more, (162, 2))):
+        counted = [bank[level] for level in ("bushing", "contact")]
+        assert [one["recordings"] + sum(one["failed"].values()) for one in counted] == [*levels]
+    assert (
+        more["id"] != first["id"] and run("bank", "show", "--bank", str(path))["id"] == more["id"]
+    )
+
+
+def test_what_a_bank_of_a_fleet_cannot_be_told_is_one_sentence(tmp_path: Path) -> None:
+    for wrong, sentence in (
+        (("--submit", "--extend"), "leave --extend and --processes out"),
+        (("--url", "http://127.0.0.1:9"), "--url and --token go with --submit"),
+        (("--submit", "--rows", "8", "--url", "http://127.0.0.1:9", "--token", "t"), "too few"),
+    ):
+        result = RUNNER.invoke(app, ["bank", "build", "--out", str(tmp_path / "b"), *wrong])
+        assert isinstance(result.exception, Invalid) and sentence in str(result.exception)
