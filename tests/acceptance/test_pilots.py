@@ -99,7 +99,8 @@ def site(
     slow = slow_ishigami(tmp_path / "model")
     said: dict[str, Any] = {
         "provider": request.param,
-        "walltime": "2m",
+        # Longer than a busy machine takes to the moment at which Slurm is told to end one.
+        "walltime": "10m",
         "cores": 1,
         "maximum": 2,
         "starts_a_minute": 60,
