@@ -12,17 +12,26 @@ import sqlalchemy as sa
 
 from server.logic.study.points import instance_id
 from server.operations import check
+from server.operations.fleet.exchange import Exchange
+from server.operations.fleet.leasing import Grant, LeaseRequest
+from server.operations.fleet.results import Post
 from server.operations.study import studies
+from server.records import Introduction, Study
 from server.settings import Settings
 from server.store import create_engine, upgrade
+from server.store.database.engine import reading, writing
+from server.store.fleet import leases
 from tests.testbed.coordinators import exchanges, records
 from tests.testbed.coordinators.forgetful_disk import Disk, ForgetfulVFS
 from tests.testbed.coordinators.postgresql import Server, serving
+from tests.testbed.coordinators.turns import Turns
 
 #: Ways in which each commit's writes that were not synced fare, besides that all are forgotten.
 CUTS = int(os.environ.get("REHYB_POWER_CUTS", "1"))
 #: So few pages of the log that it is copied into the file many times.
 LOG_PAGES = 40
+#: After so many commits PostgreSQL is killed in the tests: each kind once.
+BOUNDARIES = 4
 
 
 @pytest.fixture(scope="module")
@@ -101,50 +110,91 @@ def careless() -> Iterator[Server]:
         yield server
 
 
+class Worker:
+    """One that works a study off, one commit at a time, in turns and in transactions of its own."""
+
+    def __init__(self, url: str, durability: str) -> None:
+        self.engine = create_engine(url, durability=durability)
+        self._turns = Turns(self.engine)
+        #: Steps since it was reset, what is under way, and results acknowledged.
+        self.state: tuple[int, Grant | None, int] = (0, None, 0)
+
+    def step(self, study: Study) -> bool:
+        """Do something that is committed once; say whether anything is left to do."""
+        number, held, acknowledged = self.state
+        now = float(number)
+        alone = number % 3 == 2
+        posted = None if held is None else _done(held)
+        request = LeaseRequest(
+            worker=Introduction(id="w", host="h", versions={}), models=["ishigami"], max_instances=5
+        )
+        asked = None if alone and posted is not None else request
+        exchange = Exchange(posted=posted, request=asked, now=now, ttl=1e6)
+        if alone:
+            with writing(self.engine) as connection:
+                answer = exchange.alone(connection)
+        else:
+            ((_, served),) = self._turns.take(study.id, lambda: [exchange]).answers
+            assert served is not None, "a turn serves this"
+            answer = served
+        judgements, found = answer
+        assert {judgement.verdict for judgement in judgements} <= {"accepted"}
+        held = found if isinstance(found, Grant) else None
+        self.state = (number + 1, held, acknowledged + len(judgements))
+        return held is not None or asked is None
+
+    def reconnect(self) -> None:
+        """Forget the connections to a server that was killed."""
+        self._turns.close()
+        self.engine.dispose()
+        self._turns = Turns(self.engine)
+
+    def close(self) -> None:
+        self._turns.close()
+        self.engine.dispose()
+
+
+def _done(held: Grant) -> Post:
+    lease = held.lease
+    reports = [records.report(instance_id(held.study.id, *place)) for place in lease.instances]
+    return Post(reports=reports, lease=lease.id, fence=lease.fence, worker=lease.worker)
+
+
 @pytest.mark.parametrize("durability", ["normal", "full"])
 def test_after_a_power_cut_postgresql_has_all_that_was_acknowledged_under_full(
-    durability: str, careless: Server
+    durability: str, careless: Server, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It is killed with all of its processes after some of the commits."""
+    """All of its processes are killed after a commit, which is done again if it was lost."""
     url = careless.database(f"rehyb_{durability}")
     upgrade(url)
-    engine = create_engine(url, durability=durability)
-    study, _ = studies.create(engine, records.plan(rows=50), key=None, digest="", now=0.0)
-    server_has_written_all(engine)
-    acknowledged, lost = 0, 0
-    for cut in range(2 * CUTS):
-        # After every result's commit, if there are cuts enough.
-        for number in range(1 + cut % 4 if CUTS == 1 else 1):
-            now = 100.0 * cut + number
-            held = exchanges.grant(
-                engine,
-                worker="w",
-                host="h",
-                versions={},
-                models=["ishigami"],
-                max_instances=5,
-                now=now,
-                ttl=1e6,
-            )
-            if held is None:
-                break
-            reports = [
-                records.report(instance_id(study.id, *place), outputs={"y": 1.0})
-                for place in held.lease.instances
-            ]
-            told = exchanges.hand_in(engine, held.lease, reports, now=now)
-            acknowledged += told.count("accepted")
-        engine.dispose()
-        before = careless.pid
+    worker = Worker(url, durability)
+    study, _ = studies.create(worker.engine, records.plan(rows=20), key=None, digest="", now=0.0)
+    server_has_written_all(worker.engine)
+    cuts, lost, left = 0, 0, True
+    # In turn: a lease, then results and the next lease in one turn; results by themselves.
+    while left and (CUTS > 1 or cuts < BOUNDARIES):
+        before = worker.state
+        left = worker.step(study)
+        _, held, acknowledged = worker.state
+        killed = careless.pid
         careless.crash()
+        cuts += 1
         # What counts a server's processor time by it counts the new one's.
-        assert careless.pid != before
-        engine = create_engine(url, durability=durability)
-        assert check.faults(engine) == []
-        there = studies.get(engine, study.id).result_count
-        lost += acknowledged - there
-        acknowledged = there
-    engine.dispose()
+        assert careless.pid != killed
+        worker.reconnect()
+        assert check.faults(worker.engine) == []
+        results = studies.get(worker.engine, study.id).result_count
+        with reading(worker.engine) as connection:
+            stored = held is None or leases.find(connection, held.lease.id) is not None
+        if results < acknowledged or not stored:
+            lost += 1
+            worker.state = before
+            left = worker.step(study)
+        server_has_written_all(worker.engine)
+    worker.close()
+    with capsys.disabled():
+        print(f"\nPostgreSQL, {durability}: killed after {cuts} commits, {lost} of them lost")
+    assert left == (CUTS == 1)
     # Under `normal` there must have been something to lose, or nothing was tested.
     assert (lost == 0) == (durability == "full")
 

@@ -1,7 +1,6 @@
 """A turn serves many workers as transactions of their own would have, one after the other."""
 
-import asyncio
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -18,7 +17,6 @@ from server.operations.fleet import leases
 from server.operations.fleet.exchange import Answer, Exchange
 from server.operations.fleet.leasing import Deferred, Grant, LeaseRequest
 from server.operations.fleet.results import Post
-from server.operations.fleet.turns import Turn, take_turn
 from server.operations.study import studies
 from server.records import Introduction, Plan
 from server.states import StudyState
@@ -27,25 +25,10 @@ from server.store.database.engine import reading, writing
 from server.store.database.schema import comparisons, instances, results, workers
 from server.store.database.schema import leases as lease_table
 from server.store.database.schema import studies as study_table
-from server.store.fleet.turns import TurnConnection
 from tests.testbed.coordinators.records import report
+from tests.testbed.coordinators.turns import Turns
 
 TTL = 60.0
-
-
-class Turns:
-    """Takes turns, in an event loop of its own."""
-
-    def __init__(self, engine: Engine) -> None:
-        self._runner = asyncio.Runner()
-        self._store = TurnConnection(engine)
-
-    def take(self, study: str, waiting: Callable[[], Sequence[Exchange]]) -> Turn:
-        return self._runner.run(take_turn(self._store, study, waiting))
-
-    def close(self) -> None:
-        self._store.close()
-        self._runner.close()
 
 
 class Twin:

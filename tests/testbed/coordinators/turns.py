@@ -1,0 +1,25 @@
+"""Turns on PostgreSQL without a coordinator around them."""
+
+import asyncio
+from collections.abc import Callable, Sequence
+
+from sqlalchemy.engine import Engine
+
+from server.operations.fleet.exchange import Exchange
+from server.operations.fleet.turns import Turn, take_turn
+from server.store.fleet.turns import TurnConnection
+
+
+class Turns:
+    """Takes turns, in an event loop of its own."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._runner = asyncio.Runner()
+        self._store = TurnConnection(engine)
+
+    def take(self, study: str, waiting: Callable[[], Sequence[Exchange]]) -> Turn:
+        return self._runner.run(take_turn(self._store, study, waiting))
+
+    def close(self) -> None:
+        self._store.close()
+        self._runner.close()
