@@ -3,7 +3,10 @@
 Every coordinate lies strictly between 0 and 1, so that each has a quantile in any distribution.
 """
 
+import threading
+from copy import deepcopy
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +22,12 @@ _SOBOL_BITS = 30
 
 #: Points of a sequence that are made, and kept, at a time.
 _POINTS_AT_ONCE = 1024
+
+#: Places of a sequence from which others are reached.
+_PLACES = 4
+
+#: A place is kept if it is left by more points: they take as long as to copy it.
+_FAR = 2**16
 
 _CLOSEST_TO_ONE = 1.0 - 2.0**-53
 
@@ -83,18 +92,52 @@ def _sobol_points(
     seed: int, key: tuple[int, ...], start: int, size: int, dimensions: int
 ) -> NDArray[np.float64]:
     """Return points `start * size` to `(start + 1) * size - 1` of the sequence of (seed, key)."""
-    # It takes a second to import, which neither Latin hypercubes nor a start need.
-    from scipy.stats import qmc
+    return _sequence(seed, key, dimensions).points(start * size, size)
 
-    # SciPy spawns the generator it is given, which only one with a seed sequence can do.
-    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
-    engine = qmc.Sobol(dimensions, scramble=True, bits=_SOBOL_BITS, rng=rng)
-    if start > 0:
-        engine.fast_forward(start * size)
-    # The middle of a cell of the sequence's grid rather than its corner, which may be 0.
-    points: NDArray[np.float64] = engine.random(size) + 0.5 ** (_SOBOL_BITS + 1)
-    points.setflags(write=False)
-    return points
+
+class _Sequence:
+    """A scrambled Sobol sequence. SciPy walks to a point; here from the place next before it."""
+
+    def __init__(self, seed: int, key: tuple[int, ...], dimensions: int) -> None:
+        self._seed = np.random.SeedSequence(seed, spawn_key=key)
+        self._dimensions = dimensions
+        #: Where it has been, the latest last.
+        self._places: list[Any] = []
+        self._lock = threading.Lock()
+
+    def points(self, first: int, size: int) -> NDArray[np.float64]:
+        """Return points `first` to `first + size - 1`, shape (size, dimensions)."""
+        with self._lock:
+            place = self._place_before(first)
+            if first > place.num_generated:
+                place.fast_forward(first - place.num_generated)
+            # The middle of a cell of the sequence's grid rather than its corner, which may be 0.
+            points: NDArray[np.float64] = place.random(size) + 0.5 ** (_SOBOL_BITS + 1)
+            self._places = [*self._places, place][-_PLACES:]
+        points.setflags(write=False)
+        return points
+
+    def _place_before(self, first: int) -> Any:
+        """Return the place to go on from, which is no longer among the places."""
+        behind = [place for place in self._places if place.num_generated <= first]
+        if not behind:
+            return self._beginning()
+        place = max(behind, key=lambda one: one.num_generated)
+        if first - place.num_generated > _FAR:
+            return deepcopy(place)
+        self._places.remove(place)
+        return place
+
+    def _beginning(self) -> Any:
+        # It takes a second to import, which neither Latin hypercubes nor a start need.
+        from scipy.stats import qmc
+
+        # SciPy spawns the generator it is given, which only one with a seed sequence can do.
+        rng = np.random.Generator(np.random.PCG64(deepcopy(self._seed)))
+        return qmc.Sobol(self._dimensions, scramble=True, bits=_SOBOL_BITS, rng=rng)
+
+
+_sequence = lru_cache(maxsize=64)(_Sequence)
 
 
 @lru_cache(maxsize=32)

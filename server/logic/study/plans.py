@@ -18,8 +18,8 @@ from models.factors import SEED, Factor, no_factor
 from server.errors import InvalidStudyError
 from server.records import Plan
 
-#: Sobol points are numbered in 30 bits; a study beyond this would take a fleet a human lifetime.
-MAX_ROWS = 10_000_000
+#: Sobol points are numbered in 30 bits, and the analysis keeps a byte of memory for each row.
+MAX_ROWS = 100_000_000
 
 #: Probability of a tail that may reach anywhere.
 TAIL = 1e-3

@@ -13,14 +13,16 @@ from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError, NotFoundError
 from server.logic.fleet.verdicts import Report, Verdict
-from server.logic.study.points import instance_id
+from server.logic.study.plans import MAX_ROWS
+from server.logic.study.points import instance_id, parameters
 from server.operations.fleet import leases, results
 from server.operations.fleet.leasing import Grant
 from server.operations.study import studies
 from server.records import Plan, Study
-from server.store.database.engine import reading
+from server.store.database.engine import reading, writing
 from server.store.database.schema import instances as instances_table
 from server.store.database.schema import results as results_table
+from server.store.database.schema import studies as study_table
 from server.store.fleet import workers
 from tests.testbed.coordinators import exchanges
 
@@ -333,3 +335,25 @@ def test_whatever_workers_do_nothing_is_lost_or_counted_twice(
     assert done.state == "complete"
     assert (done.result_count, done.rows_complete, done.leased) == (8, 2, 0)
     assert done.ok_count + sum(done.failures.values()) == 8
+
+
+def test_the_last_row_of_the_largest_study_is_leased_and_done(
+    engine: Engine, plan: Drawing, report: Reporting
+) -> None:
+    """More than 10**8 instances; all but the last row are taken as handed out."""
+    study = create(engine, plan(rows=MAX_ROWS, sampling="sobol_blocks"))
+    width = study.plan.instances // MAX_ROWS
+    assert study.plan.instances > 10**8
+    with writing(engine) as connection:
+        connection.execute(
+            sa.update(study_table).values(
+                handed_out=study.plan.instances - width, result_count=study.plan.instances - width
+            )
+        )
+    grant = leased(engine, n=100)
+    assert [*grant.lease.instances] == [(MAX_ROWS - 1, position) for position in range(width)]
+    reports = [report(instance_id(study.id, *place)) for place in grant.lease.instances]
+    post(engine, grant, reports)
+    assert studies.get(engine, study.id).state == "complete"
+    point = parameters(study.plan, MAX_ROWS - 1)
+    assert len(point) == width
