@@ -25,9 +25,9 @@ from analysis.closeloop.identification.explainable import (
     signal_groups,
 )
 from analysis.closeloop.identification.findings import Event
-from analysis.closeloop.judgement.holds import held, rest_events, runs, spread
+from analysis.closeloop.judgement.holds import rest_events, spread
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.signals import lowpass
+from analysis.closeloop.session.signals import lowpass, runs
 
 #: An event's peak and its flanks, over the spread of the residual (from its median).
 PEAK, FLANK = 6.0, 2.5
@@ -136,7 +136,7 @@ def friction_of(model: Model, rows: Rows, joint: int) -> float:
             rubbing = rubbing - recording.filtered(kept_columns(term)[joint])[samples] @ own
     slow = np.abs(recording.velocity[samples, joint]) < 0.25 * recording.top_speed[joint]
     for piece in recording.slices:
-        for hold in held(recording, joint, piece):
+        for hold in recording.held(joint, piece):
             slow &= (samples < piece.start + hold.start) | (samples >= piece.start + hold.stop)
     sides = [
         rubbing[slow & (sign * recording.velocity[samples, joint] > 0)] for sign in (1.0, -1.0)

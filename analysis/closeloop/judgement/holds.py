@@ -9,11 +9,10 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.stats import norm
 
-from analysis.closeloop.identification.balance.regression import resting
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.floor import last_digit
-from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.stretches import MOVING
+from analysis.closeloop.session.recording import MOVING, Recording
+from analysis.closeloop.session.signals import runs
 
 #: An event's flanks and its peak, over the spread of a course: stiction creeps.
 FLANK, PEAK = 2.5, 8.0
@@ -23,8 +22,6 @@ STICTION = 3.0
 OVER_NOISE = 4.0
 #: Time over which a resting joint's torque is compared with its own course, s.
 COURSE = 4.0
-#: A joint that is pushed out of a hold is back within this time, s, but for this share of its way.
-AWAY, BACK = 3.0, 0.2
 
 
 def rest_events(recording: Recording, joint: int, friction: float) -> Iterator[Event]:
@@ -35,7 +32,7 @@ def rest_events(recording: Recording, joint: int, friction: float) -> Iterator[E
         if np.isnan(effort).any():
             continue
         still = recording.still or joint not in recording.joints
-        holds = [slice(0, len(effort))] if still else held(recording, joint, piece)
+        holds = [slice(0, len(effort))] if still else recording.held(joint, piece)
         for run in holds:
             if run.stop - run.start < recording.rate:
                 continue
@@ -63,29 +60,6 @@ def rest_events(recording: Recording, joint: int, friction: float) -> Iterator[E
                 end=float(recording.time[start + peak_run.stop - 1]),
                 peak=float(beyond[top]),
             )
-
-
-def held(recording: Recording, joint: int, piece: slice) -> list[slice]:
-    """Return where in a stretch a joint rests, or comes back at once to where it rested.
-
-    A push moves a joint that a controller holds; it rests before and after, in the same place.
-    """
-    position = recording.position[piece, joint]
-    found: list[slice] = []
-    for run in runs(resting(recording, joint, piece)):
-        # It may rest on the way, where the push is strongest.
-        for number in reversed(range(len(found))):
-            hold = found[number]
-            if run.start - hold.stop > AWAY * recording.rate:
-                continue
-            place = float(np.median(position[hold]))
-            way = float(np.abs(position[hold.stop : run.start] - place).max())
-            if abs(position[run.start] - place) <= max(BACK * way, MOVING):
-                found[number:] = [slice(hold.start, run.stop)]
-                break
-        else:
-            found.append(run)
-    return found
 
 
 def _driven(recording: Recording, joint: int, start: int, run: slice, beyond: np.ndarray) -> bool:
@@ -126,10 +100,3 @@ def quiet_spread(signal: np.ndarray) -> float:
 def spread(signal: np.ndarray) -> float:
     """Return the standard deviation of a signal from the median of its size."""
     return float(1.4826 * np.median(np.abs(signal))) if len(signal) else 0.0
-
-
-def runs(marked: np.ndarray) -> Iterator[slice]:
-    """Yield where a boolean array is true without a break."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(int), [0]])))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        yield slice(int(start), int(stop))

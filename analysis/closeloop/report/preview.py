@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.closeloop.identification.balance.regression import resting
 from analysis.closeloop.session.recording import Recording
 from sim.pictures.figures import new_figure
 
@@ -62,7 +61,7 @@ def remarks(recording: Recording, number: int) -> list[str]:
 def _motion(recording: Recording, joint: int, pieces: list[slice]) -> list[str]:
     name = recording.name(joint)
     velocity = np.concatenate([recording.velocity[p, joint] for p in pieces])
-    rest = float(np.concatenate([resting(recording, joint, p) for p in pieces]).mean())
+    rest = float(np.concatenate([recording.resting(joint, p) for p in pieces]).mean())
     ways = np.maximum(velocity, 0.0).sum(), np.maximum(-velocity, 0.0).sum()
     found = []
     if rest > RESTING:

@@ -28,6 +28,8 @@ SATURATED_SHARE = 0.01
 SATURATED_RUN = 10
 #: Over such a run a joint at rest moves less than this share of what it moves on average.
 RESTING_SHARE = 0.1
+#: Least time that a motor moves its joint before the sign of its effort is judged, s.
+LEAST_MOTION = 1.0
 
 
 def check_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> None:
@@ -191,6 +193,12 @@ def check_signs(recording: Recording) -> None:
     for joint in recording.joints:
         rows = np.isin(recording.trial, recording.fit_trials)
         rows &= np.isfinite(recording.effort[:, joint])
+        for piece in recording.slices:
+            # Whoever pushes a joint that is held drives its motor.
+            for hold in recording.held(joint, piece):
+                rows[piece.start + hold.start : piece.start + hold.stop] = False
+        if int(rows.sum()) < LEAST_MOTION * recording.rate:
+            continue
         velocity = recording.velocity[rows, joint]
         effort, known = recording.effort[rows, joint], recording.inverse[rows, joint]
         position = recording.position[rows, joint]

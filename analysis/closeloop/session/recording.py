@@ -17,11 +17,18 @@ from analysis.closeloop.session.signals import (
     lagged,
     lowpass,
     lowpass_measured,
+    runs,
     shifted,
     slope,
 )
 from sim.effects.rigid import point_mass
 
+#: Shortest rest, s: a reversal is none.
+REST = 0.05
+#: A joint that is pushed out of a hold is back within this time, s, but for this share of its way.
+AWAY, BACK = 3.0, 0.2
+#: Least travel of a moving joint, rad or m: above what an encoder's last digits do.
+MOVING = 5e-3
 #: What depends on position alone changes slowly: it is computed at every so many samples.
 REST_STEP = 4
 #: What does not depend on which joints are analysed.
@@ -181,6 +188,38 @@ class Recording:
     @cached_property
     def rest_speed(self) -> np.ndarray:
         return np.asarray(REST_SHARE * self.top_speed)
+
+    def resting(self, joint: int, piece: slice) -> np.ndarray:
+        """Return where the joint stays below its rest speed for longer than a reversal takes."""
+        still = np.abs(self.velocity[piece, joint]) < self.rest_speed[joint]
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
+        found = np.zeros(len(still), dtype=bool)
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            if (stop - start) / self.rate > REST:
+                found[start:stop] = True
+        return found
+
+    def held(self, joint: int, piece: slice) -> list[slice]:
+        """Return where in a stretch a joint rests, or comes back at once to where it rested.
+
+        A push moves a joint that a controller holds; it rests before and after, in the same place.
+        """
+        position = self.position[piece, joint]
+        found: list[slice] = []
+        for run in runs(self.resting(joint, piece)):
+            # It may rest on the way, where the push is strongest.
+            for number in reversed(range(len(found))):
+                hold = found[number]
+                if run.start - hold.stop > AWAY * self.rate:
+                    continue
+                place = float(np.median(position[hold]))
+                way = float(np.abs(position[hold.stop : run.start] - place).max())
+                if abs(position[run.start] - place) <= max(BACK * way, MOVING):
+                    found[number:] = [slice(hold.start, run.stop)]
+                    break
+            else:
+                found.append(run)
+        return found
 
     def since_reversal(self, joint: int) -> np.ndarray:
         """Return the time since a joint last changed direction, with that direction's sign, (n,).

@@ -6,6 +6,7 @@ never smoothed where errors are reported; for fitting, effort and every regresso
 low-pass, so that what the filter takes away it takes from both sides.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -148,3 +149,10 @@ def lagged(signal: np.ndarray, time_constant: float, rate: float) -> np.ndarray:
     forward = [newest, 1.0 - kept - newest]
     filtered, _ = lfilter(forward, [1.0, -kept], signal, axis=0, zi=start)
     return np.asarray(filtered)
+
+
+def runs(marked: np.ndarray) -> Iterator[slice]:
+    """Yield where a boolean array is true without a break."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(int), [0]])))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        yield slice(int(start), int(stop))

@@ -13,7 +13,7 @@ from analysis.closeloop.session.cutoff import Stretch, choose_sampling
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.files import SESSION_FILE
 from analysis.closeloop.session.missing import near_a_sample, with_missing_counted, without_stale
-from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.recording import MOVING, Recording
 from analysis.closeloop.session.signals import (
     Sampling,
     derivatives,
@@ -27,8 +27,6 @@ GAP_STEPS = 5.5
 ALIASES = 0.4
 #: Shortest stretch between gaps that is analysed: s, and samples.
 MIN_STRETCH, MIN_SAMPLES = 0.5, 20
-#: Least travel of a moving joint, rad or m: above what an encoder's last digits do.
-MOVING = 5e-3
 
 
 def record(session: Session, device: Device) -> Recording:

@@ -7,7 +7,7 @@ from scipy.signal import decimate
 
 from analysis.closeloop.identification.balance.least_squares import gram_matrices, solve
 from analysis.closeloop.identification.balance.model import Model, kept_columns, prediction
-from analysis.closeloop.identification.balance.regression import Rows, resting
+from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
@@ -33,7 +33,7 @@ def settled(model: Model, coefficients: np.ndarray) -> np.ndarray:
         sliding = model.transformed(kept_columns(term))[joint] @ own
         held, rests = np.zeros(len(sliding)), np.zeros(len(sliding), dtype=bool)
         for piece in recording.slices:
-            still = resting(recording, joint, piece)
+            still = recording.resting(joint, piece)
             # Friction of the last sample in motion; a trial that begins at rest has none.
             last = np.maximum.accumulate(np.where(still, -1, np.arange(len(still))))
             held[piece] = np.where(last >= 0, sliding[piece][np.maximum(last, 0)], 0.0)

@@ -20,8 +20,6 @@ from analysis.closeloop.session.recording import Recording
 BLOCK_SECONDS = 1.0
 #: Folds when all fit trials share one group: stretches of time instead of groups.
 TIME_FOLDS = 6
-#: Shortest rest that is left out of the fit, s: friction at rest is not determined.
-REST = 0.05
 #: What takes this share of all that is lost on rows it was not fitted to is no luck, though one
 #: quick second should hold nearly all of it; it only has to win blocks by so many errors of their
 #: ranks. Set on one delay of the unkind bench (tuning seeds): 0.98 of the loss, 1.3 errors.
@@ -147,7 +145,7 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
                 continue
             inside = np.arange(piece.start + edge, piece.stop - edge, step)
             inside = inside[recording.usable[inside]]
-            moving = ~resting(recording, joint, piece)[inside - piece.start]
+            moving = ~recording.resting(joint, piece)[inside - piece.start]
             if moving.sum() * step / recording.rate < 0.2:
                 continue
             rows = inside if rests else inside[moving]
@@ -202,17 +200,6 @@ def _halves(recording: Recording, trials: tuple[int, ...]) -> dict[int, float]:
         for number in trials
         if recording.session.trials[number].group in alone
     }
-
-
-def resting(recording: Recording, joint: int, piece: slice) -> np.ndarray:
-    """Return where the joint stays below its rest speed for longer than a reversal takes."""
-    still = np.abs(recording.velocity[piece, joint]) < recording.rest_speed[joint]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
-    found = np.zeros(len(still), dtype=bool)
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        if (stop - start) / recording.rate > REST:
-            found[start:stop] = True
-    return found
 
 
 @dataclass(frozen=True, kw_only=True)

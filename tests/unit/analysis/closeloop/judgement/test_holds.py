@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.closeloop.errors import SessionError
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.judgement.events import find_events
 from analysis.closeloop.judgement.floor import last_digit
 from analysis.closeloop.session.contents import Trial
+from analysis.closeloop.session.plausibility import check_signs
 from analysis.closeloop.session.recording import Recording
 
 RATE, NOISE = 50.0, 0.05
@@ -21,15 +23,18 @@ def bump(begin: float, seconds: float) -> np.ndarray:
     return np.where(inside, np.sin(np.pi * (TIME - begin) / seconds) ** 2, 0.0)
 
 
-def holding(recording: Recording, away: np.ndarray, beyond: np.ndarray) -> Recording:
+def holding(
+    recording: Recording, away: np.ndarray, beyond: np.ndarray, sag: float = 0.2
+) -> Recording:
     """Return a trial in which the elbow sags at first, is held then, and goes away from there.
 
     Args:
         recording: its device and session.
         away: of the elbow from where it is held, rad, (n,).
         beyond: effort beside what holding takes and noise, Nm, (n,).
+        sag: at the beginning, rad.
     """
-    elbow = 1.0 + 0.2 * np.exp(-((TIME / 0.3) ** 2)) + away
+    elbow = 1.0 + sag * np.exp(-((TIME / 0.3) ** 2)) + away
     position = np.column_stack([np.zeros(len(TIME)), elbow])
     velocity = np.gradient(position, 1 / RATE, axis=0)
     recording = replace(
@@ -85,3 +90,20 @@ def test_a_push_at_whose_height_the_joint_rests_is_one_event(recording: Recordin
     pushed = holding(recording, 0.03 * plateau, -0.8 * plateau)
     (event,) = find_events(Model(pushed), pushed)
     assert 11.9 < event.begin < 12.5 < 13.0 < event.end < 13.7
+
+
+def with_effort(recording: Recording, effort: np.ndarray) -> Recording:
+    """Return the recording with another effort of the elbow, Nm, (n,)."""
+    both = np.column_stack([np.full(len(TIME), np.nan), effort])
+    return replace(recording, effort=recording.filtered(both), cache={})
+
+
+def test_pushes_of_a_held_joint_are_no_flipped_sign_of_its_effort(recording: Recording) -> None:
+    pushes = bump(6.0, 0.8) + bump(9.0, 0.6) + bump(14.0, 0.9)
+    away = bump(6.05, 0.8) + bump(9.05, 0.6) + bump(14.05, 0.9)
+    held = holding(recording, 0.03 * away, np.zeros(len(TIME)), sag=0.0)
+    check_signs(with_effort(held, -9.0 * pushes))
+    phase = 2 * np.pi * 0.5 * TIME
+    swinging = holding(recording, 0.4 * np.sin(phase), np.zeros(len(TIME)), sag=0.0)
+    with pytest.raises(SessionError, match="opposite sign"):
+        check_signs(with_effort(swinging, -9.0 * np.sin(phase + 0.5)))
