@@ -2,10 +2,12 @@
 
 import asyncio
 import logging
+import os
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from functools import partial
 from time import monotonic
+from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
 from sqlalchemy.engine import Engine
@@ -48,7 +50,13 @@ from server.threads import in_thread
 from server.web import assets, fleet, pages, sign_in
 from server.web.live import Hub
 
+if TYPE_CHECKING:
+    from server.tracing import Traces
+
 log = logging.getLogger(__name__)
+
+#: Variables of OpenTelemetry that say where traces go.
+TRACES_TO = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -87,8 +95,11 @@ def create_app(settings: Settings) -> FastAPI:
             # Also of what refuses to start.
             await app.state.exchange.close()
             app.state.write.close()
+            if traces is not None:
+                await in_thread(traces.provider.shutdown)
             engine.dispose()
 
+    traces = _traces()
     # The interactive documentation loads scripts from elsewhere; a lab may have no internet.
     app = FastAPI(
         title="rehyb coordinator",
@@ -97,8 +108,15 @@ def create_app(settings: Settings) -> FastAPI:
         redoc_url=None,
         lifespan=lifespan,
         # `/metrics` is there; to ask whether anybody wants FastAPI's own costs every request.
-        telemetry={"tracing": False, "metrics": False, "logs": False},
+        telemetry={
+            "tracing": traces is not None,
+            "tracer_provider": None if traces is None else traces.provider,
+            "operation_spans": False,
+            "metrics": False,
+            "logs": False,
+        },
     )
+    app.state.traces = traces
     app.state.settings = settings
     app.state.engine = create_engine(settings.database_url, durability=settings.durability)
     app.state.write = WriteBatches(app.state.engine)
@@ -149,6 +167,20 @@ def create_app(settings: Settings) -> FastAPI:
         believed=app.state.sign_in.believed,
     )
     return app
+
+
+def _traces() -> "Traces | None":
+    """Return what tells of studies; None unless the environment says where to."""
+    if os.environ.get("OTEL_SDK_DISABLED", "").lower() == "true":
+        return None
+    if not any(os.environ.get(name) for name in TRACES_TO):
+        return None
+    try:
+        from server.tracing import Traces, provider
+    except ImportError:
+        log.warning("%s is set, but nothing is traced: install 'rehyb[telemetry]'", TRACES_TO[0])
+        return None
+    return Traces(provider())
 
 
 async def _reap_for_ever(

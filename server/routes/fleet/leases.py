@@ -12,10 +12,10 @@ from fastapi import APIRouter, Request, Response
 from pydantic import Field, StringConstraints
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
+from starlette.datastructures import State
 
 from server.errors import ConflictError
 from server.logic.study.points import instance_id, parameters, point
-from server.metrics import Metrics
 from server.operations.fleet import leases
 from server.operations.fleet.exchange import Exchange
 from server.operations.fleet.leasing import Grant, Ineligible, LeaseRequest
@@ -123,7 +123,7 @@ async def lease(body: LeaseBody, request: Request) -> Response:
         pause = state.idle.tell(body.worker.id, now)
         return Response(status_code=204, headers={"Retry-After": str(pause)})
     state.idle.busy(body.worker.id)
-    return as_json(granted(found, ttl, state.metrics), HTTPStatus.CREATED)
+    return as_json(granted(found, state), HTTPStatus.CREATED)
 
 
 router.add_api_route(
@@ -137,9 +137,11 @@ def requested(body: LeaseBody) -> LeaseRequest:
     return LeaseRequest(worker=worker, models=body.models, max_instances=body.max_instances)
 
 
-def granted(grant: Grant, ttl: float, measures: Metrics) -> dict[str, Any]:
+def granted(grant: Grant, state: State) -> dict[str, Any]:
     """Return a new lease as its worker is told of it."""
-    measures.leases.inc()
+    state.metrics.leases.inc()
+    if state.traces is not None:
+        state.traces.leased(grant.lease)
     lease, count = grant.lease, len(grant.lease.instances)
     about = {"study": lease.study, "lease": lease.id, "worker": lease.worker, "instances": count}
     log.info("lease granted", extra=about)
@@ -147,7 +149,7 @@ def granted(grant: Grant, ttl: float, measures: Metrics) -> dict[str, Any]:
         "id": lease.id,
         "fence": lease.fence,
         "expires_at": lease.expires_at,
-        "ttl_seconds": ttl,
+        "ttl_seconds": state.settings.lease_seconds,
         "instances": _instances(grant),
     }
 

@@ -9,7 +9,7 @@ from functools import partial
 from http import HTTPStatus
 from importlib.util import find_spec
 from itertools import chain, islice
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from fastapi import APIRouter, HTTPException, Request, Response
 from fastapi.responses import StreamingResponse
@@ -30,6 +30,9 @@ from server.routes.fleet.leases import Fence, LeaseBody, granted, requested
 from server.routes.study.studies import show
 from server.settings import Settings
 from server.states import REFUSALS, Verdict
+
+if TYPE_CHECKING:
+    from server.tracing import Traces
 
 log = logging.getLogger(__name__)
 
@@ -110,12 +113,14 @@ async def post(body: ResultsBody, request: Request) -> Response:
         misfit = found.why if isinstance(found, Ineligible) else None
         measures.misfits.inc(misfit is not None)
         answer["misfit"] = misfit
-        answer["next"] = granted(found, ttl, measures) if isinstance(found, Grant) else None
+        answer["next"] = granted(found, state) if isinstance(found, Grant) else None
         if answer["next"] is None:
             headers["Retry-After"] = str(state.idle.tell(body.next.worker.id, now))
         else:
             state.idle.busy(body.next.worker.id)
     _note(body, judgements, measures)
+    if state.traces is not None:
+        _trace(body, judgements, state.traces)
     answer["verdicts"] = [
         # As plain text, which is worded in a tenth of the time that an enum takes.
         {"instance": j.about, "verdict": str(j.verdict), "detail": j.detail}
@@ -158,6 +163,14 @@ def _note(body: ResultsBody, judgements: Sequence[Judgement], measures: Metrics)
             why = judgement.verdict, judgement.detail
             about = {"instance": judgement.about, "lease": body.lease, "worker": body.worker}
             log.info("result refused as %s: %s", *why, extra=about)
+
+
+def _trace(body: ResultsBody, judgements: Sequence[Judgement], traces: "Traces") -> None:
+    """Tell of what was accepted; only of that is certain what it belongs to."""
+    taken = [one.about for one in judgements if one.verdict == Verdict.ACCEPTED]
+    if taken:
+        study = taken[0].partition(":")[0]
+        traces.completed(study, body.lease, body.worker, len(taken))
 
 
 @router.get("/studies/{study_id}/results.csv")

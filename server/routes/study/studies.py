@@ -3,7 +3,7 @@
 import hashlib
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Header, Response
+from fastapi import APIRouter, Header, Request, Response
 from pydantic import (
     AfterValidator,
     Field,
@@ -176,7 +176,7 @@ class RerunBody(Body):
 
 @router.post("", status_code=201)
 def submit(
-    body: StudyBody, store: Store, now: Now, response: Response, key: Key = None
+    body: StudyBody, request: Request, store: Store, now: Now, response: Response, key: Key = None
 ) -> dict[str, Any]:
     """Submit a study; the same Idempotency-Key and body return the study already there (200)."""
     factors, sampled = body.factors, models.to_sample(store, body.model)
@@ -208,6 +208,8 @@ def submit(
         tags=body.tags,
         goal=goal,
     )
+    if new and (traces := request.app.state.traces) is not None:
+        traces.submitted(study)
     response.headers["Location"] = f"/v1/studies/{study.id}"
     response.status_code = 201 if new else 200
     return _show(store, study)
