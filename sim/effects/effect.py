@@ -78,6 +78,8 @@ class Effect(ABC):
     at_reversals: bool = False
     #: Whether it winds up over a way after each reversal, as friction itself does over a short one.
     winds: bool = False
+    #: What its form leaves out (`unsaid`), in words; empty if nothing that matters.
+    leaves_out: str = ""
     #: Whether it is further mass or inertia of what the joint moves.
     adds_mass: bool = False
     #: Whether it multiplies the whole effort, and with it every coefficient.
@@ -104,6 +106,16 @@ class Effect(ABC):
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         """Return what the motor has to add for one unit of each coefficient."""
+        return {}
+
+    def unsaid(self, joint: RecordedJoint, theta: Theta, coefficients: np.ndarray) -> Columns:
+        """Return the largest torque that the effect's form leaves out, Nm or N, (n, 1).
+
+        Args:
+            joint: that was fitted.
+            theta: non-linear parameters.
+            coefficients: of the columns.
+        """
         return {}
 
     def through(self, recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:

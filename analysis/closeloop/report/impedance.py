@@ -1,13 +1,20 @@
 """Impedance of the declared joints before and after the repair, in the contract's words."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, impedances
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Given,
+    Model,
+    evaluate,
+    impedances,
+    unfitted,
+)
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.findings import TELLING, Option, Outcome, Trace
@@ -25,11 +32,38 @@ class Refits:
         self.values = impedances(model, coefficients)
         self.fits = leave_out(model, rows, coefficients)
         self.refitted = [impedances(model, own) for own in self.fits.coefficients]
+        self.if_unsaid = [
+            impedances(bent, evaluate(bent, rows).coefficients)
+            for bent in with_unsaid(model, coefficients)
+        ]
 
     def interval(self, joint: int, key: str) -> tuple[float, float]:
         """Return the 90 % interval of a joint's stiffness, damping or neutral angle."""
         every = np.array([values[joint][key] for values in self.refitted])
-        return self.fits.interval(every, self.values[joint][key])
+        low, high = self.fits.interval(every, self.values[joint][key])
+        bias = self.bias(joint, key)
+        return low - bias, high + bias
+
+    def bias(self, joint: int, key: str) -> float:
+        """Return how far a value is off at most by what the forms of effects leave out."""
+        return sum(abs(bent[joint][key] - self.values[joint][key]) for bent in self.if_unsaid)
+
+
+def with_unsaid(model: Model, coefficients: np.ndarray) -> Iterator[Model]:
+    """Yield the model with what the form of each of its effects leaves out, at its largest.
+
+    Trials cannot tell it from stiffness; an interval is as much longer as the bias may be
+    (Armstrong and Kolesar 2018, Optimal inference in a class of regression models).
+    """
+    for term, own in model.split(coefficients):
+        if term.candidate is None:
+            continue
+        recorded = unfitted(model.recording, term.joint)
+        further = term.candidate.effect.unsaid(recorded, term.theta, own)
+        if further:
+            given = {} if model.given is None else model.given.torque
+            torque = {joint: own + given.get(joint, 0.0) for joint, own in further.items()}
+            yield replace(model, given=Given(torque={**given, **torque}))
 
 
 def impedance_entries(found: Trace) -> dict[str, Any]:
@@ -62,6 +96,8 @@ def impedance_entries(found: Trace) -> dict[str, Any]:
                 every = [after, *others.values()]
                 lows, highs = zip(*(own.interval(joint, key) for own in every), strict=True)
                 entry["ci90_after"] = [min(lows), max(highs)]
+            if bias := after.bias(joint, key):
+                entry["may_be_off"] = bias
             entries[name][key] = entry
     return entries
 
@@ -133,6 +169,18 @@ def undecided(entries: Mapping[str, Any]) -> list[str]:
                 f"given first, but {said}; its interval holds both"
             )
     return lines
+
+
+def off_by_form(found: Trace, entries: Mapping[str, Any]) -> list[str]:
+    """Return a warning for every stiffness that what an effect's form leaves out may move."""
+    said = [step.taken.candidate.effect.leaves_out for step in found.steps]
+    forms = " or ".join(filter(None, said))
+    return [
+        f"the stiffness of {joint} is off by up to {entry['may_be_off']:.2g} {entry['unit']} if "
+        f"there is {forms}: its interval allows for that, which these trials do not tell"
+        for joint, values in entries.items()
+        if "may_be_off" in (entry := values["stiffness"])
+    ]
 
 
 def alternatives(found: Trace) -> dict[str, Refits]:

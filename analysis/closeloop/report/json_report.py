@@ -10,6 +10,7 @@ from analysis.closeloop.report.impedance import (
     identified_entries,
     impedance_entries,
     not_identified,
+    off_by_form,
     trials_that_tell,
     undecided,
 )
@@ -59,6 +60,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             *far_from_floor(outcome),
             *not_identified(identified),
             *undecided(impedance),
+            *off_by_form(found, impedance),
             *without_value(declared),
             *refused_values(effects),
         ],

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 PLACE = ("position_x", "position_y", "position_z")
 #: Mass below which a place means nothing, kg, and the longest way to go at once, m.
 LEAST_LOAD, LONGEST_WAY = 1e-3, 0.3
+#: How far beside its link's line a load may be, m: a hand's breadth.
+OFF_LINE = 0.1
 #: No more than this share of the declared inertia can turn out not to be there.
 MAX_REMOVED = 0.7
 
@@ -42,6 +44,9 @@ class Payload(Effect):
     separating_trial = "hold still in five postures, and repeat one movement with a known mass"
     twins = ("torque_gain",)
     owner = "robot"
+    leaves_out = (
+        f"a load {OFF_LINE:g} m beside the line from the joint to its link's centre of mass"
+    )
     parameters = named(
         mass=Parameter("kg", "mass on the robot's link", 0.0, 1.0, switches=True, floor=-0.45),
         distance=Parameter(
@@ -81,6 +86,18 @@ class Payload(Effect):
         curve = (twice - 2 * once + axis) / 2
         torque = axis + (once - axis - curve) * share + curve * share**2
         return {number: torque[:, [number]] for number in joint.recording.joints}
+
+    def unsaid(self, joint: RecordedJoint, theta: Theta, coefficients: np.ndarray) -> Columns:
+        """Return the torque of a mass that is `OFF_LINE` beside the line to the link's centre."""
+        recording, centre = joint.recording, self._centre(joint)
+        slopes = recording.link_torque(recording.body(joint.number))
+        slopes = slopes @ point_mass_slopes(centre * theta["distance"])
+        line = centre / np.linalg.norm(centre)
+        own = slopes[:, joint.number] @ (np.eye(3) - np.outer(line, line))
+        # Of all ways across the line that along which the joint feels most.
+        across = np.linalg.svd(own.T @ own)[0][:, 0]
+        size = OFF_LINE * abs(float(coefficients[0]))
+        return {number: (size * slopes[:, number] @ across)[:, None] for number in recording.joints}
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
         lever = float(np.linalg.norm(self._centre(joint)))
@@ -123,6 +140,9 @@ class PlacedPayload(Payload):
         recording = joint.recording
         body = recording.body(joint.number)
         return load_columns(recording, body, np.array([theta[name] for name in PLACE]))
+
+    def unsaid(self, joint: RecordedJoint, theta: Theta, coefficients: np.ndarray) -> Columns:
+        return {}
 
     def way(self, coefficients: Mapping[int, float]) -> np.ndarray:
         """Return how far from its place the fit moves the load, m, (3,), one step at most."""
