@@ -22,7 +22,7 @@ from analysis.closeloop.judgement.outcome import outcome_of
 from analysis.closeloop.judgement.structure import structures
 from analysis.closeloop.load import load_session
 from analysis.closeloop.report.answer import Answer
-from analysis.closeloop.report.confirmation import confirm, simulation, unconfirmed
+from analysis.closeloop.report.confirmation import confirm, unconfirmed
 from analysis.closeloop.report.json_report import json_report
 from analysis.closeloop.report.page import write_page
 from analysis.closeloop.report.plain import finite
@@ -87,10 +87,10 @@ def close_loop(
     report["warnings"] += warnings
     if report["verdict"] == Verdict.EFFECT_FOUND:
         progress("the repaired model in simulation")
-        confirmation = confirm(found.recording, report, xml)
+        confirmation, simulation = confirm(found.recording, report, xml)
         report["warnings"] += unconfirmed(confirmation)
         report["confirmation"] = finite(confirmation)
-        report["simulation"] = simulation(found.recording, report, xml)
+        report["simulation"] = simulation
     progress("report")
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out.parent, prefix=".close-loop-") as scratch:

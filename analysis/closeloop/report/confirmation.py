@@ -8,7 +8,7 @@ nobody recorded follow their recorded path as if a computed torque drove them (L
 the fit enters, so this also tells whether the model that was written runs.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,7 +43,9 @@ class Run:
     finite: bool
 
 
-def confirm(recording: Recording, report: Mapping[str, Any], xml: str) -> dict[str, Any]:
+def confirm(
+    recording: Recording, report: Mapping[str, Any], xml: str
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Simulate the declared and the repaired model along recorded trials.
 
     Args:
@@ -52,56 +54,47 @@ def confirm(recording: Recording, report: Mapping[str, Any], xml: str) -> dict[s
         xml: the repaired model.
 
     Returns:
-        For every analysed joint the feedback (Nm or N) and the deviation (rad or m), root mean
-        square, before and after; and the files that were simulated.
+        The confirmation: for every analysed joint the feedback (Nm or N) and the deviation (rad or
+        m) in closed loop, root mean square, before and after; and the files that were simulated.
+        Then how far the joints stray from the first of them in open and in closed loop; null where
+        a simulation does not stay finite.
     """
     before, _, _ = repaired_model(recording.device, _as_declared(report))
+    models = {"before": before, "after": xml}
     pieces = _pieces(recording)
-    runs = [[simulate(recording, model, piece) for piece in pieces] for model in (before, xml)]
-    entries: dict[str, Any] = {}
+    opened = {
+        word: simulate(recording, model, pieces[0], bandwidth=0.0) for word, model in models.items()
+    }
+    closed = {
+        word: [simulate(recording, model, piece) for piece in pieces]
+        for word, model in models.items()
+    }
+    files = [recording.session.trials[recording.trial_of(piece)].file for piece in pieces]
+    clock = recording.time[pieces[0]]
+    confirmation: dict[str, Any] = {
+        "trials": files,
+        "ran": all(run.finite for run in closed["after"]),
+        "joints": {},
+    }
+    simulation: dict[str, Any] = {
+        "file": files[0],
+        "seconds": min(float(clock[-1] - clock[0]), LONGEST),
+        "joints": {},
+    }
     for joint in recording.joints:
         name = recording.name(joint)
-        entries[name] = {
-            "unit": recording.device.unit(name),
-            "deviation_unit": recording.device.angle_unit(name),
+        angle = recording.device.angle_unit(name)
+        entry: dict[str, Any] = {"unit": recording.device.unit(name), "deviation_unit": angle}
+        for word, runs in closed.items():
+            entry[f"feedback_{word}"] = rms(np.array([run.feedback[joint] for run in runs]))
+            entry[f"deviation_{word}"] = rms(np.array([run.deviation[joint] for run in runs]))
+        confirmation["joints"][name] = entry
+        first = {"open_loop": opened, "closed_loop": {word: own[0] for word, own in closed.items()}}
+        simulation["joints"][name] = {"unit": angle} | {
+            loop: {word: run.deviation[joint] if run.finite else None for word, run in own.items()}
+            for loop, own in first.items()
         }
-        for word, own in zip(("before", "after"), runs, strict=True):
-            entries[name][f"feedback_{word}"] = rms(np.array([run.feedback[joint] for run in own]))
-            entries[name][f"deviation_{word}"] = rms(
-                np.array([run.deviation[joint] for run in own])
-            )
-    return {
-        "trials": [recording.session.trials[recording.trial_of(p)].file for p in pieces],
-        "ran": all(run.finite for run in runs[1]),
-        "joints": entries,
-    }
-
-
-def simulation(recording: Recording, report: Mapping[str, Any], xml: str) -> dict[str, Any]:
-    """Return how far the simulated joints stray from the recorded path, rad or m.
-
-    Args: as of `confirm`.
-
-    Returns:
-        For every analysed joint the root mean square in open and in closed loop (a feedback of
-        2 Hz), of the declared and the repaired model, over the first trial that is simulated; null
-        where the simulation does not stay finite.
-    """
-    before, _, _ = repaired_model(recording.device, _as_declared(report))
-    piece = _pieces(recording)[0]
-    entries: dict[str, Any] = {
-        recording.name(joint): {"unit": recording.device.angle_unit(recording.name(joint))}
-        for joint in recording.joints
-    }
-    for loop, bandwidth in (("open_loop", 0.0), ("closed_loop", BANDWIDTH)):
-        for word, model in (("before", before), ("after", xml)):
-            run = simulate(recording, model, piece, bandwidth=bandwidth)
-            for joint in recording.joints:
-                own = entries[recording.name(joint)].setdefault(loop, {})
-                own[word] = run.deviation[joint] if run.finite else None
-    seconds = min(float(recording.time[piece.stop - 1] - recording.time[piece.start]), LONGEST)
-    file = recording.session.trials[recording.trial_of(piece)].file
-    return {"file": file, "seconds": seconds, "joints": entries}
+    return confirmation, simulation
 
 
 def unconfirmed(confirmation: Mapping[str, Any]) -> list[str]:
@@ -147,6 +140,9 @@ def simulate(recording: Recording, xml: str, piece: slice, *, bandwidth: float =
     motors = {dof: control for dof, control in _motors(model).items() if driven[dof]}
     data.qpos[:], data.qvel[:] = position[0], velocity[0]
     inertia = np.empty((model.nv, model.nv))
+    held = ~driven
+    # Found once: looking for them takes longer than a step.
+    blocks = [np.ix_(*pair) for pair in ((driven, driven), (driven, held), (held, held))]
     band = np.where(driven, bandwidth, HELD_BANDWIDTH)
     feedback, path = np.zeros_like(position), np.zeros_like(position)
     for i in range(len(time)):
@@ -154,11 +150,13 @@ def simulate(recording: Recording, xml: str, piece: slice, *, bandwidth: float =
         mujoco.mj_fullM(model, data, inertia)
         path[i], slip = position[i] - data.qpos, velocity[i] - data.qvel
         wanted = band * (band * path[i] + 2.0 * slip)
-        feedback[i, driven] = inertia[np.ix_(driven, driven)] @ wanted[driven]
+        feedback[i, driven] = inertia[blocks[0]] @ wanted[driven]
         total = effort[i] + feedback[i]
-        if not driven.all():
-            held = _held(inertia, data, total, driven, acceleration[i] + wanted)
-            total[~driven] = feedback[i, ~driven] = held
+        if held.any():
+            parts = [inertia[block] for block in blocks]
+            total[held] = feedback[i, held] = _held(
+                parts, data, total[driven], driven, acceleration[i] + wanted
+            )
         data.qfrc_applied[:] = total
         for dof, control in motors.items():
             # The late or weak motor gets the effort; the feedback acts on the joint itself.
@@ -177,7 +175,7 @@ def simulate(recording: Recording, xml: str, piece: slice, *, bandwidth: float =
 
 
 def _held(
-    inertia: np.ndarray,
+    inertia: Sequence[np.ndarray],
     data: mujoco.MjData,
     torque: np.ndarray,
     driven: np.ndarray,
@@ -186,19 +184,17 @@ def _held(
     """Return the torque that gives the joints that are not driven their wanted acceleration.
 
     Args:
-        inertia: mass matrix, (nv, nv).
+        inertia: mass matrix of the driven joints, between them and the others, of the others.
         data: at the state in question.
-        torque: of the driven joints, (nv,).
+        torque: of the driven joints.
         driven: which, (nv,).
         wanted: accelerations, (nv,).
     """
-    held = ~driven
-    needed = data.qfrc_bias - data.qfrc_passive
-    both, across = inertia[np.ix_(driven, driven)], inertia[np.ix_(driven, held)]
-    free = torque[driven] - needed[driven] - across @ wanted[held]
+    both, across, own = inertia
+    needed, others = data.qfrc_bias - data.qfrc_passive, wanted[~driven]
+    free = torque - needed[driven] - across @ others
     accelerations = np.linalg.solve(both, free) if driven.any() else free
-    own = inertia[np.ix_(held, held)] @ wanted[held]
-    return np.asarray(across.T @ accelerations + own + needed[held])
+    return np.asarray(across.T @ accelerations + own @ others + needed[~driven])
 
 
 def _as_declared(report: Mapping[str, Any]) -> dict[str, Any]:
