@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.load import load_session
-from analysis.closeloop.loop import close_loop
+from analysis.closeloop.loop import analyse, close_loop
 from analysis.closeloop.report.confirmation import simulate
 from analysis.closeloop.session.recording import Recording
 from tests.testbed.sessions.recordings import measured_folder, write_elbows, write_emps, write_ur10e
@@ -19,11 +19,11 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def emps(folder: Path, joint: str, declared: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Close the loop on the positioning axis with `joint` attributes declared."""
+def emps(folder: Path, joint: str) -> dict[str, Any]:
+    """Analyse the positioning axis with `joint` attributes declared."""
     assert MEASURED is not None
-    write_emps(folder, MEASURED, joint, declared)
-    return close_loop(folder, folder / "out")
+    write_emps(folder, MEASURED, joint, ())
+    return analyse(folder).report
 
 
 def rubs_more(out: Path, recording: Recording, piece: slice) -> tuple[float, float]:
@@ -48,7 +48,9 @@ def test_a_worn_screw_rubs_differently_each_way(tmp_path: Path) -> None:
 
 def test_the_same_form_fitted_has_the_published_errors_until_it_is_repaired(tmp_path: Path) -> None:
     declared = ("coulomb_friction", "viscous_friction", "torque_offset")
-    report = emps(tmp_path / "emps", "", declared)
+    assert MEASURED is not None
+    write_emps(tmp_path / "emps", MEASURED, "", declared)
+    report = close_loop(tmp_path / "emps", tmp_path / "emps" / "out")
     assert report["verdict"] == "effect_found"
     assert report["effects"][0]["name"] == "asymmetric_friction"
     # Published: 5.98 % for the symmetric model on the pulses that it was not fitted to.
@@ -86,7 +88,7 @@ def test_without_declared_coulomb_friction_it_is_found_first(tmp_path: Path) -> 
 def test_ramps_of_healthy_elbows_lack_inertia_and_nothing_else(tmp_path: Path) -> None:
     assert MEASURED is not None
     write_elbows(tmp_path, MEASURED)
-    report = close_loop(tmp_path, tmp_path / "out")
+    report = analyse(tmp_path).report
     assert [effect["name"] for effect in report["effects"]] == ["added_inertia"]
     # A forearm with hand: 0.05 to 0.12 kg m2 (Winter 2009); the lever of the cuff adds to it.
     assert 0.05 < report["effects"][0]["parameters"]["inertia"]["value"] < 0.15
@@ -97,7 +99,7 @@ def test_ramps_of_healthy_elbows_lack_inertia_and_nothing_else(tmp_path: Path) -
 def test_pushes_of_a_still_arm_are_events_with_their_times(tmp_path: Path) -> None:
     assert MEASURED is not None
     write_ur10e(tmp_path, MEASURED, {"pushed_while_still": "fit"})
-    report = close_loop(tmp_path, tmp_path / "out")
+    report = analyse(tmp_path).report
     assert report["verdict"] == "unexplained" and report["effects"] == []
     pushes = report["unexplained"]["shoulder_lift_joint"]["events"]
     # Seen by eye in the current of the second joint: 205, 209 and 213 s on the controller's clock.
@@ -108,6 +110,6 @@ def test_pushes_of_a_still_arm_are_events_with_their_times(tmp_path: Path) -> No
 def test_stiction_of_a_still_arm_is_no_event_and_says_nothing_of_the_model(tmp_path: Path) -> None:
     assert MEASURED is not None
     write_ur10e(tmp_path, MEASURED, {"still_hold": "fit"})
-    report = close_loop(tmp_path, tmp_path / "out")
+    report = analyse(tmp_path).report
     assert report["verdict"] == "not_identifiable"
     assert report["unexplained"] == {} and "no joint moves" in report["warnings"][0]

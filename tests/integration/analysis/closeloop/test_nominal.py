@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.closeloop.loop import close_loop
+from analysis.closeloop.loop import analyse, close_loop
 from sim.assessment.nominal import nominal_model, nominal_spec
 from sim.robot.control import DURATION, extension_reference
 from sim.robot.device import JOINTS
@@ -65,7 +65,7 @@ def test_the_papers_single_sigmoid_names_nothing_and_asks_for_another_trial(
     t = np.arange(0.0, DURATION, 0.005)
     q, v = extension_reference(t, start=1.6, amplitude=1.6 / 1.1, rate=2.0)
     write(tmp_path, [np.array([q, v, np.gradient(v, 0.005)])], friction)
-    report = close_loop(tmp_path, tmp_path / "out")
+    report = analyse(tmp_path).report
     assert report["verdict"] == "not_identifiable"
     # One way, K, D and q0 hide what friction does: a name would be a guess, so the trial is named.
     assert all(effect["indistinguishable_from"] for effect in report["effects"])

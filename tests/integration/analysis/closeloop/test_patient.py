@@ -30,18 +30,19 @@ FRICTION = {"effect.coulomb_friction.torque": 2.8}
 SHORT = (EXERCISES[0], EXERCISES[2], EXERCISES[4])
 
 
-def analysed(folder: Path, values: dict[str, float]) -> tuple[float, dict[str, Any]]:
-    """Record a relaxed arm, close the loop; return the true damping and the report."""
+def recorded(folder: Path, values: dict[str, float]) -> float:
+    """Record a session of a relaxed arm; return its true damping."""
     records = [record_exercise(RELAXED | values, exercise, "bushing") for exercise in SHORT]
-    write_session(folder / "session", SHORT, records, np.random.default_rng(1))
-    return true_impedance(records)[1], close_loop(folder / "session", folder / "out")
+    write_session(folder, SHORT, records, np.random.default_rng(1))
+    return true_impedance(records)[1]
 
 
 @pytest.fixture(scope="module")
 def rubbing(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float, dict[str, Any]]:
     """A robot whose elbow rubs: folder, true damping and report."""
     folder = tmp_path_factory.mktemp("rubbing")
-    return folder, *analysed(folder, FRICTION)
+    damping = recorded(folder / "session", FRICTION)
+    return folder, damping, close_loop(folder / "session", folder / "out")
 
 
 def test_friction_of_the_robot_is_found_through_soft_tissue_and_muscles(
@@ -60,7 +61,8 @@ def test_friction_of_the_robot_is_found_through_soft_tissue_and_muscles(
 
 
 def test_soft_tissue_and_a_misaligned_arm_are_not_blamed_on_friction(tmp_path: Path) -> None:
-    _, report = analysed(tmp_path, {"upper_arm_length": 0.3537})
+    recorded(tmp_path, {"upper_arm_length": 0.3537})
+    report = analyse(tmp_path).report
     assert report["verdict"] == "unexplained"
     assert report["effects"] == []
     assert REMARK in report["warnings"]
