@@ -4,7 +4,7 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from functools import cached_property
 from math import inf, isfinite
@@ -148,17 +148,14 @@ class Description:
         return {**self._entries(), "digest": self.digest}
 
     def _entries(self) -> dict[str, Any]:
-        said = asdict(self)
-        outputs = [_without_defaults(output) for output in said.pop("results")]
-        for factor in said["factors"]:
+        # Not `asdict`, which copies every text and number: a coordinator tells hundreds of them.
+        said = _said(self)
+        outputs = [_without_defaults(_said(output)) for output in said.pop("results")]
+        factors = [_said(factor) for factor in self.factors]
+        for factor in factors:
             factor["choices"] = list(factor["choices"])
             factor["bounds"] = [bound if isfinite(bound) else None for bound in factor["bounds"]]
-        return {
-            **said,
-            "kind": str(self.kind),
-            "factors": list(said["factors"]),
-            "outputs": outputs,
-        }
+        return {**said, "kind": str(self.kind), "factors": factors, "outputs": outputs}
 
     @classmethod
     def from_json(cls, said: Any) -> Self:
@@ -252,7 +249,11 @@ def _output(where: str, said: Any) -> Output:
     return output
 
 
+def _said(one: Description | Factor | Output) -> dict[str, Any]:
+    """Return the fields of a description or of a part of it."""
+    return {field.name: getattr(one, field.name) for field in fields(one)}
+
+
 def _without_defaults(output: dict[str, Any]) -> dict[str, Any]:
     """Return an output's entries without what is said of few."""
-    default = Output(name="", unit="")
-    return {n: v for n, v in output.items() if n not in _AXIS or v != getattr(default, n)}
+    return {n: v for n, v in output.items() if n not in _AXIS or v != getattr(Output, n)}

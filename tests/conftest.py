@@ -53,14 +53,21 @@ def upgraded_database(postgresql_server: str) -> Iterator[Callable[[], str]]:
         url = own.url.render_as_string(hide_password=False)
         upgrade(url)
         with own.connect() as connection:
-            names = sorted({*sa.inspect(connection).get_table_names()} - {"alembic_version"})
+            inspected = sa.inspect(connection)
+            # Those that refer to others come first, so that each may be emptied by itself.
+            tables = [name for name, _ in inspected.get_sorted_table_and_fkc_names() if name]
+            names = [name for name in reversed(tables) if name != "alembic_version"]
+            counters = inspected.get_sequence_names()
+            emptied = [f"DELETE FROM {name}" for name in names]
+            emptied += [f"ALTER SEQUENCE {name} RESTART" for name in counters]
             version = connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar()
 
         def empty() -> str:
             # Every migration again would take longer than most tests.
             with own.connect() as connection:
                 connection.exec_driver_sql(OTHERS_LEAVE)
-                connection.exec_driver_sql(f"TRUNCATE {', '.join(names)} RESTART IDENTITY")
+                # To truncate makes new files of every table and index: fifteen times as long.
+                connection.exec_driver_sql("; ".join(emptied))
                 # A test may have pretended another.
                 connection.exec_driver_sql(f"UPDATE alembic_version SET version_num = '{version}'")
             return url

@@ -1,5 +1,6 @@
 """The schema comes to be, and changes, through the migrations only."""
 
+from functools import cache
 from pathlib import Path
 
 from alembic import command
@@ -29,9 +30,8 @@ def upgrade(url: str) -> None:
         with writing(engine) as connection:
             if connection.dialect.name == "postgresql":
                 connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({_UPGRADE_LOCK})")
-            config = _config(connection)
-            if _current(connection, config) != _head(config):
-                command.upgrade(config, "head")
+            if _current(connection) != _head():
+                command.upgrade(_config(connection), "head")
     finally:
         engine.dispose()
 
@@ -39,8 +39,7 @@ def upgrade(url: str) -> None:
 def require_current(engine: Engine) -> None:
     """Raise SchemaError unless the database has this version's schema."""
     with reading(engine) as connection:
-        config = _config(connection)
-        current, head = _current(connection, config), _head(config)
+        current, head = _current(connection), _head()
     if current != head:
         raise SchemaError(
             f"the database has schema {current or 'none'}, this rehyb works with {head}: "
@@ -48,30 +47,42 @@ def require_current(engine: Engine) -> None:
         )
 
 
-def _config(connection: Connection) -> Config:
-    """Return an Alembic configuration that works on `connection`, without any file."""
+def _location() -> Config:
+    """Return an Alembic configuration that knows where the migrations are, without any file."""
     config = Config()
     config.set_main_option("script_location", str(Path(str(migrations.__file__)).parent))
     config.set_main_option("path_separator", "os")
+    return config
+
+
+def _config(connection: Connection) -> Config:
+    """Return one that works on `connection`."""
+    config = _location()
     config.attributes["connection"] = connection
     return config
 
 
-def _head(config: Config) -> str:
+@cache
+def _scripts() -> ScriptDirectory:
+    """Return this version's migrations, which take longer to read than a database to open."""
+    return ScriptDirectory.from_config(_location())
+
+
+def _head() -> str:
     """Return the newest schema this version knows."""
-    head = ScriptDirectory.from_config(config).get_current_head()
+    head = _scripts().get_current_head()
     if head is None:
         raise SchemaError("this installation of rehyb has no migrations: install it again")
     return head
 
 
-def _current(connection: Connection, config: Config) -> str | None:
+def _current(connection: Connection) -> str | None:
     """Return the database's schema, None if it has none; SchemaError if it is unknown here."""
     current = MigrationContext.configure(connection).get_current_revision()
-    known = {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
+    known = {script.revision for script in _scripts().walk_revisions()}
     if current is not None and current not in known:
         raise SchemaError(
             f"the database has schema {current}, which this rehyb does not know (its newest is "
-            f"{_head(config)}): it was made by a newer version; upgrade rehyb"
+            f"{_head()}): it was made by a newer version; upgrade rehyb"
         )
     return current
