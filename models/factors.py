@@ -1,6 +1,7 @@
 """Factors: the uncertain inputs of a model."""
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
 from types import MappingProxyType
@@ -74,8 +75,9 @@ class Factor:
             return float(self.choices.index(value))
         if not self.choices:
             raise ValueError(f"{self.name} must be a number, not {value!r}")
-        if value.isdigit():
-            return float(value)
+        with suppress(ValueError):
+            if float(value).is_integer():
+                return float(value)
         raise ValueError(f"{self.name} must be {_one_of(self.choices)}, not {value!r}")
 
 

@@ -30,6 +30,10 @@ ADVICE = (
     "close the loop first (`rehyb close-loop`): it names what the recording has and the bank "
     "lacks; declare it, or build a bank whose population has it"
 )
+OTHER_DEVICE = (
+    f"banks are of the {NESM.name} alone: the intervals are the population's own and say nothing "
+    "of this recording; what its declared model lacks, `rehyb close-loop` finds of any robot"
+)
 PROBABILITIES = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
 
 
@@ -264,5 +268,5 @@ def _unknown(bank: Bank, question: Question, why: str) -> dict[str, Any]:
         "next": [],
         "tolerance": tolerance,
         "regression": None,
-        "advice": ["build a bank of this device: the intervals are the population's own", ADVICE],
+        "advice": [OTHER_DEVICE],
     }

@@ -186,7 +186,7 @@ def _from_session(folder: Path) -> Recording:
         recording = Recording(source=f"{folder.name}/{trial.file}", device=NESM.name, motion=motion)
         try:
             summarise(motion, NESM)
-        except RecordingError as error:
+        except ValueError as error:
             complaint = f"{recording.source}: {error}"
             continue
         return recording

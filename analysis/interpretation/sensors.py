@@ -13,6 +13,8 @@ from sim.robot.device import Device
 
 #: No robot's angle, velocity or torque is larger, in rad, rad/s and Nm.
 LARGEST = 1e6
+#: A joint that moves by more than this has a velocity, rad: no encoder's last digit is as large.
+MOVES = 0.005
 #: How far held joints are from where an assessment of the elbow in the NESM holds them, rad: in 120
 #: wearers of the population (seed 99) and 14 with contact their weight moves them one way.
 STRAYS = {"J1": (-0.034, 0.0), "J2": (0.0, 0.046), "J3": (-0.034, 0.0)}
@@ -25,6 +27,17 @@ def impossible(motion: Motion) -> str | None:
     for name in ("theta", "velocity", "torque"):
         if np.abs(getattr(motion, name)).max() > LARGEST:
             return f"{name} has values above {LARGEST:g}: angles are in rad, torques in Nm"
+    if dead := [
+        f"J{number + 1}"
+        for number, (angle, velocity) in enumerate(
+            zip(motion.theta.T, motion.velocity.T, strict=True)
+        )
+        if np.ptp(velocity) == 0.0 and np.ptp(angle) > MOVES
+    ]:
+        return (
+            f"the velocity of {', '.join(dead)} is the same in every sample although the angle "
+            "changes: it was not recorded"
+        )
     joint = motion.joint
     torque = motion.torque[:, joint]
     if np.ptp(torque) == 0.0:

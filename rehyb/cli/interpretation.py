@@ -66,7 +66,12 @@ def interpret(
             raise Invalid("--bank is this machine's: with --submit the worker's own counts")
         with Client(url, token) as client:
             found = interpret_by_worker(
-                client, recording, known=measured, tolerance=tolerance, report=out
+                client,
+                recording,
+                known=measured,
+                tolerance=tolerance,
+                report=out,
+                progress=lambda stage: typer.echo(stage, err=True),
             )
     elif url or token:
         raise Invalid("--url and --token go with --submit: without it this machine does the work")

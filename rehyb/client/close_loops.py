@@ -211,6 +211,11 @@ def interpret_by_worker(
         Invalid: the session or what is known cannot be used; one sentence.
         RehybError: the coordinator does not answer, or no worker came to an end with it.
     """
+    if session.suffix == ".npz":
+        raise Invalid(
+            f"{session}: a worker interprets a measured session (a folder with session.json, or "
+            "its zip); leave --submit out, and this machine interprets the file"
+        )
     progress("uploading")
     with packed(session) as archive:
         kept = client.upload_session(archive, plain_name(session.resolve().stem)[:60])

@@ -83,6 +83,10 @@ class InterpretationBody(Body):
     bank: BankId | None = None
 
 
+#: Of a request without a body.
+NOTHING_SAID = InterpretationBody()
+
+
 @router.post("/sessions/{session_id}/close-loop", status_code=202)
 def ask(session_id: Id, store: Store, now: Now, response: Response) -> dict[str, Any]:
     """Have a worker close the loop on a session.
@@ -95,9 +99,13 @@ def ask(session_id: Id, store: Store, now: Now, response: Response) -> dict[str,
 
 @router.post("/sessions/{session_id}/interpretation", status_code=202)
 def ask_to_interpret(
-    session_id: Id, body: InterpretationBody, store: Store, now: Now, response: Response
+    session_id: Id,
+    store: Store,
+    now: Now,
+    response: Response,
+    body: InterpretationBody = NOTHING_SAID,
 ) -> dict[str, Any]:
-    """Have a worker with a bank interpret a session of one wearer.
+    """Have a worker with a bank interpret a session of one wearer; the body may be left out.
 
     Asking the same again finds the same job, unless it failed, or the code or the banks of the
     workers are others now.

@@ -8,6 +8,7 @@ import pytest
 
 from models.description import Description, complete
 from models.entries import DescriptionError
+from models.factors import Factor
 
 SAID: dict[str, Any] = {
     "name": "pendulum",
@@ -105,3 +106,32 @@ def test_what_cannot_be_is_one_sentence_with_its_place(wrong: Any, field: str, w
         Description.from_json(wrong)
     assert caught.value.field == field
     assert words in caught.value.problem
+
+
+@pytest.mark.parametrize("text", ["2", "2.0", "2e0", "last"])
+def test_a_choice_is_told_by_its_name_or_its_number_however_that_is_written(text: str) -> None:
+    factor = Factor(
+        name="muscles",
+        unit="1",
+        low=0.0,
+        high=2.0,
+        nominal=0.0,
+        description="which",
+        choices=("first", "second", "last"),
+    )
+    assert factor.number(text) == 2.0
+
+
+@pytest.mark.parametrize("text", ["2.5", "mine", "nan", "inf"])
+def test_what_is_no_choice_is_refused(text: str) -> None:
+    factor = Factor(
+        name="muscles",
+        unit="1",
+        low=0.0,
+        high=1.0,
+        nominal=0.0,
+        description="which",
+        choices=("first", "second"),
+    )
+    with pytest.raises(ValueError, match="muscles must be first or second"):
+        factor.number(text)

@@ -66,6 +66,10 @@ def changed(saved: Path, to: Path, **arrays: object) -> Path:
         (lambda own: {"time": own["time"][:1]}, "has 1 sample: a recording has at least 10"),
         (lambda own: {"time": own["time"][:0]}, "has 0 samples: a recording has at least 10"),
         (lambda own: {"theta": 0.0 * own["theta"]}, "moves by 0.00 rad"),
+        (
+            lambda own: {"theta_velocity": 0.0 * own["theta_velocity"]},
+            "the velocity of J1, J4 is the same in every sample although the angle changes",
+        ),
     ],
 )
 def test_a_file_that_cannot_be_used_is_one_sentence(
@@ -104,6 +108,24 @@ def test_what_is_no_recording_is_one_sentence(tmp_path: Path) -> None:
 def test_a_session_without_velocities_is_one_sentence(record: Record, tmp_path: Path) -> None:
     with pytest.raises(InterpretationError, match=r"down\.csv has no J1\.velocity"):
         read_recording(written_session(tmp_path, record, without=".velocity"))
+
+
+def test_a_session_whose_velocities_were_never_filled_in_is_one_sentence(
+    record: Record, tmp_path: Path
+) -> None:
+    still = replace(record, theta_velocity=np.zeros_like(record.theta_velocity))
+    with pytest.raises(InterpretationError, match=r"down\.csv: the velocity of J1, J4 is the same"):
+        read_recording(written_session(tmp_path, still))
+
+
+def test_a_session_of_which_no_regression_can_be_made_is_one_sentence(
+    record: Record, tmp_path: Path
+) -> None:
+    # Only the last samples, after the movement, have a velocity.
+    velocity = np.zeros_like(record.theta_velocity)
+    velocity[-3:] = 0.1
+    with pytest.raises(InterpretationError, match=r"down\.csv: .*must change angle and velocity"):
+        read_recording(written_session(tmp_path, replace(record, theta_velocity=velocity)))
 
 
 ANOTHER = """<mujoco><worldbody><body name="shank"><joint name="knee" type="hinge" axis="0 1 0"/>

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from analysis.closeloop.contract import REPORT_FILES
 from rehyb import Client, Invalid, RehybError
 from rehyb.cli import app
-from rehyb.client.close_loops import close_loop_by_worker
+from rehyb.client.close_loops import close_loop_by_worker, interpret_by_worker
 from rehyb.client.packing import packed
 
 REPORT = {"schema": 1, "verdict": "adequate", "x": 0.1 + 0.2}
@@ -153,3 +153,25 @@ def test_a_coordinator_without_submit_is_a_mistake_to_be_told(
     options = ["--out", str(tmp_path / "out"), "--url", "http://c"]
     ran = CliRunner().invoke(app, ["close-loop", str(session), *options])
     assert "--submit" in str(ran.exception)
+
+
+def test_a_simulated_recording_is_not_for_a_worker_and_is_not_sent(tmp_path: Path) -> None:
+    recording = tmp_path / "patient.npz"
+    recording.write_bytes(b"PK")
+    coordinator = Coordinator()
+    with pytest.raises(Invalid, match=r"patient\.npz: a worker interprets a measured session"):
+        interpret_by_worker(client(coordinator), recording)
+    assert not coordinator.archive
+
+
+def test_who_waits_for_an_interpretation_is_told_why(
+    session: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def waits(*_: object, progress: Callable[[str], None], **__: object) -> None:
+        progress("no worker with the bank for it is at work")
+        raise RehybError("enough")
+
+    monkeypatch.setattr("rehyb.cli.interpretation.interpret_by_worker", waits)
+    result = CliRunner().invoke(app, ["interpret", str(session), "--submit", "--token", "t"])
+    assert "no worker with the bank for it is at work" in result.stderr
+    assert result.stdout == ""

@@ -75,6 +75,15 @@ def test_an_answer_is_read_as_it_was_handed_in(
     assert check.faults(app.state.engine) == []
 
 
+def test_nothing_needs_to_be_said_to_ask_for_an_interpretation(
+    client: TestClient, session: str
+) -> None:
+    answer = client.post(f"/v1/sessions/{session}/interpretation")
+    assert answer.status_code == 202, answer.text
+    assert answer.json()["options"] == {"known": [], "tolerance": None, "bank": None}
+    assert asked(client, session)["id"] == answer.json()["id"]
+
+
 def test_a_worker_without_a_bank_or_with_another_gets_none(
     client: TestClient, session: str
 ) -> None:
