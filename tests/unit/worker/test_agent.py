@@ -218,10 +218,12 @@ def test_a_refused_token_ends_the_worker_with_the_coordinators_own_words(tmp_pat
 def test_a_worker_that_fits_no_study_says_why_once_and_goes_on_asking(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    work = Work(tmp_path, [["a"]])
+    # It leaves with its last instance: idle seconds would pass on a machine with other work.
+    work = Work(tmp_path, [["a"]], max_idle=None)
     work.coordinator.misfits = 3
-    work.agent.leases.client.retry_after = 0.005
-    work.agent.run()
+    agent = work.new_agent("w2", max_instances=1)
+    agent.leases.client.retry_after = 0.005
+    agent.run()
     assert [record.message for record in caplog.records if record.levelname == "WARNING"] == [
         "this study was begun with MuJoCo 3"
     ]
