@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given import layout
+from analysis.given.dependence import related
 from analysis.given.hsic import hsic
 from analysis.given.measures import MEASURES, Measure
 from analysis.given.reading import read_sheet
@@ -55,6 +56,7 @@ def answer(sample: Sample) -> dict[str, Any]:
     found = layout.recognise(sample.x) if whole else None
     complete = sample.complete
     rows = np.flatnonzero(complete)
+    drawn = True
     if found is not None:
         remarks.append(found.sentence)
         rows = found.independent[complete[found.independent]]
@@ -66,7 +68,7 @@ def answer(sample: Sample) -> dict[str, Any]:
             rows = rows[:0]
     elif parts := in_parts(sample.x[rows]):
         apart = sharing_nothing(sample.x[rows])
-        used = len(apart) >= FEWEST_ROWS
+        drawn = used = len(apart) >= FEWEST_ROWS
         remarks.append(
             f"{parts} of {len(rows)} rows differ from another in one factor only, as parts of a "
             "Saltelli or Morris design do: they are not drawn independently. "
@@ -82,6 +84,8 @@ def answer(sample: Sample) -> dict[str, Any]:
     # Rows may come sorted by a factor, and equal values would then stay sorted.
     order = np.random.default_rng(0).permutation(len(rows))
     x, y = x[order], y[order]
+    if len(rows):
+        remarks.extend(related(sample.factors, x, drawn=drawn))
     levels = {name: len(np.unique(x[:, f])) for f, name in enumerate(sample.factors)}
     if few := [f"{name} ({count})" for name, count in levels.items() if 0 < count <= 10]:
         remarks.append(

@@ -51,6 +51,32 @@ def r2_hsic(x: Array, y: Array) -> Array:
     return np.array([_share(_unbiased(factor, output), factor, own) for factor in factors])
 
 
+def hsic_of_pairs(x: Array) -> tuple[Array, Array]:
+    """Return R2-HSIC of every two columns of x (rows, columns), and how likely it is by chance.
+
+    As `hsic` does, all at once. Shape (columns, columns) each; the diagonal means nothing.
+    """
+    n = len(x)
+    # All pairs of rows are the columns of a matrix: sums over them are its products.
+    grams = [_gram(column) for column in x.T]
+    of_row = np.array([gram.sum(axis=0) for gram in grams])
+    upper = np.triu_indices(n, k=1)
+    flat = np.array([gram[upper] for gram in grams])
+    whole = of_row.sum(axis=1)
+    found = 2.0 * (flat @ flat.T) + np.outer(whole, whole) / ((n - 1) * (n - 2))
+    found = (found - 2.0 * (of_row @ of_row.T) / (n - 2)) / (n * (n - 3))
+    own = np.sqrt(np.maximum(np.diag(found), np.finfo(float).tiny))
+    for f, gram in enumerate(grams):
+        flat[f] = _centred(gram)[upper] ** 2
+    part = whole / (n * (n - 1))
+    mean = (1.0 + np.outer(part, part) - part - part[:, None]) / n
+    spread = 2.0 * (n - 4) * (n - 5) / (n * (n - 1) * (n - 2) * (n - 3))
+    variance = spread * 2.0 * (flat @ flat.T) / (n * (n - 1))
+    variance = np.maximum(variance, np.finfo(float).tiny)
+    p_value = gammaincc(mean**2 / variance, np.maximum(found + mean, 0.0) * mean / variance)
+    return found / np.outer(own, own), p_value
+
+
 def _share(found: float, factor: Array, own: float) -> float:
     whole = _unbiased(factor, factor) * own
     return float(found / np.sqrt(whole)) if whole > 0.0 else 0.0

@@ -2,11 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import rankdata
 
 from analysis.given.errors import GivenError
 from analysis.given.reading import Sheet
@@ -19,8 +17,6 @@ FEWEST_ROWS = 64
 _OURS = ("row", "position", "outcome", "wall_seconds", "worker")
 #: Of a column with more than this share of values of its own, equal rows are copies.
 _HARDLY = 0.5
-#: Rank correlation of two factors from which the answer mentions it: beyond chance, and not small.
-CORRELATED = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +66,14 @@ def choose(
     remarks: list[str] = []
     if factors is None:
         factors = known_factors or [name for name in sheet.numbers if name not in outputs]
+        counting = [name for name in factors if _counts(sheet.numbers[name])]
+        # A file of one factor may be a sweep of it.
+        if not known_factors and 0 < len(counting) < len(factors):
+            factors = [name for name in factors if name not in counting]
+            remarks.append(
+                f"Columns that only count the rows are left out: {', '.join(counting)}. "
+                "If one is a factor, name all factors (--factor)."
+            )
         texts = {} if known_factors else sheet.texts
         if shown := ", ".join(f"{name} ({text[:20]!r})" for name, text in texts.items() if text):
             remarks.append(f"Columns of text are left out: {shown}.")
@@ -133,7 +137,6 @@ def _sample(
     if not factors:
         raise GivenError("it has no factor that varies", file=sheet.file)
     x = np.column_stack([sheet.numbers[name] for name in factors])
-    remarks.extend(_related(factors, x[complete]))
     return Sample(
         file=sheet.file,
         factors=tuple(factors),
@@ -178,6 +181,17 @@ def _in_order(sheet: Sheet) -> Sheet:
     return replace(sheet, numbers={name: one[order] for name, one in sheet.numbers.items()})
 
 
+def _counts(column: Array) -> bool:
+    """Say whether a column is a number of the row, one more or one less in every line."""
+    steps = np.diff(column)
+    return bool(
+        len(steps)
+        and abs(steps[0]) == 1.0
+        and (steps == steps[0]).all()
+        and (column == np.round(column)).all()
+    )
+
+
 def _finite(values: Array) -> NDArray[np.bool_]:
     return np.asarray(np.isfinite(values).all(axis=1), dtype=np.bool_)
 
@@ -196,27 +210,3 @@ def _check_column(sheet: Sheet, name: str) -> None:
         raise GivenError(
             f"it has no column {name!r}: it has {', '.join(sheet.columns)}", file=sheet.file
         )
-
-
-def _related(factors: Sequence[str], x: Array) -> list[str]:
-    """Say which factors are not independent of each other, by their ranks (Spearman 1904)."""
-    if len(factors) < 2:
-        return []
-    # Equal values share a rank: by the order of rows, a grid's factors would seem to be related.
-    ranks = rankdata(x, axis=0)
-    correlation: Array = np.asarray(np.corrcoef(ranks, rowvar=False))
-    # Three standard errors of two columns that have nothing to do with each other.
-    least = max(CORRELATED, 3.0 / np.sqrt(len(x)))
-    pairs = sorted(combinations(range(len(factors)), 2), key=lambda p: -abs(correlation[p]))
-    related = [(i, j) for i, j in pairs if abs(correlation[i, j]) >= least]
-    if not related:
-        return []
-    shown = ", ".join(
-        f"{factors[i]} and {factors[j]} ({correlation[i, j]:+.2f})" for i, j in related[:5]
-    )
-    more = f" and {len(related) - 5} pairs more" if len(related) > 5 else ""
-    return [
-        f"Factors depend on each other (rank correlation): {shown}{more}. What one of them "
-        "explains, the other does too: indices of factors say what a factor tells of the output, "
-        "not what it causes."
-    ]

@@ -8,7 +8,9 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+from scipy.stats import chi2, rankdata
 
 Array = NDArray[np.float64]
 
@@ -19,6 +21,11 @@ _IN_A_CELL, _MOST_CELLS, _MOST_FACTORS = 4, 16, 12
 #: Of rows that differ from another in one factor only, the share that is mentioned, if it is so
 #: many times that of the same values dealt anew.
 _SHARE, _TIMES = 0.25, 3.0
+#: Where values are few, such pairs of rows are there by chance: how many standard deviations and
+#: how many times as many as in deals there must be, and how many deals.
+_BEYOND, _MORE, _DEALS = 5.0, 1.1, 20
+#: Distance of values, in ranges of the factor, that a computer's rounding may have made.
+_EQUAL = 1e-9
 
 
 def quasi_random(x: Array) -> bool:
@@ -60,10 +67,48 @@ def in_parts(x: Array) -> int:
     if x.shape[1] < 3:
         return 0
     rng = np.random.default_rng(0)
-    codes = np.column_stack([np.unique(column, return_inverse=True)[1] for column in x.T])
-    found = _neighbours(codes)
-    if found < _SHARE * len(x) or found < _TIMES * _neighbours(rng.permuted(codes, axis=0)):
+    codes = np.column_stack([_levels(column) for column in x.T])
+    found, pairs = _neighbours(codes)
+    if found < _SHARE * len(x):
         return 0
+    if found >= _TIMES * _neighbours(rng.permuted(codes, axis=0))[0]:
+        return found
+    return found if _beyond_chance(codes, pairs, rng) else 0
+
+
+def _beyond_chance(codes: NDArray[np.intp], pairs: int, rng: np.random.Generator) -> bool:
+    """Say whether more pairs of rows differ in one factor only than if rows were drawn.
+
+    Values of factors that may depend on each other are dealt together.
+    """
+    together = _together(codes)
+    if together.max() == 0:
+        return False
+    dealt: list[int] = []
+    for deal in range(_DEALS):
+        anew = codes.copy()
+        for group in range(together.max() + 1):
+            anew[:, together == group] = rng.permutation(codes[:, together == group])
+        dealt.append(_neighbours(anew)[1])
+        chance = float(np.mean(dealt))
+        if deal >= 2 and pairs < max(_MORE * chance, chance + _SHARE * len(codes)):
+            return False
+    return bool(pairs > chance + _BEYOND * max(float(np.std(dealt, ddof=1)), chance**0.5))
+
+
+def _together(codes: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return a group of each factor: of those that may depend on each other, the same."""
+    correlation = np.corrcoef(rankdata(codes, axis=0), rowvar=False)
+    joined = csr_array(np.nan_to_num(np.abs(correlation)) > 3.0 / np.sqrt(len(codes)))
+    group: NDArray[np.intp] = connected_components(joined, directed=False)[1]
+    return group
+
+
+def _levels(column: Array) -> NDArray[np.intp]:
+    """Return the number of each value among those of a column."""
+    values, level = np.unique(column, return_inverse=True)
+    new = np.diff(values, prepend=values[0]) > _EQUAL * (values[-1] - values[0])
+    found: NDArray[np.intp] = np.cumsum(new)[level]
     return found
 
 
@@ -80,17 +125,22 @@ def sharing_nothing(x: Array) -> NDArray[np.intp]:
     return np.array(kept, dtype=np.intp)
 
 
-def _neighbours(codes: NDArray[np.intp]) -> int:
-    """Return how many rows have one that differs in exactly one column."""
+def _neighbours(codes: NDArray[np.intp]) -> tuple[int, int]:
+    """Return how many rows have one that differs in exactly one column, and such pairs of rows."""
     # A row is told by the sum of its values' random numbers: taking one away tells all others.
     rng = np.random.default_rng(1)
     marks = [rng.integers(0, 2**62, size=column.max() + 1)[column] for column in codes.T]
     whole = np.sum(marks, axis=0)
     beside = np.zeros(len(codes), dtype=np.bool_)
+    pairs = 0
     for mark in marks:
         order = np.lexsort((mark, whole - mark))
         rest, own = (whole - mark)[order], mark[order]
-        start = np.flatnonzero(np.r_[True, rest[1:] != rest[:-1]])
+        new = np.r_[True, rest[1:] != rest[:-1]]
+        start = np.flatnonzero(new)
         many = np.maximum.reduceat(own, start) != np.minimum.reduceat(own, start)
-        beside[order] |= np.repeat(many, np.diff(np.r_[start, len(rest)]))
-    return int(beside.sum())
+        size = np.diff(np.r_[start, len(rest)])
+        beside[order] |= np.repeat(many, size)
+        alike = np.diff(np.r_[np.flatnonzero(new | np.r_[True, own[1:] != own[:-1]]), len(rest)])
+        pairs += int((size * (size - 1)).sum() - (alike * (alike - 1)).sum()) // 2
+    return int(beside.sum()), pairs

@@ -11,6 +11,7 @@ from scipy.stats import qmc
 from analysis.designs import unit_row
 from analysis.given import layout
 from analysis.given.answer import analyse, answer
+from analysis.given.dependence import related
 from analysis.given.errors import GivenError
 from analysis.given.reading import read_sheet
 from analysis.given.sample import choose
@@ -70,7 +71,8 @@ def test_of_a_design_only_points_that_share_nothing_count_as_a_sample(tmp_path: 
 def test_a_full_factorial_in_its_natural_order_has_no_related_factors(tmp_path: Path) -> None:
     grid = np.array(list(np.ndindex(5, 5, 5)), dtype=float)
     path = written(tmp_path / "grid.csv", np.column_stack([grid, grid.sum(axis=1)]))
-    assert "depend" not in " ".join(choose(read_sheet(path), ["y"]).remarks)
+    sample = choose(read_sheet(path), ["y"])
+    assert sample.factors == ("a", "b", "c") and related(sample.factors, sample.x) == []
 
 
 @pytest.mark.parametrize(
@@ -130,3 +132,27 @@ def test_drawn_rounded_and_crossed_points_are_no_parts_of_a_design(points: Any) 
     grid = np.array(list(np.ndindex(5, 5, 5)), dtype=float)
     for x in (points, points.round(1), grid):
         assert in_parts(x) == 0
+
+
+def test_a_column_that_counts_the_rows_hides_no_design(tmp_path: Path) -> None:
+    x = saltelli(40).reshape(-1, 3)
+    table = np.column_stack([np.arange(200.0), x, ishigami(x)])
+    path = written(tmp_path / "numbered.csv", table, "run,a,b,c,y")
+    found = analyse(path, ["y"])
+    assert found["design"] == {"method": "saltelli", "rows": 40, "width": 5}
+    assert "Columns that only count the rows are left out: run." in found["remarks"][0]
+    named = choose(read_sheet(path), ["y"], ["run", "a"])
+    assert named.factors == ("run", "a") and named.remarks == ()
+    sweep = written(tmp_path / "sweep.csv", table[:, [0, 4]], "force,y")
+    assert choose(read_sheet(sweep), ["y"]).factors == ("force",)
+
+
+def test_a_morris_design_on_a_grid_is_named_in_any_order(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    x = np.concatenate([unit_row("morris", "trajectories", 4, row, 5) for row in range(40)])
+    x = rng.permutation(x)
+    assert len(np.unique(x[:, 0].round(9))) == 4 and in_parts(x) > 200
+    drawn = rng.integers(0, 4, (240, 5)).astype(float)
+    tied = drawn.copy()
+    tied[:, 1] = np.clip(tied[:, 0] + rng.integers(-1, 2, 240), 0, 3)
+    assert in_parts(drawn) == in_parts(tied) == 0

@@ -1,0 +1,84 @@
+"""Which factors of a sample depend on each other, in whatever form."""
+
+from collections.abc import Sequence
+from itertools import combinations
+from math import isqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm, rankdata
+
+from analysis.given.hsic import hsic_of_pairs
+
+Array = NDArray[np.float64]
+
+#: Rank correlation from which the answer mentions it: beyond chance, and not small.
+_CORRELATED = 0.2
+#: How likely one pair or more of a table is named if all its factors are independent: by ranks, and
+#: by HSIC as the gamma distribution has it. Its tail is too light; with this it is rarer than 1 %.
+_BY_RANKS, _BY_HSIC = 5e-3, 3e-4
+#: R2-HSIC from which the answer mentions it.
+_LEAST_SHARE = 0.03
+#: Rows and factors that HSIC looks at, at most, numbers it holds, and steps it takes.
+_MOST_ROWS, _MOST_FACTORS, _MOST_HELD, _MOST_STEPS = 500, 500, 2e7, 4e9
+#: Pairs that are shown.
+_SHOWN = 5
+
+
+def related(factors: Sequence[str], x: Array, *, drawn: bool = True) -> list[str]:
+    """Say which factors are not independent of each other.
+
+    By their ranks (Spearman 1904); of a dependence that neither rises nor falls by R2-HSIC of
+    their ranks (Gretton et al. 2007), each of all pairs at its part of the level (Bonferroni).
+
+    Args:
+        x: shape (rows, factors), in an order that has nothing to do with them.
+        drawn: rows are independent of each other. Of others HSIC takes chance for dependence.
+    """
+    # Of a design's rows only those may be left in which a factor is the same.
+    varies = np.ptp(x, axis=0) > 0.0
+    factors, x = [name for name, one in zip(factors, varies, strict=True) if one], x[:, varies]
+    if len(factors) < 2:
+        return []
+    # Equal values share a rank: by the order of rows, a grid's factors would seem to be related.
+    ranks = rankdata(x, axis=0)
+    correlation: Array = np.asarray(np.corrcoef(ranks, rowvar=False))
+    said = []
+    pairs = list(combinations(range(len(factors)), 2))
+    least = max(_CORRELATED, float(norm.isf(_BY_RANKS / 2.0 / len(pairs))) / np.sqrt(len(x)))
+    rising = [p for p in pairs if abs(correlation[p]) >= least]
+    if rising:
+        rising.sort(key=lambda p: -abs(correlation[p]))
+        said.append(f"rank correlation: {_shown(factors, rising, correlation, '+.2f')}")
+    if drawn:
+        looked = ranks[:, :_MOST_FACTORS]
+        share, p_value = hsic_of_pairs(looked[: _most_rows(looked.shape[1])])
+        named = np.argwhere(np.triu(p_value < _BY_HSIC / len(pairs), k=1)).tolist()
+        known = set(rising)
+        bent = [(i, j) for i, j in named if (i, j) not in known and share[i, j] >= _LEAST_SHARE]
+        if bent:
+            bent.sort(key=lambda p: -share[p])
+            said.append(
+                f"neither rising nor falling, by R²-HSIC: {_shown(factors, bent, share, '.2f')}"
+            )
+    if not said:
+        return []
+    return [
+        f"Factors depend on each other ({'; '.join(said)}). What one of them explains, the other "
+        "does too: indices of factors say what a factor tells of the output, not what it causes."
+    ]
+
+
+def _most_rows(factors: int) -> int:
+    """Return how many rows the cost allows, which grows with the square of rows and of factors."""
+    held, steps = isqrt(int(_MOST_HELD) // factors), isqrt(int(_MOST_STEPS)) // factors
+    return max(64, min(_MOST_ROWS, held, steps))
+
+
+def _shown(
+    factors: Sequence[str], pairs: Sequence[tuple[int, int]], found: Array, form: str
+) -> str:
+    shown = ", ".join(
+        f"{factors[i]} and {factors[j]} ({found[i, j]:{form}})" for i, j in pairs[:_SHOWN]
+    )
+    return shown + (f" and {len(pairs) - _SHOWN} pairs more" if len(pairs) > _SHOWN else "")

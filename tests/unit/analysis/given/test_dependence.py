@@ -1,0 +1,65 @@
+"""Factors that depend on each other are named, whatever the form; independent ones are not."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.given.answer import analyse
+from analysis.given.dependence import related
+from analysis.given.hsic import hsic, hsic_of_pairs
+from tests.testbed.given import written
+
+
+def square(rng: Any, rows: int) -> Any:
+    x = rng.uniform(-1.0, 1.0, (rows, 3))
+    x[:, 1] = x[:, 0] ** 2 + rng.normal(0.0, 0.1, rows)
+    return x
+
+
+def circle(rng: Any, rows: int) -> Any:
+    x, angle = rng.normal(size=(rows, 3)), rng.uniform(0.0, 2.0 * np.pi, rows)
+    x[:, 0], x[:, 1] = np.cos(angle), np.sin(angle)
+    return np.exp(3.0 * x)
+
+
+@pytest.mark.parametrize("form", [square, circle])
+def test_a_dependence_that_neither_rises_nor_falls_is_named(form: Any) -> None:
+    for seed in range(3):
+        (said,) = related("abc", form(np.random.default_rng(seed), 128))
+        assert "(neither rising nor falling, by R²-HSIC: a and b (0." in said
+        assert "c (" not in said and "pairs more" not in said
+
+
+def test_what_is_named_by_ranks_is_not_named_again() -> None:
+    x = np.random.default_rng(1).random((100, 3))
+    x[:, 2] = x[:, 0] ** 3
+    (said,) = related("abc", x)
+    assert "(rank correlation: a and c (+1.00))" in said
+
+
+def test_independent_factors_are_hardly_ever_named() -> None:
+    tables = (np.random.default_rng(table).random((64, 20)) for table in range(50))
+    assert sum(bool(related([*"abcdefghijklmnopqrst"], np.exp(5.0 * x))) for x in tables) <= 1
+
+
+def test_of_rows_that_are_not_drawn_only_ranks_are_looked_at() -> None:
+    x = np.repeat(np.random.default_rng(0).random((20, 3)), 10, axis=0)
+    assert "HSIC" not in " ".join(related("abc", x, drawn=False))
+
+
+def test_hsic_of_all_pairs_is_that_of_each() -> None:
+    x = square(np.random.default_rng(2), 90)
+    share, p_value = hsic_of_pairs(x)
+    for f in range(3):
+        others = [g for g in range(3) if g != f]
+        one = hsic(x[:, others], x[:, f])
+        assert share[f, others] == pytest.approx(one.r2, rel=1e-9, abs=1e-12)
+        assert p_value[f, others] == pytest.approx(one.p_value, rel=1e-6)
+
+
+def test_an_answer_names_it(tmp_path: Path) -> None:
+    x = circle(np.random.default_rng(3), 100)
+    found = analyse(written(tmp_path / "s.csv", np.column_stack([x, x.sum(axis=1)])), ["y"])
+    assert "by R²-HSIC: a and b" in " ".join(found["remarks"])
