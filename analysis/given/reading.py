@@ -8,6 +8,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given.errors import GivenError
+from analysis.given.lines import refuse_uneven
 from analysis.given.thousands import refuse_thousands
 
 if TYPE_CHECKING:
@@ -158,17 +160,31 @@ def _csv(path: Path, start: bytes) -> Sheet:
         ended = (f"{line}\n" for line in lines)
         reader = csv.reader(ended, delimiter=separator, skipinitialspace=True)
         first, header_lines = next(reader), reader.line_num
+        second = next(reader, [])
+        # Lines may all end in one separator more than their names.
+        if len(second) == len(first) + 1 and not second[-1].strip():
+            first.append("")
     # A name of a column may be a year, but not all of them.
     unlabelled = all(_is_number(cell) or cell.strip().lower() in _MISSING for cell in first)
     names = [" ".join(cell.split()) for cell in first]
     # Such as behind a separator at the end of every line.
     nameless = {f"column_{n}" for n, name in enumerate(names, 1) if not name}
+    named = max((n for n, name in enumerate(names, 1) if name), default=0)
     if unlabelled:
         names = [f"column_{number}" for number in range(1, len(first) + 1)]
     names = [name or f"column_{number}" for number, name in enumerate(names, 1)]
     _check_names(path.name, names, line=above + 1)
     skipped = above + (0 if unlabelled else 1)
     before = above + (0 if unlabelled else header_lines)
+    even = partial(
+        refuse_uneven,
+        path,
+        encoding,
+        separator=None if separator == _BLANKS else separator,
+        above=before,
+        names=len(names),
+        named=len(names) if unlabelled else named,
+    )
     try:
         # A line with more cells than the first one has is only warned of.
         with warnings.catch_warnings(action="error", category=pd.errors.ParserWarning):
@@ -188,6 +204,7 @@ def _csv(path: Path, start: bytes) -> Sheet:
                 low_memory=False,
             )
     except pd.errors.ParserWarning:
+        even()
         raise GivenError(
             f"its first line has {len(names)} cells and a line below has more",
             file=path.name,
@@ -203,6 +220,7 @@ def _csv(path: Path, start: bytes) -> Sheet:
             file=path.name,
             line=line,
         ) from None
+    even()
     refuse_thousands(path.name, {name: table[name].tolist() for name in names})
     numbers: dict[str, NDArray[np.float64]] = {}
     texts: dict[str, str] = {}

@@ -61,6 +61,48 @@ def test_what_programs_put_around_a_table_is_no_part_of_it(
     assert np.array_equal(np.column_stack(list(sheet.numbers.values())), table)
 
 
+@pytest.mark.parametrize(
+    "dressed",
+    [
+        lambda t: [t[0], *(f"{line}," for line in t[1:])],
+        lambda t: [f"{t[0]},", *t[1:]],
+        lambda t: [*t, "", "  ", ""],
+        lambda t: [t[0], *(line.replace(",", ',"",', 1) for line in t[1:])],
+    ],
+)
+def test_lines_that_all_end_alike_are_read(tmp_path: Path, table: Any, dressed: Any) -> None:
+    path = written(tmp_path / "runs.csv", table, "a,b,c,y")
+    lines = dressed(path.read_text().splitlines())
+    lines[0] = lines[0] if '""' not in lines[1] else "a,,b,c,y"
+    path.write_text("\n".join(lines))
+    sheet = read_sheet(path)
+    assert sheet.columns == ("a", "b", "c", "y")
+    assert np.array_equal(np.column_stack(list(sheet.numbers.values())), table)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda t: [*t[:6], "1,2,3", *t[7:]], "line 7 has 3 cells and not 4 as the lines before"),
+        (lambda t: [*t[:6], "", *t[6:], "1"], f"line {ROWS + 3} has 1 cells and not 4"),
+        (lambda t: [t[0], "1,2,3", *t[2:]], "line 2 has 3 cells and not 4"),
+        (lambda t: [t[0], *(f"{r}," for r in t[1:9]), "1,2,3,"], "line 10 has 4 cells and not 5"),
+        (lambda t: [f"{t[0]},e", *t[1:]], "line 2 has 4 cells and not 5"),
+        (lambda t: [t[0], *(f"{r},1" for r in t[1:])], "line 2 has 5 cells and not 4"),
+        (lambda t: ["a b c y", *(r.replace(",", " ") for r in t[1:40]), "1 2 3"], "line 41 has 3"),
+        (lambda t: [*t[:5], '"1",2', *t[5:]], "line 6 has 2 cells and not 4"),
+    ],
+)
+def test_lines_of_different_length_are_refused(
+    tmp_path: Path, table: Any, change: Any, sentence: str
+) -> None:
+    path = written(tmp_path / "runs.csv", table)
+    path.write_text("\n".join(change(path.read_text().splitlines())))
+    with pytest.raises(GivenError, match=sentence) as caught:
+        read_sheet(path)
+    assert f"line {caught.value.line} has" in sentence
+
+
 def test_truths_are_numbers(tmp_path: Path) -> None:
     path = tmp_path / "runs.csv"
     path.write_text("on,y\n" + "TRUE,1\nfalse,2\n" * 40)
