@@ -17,7 +17,12 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.spatial import cKDTree
 
 from analysis.closeloop.identification.balance.least_squares import gram_matrices
-from analysis.closeloop.identification.balance.model import Model, evaluate, kept_columns
+from analysis.closeloop.identification.balance.model import (
+    Model,
+    evaluate,
+    kept_columns,
+    prediction,
+)
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.explainable import (
     FOLDS,
@@ -35,6 +40,8 @@ PEAK, FLANK = 6.0, 2.5
 SCALES = (0.0, 0.2, 0.6)
 #: Least time that a joint moves by itself in each direction, s, before it shows its friction.
 MOVED = 0.5
+#: Time that a motor moves its joint, s, before a fit to it tells what an excursion from rest takes.
+TELLS = 6.0
 #: Rows of a joint in motion, below which nothing is said of it.
 LEAST_ROWS = 50
 #: Shortest event, s, and how many a second of motion are no events but a form that is wrong.
@@ -65,6 +72,7 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
     """
     found: list[Event] = []
     friction = dict.fromkeys(recording.joints, 0.0)
+    expected: dict[int, np.ndarray] = {}
     if not recording.still:
         rows = select_rows(recording, tuple(range(len(recording.session.trials))))
         for joint in recording.joints:
@@ -75,10 +83,24 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             own = _joined(_moving(model, rows, joint))
             own = [event for event in own if event.end - event.begin > SHORTEST]
             seconds = len(samples) * samples_step(samples) / recording.rate
+            if int(_driven(recording, joint, samples).sum()) * seconds > TELLS * len(samples):
+                torque = prediction(model, evaluate(model, rows).coefficients)[:, [joint]]
+                expected[joint] = recording.filtered(torque)[:, 0]
             found += own if len(own) <= max(3.0, OFTEN * seconds) else []
     for joint in range(recording.effort.shape[1]):
-        found += rest_events(recording, joint, friction.get(joint, 0.0))
+        known = expected.get(joint)
+        abrupt = 0.0 if known is None else ABRUPT * upper_octave(recording, joint)
+        found += rest_events(recording, joint, friction.get(joint, 0.0), known, abrupt)
     return tuple(sorted(_joined(found), key=lambda one: (one.begin, one.joint)))
+
+
+def _driven(recording: Recording, joint: int, samples: np.ndarray) -> np.ndarray:
+    """Return which samples lie outside holds: there its motor moves the joint, (s,)."""
+    driven = np.ones(len(samples), dtype=bool)
+    for piece in recording.slices:
+        for hold in recording.held(joint, piece):
+            driven &= (samples < piece.start + hold.start) | (samples >= piece.start + hold.stop)
+    return driven
 
 
 def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
@@ -93,8 +115,9 @@ def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
 def beyond_splines(model: Model, rows: Rows, joint: int) -> tuple[np.ndarray, np.ndarray]:
     """Return what splines beside the model leave of a joint, Nm or N, low-passed, (r,) each.
 
-    Every second is predicted from others, without outliers. The second array is the same divided
-    by how much surer the fit is elsewhere: no event is made of a place where the joint was once.
+    Every second is predicted from others, without outliers; where the model without splines leaves
+    less, by that. The second array is the same divided by how much surer the fit is elsewhere: no
+    event is made of a place where the joint was once.
     """
     part, recording = rows.parts[joint], rows.recording
     groups = signal_groups(rows, joint) | phase_groups(recording, joint)
@@ -118,7 +141,12 @@ def beyond_splines(model: Model, rows: Rows, joint: int) -> tuple[np.ndarray, np
             left[own], sure[own] = _predicted(total - gram, table[own], target[own])
         size = np.abs(sure) / (WIDTH * max(spread(sure), 1e-12))
         weight = np.where(size < 1, (1 - size**2) ** 2, 0.0)
-    return left, sure
+    # Where the model alone is right, what splines miss is their own: they were there but once.
+    few = np.concatenate([np.ones((len(base), 1)), base], axis=1)[part]
+    root = np.sqrt(weight)
+    alone = target - few @ np.linalg.lstsq(few * root[:, None], target * root, rcond=None)[0]
+    left = np.where(np.abs(alone) < np.abs(left), alone, left)
+    return left, np.where(np.abs(alone) < np.abs(sure), alone, sure)
 
 
 def friction_of(model: Model, rows: Rows, joint: int) -> float:
@@ -135,9 +163,7 @@ def friction_of(model: Model, rows: Rows, joint: int) -> float:
         if not term.rubs and joint in term.columns:
             rubbing = rubbing - recording.filtered(kept_columns(term)[joint])[samples] @ own
     slow = np.abs(recording.velocity[samples, joint]) < 0.25 * recording.top_speed[joint]
-    for piece in recording.slices:
-        for hold in recording.held(joint, piece):
-            slow &= (samples < piece.start + hold.start) | (samples >= piece.start + hold.stop)
+    slow &= _driven(recording, joint, samples)
     sides = [
         rubbing[slow & (sign * recording.velocity[samples, joint] > 0)] for sign in (1.0, -1.0)
     ]

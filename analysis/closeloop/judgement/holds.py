@@ -24,8 +24,23 @@ OVER_NOISE = 4.0
 COURSE = 4.0
 
 
-def rest_events(recording: Recording, joint: int, friction: float) -> Iterator[Event]:
-    """Yield what stands out of a resting joint's own course."""
+def rest_events(
+    recording: Recording,
+    joint: int,
+    friction: float,
+    expected: np.ndarray | None,
+    abrupt: np.ndarray | float,
+) -> Iterator[Event]:
+    """Yield what stands out of a resting joint's own course.
+
+    Args:
+        recording: all trials.
+        joint: which.
+        friction: that its motion shows, Nm or N.
+        expected: its effort as a model fitted to its motion has it, low-passed, (n,); None if it
+            hardly moves by itself. What that explains is no event.
+        abrupt: torque near each sample of which filters are wrong, Nm or N, (n,).
+    """
     courses = []
     for piece in recording.slices:
         effort = recording.effort[piece, joint]
@@ -36,9 +51,10 @@ def rest_events(recording: Recording, joint: int, friction: float) -> Iterator[E
         for run in holds:
             if run.stop - run.start < recording.rate:
                 continue
-            own = effort[run] - recording.static[piece, joint][run]
-            width = int(COURSE * recording.rate) | 1
-            beyond = own - median_filter(own, min(width, len(own) | 1), mode="nearest")
+            beyond = _beyond(recording, effort[run] - recording.static[piece, joint][run])
+            if expected is not None:
+                left = _beyond(recording, effort[run] - expected[piece][run])
+                beyond = np.where(np.abs(left) < np.abs(beyond), left, beyond)
             courses.append((piece, run, beyond))
     if not courses:
         return
@@ -47,11 +63,14 @@ def rest_events(recording: Recording, joint: int, friction: float) -> Iterator[E
     least = max(PEAK * usual, STICTION * friction, OVER_NOISE * noise)
     if usual <= 0.0:
         return
+    excused = np.broadcast_to(abrupt, recording.time.shape)
     for piece, run, beyond in courses:
         for peak_run in runs(np.abs(beyond) > max(FLANK * usual, 0.2 * least)):
             top = peak_run.start + int(np.argmax(np.abs(beyond[peak_run])))
             start = piece.start + run.start
-            if abs(beyond[top]) <= least or _driven(recording, joint, start, peak_run, beyond):
+            if abs(beyond[top]) <= max(least, excused[start + top]) or _driven(
+                recording, joint, start, peak_run, beyond
+            ):
                 continue
             yield Event(
                 trial=recording.trial_of(piece),
@@ -60,6 +79,12 @@ def rest_events(recording: Recording, joint: int, friction: float) -> Iterator[E
                 end=float(recording.time[start + peak_run.stop - 1]),
                 peak=float(beyond[top]),
             )
+
+
+def _beyond(recording: Recording, torque: np.ndarray) -> np.ndarray:
+    """Return a torque less its own course, Nm or N, (n,)."""
+    width = min(int(COURSE * recording.rate) | 1, len(torque) | 1)
+    return np.asarray(torque - median_filter(torque, width, mode="nearest"))
 
 
 def _driven(recording: Recording, joint: int, start: int, run: slice, beyond: np.ndarray) -> bool:

@@ -132,3 +132,18 @@ def test_a_motion_that_starts_at_once_makes_no_event(swinging: Recording) -> Non
     assert find_events(Model(found), found) == ()
     # The same where nothing starts is somebody's push.
     assert find_events(Model(swinging), with_effort(swinging, missed)) != ()
+
+
+def test_a_stretch_that_the_model_explains_is_no_event(swinging: Recording) -> None:
+    """The joint rests, is moved quickly out and back once, far from where it was otherwise."""
+    position = np.array(swinging.position)
+    rests = (TIME > 30.0) & (TIME < 44.0)
+    position[rests, 1] = position[rests.argmax(), 1] + 0.8 * pushed(36.0, 0.8, 1.0)[rests]
+    velocity = np.gradient(position, 1 / RATE, axis=0)
+    acceleration = np.gradient(velocity, 1 / RATE, axis=0)
+    moved = replace(
+        swinging, position=position, velocity=velocity, acceleration=acceleration, cache={}
+    )
+    fast = np.abs(moved.inverse[:, 1])[(TIME > 36.0) & (TIME < 36.8)].max()
+    quiet = with_effort(moved, np.zeros(len(TIME)))
+    assert fast > 20.0 * NOISE and find_events(Model(quiet), quiet) == ()
