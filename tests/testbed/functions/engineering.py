@@ -173,6 +173,24 @@ def little_noise(u: Points) -> Points:
     return np.asarray(wave + 1.3 * (noise(u) - 0.5))
 
 
+def pole_inside(power: float, share: float) -> Hard:
+    """Return a sum of which |u2 - 0.4|^-power has a share of the variance: it has no end there."""
+    sides, slopes = (0.4, 0.6), np.array([1.0, 0.7, 0.0, 0.0, 0.4, 0.0])
+    mean, square = (
+        sum(side ** (1.0 - p) for side in sides) / (1.0 - p) for p in (power, 2.0 * power)
+    )
+    linear = slopes**2 / 12.0
+    scale = np.sqrt(share / (1.0 - share) * linear.sum() / (square - mean**2))
+    index = (1.0 - share) * linear / linear.sum()
+    index[2] = share
+
+    def function(u: Points) -> Points:
+        away = np.maximum(np.abs(u[..., 2] - sides[0]), 1e-14)
+        return np.asarray(u @ slopes + scale * away**-power)
+
+    return Hard(function=function, factors=6, first=index, total=index)
+
+
 #: What a surrogate ought to answer.
 SMOOTH: Mapping[str, Hard] = {
     "Morris": Hard(function=morris, factors=20),
@@ -193,4 +211,6 @@ ROUGH: Mapping[str, Hard] = {
     "heavy noise": Hard(function=heavy_noise, factors=6),
     "uneven noise": Hard(function=uneven_noise, factors=6),
     "little noise": Hard(function=little_noise, factors=6),
+    "pole inside": pole_inside(0.3, 0.1),
+    "mild pole inside": pole_inside(0.15, 0.5),
 }

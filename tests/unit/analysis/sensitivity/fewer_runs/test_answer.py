@@ -81,12 +81,23 @@ def test_a_heavy_tail_is_not_believed() -> None:
     assert "kurtosis" in said(lambda x: (1.0 - x[:, 0]) ** -0.4 + x[:, 1]).doubt
 
 
-def test_what_may_lie_beyond_the_outermost_runs_is_a_doubt(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(
+    ("look", "share", "doubt"),
+    [
+        ("beyond", 0.046, "about 5% of its variance may lie beyond the outermost runs"),
+        ("beyond", 0.045, ""),
+        ("between", 0.012, "about 1.2% of its variance may lie between the runs"),
+        ("between", 0.01, ""),
+    ],
+)
+def test_what_may_lie_beyond_or_between_the_runs_is_a_doubt(
+    monkeypatch: pytest.MonkeyPatch, look: str, share: float, doubt: str
 ) -> None:
-    monkeypatch.setattr("analysis.sensitivity.fewer_runs.corrected.HeldOut.beyond", lambda *_: 0.05)
-    found = said(smooth)
-    assert "about 5% of its variance may lie beyond the outermost runs" in found.doubt
+    monkeypatch.setattr(
+        f"analysis.sensitivity.fewer_runs.corrected.HeldOut.{look}", lambda *_: share
+    )
+    found = said(smooth).doubt
+    assert doubt in found and bool(doubt) is bool(found)
 
 
 def test_few_failed_runs_are_left_out_and_many_are_not_believed() -> None:

@@ -97,15 +97,45 @@ def test_one_run_that_is_far_off_widens_all(x: Array) -> None:
 def test_how_a_part_grows_tells_what_lies_beyond_the_outermost_run(
     part: Callable[[Array], Array], variance: float, least: float, most: float
 ) -> None:
-    x = (np.arange(256.0) + 0.5)[:, None] / 256.0
-    zero = np.zeros_like(x)
-    held = HeldOut(
+    assert least <= known(part, variance).beyond(EVEN) <= most
+
+
+EVEN = (np.arange(256.0) + 0.5)[:, None] / 256.0
+
+
+def known(part: Callable[[Array], Array], variance: float) -> HeldOut:
+    """Return what is said of a function of one factor that is known at even points."""
+    zero = np.zeros_like(EVEN)
+    return HeldOut(
         missed=zero[:, 0],
-        centred=part(x[:, 0]),
-        first=part(x),
-        total=part(x),
+        centred=part(EVEN[:, 0]),
+        first=part(EVEN),
+        total=part(EVEN),
         variance=np.full(256, variance),
         first_squares=zero,
         total_squares=zero,
     )
-    assert least <= held.beyond(x) <= most
+
+
+def pole(u: Array) -> Array:
+    """Return |u - 0.4|^-0.15 less its mean."""
+    return np.asarray(np.abs(u - 0.4) ** -0.15 - (0.4**0.85 + 0.6**0.85) / 0.85)
+
+
+@pytest.mark.parametrize(
+    ("part", "variance", "least", "most"),
+    [
+        (lambda u: u - 0.5, 1.0 / 12.0, 0.0, 0.001),
+        (lambda u: np.sin(2.0 * np.pi * u), 0.5, 0.0, 0.001),
+        (lambda u: np.where(u < 0.4, -0.6, 0.4), 0.24, 0.0, 0.001),
+        (pole, 0.0563, 0.05, 0.2),
+        # Ends have a look of their own.
+        (lambda u: (1.0 - u) ** -0.3 - 1.0 / 0.7, 2.5 - 1.0 / 0.49, 0.0, 0.0),
+        (lambda u: 0.0 * u, 1.0, 0.0, 0.0),
+    ],
+    ids=["a slope", "a wave", "a jump", "a pole", "a tail at an end", "nothing"],
+)
+def test_how_a_part_rises_inside_a_factor_tells_what_lies_between_the_runs(
+    part: Callable[[Array], Array], variance: float, least: float, most: float
+) -> None:
+    assert least <= known(part, variance).between(EVEN) <= most
