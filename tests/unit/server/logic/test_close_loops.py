@@ -1,5 +1,6 @@
 """The life of a close-loop job, decision by decision."""
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -18,12 +19,14 @@ from server.logic.close_loops import (
     lease_of,
     parsed,
     released,
+    suits,
     verdict_of,
 )
 from server.logic.fleet.leases import objection_to_renewal, objection_to_results
 from server.logic.json_values import cut
 from server.logic.study.instances import BUDGETS
 from server.records import CloseLoopJob, Introduction, Lease
+from server.states import JobKind
 
 WAITING = CloseLoopJob(id="j", session_id="s", state="waiting", created_at=1.0)
 
@@ -207,3 +210,66 @@ def test_a_worker_is_written_down_again_when_the_last_time_is_long_ago_or_to_com
 ) -> None:
     assert is_noted(noted, 50.0) is lately
     assert not is_noted(0.0, NOTED_SECONDS) and is_noted(0.0, NOTED_SECONDS - 0.1)
+
+
+INTERPRET = replace(WAITING, kind=JobKind.INTERPRETATION)
+
+
+@pytest.mark.parametrize(
+    ("job", "bank", "is_for_it"),
+    [
+        (WAITING, None, True),
+        (WAITING, "b1", True),
+        (INTERPRET, None, False),
+        (INTERPRET, "b1", True),
+        (replace(INTERPRET, options={"bank": "b1"}), "b1", True),
+        (replace(INTERPRET, options={"bank": "b1"}), "b2", False),
+        (replace(INTERPRET, options={"bank": "b1"}), None, False),
+        (replace(INTERPRET, options={"posture": 1}), "b2", True),
+    ],
+)
+def test_a_recording_is_interpreted_where_its_bank_is(
+    job: CloseLoopJob, bank: str | None, is_for_it: bool
+) -> None:
+    assert suits(job, bank) is is_for_it
+
+
+def test_a_job_of_another_kind_or_with_other_options_will_not_do() -> None:
+    assert answers(INTERPRET, None, JobKind.INTERPRETATION)
+    assert not answers(INTERPRET, None)
+    assert not answers(INTERPRET, None, JobKind.INTERPRETATION, {"bank": "b1"})
+
+
+def interpreted(**changes: object) -> bytes:
+    stiffness = {"median": 30, "interval90": [20.5, 41]}
+    return json.dumps({"stiffness": stiffness, "familiar": True, **changes}).encode()
+
+
+def test_an_interpretation_is_familiar_or_not() -> None:
+    assert verdict_of(interpreted(), JobKind.INTERPRETATION) == "familiar"
+    assert verdict_of(interpreted(familiar=False), JobKind.INTERPRETATION) == "unfamiliar"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"familiar": None},
+        {"familiar": 1},
+        {"stiffness": None},
+        {"stiffness": [30, 20, 41]},
+        {"stiffness": {"median": 30}},
+        {"stiffness": {"median": 30, "interval90": 20}},
+        {"stiffness": {"median": 30, "interval90": [20]}},
+        {"stiffness": {"median": 30, "interval90": [20, 30, 41]}},
+        {"stiffness": {"median": None, "interval90": [20, 41]}},
+        {"stiffness": {"median": True, "interval90": [20, 41]}},
+        {"stiffness": {"median": 30, "interval90": [20, "41"]}},
+        {"stiffness": {"interval90": [20, 41]}},
+    ],
+)
+def test_an_interpretation_without_an_interval_is_none(changes: dict[str, object]) -> None:
+    with pytest.raises(ValueError) as refused:
+        verdict_of(interpreted(**changes), JobKind.INTERPRETATION)
+    assert str(refused.value) == (
+        "report.json must say stiffness with interval90, and familiar or not"
+    )

@@ -2,7 +2,7 @@
 
 import pytest
 
-from server.logic.fleet.history import REMEMBERED_SECONDS, FleetHistory, Glance
+from server.logic.fleet.history import REMEMBERED_SECONDS, FleetHistory, Glance, Pulse
 
 
 def glance(at: float, done: int, held: int, fence: int = 0) -> Glance:
@@ -37,3 +37,20 @@ def test_what_is_older_than_an_hour_is_forgotten() -> None:
         history.add(glance(20.0 * number, 0, 0, fence=number))
     assert history.since == 20.0 * 399 - REMEMBERED_SECONDS
     assert history.first_fence == 399 - REMEMBERED_SECONDS / 20.0
+
+
+def test_of_two_looks_there_is_a_rate_and_of_one_there_is_none() -> None:
+    history = FleetHistory()
+    history.add(glance(1000.0, 5, 1))
+    assert history.pulse("w") == Pulse(busy=None, results_per_second=0.0)
+    history.add(glance(1020.0, 15, 0))
+    assert history.pulse("w") == Pulse(busy=0.5, results_per_second=0.5)
+
+
+def test_its_rate_is_that_of_five_minutes_to_the_look_or_of_the_last_two_looks() -> None:
+    history = FleetHistory()
+    for at, done in ((0.0, 0), (99.5, 7), (100.0, 100), (400.0, 400)):
+        history.add(glance(at, done, 1))
+    assert history.pulse("w").results_per_second == 1.0
+    history.add(glance(1000.0, 460, 1))
+    assert history.pulse("w").results_per_second == 0.1

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from server.logic.fleet.hosts import host_class, identity, objection_to_worker
+from server.logic.fleet.hosts import classes, host_class, identity, objection_to_worker
 from server.records import Introduction, Plan, Study
 from server.states import StudyState
 
@@ -73,3 +73,13 @@ def test_a_study_with_tags_is_for_workers_that_have_them_all(plan: Callable[...,
     assert objection_to_worker(study, asks(VERSIONS, "quiet")) == (
         "study s is for workers tagged big, lab"
     )
+
+
+def test_a_model_s_canary_is_part_of_the_class_and_a_worker_has_one_for_each_of_its_models() -> (
+    None
+):
+    bare, own = host_class(VERSIONS), host_class(VERSIONS, "7c")
+    assert host_class({"code": "c1"}, "7c") == "f25b41151860b0ca"
+    assert own != bare and host_class(VERSIONS, "7d") not in (own, bare)
+    assert classes(VERSIONS, {"pendulum@1": "7c", "noisy@1": ""}) == {bare, own}
+    assert classes(VERSIONS, {}) == {bare}

@@ -6,7 +6,7 @@ from math import nan
 import pytest
 
 from models.curves import Curve
-from server.logic.fleet.verdicts import Judgement, Report, judge
+from server.logic.fleet.verdicts import Judgement, Report, fault_in, judge
 from server.records import Instance, Lease
 
 Reporting = Callable[..., Report]
@@ -55,3 +55,9 @@ def test_a_curve_that_is_missing_or_comes_point_by_point_is_one_sentence(
     by_point = dict.fromkeys(COLUMNS, 1.0)
     for outputs in ({"y": 1.0}, by_point):
         assert judged_curve(report("i", outputs=outputs)).detail == "output torque is missing"
+
+
+def test_a_failure_has_no_curves(report: Reporting) -> None:
+    judgement = judged_curve(report("i", outcome="diverged", outputs=None, reason="r"))
+    assert judgement.result is not None and judgement.result.outputs is None
+    assert fault_in(report("i"), ["y"]) is None

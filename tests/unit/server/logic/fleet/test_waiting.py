@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from server.logic.fleet.waiting import why_it_waits
-from server.records import Study, Worker
+from server.logic.fleet.waiting import _introduced, why_it_waits
+from server.records import Introduction, Study, Worker
 from server.states import StudyState
 from tests.testbed.coordinators.records import plan
 
@@ -34,3 +34,17 @@ def test_tags_code_and_models_that_nobody_has_are_named() -> None:
     own = study()
     own.plan.__dict__["model"] = "pendulum@1"
     assert why_it_waits(own, [worker()]) == "no worker has the model pendulum@1"
+
+
+def test_no_more_than_three_objections_are_listed() -> None:
+    theirs = [worker(versions={"code": code}) for code in "bcde"]
+    said = str(why_it_waits(study(identity={"code": "a"}), theirs))
+    assert [part.count("this worker has code") for part in said.split("; ")] == [1, 1, 1]
+    assert "code d" in said and "code e" not in said
+
+
+def test_a_worker_is_introduced_with_all_that_is_known_of_it() -> None:
+    known = _introduced(worker(models={"pendulum@1": "7c"}, tags=["gpu"]))
+    assert known == Introduction(
+        id="w", host="h", versions={"code": "a"}, tags=["gpu"], models={"pendulum@1": "7c"}
+    )
