@@ -2,23 +2,32 @@
 
 import ast
 import importlib.util
+import json
 import re
 import subprocess
+import sys
 from pathlib import Path
+from unittest.mock import MagicMock, create_autospec
 
 import pytest
 from pydantic import SecretStr
 from typer.testing import CliRunner
 
+import rehyb
+from analysis.designs.distributions import Distribution
 from benchmarks.measurement import BEGIN, END
+from rehyb import Client
 from rehyb.cli import app
 from server.app import create_app
+from server.logic.study.plans import FactorChoice
+from server.routes.study.studies import StudyBody
 from server.settings import Settings
 from sim.assessment.validity import FAILURES
 from sim.models import ELBOW
 from sim.parameters.conditions import CONDITIONS
 from sim.robot.device import DEVICES
 from tests.testbed import arrows
+from tests.testbed.coordinators import records
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -28,6 +37,12 @@ SETTINGS = (DOCS / "operate" / "settings.md").read_text()
 NAMED_FAILURES = (DOCS / "understand" / "failures.md").read_text()
 INDICES = [DOCS / "README.md", *sorted(DOCS.glob("*/README.md"))]
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+#: Of every page, in Python.
+EXAMPLES = [
+    (page, code)
+    for page in PAGES
+    for code in re.findall(r"^```python\n(.*?)^```", page.read_text(), re.M | re.S)
+]
 #: Words of a page that is read in one sitting, without figures that a command wrote.
 MOST_WORDS = 1500
 
@@ -107,6 +122,32 @@ def test_every_page_is_in_an_index() -> None:
     }
     # The help of `rehyb assess --device` names this one, which points on.
     assert set(PAGES) - linked == {DOCS / "devices.md"}
+
+
+@pytest.mark.parametrize(
+    ("page", "code"), EXAMPLES, ids=[f"{page.stem}{n}" for n, (page, _) in enumerate(EXAMPLES)]
+)
+def test_every_example_calls_what_there_is(
+    page: Path, code: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Others' packages are not called, and a coordinator's answers are empty."""
+    client = create_autospec(Client)
+    inside = client.return_value.__enter__.return_value = client.return_value
+    monkeypatch.setattr(rehyb, "Client", client)
+    for name in ("pandas", "xarray"):
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    exec(compile(code, str(page), "exec"), {})
+    assert client.called or "Client" not in code
+    for call in inside.submit.call_args_list:
+        asked = StudyBody.model_validate(call.args[0]).model_dump(exclude_unset=True)
+        factors = [FactorChoice(**factor) for factor in asked.pop("factors", ())]
+        assert records.plan(**asked, factors=factors or None, sampling="sobol_blocks").rows
+
+
+def test_the_page_of_studies_has_every_distribution() -> None:
+    said = re.findall(r"^\| `({\"kind\".*?})` \|", (DOCS / "use" / "studies.md").read_text(), re.M)
+    found = [Distribution.from_json(json.loads(one)) for one in said]
+    assert {type(one) for one in found} == set(Distribution.__subclasses__())
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -24,8 +24,9 @@ MAX_ROWS = 100_000_000
 #: Probability of a tail that may reach anywhere.
 TAIL = 1e-3
 
-#: How keys begin that say how factors depend on each other.
-_DEPENDENCE = ("correlat", "covarian", "copula", "depend", "joint")
+
+#: What to do instead.
+_WITH_CORRELATIONS = f"with correlations the method is {' or '.join(DEPENDENT)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,11 +91,11 @@ def draw_up(
     if method in ("shapley", *SINGLE_POINTS) and (
         curved := [name for name in kept if name in model.curves]
     ):
-        if outputs is not None:
+        if outputs is not None or len(curved) == len(kept):
             whole = any(one.name == curved[0] and one.optional for one in model.results)
             point = columns_of(curved, model.curves)[0]
             raise InvalidStudyError(
-                f"/outputs/{outputs.index(curved[0])}",
+                "/outputs" if outputs is None else f"/outputs/{outputs.index(curved[0])}",
                 f"{curved[0]} is a curve, and {method} takes numbers only: "
                 + ("leave it out" if whole else f"keep points of it, such as {point}"),
             )
@@ -124,6 +125,13 @@ def draw_up(
     )
 
 
+def _alone(method: str) -> str:
+    """Say why factors that depend on each other are none for a method."""
+    if method == "surrogate":
+        return "tells a factor's part of its function from the others', as only independent ones do"
+    return "moves one factor and leaves the others alone, which dependent factors do not allow"
+
+
 def _dependence(
     method: str,
     distributions: Mapping[str, Distribution],
@@ -135,11 +143,7 @@ def _dependence(
     if not correlations:
         return None
     if method not in DEPENDENT:
-        raise InvalidStudyError(
-            "/method",
-            f"{method} moves one factor and leaves the others alone, which factors that depend on "
-            f"each other do not allow: with correlations the method is {' or '.join(DEPENDENT)}",
-        )
+        raise InvalidStudyError("/method", f"{method} {_alone(method)}: {_WITH_CORRELATIONS}")
     pairs: list[tuple[str, str, float]] = []
     for i, entry in enumerate(correlations):
         if not (
@@ -236,33 +240,6 @@ def _ends(distribution: Distribution) -> tuple[float, ...]:
     return tuple(distribution.ppf([TAIL, 1.0 - TAIL]).tolist())
 
 
-def refuse_dependence(body: Any) -> None:
-    """Refuse a request, as JSON, that says how factors depend on each other in words unknown here.
-
-    They would only be told that the key is unknown.
-
-    Raises:
-        InvalidStudyError: with a pointer to the first such key of the study, of one of its factors
-            or of a factor's distribution.
-    """
-    known = ("correlations", "correlation_kind")
-    places = [("", body)]
-    factors = body.get("factors") if isinstance(body, Mapping) else None
-    for i, factor in enumerate(factors if isinstance(factors, list) else []):
-        places.append((f"/factors/{i}", factor))
-        if isinstance(factor, Mapping):
-            places.append((f"/factors/{i}/distribution", factor.get("distribution")))
-    for pointer, place in places:
-        for key in map(str, place if isinstance(place, Mapping) else ()):
-            if key.lower().startswith(_DEPENDENCE) and not (place is body and key in known):
-                name = key.replace("~", "~0").replace("/", "~1")
-                raise InvalidStudyError(
-                    f"{pointer}/{name}",
-                    f"{key}: how factors depend on each other is said by the study's correlations, "
-                    'as [["a", "b", 0.6]], and by its correlation_kind, rank or linear',
-                )
-
-
 def _known(pointer: str, what: str, name: str, known: Any) -> Any:
     """Return what `known` has under `name` (or the name itself, if it is a plain sequence)."""
     if name not in known:
@@ -323,11 +300,16 @@ def _distribution(factor: Factor, choice: FactorChoice, pointer: str) -> Distrib
 
 def _outputs(model: Description, wanted: Sequence[str] | None) -> tuple[str, ...]:
     """Return the outputs to keep, in the model's order; a curve is one, and so is a point of it."""
+    names = [output.name for output in model.results]
     if wanted is None:
-        return tuple(output.name for output in model.results if not output.optional)
+        if always := tuple(output.name for output in model.results if not output.optional):
+            return always
+        raise InvalidStudyError(
+            "/outputs",
+            f"every output of {model.name} is optional: name those to keep, of {', '.join(names)}",
+        )
     if not wanted:
         raise InvalidStudyError("/outputs", "a study must keep at least one output")
-    names = [output.name for output in model.results]
     points = {
         column: output.name
         for output in model.results

@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import inf
 from typing import Any
 
+from analysis.sensitivity.fewer_runs.limits import MOST_RUNS
 from analysis.sensitivity.judgement.stopping import next_step
 from models.curves import names_of
 from server.errors import InvalidStudyError
@@ -52,6 +53,11 @@ def precision_goal(
     if not 1 <= up_to <= MAX_ROWS:
         raise InvalidStudyError(
             f"{pointer}/up_to", f"up_to must lie between 1 and {MAX_ROWS} rows, not {up_to}"
+        )
+    if plan.method == "surrogate" and up_to > MOST_RUNS:
+        raise InvalidStudyError(
+            f"{pointer}/up_to",
+            f"surrogate fits a function to {MOST_RUNS} rows at most: up_to cannot be {up_to}",
         )
     return PrecisionGoal(output=output, target=target, up_to=up_to)
 

@@ -18,9 +18,10 @@ from sqlalchemy.engine import Engine
 from analysis.designs import DEFAULT_SAMPLING
 from analysis.json_values import is_finite_number
 from models.curves import names_of
-from server.logic.study.plans import FactorChoice, draw_up, refuse_dependence, refuse_outside_range
+from server.logic.study.plans import FactorChoice, draw_up, refuse_outside_range
 from server.logic.study.precision_goals import precision_goal
 from server.logic.study.precision_goals import shown as goal_shown
+from server.logic.study.requests import refuse_dependence, refuse_too_few
 from server.operations import models
 from server.operations.study import precision_goals, reruns, studies
 from server.records import PrecisionGoal, Study
@@ -186,6 +187,7 @@ def submit(
         called=sampled.called,
         factors=None if factors is None else [FactorChoice(**dict(factor)) for factor in factors],
     )
+    refuse_too_few(plan)
     if not body.outside_range:
         refuse_outside_range(plan, sampled.description, [f.name for f in factors or ()])
     wanted = body.precision

@@ -1,14 +1,16 @@
 """Drawing up a study from a request."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from analysis.designs import instance_parameters
 from server.errors import InvalidStudyError
-from server.logic.study.plans import MAX_ROWS, FactorChoice, refuse_outside_range
+from server.logic.study.plans import MAX_ROWS, FactorChoice, draw_up, refuse_outside_range
 from server.logic.study.points import parameters
+from server.logic.study.requests import refuse_too_few
 from server.records import Plan
 from sim.models import ELBOW
 
@@ -224,7 +226,12 @@ def test_shapley_effects_of_a_curve_without_points_advise_to_leave_it_out(plan: 
             "/outputs/0",
             "torque_over_phase is a curve, and surrogate takes numbers only",
         ),
-        ({"correlations": [["x1", "x2", 0.5]]}, "/method", "with correlations the method is shap"),
+        (
+            {"correlations": [["x1", "x2", 0.5]]},
+            "/method",
+            "surrogate tells a factor's part of its function from the others', as only independent "
+            "ones do: with correlations the method is shapley or sample",
+        ),
     ],
 )
 def test_what_no_function_is_fitted_to_is_refused(
@@ -233,6 +240,29 @@ def test_what_no_function_is_fitted_to_is_refused(
     with pytest.raises(InvalidStudyError, match=sentence) as caught:
         plan(**{"method": "surrogate", "rows": 256, **asked})
     assert caught.value.pointer == pointer
+
+
+@pytest.mark.parametrize("method", ["surrogate", "shapley", "sample"])
+def test_of_curves_alone_no_study_of_numbers_is_made(method: str) -> None:
+    (whole,) = (one for one in ELBOW.results if one.name == "torque_over_phase")
+    asked: dict[str, Any] = {"name": "curves", "called": "elbow", "sampling": "sobol_blocks"}
+    asked |= {"rows": 256, "seed": 1, "factors": None, "fixed": {}, "outputs": None}
+    for optional, said in (
+        (False, r"keep points of it, such as torque_over_phase\["),
+        (True, "every output of elbow is optional: name those to keep, of torque_over_phase"),
+    ):
+        only = replace(ELBOW, results=(replace(whole, optional=optional),))
+        with pytest.raises(InvalidStudyError, match=said) as caught:
+            draw_up(model=only, method=method, **asked)
+        assert caught.value.pointer == "/outputs"
+
+
+def test_a_surrogate_of_fewer_rows_than_its_first_function_is_refused(plan: Drawing) -> None:
+    with pytest.raises(InvalidStudyError, match=r"first function to 128 rows.* of 127") as caught:
+        refuse_too_few(plan(method="surrogate", rows=127))
+    assert caught.value.pointer == "/rows"
+    refuse_too_few(plan(method="surrogate", rows=128))
+    refuse_too_few(plan(method="saltelli", rows=1))
 
 
 def test_a_row_of_a_surrogate_is_a_single_point(plan: Drawing) -> None:

@@ -62,6 +62,14 @@ def test_a_sample_has_no_index_that_could_become_precise(plan: Callable[..., Pla
     assert refused.value.pointer == "/goal"
 
 
+def test_no_surrogate_grows_beyond_what_a_function_is_fitted_to(plan: Callable[..., Plan]) -> None:
+    drawn, wanted = plan(method="surrogate", rows=128), {"output": None, "target": 0.02}
+    with pytest.raises(InvalidStudyError, match="512 rows at most: up_to cannot be 513") as refused:
+        precision_goals.precision_goal(drawn, **wanted, up_to=513, pointer="/precision")
+    assert refused.value.pointer == "/precision/up_to"
+    assert precision_goals.precision_goal(drawn, **wanted, up_to=512).up_to == 512
+
+
 @pytest.mark.parametrize(
     ("wrong", "pointer", "says"),
     [
