@@ -205,21 +205,25 @@ class Recording:
         A push moves a joint that a controller holds; it rests before and after, in the same place.
         """
         position = self.position[piece, joint]
-        found: list[slice] = []
+        found: list[tuple[slice, int, float]] = []
         for run in runs(self.resting(joint, piece)):
+            length, place = run.stop - run.start, float(np.median(position[run]))
             # It may rest on the way, where the push is strongest.
+            recent = run.start - AWAY * self.rate
             for number in reversed(range(len(found))):
-                hold = found[number]
-                if run.start - hold.stop > AWAY * self.rate:
-                    continue
-                place = float(np.median(position[hold]))
-                way = float(np.abs(position[hold.stop : run.start] - place).max())
-                if abs(position[run.start] - place) <= max(BACK * way, MOVING):
-                    found[number:] = [slice(hold.start, run.stop)]
+                hold, longest, home = found[number]
+                if hold.stop < recent:
+                    found.append((run, length, place))
+                    break
+                way = float(np.abs(position[hold.stop : run.start] - home).max())
+                if abs(position[run.start] - home) <= max(BACK * way, MOVING):
+                    if longest > length:
+                        length, place = longest, home
+                    found[number:] = [(slice(hold.start, run.stop), length, place)]
                     break
             else:
-                found.append(run)
-        return found
+                found.append((run, length, place))
+        return [hold for hold, _, _ in found]
 
     def since_reversal(self, joint: int) -> np.ndarray:
         """Return the time since a joint last changed direction, with that direction's sign, (n,).
