@@ -51,30 +51,3 @@ def test_a_point_waits_for_every_row_before_it() -> None:
     assert state.snapshot()["rows_used"] == 31
     state.take(r for r in results if r.row == 5)
     assert state.snapshot()["outputs"]["y"]["convergence"]["rows"] == [8, 16, 32]
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_seven_shards_merged_and_five_restarts_leave_the_bits_of_one_batch(method: str) -> None:
-    plan = study_plan(method, rows=64)
-    results = results_of(plan, failed=FAILED)
-    whole = StudyState(plan)
-    whole.take(results)
-    expected = whole.estimator().indices()
-    rows = list(range(64))
-    random.Random(5).shuffle(rows)
-    parts = []
-    for shard in range(7):
-        state = StudyState(plan)
-        mine = [r for r in results if r.row in rows[shard::7]]
-        random.Random(shard).shuffle(mine)
-        cut = len(mine) // 6 + 1
-        for start in range(0, len(mine), cut):
-            state.take(mine[start : start + cut])
-            state = StudyState.from_bytes(plan, state.to_bytes())
-        parts.append(state.estimator())
-    merged = parts.pop(3)
-    for part in parts:
-        merged.merge(part)
-    for name, index in merged.indices().items():
-        for end in ("value", "low", "high"):
-            assert getattr(index, end).tobytes() == getattr(expected[name], end).tobytes()

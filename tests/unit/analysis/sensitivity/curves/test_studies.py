@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,12 @@ def results(of: StudyPlan, failed: tuple[tuple[int, int], ...] = ((2, 1),)) -> l
     return found
 
 
+@cache
+def at_one_go(method: str) -> dict[str, Any]:
+    """Return the snapshot of a study's results in order."""
+    return analyse(plan(method), results(plan(method)))
+
+
 @settings(max_examples=8, deadline=None)
 @given(data=st.data(), method=st.sampled_from(["saltelli", "morris"]))
 def test_order_batches_and_restarts_leave_no_trace(data: st.DataObject, method: str) -> None:
@@ -69,7 +76,7 @@ def test_order_batches_and_restarts_leave_no_trace(data: st.DataObject, method: 
     state.take(shuffled[:cut])
     state = StudyState.from_bytes(study, state.to_bytes())
     state.take(shuffled[cut:])
-    assert state.snapshot() == analyse(study, every)
+    assert state.snapshot() == at_one_go(method)
 
 
 @pytest.mark.parametrize("method", ["morris", "saltelli", "saltelli_second_order"])
