@@ -178,6 +178,8 @@ def test_an_all_clear_says_how_far_off_nine_studies_of_ten_would_have_noticed() 
 def test_an_index_that_does_not_vary_or_is_mostly_undefined_shows_nothing() -> None:
     still = replicated(0.5, 0.5, 0.5, error=0.0)
     assert judged(Sums(), still, DUMMY).depends_on_factors is False
+    same = replicated(1.0, 1.0, 1.0, error=0.0)
+    assert judged(Sums(), IDLE, same).depends_on_factors is False
     mostly = replicated(0.5, 0.5, 0.0)
     mostly.weighted[1:102, :, 0] = np.nan
     mostly.weighted[1:101, :, 1] = np.nan

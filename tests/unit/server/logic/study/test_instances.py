@@ -150,3 +150,8 @@ def test_a_budget_is_spent_on_as_many_hosts_or_on_those_there_are(
     assert final is not None
     assert (final.state, final.wall_seconds, final.reason) == ({"t": last}, 2.0, "core dumped")
     assert instance.state == "done"
+
+
+def test_an_attempt_on_no_known_host_names_none() -> None:
+    counted, _ = after_attempt(HELD, cause="lost", reason="")
+    assert counted.hosts == {}

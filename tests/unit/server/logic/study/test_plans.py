@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from analysis.designs import instance_parameters
@@ -309,3 +310,10 @@ def test_groups_that_cannot_be_sampled_are_refused_with_their_place(
     with pytest.raises(InvalidStudyError, match=sentence) as caught:
         plan(**{"method": "saltelli", **asked})
     assert caught.value.pointer == pointer
+
+
+def test_factors_that_depend_on_each_other_do_so_in_every_point(plan: Drawing) -> None:
+    asked = {"method": "shapley", "rows": 64, "factors": None}
+    drawn = plan(**asked, correlations=[["x1", "x2", 0.9]])
+    bases = [parameters(drawn, row)[0] for row in range(64)]
+    assert np.corrcoef([[one["x1"], one["x2"]] for one in bases], rowvar=False)[0, 1] > 0.7

@@ -161,3 +161,17 @@ def test_a_study_without_a_goal_shows_none(complete: Callable[..., Study]) -> No
     nothing_done = PrecisionGoal(output="y", target=None, up_to=8, judged=3)
     shown = precision_goals.shown(complete(), nothing_done)
     assert shown is not None and shown["reached"] is False
+
+
+def test_a_goal_of_a_curve_is_one_output_and_is_refused_at_the_root_without_a_pointer(
+    plan: Callable[..., Plan],
+) -> None:
+    curved = plan(model="elbow", outputs=["torque_over_phase", "stiffness_error"])
+    asked = precision_goals.precision_goal(curved, output="torque_over_phase", target=None, up_to=8)
+    assert asked.output == "torque_over_phase"
+    with pytest.raises(InvalidStudyError) as refused:
+        precision_goals.precision_goal(curved, output="z", target=None, up_to=8)
+    assert (refused.value.pointer, str(refused.value)) == (
+        "/output",
+        "the study has no output 'z': it has stiffness_error, torque_over_phase",
+    )

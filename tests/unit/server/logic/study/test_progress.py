@@ -162,3 +162,12 @@ def test_no_study_ends_before_now(study: Callable[..., Study]) -> None:
         study(result_count=3990), window_opened_at=100.0, now=140.0, passed_at=[*early, 139.0]
     )
     assert speed.eta_low_seconds == 0.0
+
+
+def test_blocks_that_differ_by_little_foretell_little_uncertainty(
+    study: Callable[..., Study],
+) -> None:
+    nearly = [100.0 + 10.0 * k + 0.01 * (k % 2) for k in range(BLOCKS + 1)]
+    speed = pace(study(result_count=100), window_opened_at=100.0, now=200.0, passed_at=nearly)
+    assert speed.eta_seconds == 3900.0
+    assert speed.eta_low_seconds is not None and 3800.0 < speed.eta_low_seconds < 3900.0

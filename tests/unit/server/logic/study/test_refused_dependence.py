@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from server.errors import InvalidStudyError
-from server.logic.study.plans import refuse_dependence
+from server.logic.study.requests import refuse_dependence
 
 SAID = (
     ": how factors depend on each other is said by the study's correlations, as "
