@@ -11,7 +11,7 @@ from math import inf, isfinite
 from typing import Any, Self
 
 from models.curves import MAX_POINTS, Curve, columns
-from models.entries import DescriptionError, check_names, factor_of, fields_of
+from models.entries import DescriptionError, check_columns, check_names, factor_of, fields_of
 from models.factors import SEED, Factor, check_bounds, no_factor
 
 MAX_FACTORS = 1000
@@ -158,8 +158,11 @@ class Description:
         return {**said, "kind": str(self.kind), "factors": factors, "outputs": outputs}
 
     @classmethod
-    def from_json(cls, said: Any) -> Self:
+    def from_json(cls, said: Any, *, kept: bool = False) -> Self:
         """Read a description that somebody sent.
+
+        Args:
+            kept: whether it was taken before; then its names may clash with columns of results.
 
         Raises:
             DescriptionError: something is missing, unknown or means nothing.
@@ -200,7 +203,7 @@ class Description:
         count = sum(output.curve or 1 for output in results)
         if count > MAX_OUTPUTS:
             raise DescriptionError("outputs", f"give {count} numbers; at most {MAX_OUTPUTS}")
-        return cls(
+        described = cls(
             name=fields["name"],
             description=fields.get("description", ""),
             kind=Kind(fields["kind"]),
@@ -210,6 +213,13 @@ class Description:
             deterministic=fields.get("deterministic", True),
             code=fields.get("code", ""),
         )
+        if not kept:
+            described.check_columns()
+        return described
+
+    def check_columns(self) -> None:
+        """Raise a DescriptionError unless its factors and outputs can stand in one table."""
+        check_columns([f.name for f in self.sources], [output.name for output in self.results])
 
 
 def complete(description: Description, parameters: Mapping[str, float]) -> dict[str, float]:

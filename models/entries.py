@@ -10,6 +10,9 @@ from models.factors import SEED, Factor
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]{0,63}")
 _MAX_TEXT = 500
 
+#: Columns that a table of results has besides factors and outputs, in their order.
+RESULT_COLUMNS = ("row", "position", "outcome", "wall_seconds", "worker")
+
 
 class DescriptionError(ValueError):
     """A model cannot be described so.
@@ -135,3 +138,19 @@ def check_names(where: str, names: Sequence[str], what: str) -> None:
                 f"{where}[{i}].name",
                 "seed is what every evaluation gets besides its factors: choose another name",
             )
+
+
+def check_columns(sources: Sequence[str], outputs: Sequence[str]) -> None:
+    """Raise a DescriptionError unless factors and outputs can stand in one table of results.
+
+    Args:
+        sources: names of the factors, then the seed if that decides, too.
+    """
+    taken = dict.fromkeys(RESULT_COLUMNS, "what a column of every table of results is called")
+    for where, names in (("factors", sources), ("outputs", outputs)):
+        for i, name in enumerate(names):
+            if name in taken:
+                raise DescriptionError(
+                    f"{where}[{i}].name", f"{name} is {taken[name]}: rename this {where[:-1]}"
+                )
+        taken |= dict.fromkeys(names, "a factor, too, and a table has one column of a name")

@@ -19,11 +19,32 @@ def units_of(study: Json) -> Mapping[str, str]:
     return units
 
 
+def check_names(study: Json) -> None:
+    """Raise Invalid unless the columns of a study's table can be told apart.
+
+    Earlier versions took models of which they cannot.
+    """
+    from models.entries import DescriptionError, check_columns
+
+    try:
+        check_columns([factor["name"] for factor in study["factors"]], study["outputs"])
+    except DescriptionError as error:
+        raise Invalid(
+            f"study {study['id']} gives its results.csv only, because of a name in its model: "
+            f"{error}"
+        ) from None
+
+
 @contextmanager
 def study_with_results(client: Client, study_id: str) -> Iterator[tuple[Json, Path]]:
-    """Yield a study's description, and its results so far as CSV for as long as the block lasts."""
+    """Yield a study's description, and its results so far as CSV for as long as the block lasts.
+
+    Raises:
+        Invalid: a name in its model clashes with one in its table of results.
+    """
     with tempfile.TemporaryDirectory() as folder:
         study, results = client.study(study_id), Path(folder) / "results.csv"
+        check_names(study)
         client.results_csv(study_id, results)
         yield study, results
 

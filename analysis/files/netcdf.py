@@ -5,7 +5,7 @@ names and attributes after the CF conventions (cfconventions.org, version 1.11).
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from math import nan
 from pathlib import Path
 from typing import Any
@@ -44,10 +44,11 @@ def write_netcdf(
             file.createDimension(dimension, size)
             _put(file, dimension, np.arange(size, dtype=np.int32), (dimension,))
         written = {name: table.points[:, i] for i, name in enumerate(plan.factors)}
-        for name, values in (written | _outputs(table)).items():
+        written |= _outputs(table)
+        for name, values in written.items():
             dimensions: tuple[str, ...] = ("row", "position")
             if name in plan.curves:
-                dimensions = (*dimensions, _put_axis(file, name, plan.curves[name]))
+                dimensions = (*dimensions, _put_axis(file, name, plan.curves[name], written))
             grid = np.full((*shape, *values.shape[1:]), nan)
             grid[table.rows, table.positions] = values
             _put(
@@ -90,9 +91,11 @@ def _outputs(table: Table) -> dict[str, NDArray[np.float64]]:
     return found
 
 
-def _put_axis(file: Any, name: str, curve: Curve) -> str:
-    """Write the axis of a curve and return the name of its dimension."""
+def _put_axis(file: Any, name: str, curve: Curve, taken: Container[str]) -> str:
+    """Write the axis of a curve and return the name of its dimension, which is none of `taken`."""
     dimension = f"{name}_axis"
+    while dimension in taken:
+        dimension += "_"
     file.createDimension(dimension, curve.points)
     _put(
         file,

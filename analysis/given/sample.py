@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 
 from analysis.given.errors import GivenError
 from analysis.given.reading import Sheet
+from models.entries import RESULT_COLUMNS
 
 Array = NDArray[np.float64]
 
 #: Fewer rows tell nothing that its interval would not take back.
 FEWEST_ROWS = 64
-#: Columns that a study's own table has besides factors and outputs, in their places.
-_OURS = ("row", "position", "outcome", "wall_seconds", "worker")
 #: Of a column with more than this share of values of its own, equal rows are copies.
 _HARDLY = 0.5
 
@@ -164,11 +163,12 @@ def _first_of_each(table: Array, factors: int) -> NDArray[np.intp]:
 
 def _of_a_study(sheet: Sheet) -> tuple[list[str], list[str]]:
     """Return factors and outputs of a study's own table; nothing of any other."""
-    if not set(_OURS) <= set(sheet.columns):
+    if not set(RESULT_COLUMNS) <= set(sheet.columns):
         return [], []
     # The order of a study's columns tells factors from outputs (`analysis.files.results_csv`).
     split = sheet.columns.index("outcome")
-    numbers = [name for name in sheet.columns if name in sheet.numbers and name not in _OURS]
+    own = sheet.numbers.keys() - set(RESULT_COLUMNS)
+    numbers = [name for name in sheet.columns if name in own]
     return (
         [name for name in numbers if name in sheet.columns[:split]],
         [name for name in numbers if name in sheet.columns[split:]],

@@ -29,6 +29,7 @@ from typing import IO, Any
 
 from rehyb.client import Client, Json
 from rehyb.errors import Conflict, Invalid
+from rehyb.files import check_names
 from rehyb.whole_files import whole_file
 
 FORMAT = 1
@@ -74,11 +75,13 @@ def write_bundle(client: Client, study_id: str, out: Path) -> str:
 
     Raises:
         Conflict: the indices that the coordinator has are not yet those of all results.
+        Invalid: a name in its model clashes with one in its table of results.
         RehybError: the coordinator does not know the study, or does not answer.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         study = client.study(study_id)
+        check_names(study)
         client.results_csv(study_id, folder / RESULTS)
         indices = client.indices(study_id)
         outcomes, workers = _counted(folder / RESULTS)

@@ -72,7 +72,7 @@ def model_of(bundle: Bundle) -> "Description":
             f"no model.json; known are {', '.join(own_models())}"
         )
     try:
-        model = Description.from_json(bundle.model)
+        model = Description.from_json(bundle.model, kept=True)
     except DescriptionError as error:
         raise Invalid(f"model.json describes no model: {error}") from None
     if model.version != called:

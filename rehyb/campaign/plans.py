@@ -42,7 +42,7 @@ class Plan:
 
         if self.described is None:
             return own_models()[self.model]
-        return Description.from_json(self.described)
+        return Description.from_json(self.described, kept=True)
 
 
 #: Sizes of a campaign: fields of a plan.

@@ -13,7 +13,7 @@ _BESIDE = ("own", "announced_by", "announced_at")
 
 def description_of(model: Json) -> Description:
     """Return the description of a model as a coordinator shows it."""
-    return Description.from_json({k: v for k, v in model.items() if k not in _BESIDE})
+    return Description.from_json({k: v for k, v in model.items() if k not in _BESIDE}, kept=True)
 
 
 class Models(Connection):

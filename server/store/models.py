@@ -77,4 +77,5 @@ _LATEST_FIRST = (models.c.announced_at.desc(), models.c.version)
 
 def _model(row: sa.Row[Any]) -> ModelVersion:
     values = dict(row._mapping)
-    return ModelVersion(**values | {"description": Description.from_json(values["description"])})
+    description = Description.from_json(values["description"], kept=True)
+    return ModelVersion(**values | {"description": description})

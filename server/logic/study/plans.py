@@ -14,6 +14,7 @@ from analysis.json_values import is_finite_number
 from analysis.sensitivity.fewer_runs.limits import MOST_RUNS
 from models.curves import columns_of
 from models.description import Description
+from models.entries import DescriptionError
 from models.factors import SEED, Factor, no_factor
 from server.errors import InvalidStudyError
 from server.records import Plan
@@ -69,6 +70,10 @@ def draw_up(
     Raises:
         InvalidStudyError: with a pointer to what is wrong and a sentence saying what is right.
     """
+    try:
+        model.check_columns()
+    except DescriptionError as error:
+        raise InvalidStudyError("/model", f"{called} cannot be sampled: {error}") from None
     _known("/method", "method", method, METHODS)
     _known("/sampling", "sampling", sampling, samplings(method))
     if not 1 <= rows <= MAX_ROWS:

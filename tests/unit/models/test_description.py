@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from models.description import Description, complete
-from models.entries import DescriptionError
+from models.entries import RESULT_COLUMNS, DescriptionError
 from models.factors import Factor
 
 SAID: dict[str, Any] = {
@@ -135,3 +135,38 @@ def test_what_is_no_choice_is_refused(text: str) -> None:
     )
     with pytest.raises(ValueError, match="muscles must be first or second"):
         factor.number(text)
+
+
+def clashing(factor: str, output: str, **changes: Any) -> dict[str, Any]:
+    """Return a description with such names."""
+    outputs = [{"name": "z", "unit": "m"}, {"name": output, "unit": "m"}]
+    return said(factors=[{**FACTOR, "name": factor}], outputs=outputs, **changes)
+
+
+@pytest.mark.parametrize("name", RESULT_COLUMNS)
+def test_no_factor_and_no_output_is_called_as_a_column_of_every_table_is(name: str) -> None:
+    words = f"{name} is what a column of every table of results is called: rename this "
+    with pytest.raises(DescriptionError) as caught:
+        Description.from_json(clashing(name, "y"))
+    assert str(caught.value) == f"factors[0].name: {words}factor"
+    with pytest.raises(DescriptionError) as caught:
+        Description.from_json(clashing("x", name))
+    assert str(caught.value) == f"outputs[1].name: {words}output"
+
+
+@pytest.mark.parametrize(
+    ("factor", "output", "deterministic"), [("x", "x", True), ("x", "seed", False)]
+)
+def test_no_output_is_called_as_a_factor_or_as_the_seed_that_a_study_samples(
+    factor: str, output: str, *, deterministic: bool
+) -> None:
+    with pytest.raises(DescriptionError, match=f"{output} is a factor, too, .* rename") as caught:
+        Description.from_json(clashing(factor, output, deterministic=deterministic))
+    assert caught.value.field == "outputs[1].name"
+
+
+def test_a_model_that_was_kept_with_such_names_is_still_shown() -> None:
+    kept = Description.from_json(clashing("row", "row"), kept=True)
+    assert Description.from_json(kept.as_json(), kept=True) == kept
+    assert Description.from_json(clashing("rows", "Row", deterministic=True)).outputs[1] == "Row"
+    assert Description.from_json(clashing("x", "seed")).outputs == ("z", "seed")

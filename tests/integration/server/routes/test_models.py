@@ -15,9 +15,10 @@ from fastapi.testclient import TestClient
 from pydantic import SecretStr
 
 from analysis.sensitivity.service import catch_up
+from models.description import Description
 from models.folder import pack, read_folder
 from server.app import create_app
-from server.operations import tokens
+from server.operations import models, tokens
 from server.operations.study.result_log import StoreResultLog
 from server.settings import Settings
 from server.store import upgrade
@@ -175,6 +176,22 @@ def test_a_name_of_rehyb_and_a_model_that_is_not_there_are_refused(
     answer = client.post("/v1/studies", json=body)
     assert (answer.status_code, answer.json()["pointer"]) == (422, "/model")
     assert "expected one of" in answer.json()["detail"]
+
+
+def test_names_that_clash_with_columns_of_results_are_refused_unless_they_were_kept(
+    client: TestClient, app: FastAPI
+) -> None:
+    outputs = [{"name": "row", "unit": "1"}]
+    answer = client.post("/v1/models", json=announced(outputs=outputs))
+    assert answer.status_code == 422
+    assert "outputs[0].name: row is what a column" in answer.json()["detail"]
+    kept = Description.from_json(announced(outputs=outputs), kept=True)
+    models.announce(app.state.engine, kept, by="w", now=1.0)
+    assert client.get("/v1/models/elsewhere").json()["outputs"][0]["name"] == "row"
+    assert kept.digest in str(client.get("/v1/models").json())
+    body = {"name": "a", "model": "elsewhere", "method": "morris", "rows": 2}
+    answer = client.post("/v1/studies", json=body)
+    assert (answer.status_code, answer.json()["pointer"]) == (422, "/model")
 
 
 def test_a_token_for_work_may_announce_and_fetch_and_one_for_reading_may_not(

@@ -18,6 +18,7 @@ from analysis.files.parquet import GROUP, STUDY_KEY, parquet, write_parquet
 from analysis.files.results_csv import columns, read_table
 from analysis.sensitivity.records import StudyPlan
 from models.curves import Curve
+from models.entries import RESULT_COLUMNS
 from tests.testbed.studies import FACTORS, results_of, study_plan
 
 UNITS = {"a": "m", "y": "Nm/rad"}
@@ -130,6 +131,26 @@ def test_netcdf_holds_rows_and_positions_for_an_independent_reader(
             for name in (*FACTORS, *plan.outputs):
                 found = np.ma.filled(file[name][at], math.nan)
                 assert found == named[name] or (named[name] is None and math.isnan(found))
+
+
+def test_a_table_has_the_columns_that_no_model_may_call_its_own() -> None:
+    assert columns((), ()) == list(RESULT_COLUMNS)
+
+
+def test_the_axis_of_a_curve_is_kept_apart_from_a_factor_of_its_name(tmp_path: Path) -> None:
+    made = study_plan("saltelli", rows=4)
+    curve = Curve(points=2, over="time", low=0.5, high=2.0)
+    factors = ("w_axis", *made.factors[1:])
+    plan = replace(made, factors=factors, outputs=("w[0]", "w[1]"), curves={"w": curve})
+    text = write_csv(tmp_path / "r.csv", made).read_text()
+    header = ",".join(columns(factors, plan.outputs))
+    (tmp_path / "r.csv").write_text("\n".join([header, *text.splitlines()[1:]]))
+    table = read_table(plan, tmp_path / "r.csv")
+    write_netcdf(tmp_path / "r.nc", described(plan) | {"outputs": ["w"]}, table, {})
+    with netCDF4.Dataset(tmp_path / "r.nc") as file:
+        assert file["w"].dimensions == ("row", "position", "w_axis_")
+        assert file["w_axis_"][:].tolist() == [0.5, 2.0]
+        assert file["w_axis"].dimensions == ("row", "position")
 
 
 def test_a_curve_is_one_column_of_lists_and_one_variable_with_an_axis(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from server.logic.study.plans import MAX_ROWS, FactorChoice, draw_up, refuse_out
 from server.logic.study.points import parameters
 from server.logic.study.requests import refuse_too_few
 from server.records import Plan
-from sim.models import ELBOW
+from sim.models import ELBOW, SOBOL_G
 
 Drawing = Callable[..., Plan]
 
@@ -317,3 +317,22 @@ def test_factors_that_depend_on_each_other_do_so_in_every_point(plan: Drawing) -
     drawn = plan(**asked, correlations=[["x1", "x2", 0.9]])
     bases = [parameters(drawn, row)[0] for row in range(64)]
     assert np.corrcoef([[one["x1"], one["x2"]] for one in bases], rowvar=False)[0, 1] > 0.7
+
+
+def test_a_kept_model_whose_names_clash_with_columns_of_results_is_not_sampled_again() -> None:
+    outputs = tuple(replace(output, name="row") for output in SOBOL_G.results)
+    kept = replace(SOBOL_G, results=outputs)
+    with pytest.raises(InvalidStudyError, match="row is what a column of every table") as refusal:
+        draw_up(
+            name="a study",
+            model=kept,
+            called=kept.version,
+            method="morris",
+            sampling="sobol",
+            rows=2,
+            seed=1,
+            factors=None,
+            fixed={},
+            outputs=None,
+        )
+    assert refusal.value.pointer == "/model"
