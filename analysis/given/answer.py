@@ -13,7 +13,7 @@ from analysis.given.dependence import related
 from analysis.given.hsic import hsic
 from analysis.given.measures import MEASURES, Measure
 from analysis.given.reading import read_sheet
-from analysis.given.sample import FEWEST_ROWS, Sample, choose
+from analysis.given.sample import FEWEST_ROWS, Sample, choose, first_of_each
 from analysis.given.spread import in_parts, quasi_random, sharing_nothing
 from analysis.sensitivity.estimators import Estimate
 
@@ -85,7 +85,9 @@ def answer(sample: Sample) -> dict[str, Any]:
     order = np.random.default_rng(0).permutation(len(rows))
     x, y = x[order], y[order]
     if len(rows):
-        remarks.extend(related(sample.factors, x, drawn=drawn))
+        # Several runs at the same point are one of the points that were drawn.
+        points = x[first_of_each(x, x.shape[1])]
+        remarks.extend(related(sample.factors, points, drawn=drawn))
     levels = {name: len(np.unique(x[:, f])) for f, name in enumerate(sample.factors)}
     if few := [f"{name} ({count})" for name, count in levels.items() if 0 < count <= 10]:
         remarks.append(

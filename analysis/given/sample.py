@@ -66,9 +66,10 @@ def choose(
     if factors is None:
         factors = known_factors or [name for name in sheet.numbers if name not in outputs]
         counting = [name for name in factors if _counts(sheet.numbers[name])]
+        rest = [name for name in factors if name not in counting]
         # A file of one factor may be a sweep of it.
-        if not known_factors and 0 < len(counting) < len(factors):
-            factors = [name for name in factors if name not in counting]
+        if not known_factors and counting and any(_varies(sheet.numbers[name]) for name in rest):
+            factors = rest
             remarks.append(
                 f"Columns that only count the rows are left out: {', '.join(counting)}. "
                 "If one is a factor, name all factors (--factor)."
@@ -94,7 +95,7 @@ def _sample(
 ) -> Sample:
     names = (*factors, *outputs)
     table = np.column_stack([sheet.numbers[name] for name in names])
-    first = _first_of_each(table, len(factors))
+    first = first_of_each(table, len(factors))
     if copies := len(table) - len(first):
         remarks.append(
             f"{copies} of {len(table)} rows are exact copies of others and are "
@@ -146,7 +147,7 @@ def _sample(
     )
 
 
-def _first_of_each(table: Array, factors: int) -> NDArray[np.intp]:
+def first_of_each(table: Array, factors: int) -> NDArray[np.intp]:
     """Return the rows of a table without copies, in order; all of it where copies may be chance.
 
     They are no chance where a column of the rest hardly repeats a value.
@@ -190,6 +191,11 @@ def _counts(column: Array) -> bool:
         and (steps == steps[0]).all()
         and (column == np.round(column)).all()
     )
+
+
+def _varies(column: Array) -> bool:
+    there = column[~np.isnan(column)]
+    return bool(len(there) and np.ptp(there) > 0.0)
 
 
 def _finite(values: Array) -> NDArray[np.bool_]:

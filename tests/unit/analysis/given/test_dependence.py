@@ -63,3 +63,12 @@ def test_an_answer_names_it(tmp_path: Path) -> None:
     x = circle(np.random.default_rng(3), 100)
     found = analyse(written(tmp_path / "s.csv", np.column_stack([x, x.sum(axis=1)])), ["y"])
     assert "by R²-HSIC: a and b" in " ".join(found["remarks"])
+
+
+def test_runs_at_the_same_point_are_no_evidence_of_a_dependence(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    x = np.repeat(rng.random((30, 4)), 4, axis=0)
+    assert related("abcd", x) != []
+    table = np.column_stack([x, x.sum(axis=1) + rng.normal(size=120)])
+    found = analyse(written(tmp_path / "repeats.csv", table, "a,b,c,d,y"), ["y"])
+    assert "depend" not in " ".join(found["remarks"])

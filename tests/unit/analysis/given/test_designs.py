@@ -145,6 +145,9 @@ def test_a_column_that_counts_the_rows_hides_no_design(tmp_path: Path) -> None:
     assert named.factors == ("run", "a") and named.remarks == ()
     sweep = written(tmp_path / "sweep.csv", table[:, [0, 4]], "force,y")
     assert choose(read_sheet(sweep), ["y"]).factors == ("force",)
+    table[:, 1] = 20.0
+    still = written(tmp_path / "still.csv", table[:, [0, 1, 4]], "force,room,y")
+    assert choose(read_sheet(still), ["y"]).factors == ("force",)
 
 
 def test_a_morris_design_on_a_grid_is_named_in_any_order(tmp_path: Path) -> None:
