@@ -256,8 +256,8 @@ def _separator(lines: Sequence[str]) -> str:
             # Decimal commas may cut as evenly as semicolons do: what cuts the header cuts more.
             counted[separator] = (often == len(counts), separator != ",", usual)
     if not counted:
-        blank = {len(line.split()) for line in lines[:20]}
-        return _BLANKS if len(blank) == 1 and blank != {1} else ","
+        blank = [len(line.split()) for line in lines[:20]]
+        return _BLANKS if Counter(blank).most_common(1)[0][0] == blank[0] > 1 else ","
     return max(counted, key=lambda separator: counted[separator])
 
 

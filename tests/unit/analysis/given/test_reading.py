@@ -90,6 +90,7 @@ def test_lines_that_all_end_alike_are_read(tmp_path: Path, table: Any, dressed: 
         (lambda t: [f"{t[0]},e", *t[1:]], "line 2 has 4 cells and not 5"),
         (lambda t: [t[0], *(f"{r},1" for r in t[1:])], "line 2 has 5 cells and not 4"),
         (lambda t: ["a b c y", *(r.replace(",", " ") for r in t[1:40]), "1 2 3"], "line 41 has 3"),
+        (lambda t: ["a b c y", "1 2 3 4", "1 2 3", "2 3 4 5"], "line 3 has 3 cells and not 4"),
         (lambda t: [*t[:5], '"1",2', *t[5:]], "line 6 has 2 cells and not 4"),
     ],
 )
