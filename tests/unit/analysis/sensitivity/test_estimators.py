@@ -1,6 +1,5 @@
 """What both estimators promise: independent formulas' values, any order, honest use of failures."""
 
-from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -12,52 +11,16 @@ from numpy.typing import NDArray
 from SALib.analyze import sobol as salib_sobol
 from scipy.stats import sobol_indices
 
-from analysis.designs import BLOCKS, METHODS, blocks_of, unit_row
+from analysis.designs import METHODS, unit_row
 from analysis.sensitivity.estimators import (
     Estimator,
     MorrisEstimator,
     SaltelliEstimator,
     Sample,
-    SecondOrderEstimator,
-    ShapleyEstimator,
     SinglePoints,
     estimator_class,
 )
-from analysis.sensitivity.estimators.bootstrap import replicate_weights
-from analysis.sensitivity.estimators.intervals import (
-    fieller,
-    jackknife_error,
-    satterthwaite,
-    student,
-    without_bias,
-)
-from analysis.sensitivity.estimators.shares import kept_apart, share_of_squares
-from analysis.sensitivity.estimators.tails import tail
-
-SEED, FACTORS, OUTPUTS = 12, 3, 2
-CLASSES = (MorrisEstimator, SaltelliEstimator, SecondOrderEstimator, ShapleyEstimator)
-
-
-def empty(cls: type[Estimator], seed: int = SEED, factors: int = FACTORS) -> Estimator:
-    return cls(sampling="sobol", seed=seed, factors=factors, outputs=OUTPUTS)
-
-
-def function(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return two outputs, the second far from zero, of points (..., 3): shape (..., 2)."""
-    a, b, c = np.moveaxis(x, -1, 0)
-    return np.stack([a + 3.0 * a * b - c**2, 500.0 + b + 0.1 * np.sin(6.0 * c)], axis=-1)
-
-
-def values_of(cls: type[Estimator], rows: int) -> NDArray[np.float64]:
-    """Return the outputs of the first rows of the design, shape (rows, width, outputs)."""
-    points = [unit_row(cls.method, "sobol", SEED, row, FACTORS) for row in range(rows)]
-    return function(np.stack(points))
-
-
-def fed(cls: type[Estimator], values: NDArray[np.float64]) -> Estimator:
-    estimator = empty(cls)
-    estimator.add_rows(range(len(values)), values)
-    return estimator
+from tests.testbed.estimators import CLASSES, FACTORS, OUTPUTS, SEED, empty, fed, values_of
 
 
 def fingerprint(estimator: Estimator) -> bytes:
@@ -124,103 +87,6 @@ def test_first_and_total_order_are_salibs() -> None:
         # SALib centres on the mean of all points; Saltelli et al. 2010 on that of A and B.
         np.testing.assert_allclose(found["first_order"].value[output], oracle["S1"], atol=1e-3)
         np.testing.assert_allclose(found["total_order"].value[output], oracle["ST"], rtol=1e-10)
-
-
-EVERY_INDEX = [
-    (MorrisEstimator, "mu", None),
-    (MorrisEstimator, "mu_star", 1),
-    (MorrisEstimator, "sigma", 2),
-    (SaltelliEstimator, "first_order", None),
-    (SaltelliEstimator, "total_order", 1),
-    (SaltelliEstimator, "sum_first_order", None),
-    (SaltelliEstimator, "sum_total_order", 1),
-    (SaltelliEstimator, "dummy_first_order", None),
-    (SecondOrderEstimator, "first_order", None),
-    (SecondOrderEstimator, "second_order", None),
-]
-
-
-@pytest.mark.parametrize(
-    ("cls", "name", "power"), [*EVERY_INDEX, (ShapleyEstimator, "shapley", None)]
-)
-def test_a_replicate_is_the_index_of_rows_repeated_as_its_weights_say(
-    cls: type[Estimator], name: str, power: int | None
-) -> None:
-    """Replicates the slow way: an estimator fed a resampled set of rows."""
-    values = values_of(cls, 15)
-    once = np.ones((1, 15), dtype=int)
-    slow = []
-    for weighting in np.concatenate([once, replicate_weights(SEED, range(15))[:40].astype(int)]):
-        repeated = np.repeat(np.arange(15), weighting)
-        resampled = empty(cls)
-        resampled.add_rows(repeated.tolist(), values[repeated])
-        slow.append(resampled.indices()[name].value)
-    # The variance of n rows drawn from n rows is too small by (n - 1) / n in the mean.
-    slow[1:] = np.array(slow[1:]) * (np.sqrt(15 / 14) if name == "sigma" else 1.0)
-    found = fed(cls, values).statistics()[name]
-    np.testing.assert_allclose(found.weighted[:41], slow, rtol=1e-12, atol=1e-12)
-    assert found.power == power
-
-
-def stretch_of(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return `Tail.stretch` from the runs, shape (outputs, factors)."""
-    size = np.abs(np.moveaxis(values[:, 2 : 2 + FACTORS], 1, 2) - values[:, 0, :, None])
-    half, first, second, fourth = (np.nanmean(size**p, axis=0) for p in (0.5, 1.0, 2.0, 4.0))
-    n = np.sum(~np.isnan(size), axis=0)
-    return tail(half=half, first=first, second=second, fourth=fourth, n=n).stretch
-
-
-@pytest.mark.parametrize(("cls", "name", "power"), EVERY_INDEX)
-def test_an_interval_is_made_of_what_the_index_is_without_each_block(
-    cls: type[Estimator], name: str, power: int | None
-) -> None:
-    """The slow way: an estimator for each block that never sees its rows."""
-    values = values_of(cls, 24)
-    values[5, 1] = np.nan
-    found = fed(cls, values).indices(level=0.8)[name]
-    blocks = blocks_of("sobol", SEED, range(24))
-    slow, wholes = [], [np.nanvar(values[:, :2], axis=(0, 1))]
-    for block in range(BLOCKS):
-        others = np.flatnonzero(blocks != block)
-        wholes.append(np.nanvar(values[others, :2], axis=(0, 1)))
-        without = empty(cls)
-        without.add_rows(others.tolist(), values[others])
-        slow.append(without.indices()[name].value)
-    present = np.ones((BLOCKS, *found.value.shape), dtype=np.bool_)
-    statistic = fed(cls, values).statistics()[name]
-    if name == "total_order":
-        assert statistic.weighted_whole is not None
-        expected = share_of_squares(
-            statistic.weighted,
-            np.stack(slow),
-            present,
-            0.8,
-            whole=np.stack(wholes)[..., None],
-            weighted_whole=statistic.weighted_whole,
-            stretch=stretch_of(values),
-        )
-    elif power is not None:
-        stretch = None if statistic.tail is None else statistic.tail.stretch
-        expected = satterthwaite(found.value, np.stack(slow), present, 0.8, power, stretch)
-        if name == "sigma":
-            # Sums of squares about 0, less the mean's square without its own error's.
-            mean = fed(cls, values).statistics()["mu"]
-            error = jackknife_error(mean.without, mean.present)
-            squares = (1.0 - 1.0 / mean.n) * found.value**2 + error**2
-            moves = found.value > 0.0
-            scale = np.sqrt(squares) / np.where(moves, found.value, 1.0)
-            expected = without_bias(expected, np.where(moves, scale, 1.0))
-    elif name == "mu":
-        expected = student(found.value, np.stack(slow), present, 0.8)
-    else:
-        whole = np.stack(wholes).reshape(-1, OUTPUTS, *[1] * (found.value.ndim - 1))
-        expected = fieller(found.value, np.stack(slow), present, 0.8, whole)
-    if statistic.apart is not None:
-        expected = kept_apart(expected, statistic.weighted, statistic.apart, 0.8)
-    if power is not None:
-        expected = replace(expected, low=np.maximum(expected.low, 0.0))
-    np.testing.assert_allclose(found.low, expected.low, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(found.high, expected.high, rtol=1e-9, atol=1e-12)
 
 
 def test_the_tails_of_a_sample_are_those_of_its_statistics() -> None:
