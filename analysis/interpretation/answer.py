@@ -1,5 +1,6 @@
 """The answer to a recording: K_h and D_h with intervals, what they are made of, what to do next."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from analysis.interpretation.inference.familiarity import CALLED_STRANGE
 from analysis.interpretation.inference.features import RECORDED
 from analysis.interpretation.inference.interpreter import Interpreter, Known
 from analysis.interpretation.inference.posterior import TARGETS, Posterior, View
+from analysis.interpretation.inference.rounding import ALLOWED, moved_by_rounding
 from analysis.interpretation.inference.rows import targets_of
 from analysis.interpretation.plan import (
     Step,
@@ -21,7 +23,8 @@ from analysis.interpretation.plan import (
     steps,
 )
 from analysis.interpretation.recording import Recording
-from analysis.interpretation.sensors import coarse, posture
+from analysis.interpretation.sensors import posture
+from analysis.interpretation.sensors import steps as steps_of
 from sim.models import WINDOWS
 from sim.robot.device import NESM, load_device
 
@@ -34,6 +37,8 @@ OTHER_DEVICE = (
     f"banks are of the {NESM.name} alone: the intervals are the population's own and say nothing "
     "of this recording; what its declared model lacks, `rehyb close-loop` finds of any robot"
 )
+#: Share of samples that may be single ones far from their neighbours; ours.
+MOST_REPLACED = 0.01
 PROBABILITIES = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
 
 
@@ -84,9 +89,12 @@ def interpret(bank: Bank, question: Question) -> dict[str, Any]:
         return common | _unknown(
             bank, question, f"it was recorded by {recording.device}, and the bank is of {NESM.name}"
         )
+    if recording.differs is not None:
+        other = f"the declared robot is not the bank's {NESM.name}: {recording.differs}"
+        return common | _unknown(bank, question, other)
     values = recording.values()
     view = interpreter.look(values)
-    why = _unfamiliar(interpreter, recording, values) or _contrary(interpreter, view, known)
+    why = _unfamiliar(bank, interpreter, recording, values) or _contrary(interpreter, view, known)
     posterior = interpreter.infer(view, known)
     offered = steps(interpreter, known)
     after = {step.factor: half_width_after(interpreter, view, known, (step,)) for step in offered}
@@ -112,13 +120,28 @@ def interpret(bank: Bank, question: Question) -> dict[str, Any]:
                 "affine": -float(values[RECORDED.index("affine_stiffness")]),
                 "paper": -float(values[RECORDED.index("paper_stiffness")]),
             },
-            "advice": [] if why is None else [ADVICE],
+            "advice": [*_notes(recording), *([] if why is None else [ADVICE])],
         }
     )
 
 
-def _unfamiliar(interpreter: Interpreter, recording: Recording, values: np.ndarray) -> str | None:
+def _notes(recording: Recording) -> Iterator[str]:
+    """Yield what was done to a recording, and what of it was left out."""
+    if recording.replaced:
+        listed = ", ".join(f"{count} of the {name}" for name, count in recording.replaced.items())
+        yield f"single samples far from their neighbours were replaced by the median: {listed}"
+    if recording.unused:
+        listed = ", ".join(recording.unused)
+        yield f"{listed} of session.json: not used here; what is known of the wearer is `--known`"
+
+
+def _unfamiliar(
+    bank: Bank, interpreter: Interpreter, recording: Recording, values: np.ndarray
+) -> str | None:
     """Return why a recording is unlike the bank's, or None."""
+    for name, count in recording.replaced.items():
+        if count > MOST_REPLACED * len(recording.motion.time):
+            return f"{count} samples of the {name} are far from their neighbours"
     features, familiarity = interpreter.features, interpreter.familiarity
     gain, off = recording.velocity_check()
     allowed = _velocity_error(interpreter)
@@ -128,9 +151,9 @@ def _unfamiliar(interpreter: Interpreter, recording: Recording, values: np.ndarr
             f"it, and off by {off:.2g} rad/s, where {allowed:.2g} is as much as goes unnoticed"
         )
     device = load_device(NESM.name)
-    if why := posture(recording.motion, device):
+    if why := posture(recording.motion, device, contact=interpreter.correction is not None):
         return why
-    if why := coarse(recording.motion, device, interpreter.population.torque_zero):
+    if why := _coarse(bank, interpreter, recording):
         return why
     scaled = features.scaled(values[None])[0]
     if offset := familiarity.offset(scaled):
@@ -148,6 +171,24 @@ def _unfamiliar(interpreter: Interpreter, recording: Recording, values: np.ndarr
             f"distance {distance:.0f}, of the bank's own {limit:.0f} at most)"
         )
     return None
+
+
+def _coarse(bank: Bank, interpreter: Interpreter, recording: Recording) -> str | None:
+    """Return whose torque is recorded in too large steps, or None."""
+    apart = steps_of(recording.motion)
+    worst = int(np.argmax(apart))
+    if np.isinf(apart[worst]):
+        return f"the torque of {NESM.joints[worst]} never changes: its steps are too large"
+    moved = moved_by_rounding(interpreter, bank, apart)
+    if moved <= ALLOWED:
+        return None
+    alone = [moved_by_rounding(interpreter, bank, apart * one) for one in np.eye(len(apart))]
+    worst = int(np.argmax(alone))
+    allowed = apart[worst] * ALLOWED / moved
+    return (
+        f"the torque of {NESM.joints[worst]} is recorded in steps of {apart[worst]:.2g} Nm, which "
+        f"move K by {moved:.2g} of its half width: record in steps of {allowed:.2g} Nm or less"
+    )
 
 
 def _contrary(interpreter: Interpreter, view: View, known: tuple[Known, ...]) -> str | None:
@@ -268,5 +309,5 @@ def _unknown(bank: Bank, question: Question, why: str) -> dict[str, Any]:
         "next": [],
         "tolerance": tolerance,
         "regression": None,
-        "advice": [OTHER_DEVICE],
+        "advice": [*_notes(question.recording), OTHER_DEVICE],
     }

@@ -1,7 +1,8 @@
 """What a robot recorded: a file of `rehyb assess --record`, or a measured session."""
 
+from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,10 @@ from analysis.closeloop.session.mjcf import load_device as session_device
 from analysis.closeloop.session.reading import read_session
 from analysis.closeloop.session.trial_csv import read_trial
 from analysis.interpretation.bank.archive import is_finite, read_arrays
+from analysis.interpretation.declared import other_robot
 from analysis.interpretation.errors import InterpretationError
-from analysis.interpretation.sensors import impossible
+from analysis.interpretation.sensors import despiked, impossible
+from sim.assessment.nominal import REFERENCE_HEIGHT, REFERENCE_MASS
 from sim.assessment.summary import (
     AFTER,
     BEFORE,
@@ -43,6 +46,12 @@ class Recording:
     #: Name of the device.
     device: str
     motion: Motion
+    #: How many single samples were replaced, by channel in words.
+    replaced: Mapping[str, int] = field(default_factory=dict)
+    #: What the declared robot differs in from the device, in words.
+    differs: str | None = None
+    #: What a session says that interpretation does not use.
+    unused: tuple[str, ...] = ()
 
     def values(self) -> np.ndarray:
         """Return CURVES and ESTIMATES, shape (both,).
@@ -142,7 +151,8 @@ def _from_archive(path: Path) -> Recording:
         joint=exo_joint,
     )
     _check(motion, str(path))
-    return Recording(source=str(path), device=str(device), motion=motion)
+    motion, replaced = despiked(motion)
+    return Recording(source=str(path), device=str(device), motion=motion, replaced=replaced)
 
 
 def _whole(array: np.ndarray, what: str) -> int:
@@ -182,8 +192,15 @@ def _from_session(folder: Path) -> Recording:
     complaint = f"{folder.name}: it has no trial"
     for listed in session.trials:
         trial = read_trial(folder, listed, joints, ())
-        motion = _motion(trial, joints)
-        recording = Recording(source=f"{folder.name}/{trial.file}", device=NESM.name, motion=motion)
+        motion, replaced = despiked(_motion(trial, joints))
+        recording = Recording(
+            source=f"{folder.name}/{trial.file}",
+            device=NESM.name,
+            motion=motion,
+            replaced=replaced,
+            differs=other_robot(session),
+            unused=_unused(session, trial),
+        )
         try:
             summarise(motion, NESM)
         except ValueError as error:
@@ -191,6 +208,18 @@ def _from_session(folder: Path) -> Recording:
             continue
         return recording
     raise InterpretationError(complaint)
+
+
+def _unused(session: Session, trial: Trial) -> tuple[str, ...]:
+    """Return what a session says of its trial that interpretation does not use, by its key."""
+    said = {
+        "subject": (session.height_m, session.mass_kg) != (REFERENCE_HEIGHT, REFERENCE_MASS),
+        "declared_effects": bool(session.declared),
+        "added_mass": trial.added_mass is not None,
+        "payload": trial.payload is not None,
+        "effort_filter_hz": trial.effort_filter_hz is not None,
+    }
+    return tuple(name for name, there in said.items() if there)
 
 
 def _joints(session: Session) -> tuple[str, ...]:

@@ -174,6 +174,10 @@ class Interpreter:
         """Return the inputs of recordings, shape (n, d)."""
         return self.features.inputs(recorded)
 
+    def stiffness(self, recorded: np.ndarray) -> np.ndarray:
+        """Return K by regression alone of recordings (n, both), Nm/rad, shape (n,)."""
+        return self._mean(self.inputs(recorded))[:, 0]
+
     def look(self, recorded: np.ndarray) -> View:
         """Return what a recording (CURVES and ESTIMATES, shape (both,)) says before calibration."""
         inputs = self.inputs(recorded[None])

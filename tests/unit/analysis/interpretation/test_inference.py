@@ -14,11 +14,13 @@ from analysis.interpretation.build import empty_bank, grow
 from analysis.interpretation.errors import InterpretationError
 from analysis.interpretation.inference.features import RECORDED
 from analysis.interpretation.inference.interpreter import Interpreter, Known
+from analysis.interpretation.inference.rounding import ALLOWED, moved_by_rounding
 from analysis.interpretation.inference.rows import targets_of
 from analysis.interpretation.plan import half_width_after, parts, shortest_plan, steps
 from analysis.interpretation.recording import Recording
 from sim.assessment.summary import Motion
 from sim.models import WINDOWS
+from sim.robot.device import NESM
 from tests.testbed.bank import bank, samples
 
 
@@ -272,3 +274,57 @@ def test_another_device_is_not_familiar_and_says_no_more_than_the_population() -
 def test_a_question_that_means_nothing_is_one_sentence(asked: dict, sentence: str) -> None:
     with pytest.raises(InterpretationError, match=sentence):
         Question(recording=recording("nesm"), **asked)
+
+
+def test_steps_of_a_torque_move_k_by_what_it_rests_on_that_torque(
+    interpreter: Interpreter,
+) -> None:
+    def moved(*steps: float) -> float:
+        return moved_by_rounding(interpreter, bank(), np.array(steps))
+
+    assert moved(0.0, 0.0, 0.0, 0.0) == 0.0
+    # K is the slope of the elbow's torque over 1.75 rad.
+    small, fine, coarse = (moved(0.0, 0.0, 0.0, step) for step in (0.1, 0.2, 2.0))
+    assert fine < ALLOWED < coarse
+    assert 1.2 * small < fine < 3.0 * small
+
+
+def held(motion: Motion) -> Motion:
+    """Return a movement with the other joints where an assessment holds them."""
+    theta = motion.theta.copy()
+    theta[:, :3] = NESM.start("elbow").angles[:3]
+    return replace(motion, theta=theta)
+
+
+def named(**changes: object) -> dict:
+    """Return the answer to a familiar movement with some torque, changed."""
+    own = moved(1.0)
+    torque = np.random.default_rng(4).normal(0.0, 0.01, own.motion.theta.shape)
+    quiet = replace(own, motion=replace(own.motion, torque=torque + 4.0 * own.motion.theta))
+    return interpret(bank(), Question(recording=replace(quiet, **changes)))
+
+
+def test_a_torque_in_steps_that_move_k_is_not_familiar_and_says_which_steps_are() -> None:
+    own = held(moved(1.0).motion)
+    torque = np.random.default_rng(4).normal(0.0, 0.01, own.theta.shape)
+    torque[:, 3] = 2.0 * np.round(4.0 * own.theta[:, 3] / 2.0)
+    found = named(motion=replace(own, torque=torque))
+    assert "the torque of J4 is recorded in steps of 2 Nm, which move K" in found["why_not"]
+    torque[:, 1] = 3.0
+    found = named(motion=replace(own, torque=torque))
+    assert found["why_not"].startswith("the torque of J2 never changes")
+
+
+def test_another_declared_robot_is_not_familiar_and_says_why() -> None:
+    found = named(differs="the mass of the link of J4 is 2 kg, not 0.494, by r.xml")
+    assert "is not the bank's nesm: the mass of the link of J4 is 2 kg" in found["why_not"]
+    assert found["familiar"] is False and found["next"] == []
+
+
+def test_what_was_replaced_or_left_out_is_said_and_too_much_of_it_is_strange() -> None:
+    found = named(replaced={"torque of J4": 1}, unused=("added_mass",))
+    replaced, unused = found["advice"][:2]
+    assert replaced.endswith("by the median: 1 of the torque of J4")
+    assert unused.startswith("added_mass of session.json: not used here")
+    found = named(replaced={"torque of J4": 7})
+    assert found["why_not"] == "7 samples of the torque of J4 are far from their neighbours"

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from analysis.interpretation.errors import InterpretationError
-from analysis.interpretation.recording import read_recording
+from analysis.interpretation.recording import Recording, read_recording
 from sim.assessment.assess import assess
+from sim.assessment.nominal import nominal_spec
 from sim.assessment.record import Record
+from sim.robot.device import NESM
 from tests.testbed.interpretation import written_session
 
 
@@ -137,6 +139,67 @@ def test_a_session_of_another_joint_is_one_sentence(record: Record, tmp_path: Pa
     (folder / "knee.xml").write_text(ANOTHER)
     with pytest.raises(InterpretationError, match=r"is of knee\.xml with knee"):
         read_recording(folder)
+
+
+def declared(record: Record, folder: Path, model: str, **said: object) -> Recording:
+    """Return what is read of a session that declares a robot."""
+    written_session(folder, record, model="robot.xml")
+    (folder / "robot.xml").write_text(model)
+    session = json.loads((folder / "session.json").read_text()) | said
+    (folder / "session.json").write_text(json.dumps(session))
+    return read_recording(folder)
+
+
+ROBOT = NESM.path.read_text()
+
+
+@pytest.mark.parametrize("model", [ROBOT, nominal_spec().to_xml()], ids=["alone", "with a limb"])
+def test_a_declared_robot_that_is_the_banks_is_no_other(
+    record: Record, tmp_path: Path, model: str
+) -> None:
+    found = declared(record, tmp_path, model)
+    assert found.differs is None and found.unused == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('mass="0.494"', 'mass="2.0"', "the mass of the link of J4 is 2 kg, not 0.494"),
+        ('damping="1"', 'damping="2"', "the damping of J4 is 2 Nm s/rad, not 1"),
+        (
+            'name="J3" axis="0 0 1"',
+            'name="J3" axis="0 0.1 1"',
+            "the axis of J3 is 0.995 -0.0995 0, not 1 0 0",
+        ),
+        (
+            "-0.0006 0.1679 -0.03",
+            "-0.0006 0.1879 -0.03",
+            "the centre of all mass from the link on of J3",
+        ),
+        ("0.1108677 0.0689688 0.0569634", "0.1608677 0.1189688 0.0569634", "by its inertias J"),
+        ('pos="0 0 -0.085"', 'pos="0 0 -0.133"', "upper_arm_cuff is 48 mm from where the bank's"),
+        ('name="J4" axis', 'name="J4" frictionloss="2" axis', "the friction of J4 is 2 Nm, not 0"),
+    ],
+)
+def test_a_declared_robot_that_is_another_says_in_which_number(
+    record: Record, tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    assert old in ROBOT
+    found = declared(record, tmp_path, ROBOT.replace(old, new))
+    assert found.differs is not None and words in found.differs
+    assert "by robot.xml" in found.differs
+
+
+def test_what_a_session_says_that_is_not_used_is_told(record: Record, tmp_path: Path) -> None:
+    found = declared(
+        record,
+        tmp_path,
+        ROBOT,
+        subject={"height_m": 1.9},
+        declared_effects=[{"effect": "payload", "joint": "J4"}],
+        effort_filter_hz=2.0,
+    )
+    assert found.unused == ("subject", "declared_effects", "effort_filter_hz")
 
 
 def test_a_session_that_holds_no_movement_says_why(record: Record, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.interpretation.sensors import coarse, impossible, posture
+from analysis.interpretation.sensors import despiked, impossible, posture, steps
 from sim.assessment.summary import Motion
 from sim.robot.device import NESM, load_device
 
@@ -31,21 +31,41 @@ def shifted(joint: int, by: float) -> Motion:
 
 def test_a_movement_as_of_an_assessment_is_possible_and_held_in_its_place() -> None:
     assert impossible(movement()) is None
-    assert posture(movement(), DEVICE) is None
-    assert coarse(movement(), DEVICE, 0.1) is None
+    for contact in (False, True):
+        assert posture(movement(), DEVICE, contact=contact) is None
+    assert steps(movement()).max() < 0.02
 
 
-@pytest.mark.parametrize(("joint", "down"), [(0, -0.03), (1, 0.03), (2, -0.03)])
-def test_a_joint_that_is_held_elsewhere_is_named(joint: int, down: float) -> None:
-    # Its wearer's weight moves it one way.
-    assert posture(shifted(joint, down), DEVICE) is None
-    for by in (-down, 2.0 * down, -0.1, 0.1):
-        said = posture(shifted(joint, by), DEVICE)
-        assert said is not None and said.startswith(f"J{joint + 1} is {by:+.3f} rad")
+@pytest.mark.parametrize("contact", [False, True])
+@pytest.mark.parametrize("joint", [0, 2])
+@pytest.mark.parametrize("by", [-0.1, -0.035, 0.035, 0.1])
+def test_a_joint_that_is_held_elsewhere_is_named(contact: bool, joint: int, by: float) -> None:
+    said = posture(shifted(joint, by), DEVICE, contact=contact)
+    assert said is not None
+    assert f"J{joint + 1} is {by:+.3f} rad from" in said or "rad farther than J3" in said
+
+
+def test_weight_that_moves_j1_and_j3_alike_or_j3_alone_where_j1_has_a_stop_is_familiar() -> None:
+    both = shifted(0, -0.03)
+    both = replace(both, theta=both.theta - 0.03 * np.eye(4)[2])
+    assert posture(both, DEVICE, contact=False) is None
+    assert "J1 is -0.030 rad from" in (posture(both, DEVICE, contact=True) or "")
+    alone = shifted(2, -0.022)
+    assert posture(alone, DEVICE, contact=True) is None
+    said = posture(alone, DEVICE, contact=False)
+    assert said is not None and "J1 is +0.022 rad farther than J3" in said
+
+
+def test_j2_is_moved_by_its_wearers_weight_one_way() -> None:
+    for contact in (False, True):
+        assert posture(shifted(1, 0.03), DEVICE, contact=contact) is None
+        for by in (-0.03, 0.06):
+            said = posture(shifted(1, by), DEVICE, contact=contact)
+            assert said is not None and said.startswith(f"J2 is {by:+.3f} rad")
 
 
 def test_the_moved_joint_may_be_anywhere() -> None:
-    assert posture(shifted(3, 0.3), DEVICE) is None
+    assert posture(shifted(3, 0.3), DEVICE, contact=True) is None
 
 
 @pytest.mark.parametrize(
@@ -66,14 +86,43 @@ def test_what_no_sensor_reads_is_one_sentence(
         raise ValueError(said)
 
 
-def test_steps_of_a_torque_may_be_as_large_as_zero_errors_are() -> None:
+@pytest.mark.parametrize("spoilt", [0.0, 1e-7])
+def test_steps_of_a_torque_are_found_also_among_odd_samples(spoilt: float) -> None:
+    """Whether written with single precision, or with a sample between two steps."""
     motion = movement()
+    torque = motion.torque.copy()
+    torque[:, 0] = np.round(torque[:, 0] / 0.3) * 0.3
+    torque[:, 0] += spoilt * np.random.default_rng(2).standard_normal(400)
+    torque[200, 0] += 0.013
+    torque[:, 2] = -4.2
+    found = steps(replace(motion, torque=torque))
+    assert found[0] == pytest.approx(0.3, abs=1e-3)
+    assert found[[1, 3]].max() < 0.02
+    assert np.isinf(found[2])
 
-    def in_steps(of: float) -> Motion:
-        torque = motion.torque.copy()
-        torque[:, 3] = np.round(torque[:, 3] / of) * of
-        return replace(motion, torque=torque)
 
-    assert coarse(in_steps(0.3), DEVICE, 0.1) is None
-    said = coarse(in_steps(0.5), DEVICE, 0.1)
-    assert said is not None and "J4 is recorded in steps of 0.5 Nm" in said
+@pytest.mark.parametrize(
+    ("channel", "size", "word"),
+    [
+        ("torque", 30.0, "torque of J4"),
+        ("velocity", -2.0, "velocity of J4"),
+        ("theta", 0.5, "angle of J4"),
+    ],
+)
+@pytest.mark.parametrize("at", [0, 211, 399])
+def test_a_single_sample_far_from_its_neighbours_is_replaced_and_counted(
+    channel: str, size: float, word: str, at: int
+) -> None:
+    motion = movement()
+    motion = replace(motion, torque=2.0 * motion.theta)
+    assert despiked(motion)[1] == {}
+    spoilt = getattr(motion, channel).copy()
+    spoilt[at, 3] += size
+    clean, counted = despiked(replace(motion, **{channel: spoilt}))
+    assert counted == {word: 1}
+    assert getattr(clean, channel) == pytest.approx(getattr(motion, channel), abs=0.03)
+
+
+def test_noise_is_no_spike() -> None:
+    # Of 3 Nm, white.
+    assert despiked(movement())[1] == {}
