@@ -36,7 +36,7 @@ def rank(weighted: NDArray[np.float64], names: Sequence[str]) -> Ranking | None:
     Returns:
         None while an index is undefined, or in most replicates.
     """
-    known = ~np.any(np.isnan(weighted), axis=1, keepdims=False)
+    known = ~np.any(np.isnan(weighted), axis=1)
     if not known[0] or known[1:].mean() < 0.5:
         return None
     orders = np.argsort(-weighted[known], axis=1, kind="stable")

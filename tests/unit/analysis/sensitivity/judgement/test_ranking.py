@@ -17,6 +17,21 @@ def test_the_share_of_replicates_with_the_same_order_is_counted() -> None:
     assert ranking.same_first == pytest.approx(2 / 3)
 
 
+def test_the_order_is_the_sample_s_though_most_replicates_have_another() -> None:
+    weighted = np.array([[3.0, 1.0, 2.0], [1.0, 0.0, 2.0], [1.0, 0.0, 2.0], [3.0, 1.0, 2.0]])
+    ranking = rank(weighted, ("x", "y", "z"))
+    assert ranking is not None
+    assert ranking.order == ("x", "z", "y")
+    assert (ranking.same_order, ranking.same_first) == pytest.approx((1 / 3, 1 / 3))
+
+
+def test_factors_of_equal_influence_stay_in_their_order() -> None:
+    names = tuple(f"x{i}" for i in range(40))
+    ranking = rank(np.tile(np.arange(40) % 2 == 0, (3, 1)).astype(float), names)
+    assert ranking is not None
+    assert ranking.order == (*names[::2], *names[1::2])
+
+
 def test_replicates_without_an_index_are_left_out_unless_they_are_most() -> None:
     weighted = np.array([[2.0, 1.0], [2.0, 1.0], [np.nan, 1.0]])
     ranking = rank(weighted, ("x", "y"))

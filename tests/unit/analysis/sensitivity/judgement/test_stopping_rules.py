@@ -204,3 +204,42 @@ def test_a_function_that_could_not_be_fitted_is_tried_with_more_runs_if_they_are
     last = fitted(0.03, 512)
     step = next_step(last, replace(GOAL, up_to=512), 512)
     assert step is not None and step.rows is None and "allowed" not in step.sentence
+
+
+def with_more(found: int, more: int) -> float:
+    """Return the half width from which so many more rows are forecast for ±0.02."""
+    return 0.02 * (1.0 + (more - 0.5) / found) ** 0.5
+
+
+def test_one_row_beyond_a_power_of_two_is_on_the_way_to_the_next() -> None:
+    beyond = advise(snapshot(with_more(15, 50), rows=15), "error")
+    assert beyond is not None and beyond.sentence.endswith("a power of two: 128 rows in all.")
+
+
+def test_a_function_is_fitted_to_512_runs_and_to_no_more() -> None:
+    all_of_them = advise(fitted(with_more(412, 100), 412), "error")
+    assert all_of_them is not None and "512 rows in all" in all_of_them.sentence
+    beyond = advise(fitted(with_more(413, 100), 413), "error")
+    assert beyond is not None and beyond.sentence.startswith("More than the 512 runs")
+
+
+def test_a_study_s_own_target_decides() -> None:
+    wide, narrow = (Goal(output="error", target=target, up_to=5000) for target in (0.05, 0.01))
+    for goal, reached in ((wide, True), (narrow, False)):
+        step = next_step(believed(0.04, 300), goal, 300)
+        assert step is not None and step.reached is reached
+
+
+def test_where_nothing_moves_nothing_is_wanted() -> None:
+    still = screened(0.1)
+    for factor in still["outputs"]["error"]["factors"].values():
+        factor["mu_star"] = interval(0.0, 0.1)
+    advice = advise(still, "error")
+    assert advice is not None and (advice.target, advice.more_rows) == (0.0, 0)
+
+
+def test_a_snapshot_that_does_not_say_what_may_be_unseen_is_not_added_to() -> None:
+    step = next_step(snapshot(0.015), GOAL, 300)
+    assert step is not None and step.sentence == (
+        "Every index of error is within ±0.02: the widest interval, ST of x, has ±0.015."
+    )
