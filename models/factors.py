@@ -107,12 +107,18 @@ def check_bounds(factors: tuple[Factor, ...], values: Mapping[str, float]) -> No
         low, high = factor.bounds
         value = values.get(factor.name, factor.nominal)
         if not low <= value <= high:
-            raise ValueError(f"{factor.name} must lie between {low:g} and {high:g}, not {value}")
+            raise ValueError(f"{factor.name} must {_within(low, high)}, not {value}")
         if factor.choices and value != int(value):
             raise ValueError(
                 f"{factor.name} must be {_one_of(factor.choices)}, or a number of these from 0, "
                 f"not {value}"
             )
+
+
+def _within(low: float, high: float) -> str:
+    if high == inf:
+        return f"be at least {low:g}"
+    return f"be at most {high:g}" if low == -inf else f"lie between {low:g} and {high:g}"
 
 
 def _one_of(names: tuple[str, ...]) -> str:

@@ -32,6 +32,7 @@ def effect_factors() -> tuple[Factor, ...]:
             high=parameter.high,
             nominal=parameter.neutral,
             description=f"{effect.name}: {parameter.description}",
+            bounds=(parameter.floor, parameter.ceiling),
             optional=True,
         )
         for effect in ASSESSED.values()

@@ -12,12 +12,17 @@ varies what remains beside that tissue: nominally 1.761 kg and 0.962 kg.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 
-from models.factors import Factor
+from models.factors import Factor, check_bounds
 from sim.parameters.factors import factor, factors_of
 
 #: Lengths of upper arm and forearm of the paper's section 2.3, m.
 NOMINAL_LENGTHS = (0.3337, 0.3190)
+
+
+#: MuJoCo builds no arm that is much shorter or lighter: bones of 1 um lie "too close" to a point.
+_BOUNDS = (1e-3, inf)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,27 +34,42 @@ class Wearer:
         NOMINAL_LENGTHS[0],
         (0.2728, 0.3778),
         "shoulder to elbow; differs from the exoskeleton's link by a joint offset",
+        bounds=_BOUNDS,
     )
     forearm_length: float = factor(
         "m",
         NOMINAL_LENGTHS[1],
         (0.2827, 0.3455),
         "elbow to wrist; moves muscle insertions and the tissue in its cuff",
+        bounds=_BOUNDS,
     )
     upper_arm_mass: float = factor(
-        "kg", 1.761, (0.3, 3.41), "mass of the upper arm beside the 0.489 kg of tissue in the cuff"
+        "kg",
+        1.761,
+        (0.3, 3.41),
+        "mass of the upper arm beside the 0.489 kg of tissue in the cuff",
+        bounds=_BOUNDS,
     )
     forearm_mass: float = factor(
         "kg",
         0.962,
         (0.1, 1.82),
         "mass of the forearm beside the 0.351 kg of tissue in the cuff and the hand",
+        bounds=_BOUNDS,
     )
     upper_arm_elasticity: float = factor(
-        "N/m", 537.465, (100.5, 974.43), "stiffness of one element of the upper arm's soft tissue"
+        "N/m",
+        537.465,
+        (100.5, 974.43),
+        "stiffness of one element of the upper arm's soft tissue",
+        bounds=_BOUNDS,
     )
     forearm_elasticity: float = factor(
-        "N/m", 537.465, (100.5, 974.43), "stiffness of one element of the forearm's soft tissue"
+        "N/m",
+        537.465,
+        (100.5, 974.43),
+        "stiffness of one element of the forearm's soft tissue",
+        bounds=_BOUNDS,
     )
     nominal_upper_arm_length: float = NOMINAL_LENGTHS[0]
     nominal_forearm_length: float = NOMINAL_LENGTHS[1]
@@ -83,11 +103,12 @@ def wearer_of(values: Mapping[str, float]) -> Wearer:
     """Return the wearer with the factor `values`; a factor left out is nominal.
 
     Raises:
-        ValueError: a name is not a factor of Table 1, or a value is not positive.
+        ValueError: a name is not a factor of Table 1, or a value is not positive or far too small.
     """
     for name, value in values.items():
         if name not in NOMINAL:
             raise ValueError(f"the elbow has no factor {name!r}: it has {', '.join(NOMINAL)}")
         if not 0.0 < value < float("inf"):
             raise ValueError(f"factor {name} must be positive and finite, not {value}")
+    check_bounds(TABLE_1, values)
     return Wearer(**values)

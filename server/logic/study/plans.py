@@ -1,6 +1,6 @@
 """How a study's plan is drawn up from a request."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from types import MappingProxyType
@@ -15,7 +15,7 @@ from analysis.sensitivity.fewer_runs.limits import MOST_RUNS
 from models.curves import columns_of
 from models.description import Description
 from models.entries import DescriptionError
-from models.factors import SEED, Factor, no_factor
+from models.factors import SEED, Factor, check_bounds, no_factor
 from server.errors import InvalidStudyError
 from server.records import Plan
 
@@ -202,6 +202,7 @@ def _fixed(model: Description, fixed: Mapping[str, float | str]) -> dict[str, fl
             raise InvalidStudyError(
                 pointer, f"seed must be a whole number from 0 below 2^32, not {value}"
             )
+        _check_meaning(pointer, factor, (numbers[name],))
     return numbers
 
 
@@ -286,11 +287,7 @@ def _distribution(factor: Factor, choice: FactorChoice, pointer: str) -> Distrib
         pointer, described = f"{pointer}/range", {"kind": "uniform", "low": low, "high": high}
         if factor.choices:
             if choice.range is not None:
-                raise InvalidStudyError(
-                    pointer,
-                    f"{choice.name} is a choice ({', '.join(factor.choices)}): leave the range "
-                    "out, or give a discrete distribution of their numbers, from 0",
-                )
+                raise InvalidStudyError(pointer, _of_choices(factor))
             count = len(factor.choices)
             described = {
                 "kind": "discrete",
@@ -298,9 +295,29 @@ def _distribution(factor: Factor, choice: FactorChoice, pointer: str) -> Distrib
                 "probabilities": [1.0 / count] * count,
             }
     try:
-        return Distribution.from_json(described)
+        found = Distribution.from_json(described)
     except ValueError as error:
         raise InvalidStudyError(pointer, f"{choice.name}: {error}") from error
+    if factor.choices and "values" not in described:
+        raise InvalidStudyError(pointer, _of_choices(factor))
+    _check_meaning(pointer, factor, described.get("values") or _ends(found))
+    return found
+
+
+def _of_choices(factor: Factor) -> str:
+    return (
+        f"{factor.name} is a choice ({', '.join(factor.choices)}): leave the range out, or give a "
+        "discrete distribution of their numbers, from 0"
+    )
+
+
+def _check_meaning(pointer: str, factor: Factor, values: Iterable[float]) -> None:
+    """Refuse values that mean nothing to the model, as every run would do."""
+    for value in values:
+        try:
+            check_bounds((factor,), {factor.name: float(value)})
+        except ValueError as error:
+            raise InvalidStudyError(pointer, str(error)) from None
 
 
 def _outputs(model: Description, wanted: Sequence[str] | None) -> tuple[str, ...]:

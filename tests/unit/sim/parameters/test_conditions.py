@@ -1,5 +1,8 @@
 """Conditions beside Table 1."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from sim.models import ELBOW
@@ -45,3 +48,9 @@ def test_lengths_are_over_the_nominal_ones_that_a_study_may_choose() -> None:
     assert wearer.upper_arm_scale == pytest.approx(0.3337 / 0.3637)
     assert wearer.forearm_scale == pytest.approx(0.319 / 0.349)
     assert split({})[0].upper_arm_scale == split({})[0].forearm_scale == 1.0
+
+
+def test_the_page_on_failures_names_the_conditions_that_cannot_be_0() -> None:
+    page = (Path(__file__).parents[4] / "docs/understand/failures.md").read_text()
+    told = page.split("of which 0 means nothing:")[1].partition(".")[0]
+    assert set(re.findall("`(.+?)`", told)) == {f.name for f in CONDITIONS if f.reach[0] > 0.0}
