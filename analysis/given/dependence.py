@@ -6,7 +6,7 @@ from math import isqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, rankdata
+from scipy.stats import hypergeom, norm, rankdata
 
 from analysis.given.hsic import hsic_of_pairs
 
@@ -19,6 +19,8 @@ _CORRELATED = 0.2
 _BY_RANKS, _BY_HSIC = 5e-3, 3e-4
 #: R2-HSIC from which the answer mentions it.
 _LEAST_SHARE = 0.03
+#: Times that rare values of two factors coincide by chance, from which ranks tell of them.
+_EXPECTED = 5
 #: Rows and factors that HSIC looks at, at most, numbers it holds, and steps it takes.
 _MOST_ROWS, _MOST_FACTORS, _MOST_HELD, _MOST_STEPS = 500, 500, 2e7, 4e9
 #: Pairs that are shown.
@@ -48,6 +50,9 @@ def related(factors: Sequence[str], x: Array, *, drawn: bool = True) -> list[str
     least = max(_CORRELATED, float(norm.isf(_BY_RANKS / 2.0 / len(pairs))) / np.sqrt(len(x)))
     rising = [p for p in pairs if abs(correlation[p]) >= least]
     if rising:
+        rare = _rare(x)
+        rising = [p for p in rising if _together(rare[:, p]) <= _BY_RANKS / len(pairs)]
+    if rising:
         rising.sort(key=lambda p: -abs(correlation[p]))
         said.append(f"rank correlation: {_shown(factors, rising, correlation, '+.2f')}")
     if drawn:
@@ -67,6 +72,26 @@ def related(factors: Sequence[str], x: Array, *, drawn: bool = True) -> list[str
         f"Factors depend on each other ({'; '.join(said)}). What one of them explains, the other "
         "does too: indices of factors say what a factor tells of the output, not what it causes."
     ]
+
+
+def _rare(x: Array) -> NDArray[np.bool_]:
+    """Return where factors have another value than their commonest."""
+    commonest = []
+    for column in x.T:
+        values, often = np.unique(column, return_counts=True)
+        commonest.append(values[often.argmax()])
+    return np.asarray(x != np.array(commonest), dtype=np.bool_)
+
+
+def _together(rare: NDArray[np.bool_]) -> float:
+    """Return how likely rare values of two factors coincide so often by chance (Fisher 1922).
+
+    0 where they are expected to five times (Cochran 1954): ranks are normal enough then.
+    """
+    one, other = rare.sum(axis=0).tolist()
+    if one * other >= _EXPECTED * len(rare):
+        return 0.0
+    return float(hypergeom.sf(rare.all(axis=1).sum() - 1, len(rare), one, other))
 
 
 def _most_rows(factors: int) -> int:

@@ -72,3 +72,11 @@ def test_runs_at_the_same_point_are_no_evidence_of_a_dependence(tmp_path: Path) 
     table = np.column_stack([x, x.sum(axis=1) + rng.normal(size=120)])
     found = analyse(written(tmp_path / "repeats.csv", table, "a,b,c,d,y"), ["y"])
     assert "depend" not in " ".join(found["remarks"])
+
+
+def test_rare_values_that_meet_once_or_twice_are_no_dependence() -> None:
+    tables = [(np.random.default_rng(t).random((200, 6)) < 0.03).astype(float) for t in range(50)]
+    assert sum(bool(related("abcdef", x)) for x in tables) <= 1
+    both = tables[0].copy()
+    both[:, 1] = both[:, 0]
+    assert "a and b (+1.00)" in related("abcdef", both)[0]
