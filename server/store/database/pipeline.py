@@ -9,6 +9,7 @@ trip is one write and, nearly always, one read.
 """
 
 import asyncio
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -31,6 +32,9 @@ class Pipeline:
 
     def __init__(self, driver: "psycopg.Connection[Any]") -> None:
         self._raw = driver.pgconn
+        # Of its own: that of a connection that is lost is closed before the event loop lets go.
+        self._socket = os.dup(driver.pgconn.socket)
+        self._failure: psycopg.OperationalError | None = None
         self._loading = Transformer(driver)
         #: What the server calls the statements that it has seen.
         self._names: dict[str, bytes] = {}
@@ -46,9 +50,11 @@ class Pipeline:
             psycopg.Error: the server refused one, or is gone. The connection is good for nothing
                 then but to be closed.
         """
+        if self._failure is not None:
+            raise self._failure
         if self._loop is None:
             self._loop = asyncio.get_running_loop()
-            self._loop.add_reader(self._raw.socket, self._arrived)
+            self._loop.add_reader(self._socket, self._arrived)
         answers: list[bool] = []
         for text, values in statements:
             if text not in self._names:
@@ -65,10 +71,14 @@ class Pipeline:
         return [rows for rows, wanted in zip(found, answers, strict=True) if wanted]
 
     def close(self) -> None:
-        """Let go of the event loop; to be called before the connection is closed."""
-        if self._loop is not None:
-            self._loop.remove_reader(self._raw.socket)
-            self._loop = None
+        """Let go of the event loop."""
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.remove_reader(self._socket)
+            self._loop.remove_writer(self._socket)
+        self._loop = None
+        if self._socket >= 0:
+            os.close(self._socket)
+            self._socket = -1
 
     def _name(self, text: str) -> None:
         name = self._names[text] = b"trip_%d" % len(self._names)
@@ -96,34 +106,33 @@ class Pipeline:
         return self._raw.get_result()
 
     async def _writable(self) -> None:
-        """Wait until the server takes more."""
+        """Wait until the server takes more, or has sent something, or is gone."""
         assert self._loop is not None
-        able = self._loop.create_future()
-        self._loop.add_writer(self._raw.socket, _settle, able)
+        loop, self._arrival = self._loop, self._loop.create_future()
+        loop.add_writer(self._socket, self._settle)
         try:
-            await able
+            await self._arrival
         finally:
-            self._loop.remove_writer(self._raw.socket)
+            if self._socket >= 0:
+                loop.remove_writer(self._socket)
 
     def _arrived(self) -> None:
         """Take in what the server has sent, asked or not; it may be that it hung up."""
-        failure = None
         try:
             self._raw.consume_input()
         except psycopg.OperationalError as error:
+            self._failure = error
             self.close()
-            failure = error
+        self._settle()
+
+    def _settle(self) -> None:
+        """Wake up who waits."""
         waiting, self._arrival = self._arrival, None
         if waiting is not None and not waiting.done():
-            if failure is None:
+            if self._failure is None:
                 waiting.set_result(None)
             else:
-                waiting.set_exception(failure)
-
-
-def _settle(able: "asyncio.Future[None]") -> None:
-    if not able.done():
-        able.set_result(None)
+                waiting.set_exception(self._failure)
 
 
 def _told(value: Any) -> bytes | None:

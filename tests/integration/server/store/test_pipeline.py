@@ -81,6 +81,7 @@ def test_a_server_that_hangs_up_fails_the_trip_and_not_the_event_loop(
             connection.exec_driver_sql(f"SELECT pg_terminate_backend({backend})")
 
     async def work(pipeline: Pipeline) -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, told: odd.append(told))
         (((backend,),),) = await pipeline.trip([("SELECT pg_backend_pid()", ())])
         if asleep:
             sleeping = asyncio.create_task(pipeline.trip([("SELECT pg_sleep(30)", ())]))
@@ -90,5 +91,7 @@ def test_a_server_that_hangs_up_fails_the_trip_and_not_the_event_loop(
         await asyncio.sleep(0.1)
         await pipeline.trip([("SELECT 1", ())])
 
+    odd: list[dict[str, Any]] = []
     with pytest.raises(psycopg.OperationalError):
         with_pipeline(work)
+    assert odd == []
