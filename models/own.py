@@ -16,9 +16,14 @@ def own_models() -> Mapping[str, Description]:
     return found
 
 
+def load_own(model: str) -> None:
+    """Have what evaluates a model of rehyb's own in this process, MuJoCo if it needs that."""
+    import_module(EVALUATION).load(model)
+
+
 def evaluate_own(
     model: str, parameters: Mapping[str, float], curves: Collection[str] = ()
 ) -> Evaluation:
-    """Evaluate a model of rehyb's own, which loads MuJoCo if it needs that."""
+    """Evaluate a model of rehyb's own."""
     found: Evaluation = import_module(EVALUATION).evaluate(model, parameters, curves)
     return found

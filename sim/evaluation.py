@@ -59,6 +59,13 @@ def evaluate(
     return Evaluation(outcome="ok", outputs={"y": y}, wall_seconds=time.perf_counter() - started)
 
 
+def load(model: str) -> None:
+    """Import what evaluates `model`, which takes longer than many an evaluation."""
+    if model in ASSESSMENTS:
+        import sim.assessment.assess
+        import sim.assessment.summary  # noqa: F401
+
+
 def versions() -> dict[str, str]:
     """Return what decides whether two machines compute the same bits."""
     return {

@@ -34,7 +34,7 @@ SINGLE_THREAD = (
 #: A child that has several instances calls for its results to be read this often, s, and once
 #: there are so many bytes of them: each call wakes the parent up, which costs more than a result.
 CALL_SECONDS, CALL_BYTES = 0.02, 32_768
-#: The models, by their places, that this process has loaded, or tried to; None: rehyb's own.
+#: The models that this process has loaded, or tried to: see `needed`.
 _AT_HAND: set[Any] = set()
 
 
@@ -76,7 +76,7 @@ def _work_through(
     """
     called, unread = time.monotonic(), 0
     for left, instance in enumerate(bundle, start=1 - len(bundle)):
-        if _loaded(instance.get("place")):
+        if _loaded(instance):
             _write(out, json.dumps((None, time.monotonic(), None)).encode() + b"\n")
         report = _report(evaluate, instance)
         ended = time.monotonic()
@@ -88,16 +88,25 @@ def _work_through(
             called, unread = ended, 0
 
 
-def _loaded(place: Any) -> bool:
-    """Load a model; returns False if it was there. What is wrong with it, its evaluation says."""
-    if place in _AT_HAND:
-        return False
-    _AT_HAND.add(place)
-    if place is not None:
-        from models.running.place import load
+def needed(instance: Mapping[str, Any]) -> Any:
+    """Return what stands for the model that an instance needs: its place; of rehyb's own the name.
 
-        with suppress(Exception):
-            load(place)
+    They do not share one entry: the closed forms need nothing, the elbow needs MuJoCo.
+    """
+    place = instance.get("place")
+    return instance.get("model") if place is None else place
+
+
+def _loaded(instance: Mapping[str, Any]) -> bool:
+    """Load a model; returns False if it was there. What is wrong with it, its evaluation says."""
+    model = needed(instance)
+    if model in _AT_HAND:
+        return False
+    _AT_HAND.add(model)
+    from models.running.place import load
+
+    with suppress(Exception):
+        load(instance)
     return True
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from models.description import Kind
 from models.evaluation import Evaluation, Evaluator, ModelFailure
 from models.folder import read_folder
-from models.own import evaluate_own
+from models.own import evaluate_own, load_own
 from models.packages import announced
 from models.running.outcomes import Outcome
 
@@ -56,18 +56,26 @@ def evaluate(instance: Mapping[str, Any]) -> Evaluation:
     place: Place | None = instance.get("place")
     if place is None:
         return evaluate_own(instance["model"], instance["parameters"], instance.get("curves", ()))
-    load(place)
+    _load(place)
     started = time.perf_counter()
     outputs = _LOADED[place](instance["parameters"], instance["seed"])
     return Evaluation(outcome="ok", outputs=outputs, wall_seconds=time.perf_counter() - started)
 
 
-def load(place: Place) -> None:
-    """Have what evaluates a model in this process, from now on.
+def load(instance: Mapping[str, Any]) -> None:
+    """Have what evaluates an instance's model in this process, from now on.
 
     Raises:
         ModelFailure: "bad_model": it cannot be loaded.
     """
+    place: Place | None = instance.get("place")
+    if place is None:
+        load_own(instance["model"])
+    else:
+        _load(place)
+
+
+def _load(place: Place) -> None:
     if place not in _LOADED:
         _LOADED[place] = evaluator(place)
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from models.evaluation import Evaluation
 from models.processes import descendants
-from models.running.child import Evaluate, Result, evaluate_until_closed, failed
+from models.running.child import Evaluate, Result, evaluate_until_closed, failed, needed
 from models.running.outcomes import Outcome
 
 #: Seconds a killed child gets to disappear.
@@ -159,9 +159,9 @@ class _Begun:
     seconds: float
 
     @property
-    def place(self) -> Any:
+    def model(self) -> Any:
         """What its child must have loaded."""
-        return self.instance.get("place")
+        return needed(self.instance)
 
 
 class _Child:
@@ -177,7 +177,7 @@ class _Child:
         #: What has no result, in the child's order: it is at the first.
         self.open: deque[_Begun] = deque()
         self._started = 0.0
-        #: Of models that it has loaded, as it says; None: rehyb's own.
+        #: The models that it has loaded, as it says.
         self._at_hand: set[Any] = set()
         self._said = b""
         self._process = context.Process(
@@ -199,7 +199,7 @@ class _Child:
     @property
     def _limit(self) -> float:
         begun = self.open[0]
-        return begun.seconds + (0.0 if begun.place in self._at_hand else LOAD_SECONDS)
+        return begun.seconds + (0.0 if begun.model in self._at_hand else LOAD_SECONDS)
 
     def begin(self, work: Sequence[_Begun]) -> None:
         """Send instances to the child, which has none."""
@@ -260,7 +260,7 @@ class _Child:
         identity, now, report = json.loads(line)
         begun = self.open[0]
         if identity is None:
-            self._at_hand.add(begun.place)
+            self._at_hand.add(begun.model)
             self._started = float(now)
             return None
         if identity != begun.instance["id"]:

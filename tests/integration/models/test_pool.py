@@ -243,3 +243,13 @@ def test_what_a_model_s_program_started_ends_with_its_child(pool: Pool) -> None:
     while Path(f"/proc/{forked}").exists() and time.monotonic() < deadline:
         time.sleep(0.02)
     assert not Path(f"/proc/{forked}").exists()
+
+
+def test_the_time_limit_of_rehybs_own_models_begins_when_they_are_loaded() -> None:
+    """MuJoCo and the elbow take longer to import than one of its evaluations, on a busy machine."""
+    pool = Pool(processes=1, instance_seconds=0.5)
+    point = {"id": "i", "model": "elbow_bushing", "parameters": {}}
+    pool.start(point, "first")
+    first = finish(pool)
+    pool.kill()
+    assert first.result["outcome"] == "ok", first.result
