@@ -81,7 +81,10 @@ def _own_database(postgresql_server: str) -> Iterator[sa.Engine]:
     server = sa.create_engine(postgresql_server, isolation_level="AUTOCOMMIT")
     with server.connect() as connection:
         connection.exec_driver_sql(f"CREATE DATABASE {name}")
-    own = sa.create_engine(server.url.set(database=name), isolation_level="AUTOCOMMIT")
+    # Some tests cut every connection to it.
+    own = sa.create_engine(
+        server.url.set(database=name), isolation_level="AUTOCOMMIT", pool_pre_ping=True
+    )
     yield own
     own.dispose()
     if VARIABLE in os.environ:

@@ -8,6 +8,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from sqlalchemy.exc import DBAPIError
 from starlette.exceptions import HTTPException
 
 from server.errors import (
@@ -17,8 +18,12 @@ from server.errors import (
     InvalidStudyError,
     NotFoundError,
 )
+from server.store.database.engine import is_away
 
 log = logging.getLogger(__name__)
+
+#: After so many seconds to ask again while the database is away.
+AWAY_SECONDS = 2
 
 _STATUS: Mapping[type[CoordinatorError], HTTPStatus] = {
     NotFoundError: HTTPStatus.NOT_FOUND,
@@ -83,6 +88,17 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(HTTPException)
     def http(_request: Request, error: HTTPException) -> JSONResponse:
         return problem(error.status_code, str(error.detail), headers=error.headers)
+
+    @app.exception_handler(DBAPIError)
+    def stuck(request: Request, error: DBAPIError) -> JSONResponse:
+        if not is_away(error):
+            raise error
+        log.warning("%s %s: %s", request.method, request.url.path, error.orig)
+        return problem(
+            HTTPStatus.SERVICE_UNAVAILABLE,
+            "the database does not answer: ask again",
+            headers={"Retry-After": str(AWAY_SECONDS)},
+        )
 
     @app.exception_handler(Exception)
     def failed(request: Request, _error: Exception) -> JSONResponse:

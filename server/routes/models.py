@@ -13,6 +13,7 @@ from sqlalchemy.engine import Engine
 
 from models.description import Description
 from models.entries import DescriptionError
+from server.logic.tokens import may
 from server.operations import models
 from server.records import ModelVersion
 from server.routes.common import Configured, Id, Now, Store
@@ -68,6 +69,11 @@ async def add(
         by = request.headers.get("x-rehyb-worker", "")[:128]
         announced = await asyncio.to_thread(models.announce, store, description, by=by, now=now)
         return shown(announced)
+    if not may(request.scope["rehyb.scopes"], ("submit",)):
+        # Every worker would fetch it; what workers announce stays with them.
+        raise HTTPException(
+            HTTPStatus.FORBIDDEN, "to upload a model needs a token with the scope submit"
+        )
     with TemporaryDirectory(prefix="rehyb-upload-") as scratch:
         file = Path(scratch) / "model.zip"
         await receive(request, file, settings.session_bytes)

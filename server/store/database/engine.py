@@ -13,6 +13,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -42,6 +43,9 @@ def create_engine(url: str, *, durability: str = "normal") -> Engine:
         max_overflow=40,
         # The connection that wrote last knows the pages that the next one will want.
         pool_use_lifo=True,
+        # One that was cut while nobody used it is no reason to fail a request. The connections of
+        # the turns stay out of the pool, and SQLite's are not cut.
+        pool_pre_ping=not url.startswith("sqlite"),
     )
     if engine.dialect.name == "sqlite":
         sa.event.listen(engine, "connect", _open_sqlite)
@@ -100,6 +104,15 @@ def alone_at(engine: Engine, what: str) -> Iterator[bool]:
         finally:
             if mine:
                 connection.execute(sa.text("SELECT pg_advisory_unlock(:key)"), key)
+
+
+def is_away(error: DBAPIError) -> bool:
+    """Say whether a request failed because the database server is away, full or overrun.
+
+    SQLite is a file; what its errors say about the database they say about statements, too.
+    """
+    kinds = OperationalError, InterfaceError
+    return isinstance(error, kinds) and not isinstance(error.orig, sqlite3.Error)
 
 
 def server_time(engine: Engine) -> float:

@@ -77,6 +77,19 @@ def test_a_token_may_do_what_its_scopes_say_and_is_told_what_it_lacks(
     assert client.post("/v1/leases", json=ASKING, headers=both).status_code == 403
 
 
+def test_a_worker_may_announce_a_model_but_not_upload_one(app: FastAPI, client: TestClient) -> None:
+    _, worker = bearing(app, "work")
+    _, submitter = bearing(app, "submit")
+    zipped = {"Content-Type": "application/zip"}
+    refused = client.post("/v1/models", content=b"PK", headers={**worker, **zipped})
+    assert refused.status_code == 403
+    assert "submit" in refused.json()["detail"]
+    understood = client.post("/v1/models", content=b"PK", headers={**submitter, **zipped})
+    assert understood.status_code == 422
+    # Past the token; it is no description.
+    assert client.post("/v1/models", json={}, headers=worker).status_code == 422
+
+
 def test_a_revoked_token_is_good_for_seconds_only(
     client: TestClient, app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:
