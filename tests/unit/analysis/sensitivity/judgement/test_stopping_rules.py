@@ -198,6 +198,8 @@ def test_a_function_that_could_not_be_fitted_is_tried_with_more_runs_if_they_are
         256,
         "It is extended to 256 rows. After 128 runs error has no indices.",
     )
+    at_it = next_step(fitted(0.25, 256), replace(GOAL, target=0.25), 256)
+    assert at_it is not None and at_it.reached
     enough = fitted(0.03, 256, explained=LEAST_EXPLAINED)
     step = next_step(enough, GOAL, 256)
     assert step is not None and step.rows == 512
