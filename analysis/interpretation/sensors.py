@@ -100,7 +100,8 @@ def posture(motion: Motion, device: Device, *, contact: bool) -> str | None:
 def steps(motion: Motion) -> np.ndarray:
     """Return in which steps each joint's torque is recorded, Nm, shape (joints,).
 
-    How far half of the samples are from the nearest other value; infinite if there is none.
+    How far half of the samples are from the nearest other value. A torque without another has the
+    largest steps of the others: a held joint's may vary by less than a step.
     """
     found = []
     for torque in motion.torque.T:
@@ -110,7 +111,8 @@ def steps(motion: Motion) -> np.ndarray:
         order = np.argsort(nearest)
         half = int(np.searchsorted(np.cumsum(counts[order]), counts.sum() / 2.0))
         found.append(nearest[order][half])
-    return np.array(found)
+    seen = np.array(found)
+    return np.where(np.isinf(seen), np.max(seen, initial=0.0, where=np.isfinite(seen)), seen)
 
 
 def despiked(motion: Motion) -> tuple[Motion, dict[str, int]]:

@@ -98,7 +98,8 @@ def test_steps_of_a_torque_are_found_also_among_odd_samples(spoilt: float) -> No
     found = steps(replace(motion, torque=torque))
     assert found[0] == pytest.approx(0.3, abs=1e-3)
     assert found[[1, 3]].max() < 0.02
-    assert np.isinf(found[2])
+    # It varies by less than a step.
+    assert found[2] == found[0]
 
 
 @pytest.mark.parametrize(
