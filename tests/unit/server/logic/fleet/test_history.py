@@ -49,7 +49,7 @@ def test_of_two_looks_there_is_a_rate_and_of_one_there_is_none() -> None:
 
 def test_its_rate_is_that_of_five_minutes_to_the_look_or_of_the_last_two_looks() -> None:
     history = FleetHistory()
-    for at, done in ((0.0, 0), (99.5, 7), (100.0, 100), (400.0, 400)):
+    for at, done in ((0.0, 0), (99.5, 7), (100.0, 100), (250.0, 350), (400.0, 400)):
         history.add(glance(at, done, 1))
     assert history.pulse("w").results_per_second == 1.0
     history.add(glance(1000.0, 460, 1))

@@ -58,6 +58,6 @@ def test_a_curve_that_is_missing_or_comes_point_by_point_is_one_sentence(
 
 
 def test_a_failure_has_no_curves(report: Reporting) -> None:
-    judgement = judged_curve(report("i", outcome="diverged", outputs=None, reason="r"))
+    judgement = judged_curve(report("i", outcome="diverged", outputs={"torque": [1.0]}))
     assert judgement.result is not None and judgement.result.outputs is None
     assert fault_in(report("i"), ["y"]) is None

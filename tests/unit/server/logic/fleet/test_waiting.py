@@ -40,6 +40,7 @@ def test_no_more_than_three_objections_are_listed() -> None:
     theirs = [worker(versions={"code": code}) for code in "bcde"]
     said = str(why_it_waits(study(identity={"code": "a"}), theirs))
     assert [part.count("this worker has code") for part in said.split("; ")] == [1, 1, 1]
+    assert "; study s was begun" in said
     assert "code d" in said and "code e" not in said
 
 
