@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 
 #: Fewer rows tell nothing that its interval would not take back.
 FEWEST_ROWS = 64
+#: Factors times outputs at most: what the measures take is proportional to them.
+MOST_PAIRS = 1000
 #: Of a column with more than this share of values of its own, equal rows are copies.
 _HARDLY = 0.5
 
@@ -47,7 +49,8 @@ def choose(
         factors: names of columns; default: every other column of numbers that varies.
 
     Raises:
-        GivenError: a column is missing, text, or does not vary; or too few rows have all cells.
+        GivenError: a column is missing, text, or does not vary; too few rows have all cells; or
+            there are too many of both.
     """
     known_factors, known_outputs = _of_a_study(sheet)
     if known_outputs:
@@ -87,6 +90,12 @@ def choose(
                 raise GivenError(
                     f"{name} cannot be a factor and an output", file=sheet.file, column=name
                 )
+    if len(factors) * len(outputs) > MOST_PAIRS:
+        raise GivenError(
+            f"it has {len(factors)} factors and {len(outputs)} outputs, and factors times outputs "
+            f"are {MOST_PAIRS} at most: name those to look at (--factor, --output)",
+            file=sheet.file,
+        )
     return _sample(sheet, factors, outputs, remarks)
 
 

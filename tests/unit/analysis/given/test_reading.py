@@ -9,8 +9,8 @@ import pytest
 
 from analysis.given.dependence import related
 from analysis.given.errors import GivenError
-from analysis.given.reading import read_sheet
-from analysis.given.sample import choose
+from analysis.given.reading import Sheet, read_sheet
+from analysis.given.sample import FEWEST_ROWS, MOST_PAIRS, choose
 from tests.testbed.given import ROWS, written
 
 
@@ -247,3 +247,17 @@ def test_names_are_any_text(tmp_path: Path, table: Any, names: str) -> None:
     path.write_text(path.read_text().replace("a,b,c,y", names), encoding="utf-8")
     output = names.rpartition(",")[2]
     assert ",".join((*choose(read_sheet(path), [output]).factors, output)) == names
+
+
+def test_a_table_of_more_factors_and_outputs_than_can_be_waited_for_is_refused() -> None:
+    names = [f"x{i}" for i in range(MOST_PAIRS // 2 + 3)]
+    rng = np.random.default_rng(0)
+    sheet = Sheet(
+        file="wide.csv",
+        columns=tuple(names),
+        numbers={name: rng.random(FEWEST_ROWS) for name in names},
+        texts={},
+    )
+    with pytest.raises(GivenError, match=r"501 factors and 2 outputs, .* 1000 at most: name those"):
+        choose(sheet, ["x0", "x1"])
+    assert len(choose(sheet, ["x0", "x1"], names[2:-1]).factors) == MOST_PAIRS // 2
