@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 import schemathesis
@@ -14,6 +15,8 @@ from hypothesis.errors import Unsatisfiable
 from pydantic import SecretStr
 
 from server.app import create_app
+from server.errors import BadFileError
+from server.sandbox import check
 from server.settings import Settings
 
 TOKEN = "contract"
@@ -24,9 +27,30 @@ HEADERS = {"Authorization": f"Bearer {TOKEN}"}
 
 @pytest.fixture
 def apps(
-    upgraded_database: Callable[[], str], upgraded_file: Path, tmp_path: Path
+    upgraded_database: Callable[[], str],
+    upgraded_file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> Iterator[dict[str, FastAPI]]:
-    """Coordinators, by database, that have a study: some of the guesses find something."""
+    """Coordinators, by database, that have a study: some of the guesses find something.
+
+    A process looks at a file once, however many coordinators are sent the same bytes.
+    """
+    said: dict[tuple[str, bytes, str], Any] = {}
+
+    async def check_once(program: str, file: Path, **wanted: Any) -> Any:
+        asked = program, file.read_bytes(), repr(wanted)
+        if asked not in said:
+            try:
+                said[asked] = await check(program, file, **wanted)
+            except BadFileError as error:
+                said[asked] = error
+        if isinstance(said[asked], BadFileError):
+            raise said[asked]
+        return said[asked]
+
+    for noun in ("sessions", "models", "analyses"):
+        monkeypatch.setattr(f"server.routes.{noun}.check", check_once)
     file = shutil.copyfile(upgraded_file, tmp_path / "rehyb.sqlite3")
     urls = {"sqlite": f"sqlite:///{file}", "postgresql": upgraded_database()}
     apps = {
