@@ -51,7 +51,7 @@ def study_of(population: Population, seed: int, level: str, rows: int) -> dict[s
         if level == "contact" or name not in CONTACT_ONLY
     }
     return {
-        "name": f"bank of {population.name} {digest[:8]}, {level}, seed {seed}",
+        "name": f"bank of {population.name[:60]} {digest[:8]}, {level}, seed {seed}",
         "model": LEVELS[level],
         "method": "sample",
         "sampling": "sobol",

@@ -48,6 +48,11 @@ def test_levels_and_seeds_share_no_wearer_and_a_population_names_its_study() -> 
     assert names[0] != names[1] and "ward 3" in names[1]
 
 
+def test_the_name_of_a_study_is_one_that_a_coordinator_takes() -> None:
+    long = population_of({**copy.deepcopy(dict(OURS.content)), "name": 20 * "ward 3, "}, "here")
+    assert len(study_of(long, 2**63, "contact", 8)["name"]) <= 128
+
+
 def test_what_only_contact_has_is_no_factor_without_it() -> None:
     asked = study_of(OURS, 1, "bushing", 8)
     sampled = {factor["name"] for factor in asked["factors"]}
