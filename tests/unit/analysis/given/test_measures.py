@@ -4,6 +4,7 @@ import json
 import warnings
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from SALib.analyze import delta as salib_delta
 from SALib.analyze import hdmr as salib_hdmr
 from SALib.analyze import pawn as salib_pawn
 from SALib.analyze import rbd_fast as salib_rbd_fast
+from scipy.signal import periodogram
 
 from analysis.given import hdmr, measures
 from analysis.given.answer import analyse
@@ -163,3 +165,15 @@ def test_one_factor_two_that_are_the_same_and_one_that_is_the_output(
     itself = analyse(written(tmp_path / "is.csv", table[:, [0, 1, 0]], "a,b,y"), ["y"])
     for name in ("rbd_fast", "hdmr", "hsic"):
         assert itself["outputs"]["y"]["measures"][name]["a"]["value"] == pytest.approx(1, abs=0.05)
+
+
+def test_all_factors_share_one_periodogram_which_gives_each_what_it_gets_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(5)
+    x, y = rng.random((71, 40)), rng.random(71)
+    alone = [measures.rbd_fast(x[:, [f]], y)[0] for f in range(40)]
+    counted = Mock(side_effect=periodogram)
+    monkeypatch.setattr("scipy.signal.periodogram", counted)
+    assert measures.rbd_fast(x, y).tolist() == alone
+    assert counted.call_count == 1
