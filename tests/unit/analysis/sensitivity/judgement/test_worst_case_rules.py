@@ -119,3 +119,10 @@ def test_of_effects_that_share_out_runs_and_of_nothing_seen_nothing_is_bounded()
     effects = Index(low=(0.0, 0.0), high=(1.0, 1.0))
     found = bounds(unseen, mu=effects, mu_star=effects, sigma=effects)
     assert np.isnan(found["mu"].high).all()
+
+
+def test_what_a_hidden_run_adds_grows_with_the_square_of_the_range() -> None:
+    total = Index(low=(0.4, 0.4), high=(0.6, 0.6))
+    wide = Sums("saltelli", lowest=-0.5, highest=1.5)
+    found = bounds(wide, total_order=total, first_order=total)["total_order"]
+    np.testing.assert_allclose(found.high[0, 1], (0.96 + 0.5 * 0.2 * 2.0**2) / 1.8)
