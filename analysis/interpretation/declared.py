@@ -50,10 +50,12 @@ def other_robot(session: Session) -> str | None:
         nominal_spec(attachments=attachments, height_m=height, mass_kg=mass).compile()
         for attachments in (False, True)
     ]
-    ours = [bare] if declared.nbody <= bare.nbody else worn
+    ours = [bare, *worn]
     apart = [float(np.abs(_torques(declared) - _torques(one)).max()) for one in ours]
     if min(apart) > LARGEST or (_friction(declared) != _friction(bare)).any():
-        return f"{_named(declared, ours[int(np.argmin(apart))])}, by {session.model}"
+        # A limb is bodies more than there are joints.
+        nearest = 0 if declared.nbody <= bare.nbody else int(np.argmin(apart))
+        return f"{_named(declared, ours[nearest])}, by {session.model}"
     if (cuff := _moved_cuff(declared)) is not None:
         return f"{cuff}, by {session.model}"
     return None

@@ -189,6 +189,7 @@ def _from_session(folder: Path) -> Recording:
     """Return the first trial of a session that holds one movement of the elbow."""
     session = read_session(folder, tuple(BY_NAME))
     joints = _joints(session)
+    differs = other_robot(session)
     complaint = f"{folder.name}: it has no trial"
     for listed in session.trials:
         trial = read_trial(folder, listed, joints, ())
@@ -198,7 +199,7 @@ def _from_session(folder: Path) -> Recording:
             device=NESM.name,
             motion=motion,
             replaced=replaced,
-            differs=other_robot(session),
+            differs=differs,
             unused=_unused(session, trial),
         )
         try:

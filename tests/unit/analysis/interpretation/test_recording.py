@@ -153,7 +153,14 @@ def declared(record: Record, folder: Path, model: str, **said: object) -> Record
 ROBOT = NESM.path.read_text()
 
 
-@pytest.mark.parametrize("model", [ROBOT, nominal_spec().to_xml()], ids=["alone", "with a limb"])
+FRAMES = ROBOT.replace('<site name="forearm_cuff"', '<body name="tool"/><site name="forearm_cuff"')
+
+
+@pytest.mark.parametrize(
+    "model",
+    [ROBOT, FRAMES, nominal_spec().to_xml()],
+    ids=["alone", "with a frame more", "with a limb"],
+)
 def test_a_declared_robot_that_is_the_banks_is_no_other(
     record: Record, tmp_path: Path, model: str
 ) -> None:
