@@ -101,6 +101,17 @@ def indices_table(snapshot: Mapping[str, Any], output: str, title: str = "") -> 
     return table
 
 
+def spread_table(snapshot: Mapping[str, Any]) -> Table:
+    """Return mean and standard deviation of every output: what a sample has."""
+    table = plain_table("output")
+    for name in ("mean", "standard deviation", "n"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for output, entry in snapshot["outputs"].items():
+        both = ("-" if entry[name] is None else f"{entry[name]:.4g}" for name in ("mean", "sd"))
+        table.add_row(output, *both, str(entry["n"]))
+    return table
+
+
 def pairs_table(pairs: Sequence[Mapping[str, Any]]) -> Table:
     """Return the second-order indices of an output as its snapshot has them, largest first."""
     table = plain_table("pair")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-from analysis.designs import family
+from analysis.designs import WITH_INDICES, family
 from analysis.reports.figures.shared import spread_in_words
 from analysis.reports.wording import words
 from analysis.sensitivity.estimators import SYMBOLS
@@ -44,8 +44,18 @@ class Grid:
 
 
 def indices(snapshot: Mapping[str, Any], output: str, unit: str) -> Grid:
-    """Return the indices of an output, the most influential factor first."""
+    """Return the indices of an output, the leading factor first; of a sample its spread."""
     entry = snapshot["outputs"][output]
+    if snapshot["method"] not in WITH_INDICES:
+        mean, sd = (
+            None if entry[name] is None else f"{entry[name]:.4g}" for name in ("mean", "sd")
+        )
+        title = words(output) + (f", {unit}" if unit else "")
+        return Grid(
+            title=title,
+            head=["mean", "standard deviation", "n"],
+            rows=[[mean, sd, f"{entry['n']:,}"]],
+        )
     title, note = words(output), _level(snapshot)
     if entry["mean"] is not None and entry["sd"] is not None:
         title += f": {spread_in_words(entry, unit)}"

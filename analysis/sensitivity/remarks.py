@@ -60,7 +60,7 @@ def _sample(snapshot: Mapping[str, Any]) -> str:
         return ""
     return (
         "A sample says how outputs spread and has no indices while it arrives: "
-        f"`rehyb study analyse {snapshot['study']}` says what it tells of each factor."
+        f"rehyb study analyse {snapshot['study']} says what it tells of each factor."
     )
 
 

@@ -259,12 +259,18 @@ def _print_indices(snapshot: Json, target: float | None) -> None:
     from rich.console import Console
 
     from analysis.sensitivity.remarks import remarks, warning
-    from rehyb.display import indices_table, pairs_table
+    from rehyb.display import indices_table, pairs_table, spread_table
 
     console = Console()
     console.print(f"{snapshot['rows_complete']} of {snapshot['rows']} rows are complete")
     if alarm := warning(snapshot):
         console.print(alarm, style="bold red", markup=False)
+    if snapshot["method"] == "sample":
+        console.print(spread_table(snapshot))
+        for sentence in remarks(snapshot, next(iter(snapshot["outputs"]))):
+            if sentence != alarm:
+                console.print(sentence, markup=False)
+        return
     for output in snapshot["outputs"]:
         console.print(indices_table(snapshot, output, output))
         if "second_order" in snapshot["outputs"][output]:

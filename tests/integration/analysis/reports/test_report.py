@@ -125,6 +125,8 @@ def test_a_report_holds_every_figure_of_its_method_and_nothing_from_outside(
         "uniform: low -1, high 1",
     ):
         assert words in outline.words, words
+    heads = re.findall(r"<th[^>]*>([^<]+)", text)
+    assert ("standard deviation" in heads) == (method == "sample")
     assert ("Martinez 2011" in outline.words) == (method in ("saltelli", "saltelli_second_order"))
     assert ("Pairs of factors" in outline.words) == (method == "saltelli_second_order")
     for words in ("per whole range of the factor", "Per unit of each factor", "Nm/rad per m"):

@@ -14,6 +14,7 @@ from rehyb.display import (
     indices_table,
     pairs_table,
     progress_in_words,
+    spread_table,
     statistic,
 )
 
@@ -108,6 +109,19 @@ def test_factors_are_listed_most_influential_first() -> None:
     assert text.index("x2") < text.index("x3") < text.index("x1")
     assert "2 [1, 4]" in text
     assert "μ*, σ: per whole range" in text
+
+
+def test_a_sample_is_shown_as_mean_and_standard_deviation_of_every_output() -> None:
+    outputs = {
+        "y": {"mean": 1.23456, "sd": 0.5, "n": 64},
+        "z": {"mean": None, "sd": None, "n": 0},
+    }
+    text = drawn(spread_table({"outputs": outputs}))
+    assert "standard deviation" in text
+    assert [line.split() for line in text.splitlines() if " y " in line or " z " in line] == [
+        ["y", "1.235", "0.5", "64"],
+        ["z", "-", "-", "0"],
+    ]
 
 
 def test_pairs_are_listed_with_their_interval_the_largest_first() -> None:
