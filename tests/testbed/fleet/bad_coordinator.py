@@ -17,7 +17,7 @@ from sqlalchemy.engine import Connection, Engine
 from server import app
 from server.run import serve
 from server.settings import Settings
-from server.store.fleet.turns import Turn
+from server.store.database.pipeline import Pipeline, Statement
 
 #: What either database cannot do then, so that it says so in its own words.
 TOO_MUCH = {
@@ -49,16 +49,16 @@ class BadMachine:
         sa.event.listen(engine, "commit", self._die)
         return engine
 
-    def trip(self, turn: Turn, statements: Sequence[tuple[str, Sequence[Any]]]) -> list[Any]:
+    async def trip(self, pipeline: Pipeline, statements: Sequence[Statement]) -> list[Any]:
         """Do a turn's trip, which commits beside SQLAlchemy, and suffer."""
         if ("COMMIT", ()) in statements:
             if self._full:
-                turn._driver.execute(TOO_MUCH["postgresql"])
+                await TRIP(pipeline, [(TOO_MUCH["postgresql"], ())])
             if self._doomed:
                 if random.random() < 0.5:
-                    TRIP(turn, statements)
+                    await TRIP(pipeline, statements)
                 os.kill(os.getpid(), signal.SIGKILL)
-        return TRIP(turn, statements)
+        return await TRIP(pipeline, statements)
 
     def _fill_or_free(self) -> None:
         self._full = not self._full
@@ -86,7 +86,7 @@ class BadMachine:
 
 
 SOUND = app.create_engine
-TRIP = Turn.trip
+TRIP = Pipeline.trip
 
 
 def main() -> None:
@@ -95,7 +95,7 @@ def main() -> None:
     time.time = lambda: right() + offset  # type: ignore[assignment]
     machine = BadMachine()
     app.create_engine = machine.engine
-    Turn.trip = lambda turn, statements: machine.trip(turn, statements)  # type: ignore[method-assign]
+    Pipeline.trip = lambda *of: machine.trip(*of)  # type: ignore[method-assign]
     serve(Settings())
 
 
