@@ -46,7 +46,7 @@ def unpack(path: Path, folder: Path, limits: Limits, wrong: Wrong) -> None:
     """
     try:
         archive = zipfile.ZipFile(path)
-    except (zipfile.BadZipFile, ValueError, NotImplementedError):
+    except (zipfile.BadZipFile, ValueError, RuntimeError):
         raise wrong("is neither a folder nor a zip file") from None
     except OSError as error:
         raise wrong(f"cannot be read: {error.strerror}") from None
@@ -64,7 +64,7 @@ def unpack(path: Path, folder: Path, limits: Limits, wrong: Wrong) -> None:
             seen.add(inner.lower())
             try:
                 left -= _write(archive, member, folder / inner, left, limits, wrong)
-            except (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError):
+            except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError):
                 raise wrong(f"{inner[:60]!r} in it is damaged") from None
             except (FileExistsError, NotADirectoryError, IsADirectoryError):
                 raise wrong(f"{inner[:60]!r} is a file and a folder in it") from None

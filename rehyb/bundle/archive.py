@@ -144,6 +144,7 @@ def read_bundle(path: Path, folder: Path) -> Bundle:
             does; the message says which.
     """
     try:
+        # An unknown packing is a RuntimeError of zipfile.
         with zipfile.ZipFile(path) as archive:
             _inspect(path, archive)
             found = {}
@@ -156,7 +157,7 @@ def read_bundle(path: Path, folder: Path) -> Bundle:
                     else:
                         parts[member] = _json(path, member, source, digest)
                 found[member] = digest.hexdigest()
-    except (zipfile.BadZipFile, EOFError, NotImplementedError, zlib.error) as error:
+    except (zipfile.BadZipFile, EOFError, RuntimeError, zlib.error) as error:
         raise Invalid(f"{path} is no bundle, or is damaged: {error}") from None
     for member in (MANIFEST, "study.json", "indices.json", MODEL):
         if not isinstance(parts.get(member, {}), dict):

@@ -101,3 +101,11 @@ HEADERS: tuple[dict[str, str], ...] = (
     {"x-rehyb-worker": "\xff" * 200},
     {"last-event-id": "\xff"},
 )
+
+
+def encrypted(content: bytes) -> bytes:
+    """Return a zip file whose first member is said to need a password."""
+    changed = bytearray(content)
+    for mark, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        changed[changed.index(mark) + offset] |= 1
+    return bytes(changed)

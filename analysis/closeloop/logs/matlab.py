@@ -11,6 +11,9 @@ from analysis.closeloop.logs import hdf5
 from analysis.closeloop.logs.arrays import channels
 from analysis.closeloop.logs.log import Log
 
+#: What SciPy calls the format of version 7.3.
+_HDF5 = 2
+
 
 def read(path: Path) -> Log:
     """Read a MATLAB file of version 4 to 7.2 by SciPy, one of version 7.3 (HDF5) by h5py.
@@ -19,12 +22,12 @@ def read(path: Path) -> Log:
         SessionError: the file is damaged.
     """
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
+    from scipy.io.matlab import MatReadError, matfile_version
 
     try:
+        if matfile_version(path)[0] == _HDF5:
+            return hdf5.read(path, kind="MATLAB")
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
-    except NotImplementedError:
-        return hdf5.read(path, kind="MATLAB")
     except (MatReadError, ValueError, TypeError, OverflowError, IndexError, KeyError) as error:
         raise SessionError(f"is no MATLAB file: {error}", file=path.name) from None
     return Log(kind="MATLAB", channels=channels(_arrays(content, "")))

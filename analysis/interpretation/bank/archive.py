@@ -15,6 +15,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
         ValueError: it is no archive of arrays, or holds what is no array.
     """
     try:
+        # An unknown packing and a password are RuntimeErrors of zipfile.
         file = np.load(path, allow_pickle=False)
         if isinstance(file, np.ndarray):
             raise ValueError("one array, and no archive")
@@ -22,7 +23,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
             return {name: file[name] for name in file.files}
     except FileNotFoundError:
         raise
-    except (OSError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error):
+    except (OSError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error):
         raise ValueError(f"{path} is no archive of arrays") from None
 
 

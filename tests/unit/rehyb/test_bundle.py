@@ -15,6 +15,7 @@ from rehyb.bundle.reproduce import Finding, check
 from rehyb.bundle.study import request_of
 from rehyb.errors import Conflict, Invalid
 from tests.testbed.coordinators.finished_study import ROWS, WIDTH, FinishedStudy
+from tests.testbed.spoiling import encrypted
 
 Members = dict[str, bytes]
 
@@ -211,6 +212,23 @@ def lying_about_its_size(path: Path) -> Path:
         struct.pack_into("<I", data, size, 100)
     path.write_bytes(data)
     return path
+
+
+def test_a_bundle_with_a_password_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    path = pack(tmp_path / "b.zip", [(name, b"{}") for name in (MANIFEST, *MEMBERS)])
+    path.write_bytes(encrypted(path.read_bytes()))
+    with pytest.raises(Invalid, match=r"b\.zip is no bundle: manifest\.json is encrypted"):
+        read_bundle(path, tmp_path)
+
+
+def test_a_bundle_that_is_packed_in_an_unknown_way_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    path = pack(tmp_path / "b.zip", [(name, b"{}") for name in (MANIFEST, *MEMBERS)])
+    changed = bytearray(path.read_bytes())
+    for mark, offset in ((b"PK\x03\x04", 8), (b"PK\x01\x02", 10)):
+        changed[changed.index(mark) + offset] = 99
+    path.write_bytes(changed)
+    with pytest.raises(Invalid, match=r"b\.zip is no bundle, or is damaged: That compression"):
+        read_bundle(path, tmp_path)
 
 
 def test_what_unpacks_to_more_than_it_says_is_refused_without_unpacking(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from sim.assessment.summary import Motion
 from sim.models import WINDOWS
 from sim.robot.device import NESM
 from tests.testbed.bank import bank, samples
+from tests.testbed.spoiling import encrypted
 
 
 @pytest.fixture(scope="module")
@@ -230,6 +231,9 @@ def test_what_is_no_bank_is_one_sentence(tmp_path: Path) -> None:
         with pytest.raises(InterpretationError, match="is no bank"):
             load_bank(path)
     np.savez(path, a=np.zeros(2))
+    with pytest.raises(InterpretationError, match="is no bank"):
+        load_bank(path)
+    path.write_bytes(encrypted(path.read_bytes()))
     with pytest.raises(InterpretationError, match="is no bank"):
         load_bank(path)
     np.savez(path, meta=np.array(json.dumps({"schema": 99})))

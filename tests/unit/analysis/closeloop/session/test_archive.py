@@ -14,6 +14,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session import archive as archives
 from analysis.closeloop.session.archive import unpacked
 from intake import zips
+from tests.testbed.spoiling import encrypted
 
 
 @pytest.fixture(autouse=True)
@@ -104,10 +105,7 @@ def test_one_name_twice_is_refused(tmp_path: Path) -> None:
 
 def test_an_encrypted_file_is_refused(tmp_path: Path) -> None:
     file = zipped(tmp_path / "s.zip", {"a.csv": b"time\n"})
-    content = bytearray(file.read_bytes())
-    for mark, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
-        content[content.index(mark) + offset] |= 1
-    file.write_bytes(content)
+    file.write_bytes(encrypted(file.read_bytes()))
     refused(file, "encrypted")
 
 
