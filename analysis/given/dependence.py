@@ -15,7 +15,8 @@ Array = NDArray[np.float64]
 #: Rank correlation from which the answer mentions it: beyond chance, and not small.
 _CORRELATED = 0.2
 #: How likely one pair or more of a table is named if all its factors are independent: by ranks, and
-#: by HSIC as the gamma distribution has it. Its tail is too light; with this it is rarer than 1 %.
+#: by HSIC as the gamma distribution has it. Its tail is too light; with this, set while looking at
+#: independent tables, it is rarer than 1 %.
 _BY_RANKS, _BY_HSIC = 5e-3, 3e-4
 #: R2-HSIC from which the answer mentions it.
 _LEAST_SHARE = 0.03

@@ -37,7 +37,7 @@ OTHER_DEVICE = (
     f"banks are of the {NESM.name} alone: the intervals are the population's own and say nothing "
     "of this recording; what its declared model lacks, `rehyb close-loop` finds of any robot"
 )
-#: Share of samples that may be single ones far from their neighbours; ours.
+#: Share of samples that may be single ones far from their neighbours; ours, as `sensors.SPAN`.
 MOST_REPLACED = 0.01
 PROBABILITIES = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
 

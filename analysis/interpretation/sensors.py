@@ -21,7 +21,8 @@ MOVES = 0.005
 #: Decimals of a torque in Nm that count as a step of it: the rest is how numbers are written.
 DECIMALS = 5
 #: Samples around one among which it may be a spike, and of which it is known how far MOST_OF them
-#: (in %) are off at most; how many times that a spike is off: ours.
+#: (in %) are off at most; how many times that a spike is off: ours, set while looking at the
+#: recordings of `STRAYS`.
 SPAN, NEARBY, FAR, MOST_OF = 5, 51, 8.0, 80
 #: Fields of a motion, words for them, and what one sample may always be off, rad, rad/s and Nm.
 SPIKES = (
@@ -37,7 +38,7 @@ STRAYS = {
     False: {"J1": (-0.032, 0.0), "J2": (-0.001, 0.046), "J3": (-0.032, 0.0), "apart": (0.0, 0.001)},
     True: {"J1": (-0.01, 0.0), "J2": (-0.001, 0.042), "J3": (-0.033, 0.0), "apart": (0.001, 0.023)},
 }
-#: What else they may stray, rad; ours.
+#: What else they may stray, rad; ours, set while looking at these recordings.
 MARGIN = 0.01
 
 

@@ -117,11 +117,11 @@ def _noise(recording: Recording, joint: int, trial: int) -> float:
     return max(spread(np.diff(effort)) / float(np.sqrt(2.0)), last_digit(effort))
 
 
-def quiet_spread(signal: np.ndarray) -> float:
-    """Return the same from the quietest quarter: somebody may push most of the time."""
-    return float(np.quantile(np.abs(signal), 0.25) / norm.ppf(0.625))
-
-
 def spread(signal: np.ndarray) -> float:
     """Return the standard deviation of a signal from the median of its size."""
     return float(1.4826 * np.median(np.abs(signal))) if len(signal) else 0.0
+
+
+def quiet_spread(signal: np.ndarray) -> float:
+    """Return the same from the quietest quarter: somebody may push most of the time."""
+    return float(np.quantile(np.abs(signal), 0.25) / norm.ppf(0.625))

@@ -29,8 +29,7 @@ def study_of(population: Population, seed: int, level: str, rows: int) -> dict[s
     Raises:
         InterpretationError: without contact, a factor that is left out depends on one that is not.
     """
-    names = _sampled(population, level)
-    left = set(population.names) - set(names)
+    left = set() if level == "contact" else set(CONTACT_ONLY)
     pairs = []
     for i, one in enumerate(population.names):
         for j, other in enumerate(population.names[:i]):
@@ -45,11 +44,6 @@ def study_of(population: Population, seed: int, level: str, rows: int) -> dict[s
             pairs.append([other, one, 6.0 / pi * asin(value / 2.0)])
     digest = hashlib.sha256(json.dumps(population.content, sort_keys=True).encode()).hexdigest()
     own = hashlib.sha256(f"{seed} {level}".encode()).digest()
-    fixed = {
-        name: value
-        for name, value in population.fixed.items()
-        if level == "contact" or name not in CONTACT_ONLY
-    }
     return {
         "name": f"bank of {population.name[:60]} {digest[:8]}, {level}, seed {seed}",
         "model": LEVELS[level],
@@ -59,9 +53,10 @@ def study_of(population: Population, seed: int, level: str, rows: int) -> dict[s
         "seed": int.from_bytes(own[:7], "big"),
         "factors": [
             {"name": name, "distribution": population.distributions[name].to_json()}
-            for name in names
+            for name in population.names
+            if name not in left
         ],
-        "fixed": fixed,
+        "fixed": {name: value for name, value in population.fixed.items() if name not in left},
         "correlations": pairs,
         "outputs": list(KEPT),
     }
@@ -88,10 +83,4 @@ def samples_of(population: Population, seed: int, level: str, table: Table, rows
         factors=drawn[believed],
         values=values[believed],
         failed=dict(sorted(failed.items())),
-    )
-
-
-def _sampled(population: Population, level: str) -> tuple[str, ...]:
-    return tuple(
-        name for name in population.names if level == "contact" or name not in CONTACT_ONLY
     )

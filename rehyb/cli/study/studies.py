@@ -265,26 +265,26 @@ def _print_indices(snapshot: Json, target: float | None) -> None:
     console.print(f"{snapshot['rows_complete']} of {snapshot['rows']} rows are complete")
     if alarm := warning(snapshot):
         console.print(alarm, style="bold red", markup=False)
-    if snapshot["method"] == "sample":
-        console.print(spread_table(snapshot))
-        for sentence in remarks(snapshot, next(iter(snapshot["outputs"]))):
+
+    def remark(output: str) -> None:
+        for sentence in remarks(snapshot, output, target):
             if sentence != alarm:
                 console.print(sentence, markup=False)
+
+    if snapshot["method"] == "sample":
+        console.print(spread_table(snapshot))
+        remark(next(iter(snapshot["outputs"])))
         return
     for output in snapshot["outputs"]:
         console.print(indices_table(snapshot, output, output))
         if "second_order" in snapshot["outputs"][output]:
             console.print(pairs_table(snapshot["outputs"][output]["second_order"]))
-        for sentence in remarks(snapshot, output, target):
-            if sentence != alarm:
-                console.print(sentence, markup=False)
+        remark(output)
     for curve, said in snapshot.get("curves", {}).items():
         console.print(indices_table(snapshot, curve, f"{curve}, the whole curve"))
         if "second_order" in said["whole"]:
             console.print(pairs_table(said["whole"]["second_order"]))
-        for sentence in remarks(snapshot, curve, target):
-            if sentence != alarm:
-                console.print(sentence, markup=False)
+        remark(curve)
 
 
 def _read(file: Path) -> Json:

@@ -25,7 +25,6 @@ MAX_ROWS = 100_000_000
 #: Probability of a tail that may reach anywhere.
 TAIL = 1e-3
 
-
 #: What to do instead.
 _WITH_CORRELATIONS = f"with correlations the method is {' or '.join(DEPENDENT)}"
 

@@ -108,33 +108,26 @@ def test_what_cannot_be_is_one_sentence_with_its_place(wrong: Any, field: str, w
     assert words in caught.value.problem
 
 
+CHOICE = Factor(
+    name="muscles",
+    unit="1",
+    low=0.0,
+    high=2.0,
+    nominal=0.0,
+    description="which",
+    choices=("first", "second", "last"),
+)
+
+
 @pytest.mark.parametrize("text", ["2", "2.0", "2e0", "last"])
 def test_a_choice_is_told_by_its_name_or_its_number_however_that_is_written(text: str) -> None:
-    factor = Factor(
-        name="muscles",
-        unit="1",
-        low=0.0,
-        high=2.0,
-        nominal=0.0,
-        description="which",
-        choices=("first", "second", "last"),
-    )
-    assert factor.number(text) == 2.0
+    assert CHOICE.number(text) == 2.0
 
 
 @pytest.mark.parametrize("text", ["2.5", "mine", "nan", "inf"])
 def test_what_is_no_choice_is_refused(text: str) -> None:
-    factor = Factor(
-        name="muscles",
-        unit="1",
-        low=0.0,
-        high=1.0,
-        nominal=0.0,
-        description="which",
-        choices=("first", "second"),
-    )
-    with pytest.raises(ValueError, match="muscles must be first or second"):
-        factor.number(text)
+    with pytest.raises(ValueError, match="muscles must be first, second or last"):
+        CHOICE.number(text)
 
 
 def clashing(factor: str, output: str, **changes: Any) -> dict[str, Any]:
