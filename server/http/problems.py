@@ -96,7 +96,7 @@ def install(app: FastAPI) -> None:
         log.warning("%s %s: %s", request.method, request.url.path, error.orig)
         return problem(
             HTTPStatus.SERVICE_UNAVAILABLE,
-            "the database does not answer: ask again",
+            "the database is away or its disk is full: ask again",
             headers={"Retry-After": str(AWAY_SECONDS)},
         )
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import sqrt
-from statistics import stdev
+from statistics import mean, stdev
 
 from server.records import Study
 
@@ -73,11 +73,12 @@ def pace(
             elapsed_seconds=elapsed,
         )
     counted = study.result_count - window_start(study.result_count)
-    since = now - window_opened_at
+    took, pause = _without_pause([after - before for before, after in pairwise(passed_at)])
+    since = now - window_opened_at - pause
     rate = counted / since if since > 0.0 else 0.0
     left = study.plan.instances - study.result_count
     eta = left / rate if rate > 0.0 and at_work else None
-    off = None if eta is None else _half_width(passed_at, left * BLOCKS / counted)
+    off = None if eta is None else _half_width(took, left * BLOCKS / counted)
     return Pace(
         results_per_second=rate,
         eta_seconds=eta,
@@ -87,15 +88,32 @@ def pace(
     )
 
 
-def _half_width(passed_at: Sequence[float], blocks_left: float) -> float | None:
+def _without_pause(took: list[float]) -> tuple[list[float], float]:
+    """Return the blocks' seconds, and how long nobody was at work in the midst of them.
+
+    A block that took longer than all others together holds a pause: machines were switched off, as
+    before a campaign is resumed. Where results come in heaps, some blocks take no time, and a long
+    one says nothing.
+    """
+    if len(took) != BLOCKS:
+        return took, 0.0
+    *others, longest = sorted(took)
+    if not 0.0 < others[0] <= sum(others) < longest:
+        return took, 0.0
+    return others, longest - mean(others)
+
+
+def _half_width(took: Sequence[float], blocks_left: float) -> float | None:
     """Return how far the time for so many blocks may be off, in seconds; None: nobody knows.
 
     As if the blocks took times drawn independently from one normal distribution: the variance of
     what is left, and that of the mean it is foretold from.
+
+    Args:
+        took: seconds that each block took.
+        blocks_left: blocks to come.
     """
-    if len(passed_at) != BLOCKS + 1:
-        return None
-    spread = stdev(after - before for before, after in pairwise(passed_at))
+    spread = stdev(took) if took else 0.0
     if not spread > 0.0:
         # As when all came at once: that says nothing of those to come.
         return None

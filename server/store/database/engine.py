@@ -26,6 +26,9 @@ BUSY_SECONDS = 30
 #: the disk every hundredth transaction.
 LOG_PAGES = 10_000
 
+#: Kinds of SQLite's errors that pass without another request: disk full or failing, file in use.
+_PASSING = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR})
+
 
 def create_engine(url: str, *, durability: str = "normal") -> Engine:
     """Return an engine whose transactions are opened with `reading` and `writing` only.
@@ -107,12 +110,14 @@ def alone_at(engine: Engine, what: str) -> Iterator[bool]:
 
 
 def is_away(error: DBAPIError) -> bool:
-    """Say whether a request failed because the database server is away, full or overrun.
+    """Say whether a request failed because the database is away, full or overrun.
 
-    SQLite is a file; what its errors say about the database they say about statements, too.
+    SQLite is a file: what counts is that its disk is full or fails, or that another process has it.
     """
-    kinds = OperationalError, InterfaceError
-    return isinstance(error, kinds) and not isinstance(error.orig, sqlite3.Error)
+    if isinstance(error.orig, sqlite3.Error):
+        # The low byte is the kind, the others say more (sqlite.org/rescode.html).
+        return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in _PASSING
+    return isinstance(error, OperationalError | InterfaceError)
 
 
 def server_time(engine: Engine) -> float:

@@ -86,6 +86,26 @@ def test_no_end_is_foretold_while_nobody_is_at_work(study: Callable[..., Study])
     assert (speed.eta_seconds, speed.eta_low_seconds, speed.eta_high_seconds) == (None,) * 3
 
 
+def test_a_night_in_which_no_machine_worked_is_no_measure_of_what_is_left(
+    study: Callable[..., Study],
+) -> None:
+    # 100 results, one a second but for ten hours between the 50th and the 60th.
+    running = study(result_count=100)
+    took = [10.0, 11.0, 9.0, 10.0, 11.0, 36_010.0, 9.0, 10.0, 11.0, 9.0]
+    at = list(accumulate(took, initial=100.0))
+    speed = pace(running, window_opened_at=100.0, now=at[-1], passed_at=at)
+    assert speed.results_per_second == pytest.approx(1.0)
+    assert speed.eta_seconds == pytest.approx(3900.0)
+    assert speed.eta_high_seconds is not None and speed.eta_high_seconds < 2 * 3900.0
+
+
+def test_results_that_come_in_heaps_are_not_taken_for_a_pause(study: Callable[..., Study]) -> None:
+    # 100 results in two heaps, the second 50 s after the first.
+    at = [100.0] * 5 + [150.0] * (BLOCKS - 4)
+    speed = pace(study(result_count=100), window_opened_at=100.0, now=150.0, passed_at=at)
+    assert speed.results_per_second == 2.0
+
+
 def test_nine_of_ten_predictions_hold_when_results_come_at_random(
     study: Callable[..., Study],
 ) -> None:
@@ -157,10 +177,8 @@ def test_a_clock_that_has_not_moved_foretells_nothing(study: Callable[..., Study
 
 
 def test_no_study_ends_before_now(study: Callable[..., Study]) -> None:
-    early = [100.0 + 0.001 * number for number in range(BLOCKS)]
-    speed = pace(
-        study(result_count=3990), window_opened_at=100.0, now=140.0, passed_at=[*early, 139.0]
-    )
+    heaps = [100.0] * BLOCKS + [139.0]
+    speed = pace(study(result_count=3990), window_opened_at=100.0, now=140.0, passed_at=heaps)
     assert speed.eta_low_seconds == 0.0
 
 
