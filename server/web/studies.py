@@ -91,13 +91,13 @@ def precision(engine: Engine, study: Study, goal: PrecisionGoal | None) -> Advic
         return None
     output = goal.output if goal else names_of(study.plan.outputs, study.plan.curves)[0]
     target = goal.target if goal else None
-    key = (study.id, study.edition, study.result_count, f"{output} {target}")
+    key = (study.id, study.edition, study.rows_complete, f"{output} {target}")
     if key not in _PRECISION:
         snapshot = StoreResultLog(engine).snapshot(study.id)
         if snapshot is None or not said_of(snapshot, output):
             return None
         found = advise({"sampling": study.plan.sampling, **snapshot}, output, target)
-        if snapshot["cursor"] != study.result_count:
+        if snapshot["rows_complete"] != study.rows_complete:
             # The analysis is not through yet: a moment later there is more to say.
             return found
         while len(_PRECISION) > 1000:

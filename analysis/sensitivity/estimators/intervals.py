@@ -17,6 +17,7 @@ from scipy.special import gammainccinv, gammaincinv, ndtr, stdtrit
 Array = NDArray[np.float64]
 
 #: Degrees of freedom that a heavy tail leaves of Student's t at least: with two it has no variance.
+#: A mean of squares has no interval from fewer: with one it would reach to a milliard of them.
 LEAST_FREEDOM = 3.0
 
 
@@ -164,7 +165,9 @@ def satterthwaite(
     low = mean * half_freedom / gammainccinv(half_freedom, tail)
     high = mean * half_freedom / gammaincinv(half_freedom, tail)
     moves = variation > 1e-9
-    still = np.where(np.isnan(variation), np.nan, mean)
+    told = ~np.isnan(variation) & (present.sum(axis=0) > LEAST_FREEDOM)
+    low, high = (np.where(told, end, np.nan) for end in (low, high))
+    still = np.where(told, mean, np.nan)
     ends = (np.where(moves, end, still) ** (1.0 / power) for end in (low, high))
     return Estimate(value=value, low=next(ends), high=next(ends))
 

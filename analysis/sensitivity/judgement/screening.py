@@ -108,7 +108,7 @@ def propose_fixing(
     if unknown:
         evidence = (
             f"Nothing can be fixed yet: {unknown[0]['factor']} has {unknown[0]['n']} elementary "
-            f"effects on {output}, and an interval needs at least two."
+            f"effects on {output}, and an interval needs at least four."
         )
         return Proposal(factor=None, evidence=evidence, table=table)
     least = table[0]

@@ -5,16 +5,30 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection
 
+from server.states import StudyState
 from server.store.database.engine import insert
 from server.store.database.schema import estimator_states, snapshots, studies
 
 
 def studies_with_news(connection: Connection) -> list[str]:
-    """Return the studies that have results beyond the analysis's cursor, oldest first."""
+    """Return the studies of which the analysis has more to say than its snapshot, oldest first.
+
+    They have results beyond its cursor. While a study runs, those of rows that are incomplete wait:
+    no index changes by them, and a snapshot costs as much as one of a thousand results.
+    """
+    shown = snapshots.c.snapshot["rows_complete"].as_integer()
     query = (
         sa.select(studies.c.id)
         .outerjoin(estimator_states)
+        .outerjoin(snapshots)
         .where(studies.c.result_count > sa.func.coalesce(estimator_states.c.cursor, 0))
+        .where(
+            sa.or_(
+                studies.c.state != StudyState.RUNNING,
+                snapshots.c.study_id.is_(None),
+                shown.is_distinct_from(studies.c.rows_complete),
+            )
+        )
         .order_by(studies.c.created_at, studies.c.id)
     )
     return list(connection.scalars(query))

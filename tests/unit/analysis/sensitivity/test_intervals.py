@@ -223,3 +223,18 @@ def test_the_spread_of_effects_of_balanced_points_is_held_though_n_minus_1_is_to
             (sigma.low <= truth) & (truth <= sigma.high) & (sigma.value <= sigma.high)
         ).tolist()
     assert np.mean(held) >= 0.75
+
+
+def test_a_mean_of_squares_has_no_interval_from_fewer_than_four_rows() -> None:
+    """Of two rows it reached to 1.5e9 where the effects were 10: a number that says nothing."""
+    estimator = MorrisEstimator(sampling="sobol_blocks", seed=2, factors=2, outputs=1)
+    for row in range(4):
+        found = estimator.indices()
+        assert all(np.isnan(found[name].high).all() for name in ("mu_star", "sigma")), row
+        assert all(np.isnan(found[name].low).all() for name in ("mu_star", "sigma")), row
+        points = unit_row("morris", "sobol_blocks", 2, row, 2)
+        estimator.add_rows([row], 10.0 * (points[:, :1] + points[:, 1:] ** 2)[None])
+    found = estimator.indices()
+    largest = found["mu_star"].value.max()
+    assert largest > 5.0
+    assert (found["mu_star"].low >= 0.0).all() and (found["mu_star"].high < 110.0 * largest).all()

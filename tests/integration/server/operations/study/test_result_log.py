@@ -13,6 +13,7 @@ from server.operations.fleet.leasing import Grant
 from server.operations.study import studies
 from server.operations.study.result_log import StoreResultLog
 from server.records import Plan, Study
+from server.states import StudyState
 from tests.testbed.coordinators import exchanges
 
 
@@ -93,3 +94,30 @@ def test_the_analysis_catches_up_with_what_a_single_pass_over_the_results_says(
     expected = analyse(log.plan(study.id), log.results_after(study.id, 0, 100))
     assert StoreResultLog(engine).snapshot(study.id) == expected
     assert catch_up(log, study.id) == 0
+
+
+def test_a_running_study_has_news_for_the_analysis_when_a_row_is_complete(
+    engine: Engine,
+    study: Study,
+    report: Callable[..., Report],
+    lease: Callable[..., Grant],
+) -> None:
+    log = StoreResultLog(engine)
+    studies.extend(engine, study.id, 3)
+    catch_up(log, study.id)
+    held = lease("w", 3).lease
+    names = [instance_id(study.id, *place) for place in held.instances]
+    for name in names[:2]:
+        exchanges.hand_in(engine, held, [report(name)], now=2.0)
+        assert log.studies_with_news() == []
+    # Nothing more may come of a paused one, so what there is of its row is told.
+    studies.switch(engine, study.id, StudyState.PAUSED)
+    assert log.studies_with_news() == [study.id]
+    studies.switch(engine, study.id, StudyState.RUNNING)
+    assert log.studies_with_news() == []
+    exchanges.hand_in(engine, held, [report(names[2])], now=4.0)
+    assert log.studies_with_news() == [study.id]
+    catch_up(log, study.id)
+    assert log.studies_with_news() == []
+    found = log.snapshot(study.id)
+    assert found is not None and (found["rows_complete"], found["cursor"]) == (2, 8)
