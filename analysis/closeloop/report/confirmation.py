@@ -10,6 +10,7 @@ the fit enters, so this also tells whether the model that was written runs.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import mujoco
@@ -17,6 +18,7 @@ import numpy as np
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.report.repaired import repaired_model
+from analysis.closeloop.session.contents import AddedMass
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
 from sim.effects.applied import AppliedEffects
@@ -60,14 +62,18 @@ def confirm(
         a simulation does not stay finite.
     """
     before, _, _ = repaired_model(recording.device, _as_declared(report))
-    models = {"before": before, "after": xml}
+    models = {
+        "before": (before, hung_loads(report, "before")),
+        "after": (xml, hung_loads(report, "value")),
+    }
     pieces = _pieces(recording)
     opened = {
-        word: simulate(recording, model, pieces[0], bandwidth=0.0) for word, model in models.items()
+        word: simulate(recording, model, pieces[0], loads, bandwidth=0.0)
+        for word, (model, loads) in models.items()
     }
     closed = {
-        word: [simulate(recording, model, piece) for piece in pieces]
-        for word, model in models.items()
+        word: [simulate(recording, model, piece, loads) for piece in pieces]
+        for word, (model, loads) in models.items()
     }
     files = [recording.session.trials[recording.trial_of(piece)].file for piece in pieces]
     clock = recording.time[pieces[0]]
@@ -110,19 +116,48 @@ def unconfirmed(confirmation: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def simulate(recording: Recording, xml: str, piece: slice, *, bandwidth: float = BANDWIDTH) -> Run:
+def hung_loads(report: Mapping[str, Any], word: str) -> dict[str, AddedMass]:
+    """Return the payloads that trials name, as they were fitted, by their names.
+
+    Args:
+        report: with what is declared.
+        word: "before" for the fit of the declared model, "value" for that of the repaired one.
+    """
+    found = {}
+    for entry in report["declared"]:
+        if "body" not in entry:
+            continue
+        mass, place = (entry["parameters"][key][word] for key in ("mass", "position"))
+        # What the trials do not determine is null, and hangs nowhere.
+        if mass is not None and None not in place:
+            x, y, z = place
+            found[entry["name"]] = AddedMass(body=entry["body"], mass=mass, position=(x, y, z))
+    return found
+
+
+def simulate(
+    recording: Recording,
+    xml: str,
+    piece: slice,
+    loads: Mapping[str, AddedMass] = MappingProxyType({}),
+    *,
+    bandwidth: float = BANDWIDTH,
+) -> Run:
     """Drive a model with the recorded effort along one piece of the recording.
 
     Args:
         recording: all trials.
         xml: the model.
         piece: where the piece lies.
+        loads: payloads by the names that trials give them; the piece's own is hung.
         bandwidth: of the feedback of driven joints, rad/s; 0 for none.
     """
     spec = mujoco.MjSpec.from_string(xml)
     trial = recording.session.trials[recording.trial_of(piece)]
-    if trial.added_mass is not None:
-        trial.added_mass.hang(spec)
+    load = None if trial.payload is None else loads.get(trial.payload.name)
+    for mass in (trial.added_mass, load):
+        if mass is not None:
+            mass.hang(spec)
     spec.option.timestep = min(float(spec.option.timestep), STEP)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.disableflags |= (

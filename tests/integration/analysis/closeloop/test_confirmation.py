@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.load import load_session
-from analysis.closeloop.report.confirmation import simulate
+from analysis.closeloop.report.confirmation import confirm, simulate
+from analysis.closeloop.session.contents import AddedMass
 from analysis.closeloop.session.device import Device
 
 #: A light link between joints of nearly one axis: what moves one shakes the other.
@@ -56,3 +57,35 @@ def test_a_chain_of_which_one_joint_has_an_effort_keeps_its_path(
     assert run.finite
     assert run.deviation[number] < 0.02
     assert run.feedback[number] < 0.1 * float(np.sqrt(np.mean(effort**2)))
+
+
+LINK = """<mujoco><worldbody><body name="fore"><joint name="elbow" axis="0 -1 0"/>
+  <inertial pos="0.13 0 0" mass="1.4" diaginertia="0.003 0.01 0.01"/></body></worldbody></mujoco>
+"""
+
+
+def test_a_trial_that_names_a_payload_is_simulated_with_it(tmp_path: Path) -> None:
+    time = np.arange(0.0, 2.0, 0.005)
+    angle = 0.4 * np.sin(5.0 * time)
+    motion = (each[:, None] for each in (angle, 2.0 * np.cos(5.0 * time), -25.0 * angle))
+    load = AddedMass(body="fore", mass=0.5, position=(0.25, 0.0, 0.0))
+    device = Device(mujoco.MjSpec.from_string(LINK), ())
+    effort = device.inverse_dynamics(*motion, masses=(load,))[:, 0]
+    table = np.column_stack([time, angle, effort])
+    header = "time,elbow.position,elbow.effort"
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
+    (tmp_path / "device.xml").write_text(LINK)
+    trial = {"file": "a.csv", "payload": {"name": "weight", "body": "fore"}}
+    session = {"schema": 1, "model": "device.xml", "trials": [trial]}
+    (tmp_path / "session.json").write_text(json.dumps(session))
+    # Too light before the repair; as it is after it.
+    parameters = {
+        "mass": {"before": 0.3, "value": load.mass},
+        "position": {"before": [0.2, 0.0, 0.0], "value": list(load.position)},
+    }
+    declared = {"effect": "payload", "name": "weight", "body": "fore", "parameters": parameters}
+    report = {"impedance": {}, "declared": [declared]}
+    confirmation, simulation = confirm(load_session(tmp_path), report, LINK)
+    (entry,) = confirmation["joints"].values()
+    assert entry["feedback_after"] < 0.1 * entry["feedback_before"]
+    assert simulation["joints"]["elbow"]["open_loop"]["after"] < 0.02
