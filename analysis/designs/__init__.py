@@ -18,10 +18,10 @@ from analysis.designs.blocks import BLOCKS, blocks_of
 from analysis.designs.dependence import dependent
 from analysis.designs.distributions import Distribution
 from analysis.designs.groups import Units, places_of
-from analysis.designs.points import latin_hypercube, paired, sobol, sobol_blocks
+from analysis.designs.points import latin_hypercube, paired, points, sobol, sobol_blocks
 from analysis.designs.radial import radial_row
 from analysis.designs.saltelli import saltelli_row
-from analysis.designs.shapley import shapley_order, shapley_row
+from analysis.designs.shapley import shapley_orders, shapley_row
 from analysis.designs.trajectories import grouped_row, trajectory_row
 
 #: Elementary effects for screening; variance-based indices; these with those of pairs of factors;
@@ -62,10 +62,11 @@ __all__ = [
     "family",
     "fewest_factors",
     "instance_parameters",
-    "order_of",
+    "orders_of",
     "row_width",
     "samplings",
     "unit_row",
+    "unit_rows",
 ]
 
 
@@ -104,9 +105,13 @@ def row_width(method: str, factors: int) -> int:
     return beside[method] + factors
 
 
-def order_of(sampling: str, seed: int, row: int, factors: int) -> list[int]:
-    """Return the order of the factors in a row of method shapley (Song et al. 2016)."""
-    return shapley_order(seed, row, _point(sampling, seed, row, factors, 2)[2 * factors :], factors)
+def orders_of(sampling: str, seed: int, rows: Sequence[int], factors: int) -> NDArray[np.intp]:
+    """Return the order of the factors in rows of method shapley (Song et al. 2016).
+
+    Shape (rows, factors).
+    """
+    ends = points(sampling, seed, rows, 2 * factors + 2)[:, 2 * factors :]
+    return shapley_orders(seed, rows, ends, factors)
 
 
 def unit_row(
@@ -158,12 +163,28 @@ def unit_row(
         return single if correlation is None else dependent(single, correlation, range(factors))
     point = _point(sampling, seed, row, factors, 2 if method == "shapley" else 0)
     if method == "shapley":
-        order = shapley_order(seed, row, point[2 * factors :], factors)
+        order = shapley_orders(seed, [row], point[None, 2 * factors :], factors)[0].tolist()
         found = shapley_row(point[: 2 * factors], order)
         return found if correlation is None else dependent(found, correlation, order)
     if method == "morris":
         return radial_row(point)
     return saltelli_row(point, second_order=method == "saltelli_second_order", units=units)
+
+
+def unit_rows(
+    method: str, sampling: str, seed: int, rows: Sequence[int], factors: int
+) -> NDArray[np.float64]:
+    """Return `unit_row` of many rows of independent factors, shape (rows, width, factors).
+
+    As Campolongo et al. 2011 and Saltelli et al. 2010 have them; ValueError as `unit_row`.
+    """
+    if method != "morris" or sampling not in SAMPLINGS or not len(rows):
+        each = [unit_row(method, sampling, seed, row, factors) for row in rows]
+        return np.stack(each) if each else np.empty((0, row_width(method, factors), factors))
+    # Those of all rows at once, which screening needs again with every batch of results.
+    unit_row(method, sampling, seed, min(rows), factors)
+    found = points(sampling, seed, rows, 2 * factors)
+    return radial_row(paired(found) if sampling in _PAIRED else found)
 
 
 def instance_parameters(

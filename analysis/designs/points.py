@@ -4,6 +4,7 @@ Every coordinate lies strictly between 0 and 1, so that each has a quantile in a
 """
 
 import threading
+from collections.abc import Sequence
 from copy import deepcopy
 from functools import lru_cache
 from typing import Any
@@ -72,7 +73,7 @@ def paired(point: NDArray[np.float64]) -> NDArray[np.float64]:
     sequence may fill the square badly for small numbers of points (Joe and Kuo 2008, Constructing
     Sobol sequences with better two-dimensional projections); neighbouring ones fill it better.
     """
-    return np.concatenate([point[0::2], point[1::2]])
+    return np.concatenate([point[..., 0::2], point[..., 1::2]], axis=-1)
 
 
 def latin_hypercube(seed: int, row: int, dimensions: int) -> NDArray[np.float64]:
@@ -80,6 +81,42 @@ def latin_hypercube(seed: int, row: int, dimensions: int) -> NDArray[np.float64]
     block, offset = divmod(row, LATIN_HYPERCUBE_ROWS)
     point: NDArray[np.float64] = _latin_hypercube_block(seed, block, dimensions)[offset]
     return point
+
+
+def points(sampling: str, seed: int, rows: Sequence[int], dimensions: int) -> NDArray[np.float64]:
+    """Return the points of many rows as the function of that name does of one (Owen 1997).
+
+    Args:
+        sampling: "sobol", "sobol_paired", "sobol_blocks" or "latin_hypercube".
+
+    Returns:
+        Shape (rows, dimensions).
+
+    Raises:
+        ValueError: as `sobol`.
+    """
+    number = np.asarray(rows, dtype=np.int64)
+    if sampling == "latin_hypercube":
+        part, offset = np.divmod(number, LATIN_HYPERCUBE_ROWS)
+    else:
+        _check(int(number.min()))
+        _check(int(number.max()))
+        blocks = BLOCKS if sampling == "sobol_blocks" else 1
+        index, block = np.divmod(number, blocks)
+        part, offset = np.divmod(index, _POINTS_AT_ONCE // blocks)
+        part = part * blocks + block
+    parts, place = np.unique(part, return_inverse=True)
+    found = np.empty((len(number), dimensions))
+    for p, one in enumerate(parts.tolist()):
+        if sampling == "latin_hypercube":
+            made = _latin_hypercube_block(seed, one, dimensions)
+        else:
+            start, of = divmod(one, blocks)
+            key = (of,) if blocks > 1 else ()
+            made = _sobol_points(seed, key, start, _POINTS_AT_ONCE // blocks, dimensions)
+        here = place == p
+        found[here] = made[offset[here]]
+    return found
 
 
 def _check(row: int) -> None:

@@ -15,27 +15,28 @@ MEAN_INVERSE_STEP = (
 
 
 def radial_row(point: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lay out one row from a point of the unit cube of twice as many dimensions as factors.
+    """Lay out rows, each from a point of the unit cube of twice as many dimensions as factors.
 
     Position 0 is the base, position 1 + i is the base with factor i moved by 0.1 to 0.9 of its
     range, around the end if need be. If `point` is uniform, so is every position (Campolongo et
     al. 2011).
 
     Args:
-        point: shape (2 k,): the base, then where to step.
+        point: shape (..., 2 k): the base, then where to step.
 
     Returns:
-        Shape (k + 1, k).
+        Shape (..., k + 1, k).
     """
-    base, where = point[: point.size // 2], point[point.size // 2 :]
+    k = point.shape[-1] // 2
+    base, where = point[..., :k], point[..., k:]
     step = SMALLEST_STEP + (1.0 - 2.0 * SMALLEST_STEP) * where
     moved = base + step
     # Around the end is a step back; rounding must not take it out of the open cube.
     moved = np.where(moved < 1.0, moved, np.maximum(base - (1.0 - step), 2.0**-53))
     # NumPy's own tile and fill_diagonal take longer.
-    row = np.empty((base.size + 1, base.size))
-    row[:] = base
-    row[1:].reshape(-1)[:: base.size + 1] = moved
+    row = np.empty((*base.shape[:-1], k + 1, k))
+    row[:] = base[..., None, :]
+    row.reshape(*base.shape[:-1], -1)[..., k :: k + 1] = moved
     return row
 
 

@@ -11,25 +11,35 @@ and the independent indices of Mara and Tarantola 2012 (Variance-based sensitivi
 models with dependent inputs).
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs.streams import Purpose, bits
 
 
-def shapley_order(seed: int, row: int, ends: NDArray[np.float64], factors: int) -> list[int]:
-    """Return the order of the factors in a row (Song et al. 2016), each equally likely.
+def shapley_orders(
+    seed: int, rows: Sequence[int], ends: NDArray[np.float64], factors: int
+) -> NDArray[np.intp]:
+    """Return the order of the factors in rows (Song et al. 2016), each equally likely.
 
     Args:
-        ends: two coordinates of the row's point: which factor comes first, and which last. So each
+        ends: two coordinates of each row's point: which factor comes first, and which last. So each
             is first and last equally often, as far as points fill the square evenly.
+
+    Returns:
+        Shape (rows, factors).
     """
-    first = min(int(ends[0] * factors), factors - 1)
-    others = [factor for factor in range(factors) if factor != first]
-    last = others.pop(min(int(ends[1] * len(others)), len(others) - 1))
-    words = bits(seed, Purpose.ORDER, row, max(len(others), 1))
-    middle = [others[place] for place in np.argsort(words[: len(others)], kind="stable").tolist()]
-    return [first, *middle, last]
+    between = factors - 2
+    words = np.array([bits(seed, Purpose.ORDER, row, max(between, 1)) for row in rows])
+    place = np.minimum((ends * (factors, factors - 1)).astype(np.intp), (factors - 1, between))
+    first, last = place[:, :1], place[:, 1:]
+    rest = np.arange(factors - 1) + (np.arange(factors - 1) >= first)
+    left = np.arange(between) + (np.arange(between) >= last)
+    middle = np.take_along_axis(left, np.argsort(words[:, :between], kind="stable"), axis=1)
+    after = np.take_along_axis(rest, np.concatenate([middle, last], axis=1), axis=1)
+    return np.concatenate([first, after], axis=1)
 
 
 def shapley_row(point: NDArray[np.float64], order: list[int]) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.designs import unit_row
+from analysis.designs import DEFAULT_SAMPLING, unit_rows
 from analysis.given.hdmr import PIECES, shares
 from analysis.given.measures import MEASURES
 from analysis.given.pawn import pawn
@@ -27,7 +27,8 @@ from benchmarks.machine import describe_machine
 Array = NDArray[np.float64]
 
 FACTORS = 6
-ROWS = 512
+#: Rows of a sample, and of designs also of a longer one.
+ROWS, MANY_ROWS = 512, 8192
 REPEATS = 5
 #: What has taken so many seconds is not repeated.
 LONG = 2.0
@@ -41,6 +42,7 @@ class Line:
 
     index: str
     program: str
+    rows: int = ROWS
     #: Each does its work and returns what is compared.
     ours: Callable[[], Array]
     #: None if it is compared in another line.
@@ -59,18 +61,19 @@ def g_function(points: Array) -> Array:
 
 def lines() -> Iterator[Line]:
     """Yield all comparisons."""
-    yield from _designed()
+    yield from _designed(ROWS)
+    yield from _designed(MANY_ROWS)
     yield from _given()
 
 
-def _designed() -> Iterator[Line]:
+def _designed(rows: int) -> Iterator[Line]:
     from SALib.analyze import radial_ee as salib_radial
     from SALib.analyze import shapley as salib_shapley
     from SALib.analyze import sobol as salib_sobol
 
     names = [f"x{i}" for i in range(FACTORS)]
     problem = {"num_vars": FACTORS, "names": names, "bounds": [[0.0, 1.0]] * FACTORS}
-    points = _points("saltelli", "sobol_blocks")
+    points = _points("saltelli", rows)
     y = g_function(points)
     # Their order in a row: A, A with a column of B for every factor, B.
     in_order = y[:, [0, *range(2, 2 + FACTORS), 1]].ravel()
@@ -83,7 +86,8 @@ def _designed() -> Iterator[Line]:
     yield Line(
         index="S, ST",
         program="SALib",
-        ours=lambda: _indices("saltelli", "sobol_blocks", y)["total_order"],
+        rows=rows,
+        ours=lambda: _indices("saltelli", y)["total_order"],
         theirs=salib,
         note="ST; its S centres on another mean",
     )
@@ -95,35 +99,44 @@ def _designed() -> Iterator[Line]:
     variance = y[:, :2].var()
 
     def openturns() -> Array:
-        found = ot.JansenSensitivityAlgorithm(ot.Sample(blocks), ot.Sample(outputs), ROWS)
+        found = ot.JansenSensitivityAlgorithm(ot.Sample(blocks), ot.Sample(outputs), rows)
         found.getFirstOrderIndicesInterval(), found.getTotalOrderIndicesInterval()
         # It divides squares by 2 n - 1, and by the variance of A alone.
-        scale = (1.0 - 0.5 / ROWS) * y[:, 0].var(ddof=1) / variance
+        scale = (1.0 - 0.5 / rows) * y[:, 0].var(ddof=1) / variance
         return np.array(found.getTotalOrderIndices()) * scale
 
     yield Line(
         index="S, ST",
         program="OpenTURNS",
-        ours=lambda: _indices("saltelli", "sobol_blocks", y)["total_order"],
+        rows=rows,
+        ours=lambda: _indices("saltelli", y)["total_order"],
         theirs=openturns,
         note="ST (Jansen) in shares of the variance of A and B, as ours",
     )
-    radial = _points("morris", "sobol_blocks")
+    radial = _points("morris", rows)
     of_radial = g_function(radial)
 
     def salib_effects() -> Array:
         flat = radial.reshape(-1, FACTORS)
-        found = salib_radial.analyze(problem, flat, of_radial.ravel(), sample_sets=ROWS, seed=1)
+        found = salib_radial.analyze(problem, flat, of_radial.ravel(), sample_sets=rows, seed=1)
         return np.stack([found["mu"], found["mu_star"], found["sigma"]])
 
     def our_effects() -> Array:
-        found = _indices("morris", "sobol_blocks", of_radial)
+        found = _indices("morris", of_radial)
         return np.stack([found["mu"], found["mu_star"], found["sigma"]])
 
-    yield Line(index="mu, mu*, sigma", program="SALib", ours=our_effects, theirs=salib_effects)
-    shared = g_function(_points("shapley", "sobol_blocks"))
+    yield Line(
+        index="mu, mu*, sigma",
+        program="SALib",
+        rows=rows,
+        ours=our_effects,
+        theirs=salib_effects,
+        note="with intervals of all three; theirs of mu* only",
+    )
+    ordered = _points("shapley", rows)
+    shared = g_function(ordered)
     order = [0, *range(FACTORS, 0, -1)]
-    trajectory = _points("shapley", "sobol_blocks")[:, order].reshape(-1, FACTORS)
+    trajectory = ordered[:, order].reshape(-1, FACTORS)
 
     def salib_effects_of_shapley() -> Array:
         found = salib_shapley.analyze(problem, trajectory, shared[:, order].ravel())
@@ -132,9 +145,10 @@ def _designed() -> Iterator[Line]:
     yield Line(
         index="Shapley effects",
         program="SALib",
-        ours=lambda: _indices("shapley", "sobol_blocks", shared)["shapley"],
+        rows=rows,
+        ours=lambda: _indices("shapley", shared)["shapley"],
         theirs=salib_effects_of_shapley,
-        note="ours with full and independent indices",
+        note="with full and independent indices and all intervals; theirs without any",
     )
 
 
@@ -228,14 +242,14 @@ def _openturns_hsic(x: Array, y: Array) -> Callable[[], Array]:
     return found
 
 
-def _points(method: str, sampling: str) -> Array:
-    return np.stack([unit_row(method, sampling, SEED, row, FACTORS) for row in range(ROWS)])
+def _points(method: str, rows: int) -> Array:
+    return unit_rows(method, DEFAULT_SAMPLING, SEED, range(rows), FACTORS)
 
 
-def _indices(method: str, sampling: str, y: Array) -> dict[str, Array]:
+def _indices(method: str, y: Array) -> dict[str, Array]:
     """Return the indices of rows (rows, width) by our estimators, made with their intervals."""
     estimator: Estimator = estimator_class(method)(
-        sampling=sampling, seed=SEED, factors=FACTORS, outputs=1
+        sampling=DEFAULT_SAMPLING, seed=SEED, factors=FACTORS, outputs=1
     )
     estimator.add_rows(range(len(y)), y[..., None])
     return {name: found.value[0] for name, found in estimator.indices(LEVEL).items()}
@@ -264,11 +278,9 @@ def _quiet() -> Iterator[None]:
 def main() -> None:
     """Print the table."""
     print(describe_machine())
-    print(
-        f"\n{ROWS} rows of Sobol's g of {FACTORS} factors, one output, `sobol_blocks` or random\n"
-    )
-    print("| Index | Beside | Largest difference | Ours | Theirs | Times | Remark |")
-    print("|---|---|---|---|---|---|---|")
+    print(f"\nSobol's g of {FACTORS} factors, one output, `{DEFAULT_SAMPLING}` or random\n")
+    print("| Index | Beside | Rows | Largest difference | Ours | Theirs | Times | Remark |")
+    print("|---|---|---|---|---|---|---|---|")
     for line in lines():
         own, value = _taken(line.ours)
         work = line.timed or line.theirs
@@ -276,7 +288,7 @@ def main() -> None:
         other, _ = _taken(work)
         apart = "" if line.theirs is None else f"{np.max(np.abs(value - line.theirs())):.1e}"
         print(
-            f"| {line.index} | {line.program} | {apart} | {1e3 * own:.1f} ms | "
+            f"| {line.index} | {line.program} | {line.rows} | {apart} | {1e3 * own:.1f} ms | "
             f"{1e3 * other:.1f} ms | {other / own:.2g} | {line.note} |",
             flush=True,
         )

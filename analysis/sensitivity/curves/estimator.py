@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.designs import family, unit_row
+from analysis.designs import family, unit_rows
 from analysis.designs.radial import legs
 from analysis.sensitivity.curves.basis import COEFFICIENTS, coefficients, length, products
 from analysis.sensitivity.curves.points import REPLICATES, point_estimator
@@ -74,10 +74,8 @@ class CurveEstimator:
         values = np.where(np.abs(values) <= LARGEST_OUTPUT, values, np.nan)
         weighting = weights(self.points.sampling, self.points.seed, rows)
         terms = self._morris(rows, values) if self.method == "morris" else self._saltelli(values)
-        for name, of_rows in terms.items():
-            for sums in (self._components, self._lengths, self._sample):
-                if name in sums.places:
-                    sums.add(name, weighting, of_rows)
+        for sums in (self._components, self._lengths, self._sample):
+            sums.add(weighting, {name: one for name, one in terms.items() if name in sums.places})
 
     def merge(self, other: Self) -> None:
         """Add what `other` has seen; ValueError if it belongs to another curve."""
@@ -139,9 +137,7 @@ class CurveEstimator:
 
     def _morris(self, rows: Sequence[int], values: Array) -> dict[str, Array]:
         points = self.points
-        designed = np.stack(
-            [unit_row("morris", points.sampling, points.seed, row, self.factors) for row in rows]
-        )
+        designed = unit_rows("morris", points.sampling, points.seed, rows, self.factors)
         (before, after), step = legs(designed)  # rows, factors
         row = np.arange(len(rows))[:, None]
         effect = (values[row, after] - values[row, before]) / step[..., None]

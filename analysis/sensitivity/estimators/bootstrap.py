@@ -19,10 +19,10 @@ from analysis.sensitivity.estimators.intervals import Estimate, check_level
 
 REPLICATES = 200
 
-#: Upper edges of the Poisson(1) counts 0, 1, 2, ... on the grid of 32 bit numbers.
+#: First numbers beyond the Poisson(1) counts 0, 1, 2, ... on the grid of 32 bit numbers.
 _EDGES = np.floor(
     2.0**32 * np.cumsum([exp(-1.0) / factorial(count) for count in range(13)])
-).astype(np.uint64)
+).astype(np.uint32)
 
 
 def replicate_weights(seed: int, rows: Sequence[int]) -> NDArray[np.float64]:
@@ -30,11 +30,15 @@ def replicate_weights(seed: int, rows: Sequence[int]) -> NDArray[np.float64]:
 
     Source: Hanley and MacGibbon 2006.
     """
-    words = np.stack([bits(seed, Purpose.BOOTSTRAP, row, REPLICATES // 2) for row in rows])
+    words = np.empty((len(rows), REPLICATES // 2), dtype="<u8")
+    for place, row in enumerate(rows):
+        words[place] = bits(seed, Purpose.BOOTSTRAP, row, REPLICATES // 2)
     # As bytes in a fixed order, so that machines of either endianness agree.
-    uniform = words.astype("<u8").view("<u4")
-    counts = np.searchsorted(_EDGES, uniform.T.astype(np.uint64), side="right")
-    return counts.astype(np.float64)
+    uniform = words.view("<u4")
+    counts = np.zeros(uniform.shape, dtype=np.uint8)
+    for edge in _EDGES:
+        counts += uniform >= edge
+    return np.ascontiguousarray(counts.T).astype(np.float64)
 
 
 def percentiles(statistic: NDArray[np.float64], n: NDArray[np.int64], level: float) -> Estimate:

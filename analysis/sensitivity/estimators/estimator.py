@@ -210,11 +210,12 @@ class Estimator(ABC):
         self.least = np.fmin(self.least, np.fmin.reduce(usable, axis=(0, 1)))
         self.most = np.fmax(self.most, np.fmax.reduce(usable, axis=(0, 1)))
         alike = usable[:, self._alike()]
-        for name, terms in {**self._terms(rows, usable), **row_terms(alike)}.items():
-            kept = self._sample if name in self._sample.places else self._whole
-            valid = kept.add(name, weighting, terms)
-            if name == self.use:
-                of_output = valid.reshape(*valid.shape[:2], self.outputs, -1)
+        terms = {**self._terms(rows, usable), **row_terms(alike)}
+        for kept in (self._whole, self._sample):
+            valid = kept.add(weighting, {n: one for n, one in terms.items() if n in kept.places})
+            if self.use in valid:
+                used = valid[self.use]
+                of_output = used.reshape(*used.shape[:2], self.outputs, -1)
                 measured = of_output[:, :, : self.outputs - self.indicators]
                 self.rows_used += int(measured.any(axis=(0, 2, 3)).sum())
 

@@ -21,6 +21,7 @@ _LARGEST_EXPONENT = 1000
 
 Integers = NDArray[np.object_]
 Doubles = NDArray[np.float64]
+Columns = slice | NDArray[np.intp]
 
 
 def split(values: NDArray[np.float64]) -> tuple[int, list[NDArray[np.float64]]]:
@@ -68,13 +69,15 @@ class ExactSums:
         self.low = 0
         self.limbs: NDArray[np.int64] = np.zeros((1, *self.shape), dtype=np.int64)
 
-    def add(self, columns: slice, weights: NDArray[np.float64], terms: NDArray[np.float64]) -> None:
+    def add(
+        self, columns: Columns, weights: NDArray[np.float64], terms: NDArray[np.float64]
+    ) -> None:
         """Add `weights @ terms[i]`, for every i, to some of the columns.
 
         Args:
-            columns: which.
+            columns: which, each once.
             weights: whole numbers from 0 to 15, shape (weightings, rows).
-            terms: finite, shape (terms per row, rows, columns of the slice).
+            terms: finite, shape (terms per row, rows, columns).
 
         Raises:
             ValueError: a term is not finite.
@@ -129,7 +132,7 @@ class ExactSums:
                 low = low + off
         return _two_sum(high, low)
 
-    def _include(self, low: int, limbs: NDArray[np.int64], columns: slice) -> None:
+    def _include(self, low: int, limbs: NDArray[np.int64], columns: Columns) -> None:
         below = max(self.low - low, 0)
         above = max(low + len(limbs) - (self.low + len(self.limbs)), 0)
         if below or above:

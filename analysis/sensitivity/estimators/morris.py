@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.designs import unit_row
+from analysis.designs import unit_rows
 from analysis.designs.radial import legs
 from analysis.sensitivity.estimators.estimator import Estimator, Index, Terms
 from analysis.sensitivity.estimators.intervals import jackknife_error
@@ -83,9 +83,7 @@ class MorrisEstimator(Estimator):
 
     def _designed(self, rows: Sequence[int]) -> NDArray[np.float64]:
         """Return the points of rows in the unit cube, shape (rows, factors + 1, factors)."""
-        return np.stack(
-            [unit_row(self.method, self.sampling, self.seed, row, self.factors) for row in rows]
-        )
+        return unit_rows(self.method, self.sampling, self.seed, rows, self.factors)
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
         (before, after), step = legs(self._designed(rows))  # rows, factors

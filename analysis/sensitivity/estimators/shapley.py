@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.designs import order_of
+from analysis.designs import orders_of
 from analysis.sensitivity.estimators.estimator import Estimator, Index, Terms
 from analysis.sensitivity.estimators.saltelli import kurtosis_of, share
 from analysis.sensitivity.estimators.tails import FLOOR, LARGEST_FOURTH, heaviness, tail
@@ -101,7 +101,7 @@ class ShapleyEstimator(Estimator):
 
     def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
         k = self.factors
-        order = np.array([order_of(self.sampling, self.seed, row, k) for row in rows])
+        order = orders_of(self.sampling, self.seed, rows, k)
         a, b = values[:, 0], values[:, 1]  # rows, outputs
         # A less the points that keep 0, 1, ..., k factors of A.
         apart = np.concatenate([a[:, None] - values[:, 1 : k + 1], 0.0 * a[:, None]], axis=1)

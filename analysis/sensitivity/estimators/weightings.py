@@ -62,24 +62,38 @@ class NamedSums:
         self._counts: NDArray[np.int64] = np.zeros((weightings, stop), dtype=np.int64)
 
     def add(
-        self, name: str, weighting: NDArray[np.float64], terms: NDArray[np.float64]
-    ) -> NDArray[np.bool_]:
-        """Add terms (points, rows, ...) to a sum, and return which were numbers, flattened.
+        self, weighting: NDArray[np.float64], terms: Mapping[str, NDArray[np.float64]]
+    ) -> dict[str, NDArray[np.bool_]]:
+        """Add terms (points, rows, ...) to sums, and return which were numbers, flattened.
 
         Args:
-            name: of the sum.
             weighting: from `weights`; those that are not kept are left out.
-            terms: nan where there is nothing to add.
+            terms: by the sum's name; nan where there is nothing to add.
         """
-        columns, flat = self.places[name][0], terms.reshape(*terms.shape[:2], -1)
         kept = weighting[: len(self._counts)]
-        valid = ~np.isnan(flat)
-        addends = np.where(valid, flat, 0.0)
-        if name.endswith(SQUARED):
-            addends = np.concatenate(square(addends))
-        self._sums.add(columns, kept, addends)
-        self._counts[:, columns] += (kept @ valid.sum(axis=0, dtype=np.float64)).astype(np.int64)
+        valid: dict[str, NDArray[np.bool_]] = {}
+        # Those of as many points a row are added up together, which takes a part of the time.
+        alike: dict[int, list[tuple[str, NDArray[np.float64]]]] = {}
+        for name, given in terms.items():
+            flat = given.reshape(*given.shape[:2], -1)
+            valid[name] = ~np.isnan(flat)
+            addends = np.where(valid[name], flat, 0.0)
+            if name.endswith(SQUARED):
+                addends = np.concatenate(square(addends))
+            alike.setdefault(len(addends), []).append((name, addends))
+        for group in alike.values():
+            together = np.concatenate([addends for _, addends in group], axis=-1)
+            self._sums.add(self._columns([name for name, _ in group]), kept, together)
+        if valid:
+            many = [there.sum(axis=0, dtype=np.float64) for there in valid.values()]
+            found = (kept @ np.concatenate(many, axis=-1)).astype(np.int64)
+            self._counts[:, self._columns(list(valid))] += found
         return valid
+
+    def _columns(self, names: Sequence[str]) -> NDArray[np.intp]:
+        """Return the columns of some sums, one after the other."""
+        places = [self.places[name][0] for name in names]
+        return np.concatenate([np.arange(one.start, one.stop) for one in places])
 
     def merge(self, other: "NamedSums") -> None:
         """Add the sums of `other`, which are of the same names and shapes."""

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.special import ndtri
 from scipy.stats import kstest, spearmanr
 
-from analysis.designs import DEPENDENT, SAMPLINGS, instance_parameters, order_of, unit_row
+from analysis.designs import DEPENDENT, SAMPLINGS, instance_parameters, orders_of, unit_row
 from analysis.designs.dependence import (
     LEAST_EIGENVALUE,
     Dependence,
@@ -94,7 +94,7 @@ def test_points_share_the_first_factors_of_the_order_bit_for_bit(
     value = data.draw(st.floats(-0.2, 0.9))
     correlation = np.full((k, k), value * (0.99 if value > 0 else 0.9))
     np.fill_diagonal(correlation, 1.0)
-    order = order_of("sobol_blocks", seed, row, k)
+    order = orders_of("sobol_blocks", seed, [row], k)[0].tolist()
     assert sorted(order) == list(range(k))
     found = unit_row("shapley", "sobol_blocks", seed, row, k, correlation)
     assert found.shape == (k + 3, k)
@@ -107,7 +107,7 @@ def test_points_share_the_first_factors_of_the_order_bit_for_bit(
 
 
 def test_each_factor_is_first_and_last_equally_often() -> None:
-    orders = np.array([order_of("sobol_blocks", 1, row, 4) for row in range(384)])
+    orders = orders_of("sobol_blocks", 1, range(384), 4)
     for place in (0, -1):
         counts = np.bincount(orders[:, place], minlength=4)
         assert np.all(np.abs(counts - 96) <= 8), counts

@@ -19,10 +19,12 @@ from analysis.designs import (
     instance_parameters,
     row_width,
     unit_row,
+    unit_rows,
 )
 from analysis.designs.distributions import LogUniform, Normal, Uniform
 from analysis.designs.points import LATIN_HYPERCUBE_ROWS, _sobol_points, sobol
 from analysis.designs.radial import SMALLEST_STEP, legs
+from analysis.designs.streams import Purpose, bits
 
 SEEDS = st.integers(0, 2**64 - 1)
 EVERY_DESIGN = list(product(METHODS, SAMPLINGS))
@@ -37,6 +39,37 @@ def test_every_point_lies_strictly_inside_the_cube(
     points = unit_row(*design, seed, row, factors)
     assert points.shape == (row_width(design[0], factors), factors)
     assert np.all((points > 0.0) & (points < 1.0))
+
+
+@pytest.mark.parametrize(("method", "sampling"), [*EVERY_DESIGN, ("morris", "trajectories")])
+def test_many_rows_at_once_are_those_that_are_asked_for_one_by_one(
+    method: str, sampling: str
+) -> None:
+    rows = [2000, 0, 7, 8, 7, 1_000_003, 51]
+    together = unit_rows(method, sampling, 5, rows, 3)
+    each = [unit_row(method, sampling, 5, row, 3) for row in rows]
+    assert together.tobytes() == np.stack(each).tobytes()
+    assert unit_rows(method, sampling, 5, [], 3).shape == (0, *each[0].shape)
+
+
+@pytest.mark.parametrize("rows", [[-1], [3, -1], [2**31]])
+def test_rows_that_no_design_has_are_refused_among_others_too(rows: list[int]) -> None:
+    with pytest.raises(ValueError, match="row"):
+        unit_rows("morris", "sobol_blocks", 5, rows, 3)
+
+
+def test_bits_are_those_of_a_fresh_generator_whatever_was_drawn_before() -> None:
+    asked = [
+        (3, Purpose.ORDER, 9, 7),
+        (2**64 - 1, Purpose.BAND, 2**63, 2),
+        (3, Purpose.ORDER, 9, 7),
+    ]
+    for seed, purpose, index, size in asked:
+        fresh = np.random.Philox(
+            key=np.array([seed, index], dtype=np.uint64),
+            counter=np.array([0, 0, 0, purpose], dtype=np.uint64),
+        )
+        assert bits(seed, purpose, index, size).tolist() == fresh.random_raw(size).tolist()
 
 
 ROWS = [3, 1030, 49, 0, 50, 1023, 1024]
