@@ -23,11 +23,12 @@ PRESLIDING_SHARE = 0.02
 class Recording(Protocol):
     """Recorded motion of a device, SI units; arrays have shape (n, joints) unless said otherwise.
 
-    `time` is the session's clock, (n,), `period` the time between recorded samples, s; `slices`
-    are pieces without a gap; `joints` are those whose balance is analysed, `limbs` those at which a
-    limb acts. `effort` is NaN where a joint has none. `inverse` is the torque that the declared
-    chain needs, `static` what holding still in the same place would take, `own_inertia` the
-    diagonal of the mass matrix. Below `rest_speed`, (joints,), a joint rests.
+    `time` is the session's clock, (n,), `period` the time between recorded samples, s; `trial` is
+    the number of each sample's trial, (n,), `slices` are pieces without a gap; `joints` are those
+    whose balance is analysed, `limbs` those at which a limb acts. `effort` is NaN where a joint has
+    none. `inverse` is the torque that the declared chain needs, `static` what holding still in the
+    same place would take, `own_inertia` the diagonal of the mass matrix. Below `rest_speed`,
+    (joints,), a joint rests.
     """
 
     @property
@@ -36,6 +37,8 @@ class Recording(Protocol):
     def rate(self) -> float: ...
     @property
     def period(self) -> float: ...
+    @property
+    def trial(self) -> np.ndarray: ...
     @property
     def slices(self) -> Sequence[slice]: ...
     @property
@@ -153,12 +156,14 @@ class RecordedJoint:
         """Middle and half width of the range of motion."""
         return travel(self.position)
 
-    def wound(self, distance: float) -> np.ndarray:
+    def wound(self, distance: float, exponent: float = 1.0) -> np.ndarray:
         """Return how far what gives way before it slides is wound, -1 to 1, (n,).
 
         From 0 at the start of each piece; over `distance` (rad or m) most of the way after each
-        reversal (Dahl 1968).
+        reversal (Dahl 1968) if `exponent` is 1, all of it as a spring that then yields if it is 0.
         """
+        if exponent == 0.0:
+            return self._stretched(distance)
         out = np.zeros(len(self.position))
         for piece in self.recording.slices:
             position = self.position[piece]
@@ -174,6 +179,17 @@ class RecordedJoint:
                 states.append(state)
                 state = way + (state - way) * share
             out[piece] = sign + (np.repeat(states, lengths) - sign) * left
+        return out
+
+    def _stretched(self, distance: float) -> np.ndarray:
+        out = np.zeros(len(self.position))
+        for piece in self.recording.slices:
+            position = self.position[piece]
+            state, states = 0.0, []
+            for way in (np.diff(position, prepend=position[0]) / distance).tolist():
+                state = min(1.0, max(-1.0, state + way))
+                states.append(state)
+            out[piece] = states
         return out
 
     def other(self, dof: int) -> tuple[np.ndarray, np.ndarray]:

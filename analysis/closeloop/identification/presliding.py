@@ -115,6 +115,10 @@ def _free_winding(model: Model, joint: int) -> Term | None:
     sign = np.sign(recorded.velocity)
     level = np.concatenate(levels, axis=1) * sign[:, None]
     longest = PRESLIDING_SHARE * recorded.travel[1]
-    wound = [level * (recorded.wound(share * longest) - sign)[:, None] for share in WAYS]
+    wound = [
+        level * (recorded.wound(share * longest, exponent) - sign)[:, None]
+        for share in WAYS
+        for exponent in (1.0, 0.0)
+    ]
     columns = np.concatenate(wound, axis=1)
     return Term(joint=joint, columns={joint: columns}, kept=tuple(range(columns.shape[1])))

@@ -1,23 +1,23 @@
 """What a living limb adds: reflexes, stiffness after rest, and torque passed between joints.
 
 Stretch reflex after Lance 1980 and the threshold models of Koo and Mak 2006; thixotropy after
-Proske, Morgan and Gregory 1993, and as a structure that moving breaks and rest builds after Moore
+Proske, Morgan and Gregory 1993, with a structure that moving breaks and rest builds after Moore
 1959 and Lakie and Robson 1988; coupling by two-joint muscles after Hogan 1985.
 """
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from sim.effects.effect import AppliedEffect, Columns, Law, Theta
-from sim.effects.functions import Signal, at_least, choose, exp
+from sim.effects.effect import AppliedEffect, Columns, Law, Limits, Theta
+from sim.effects.functions import Signal, at_least, choose
 from sim.effects.laws.elastic import SIDE, sign_of
-from sim.effects.motion import Motion, RecordedJoint, Recording
+from sim.effects.laws.transmission import EXPONENT, Hysteresis
+from sim.effects.motion import PRESLIDING_SHARE, Motion, RecordedJoint, Recording
 from sim.effects.parameter import RELATIVE, SECONDS, Nonlinear, Parameter, Values, named, size
 
-#: Rest that makes a muscle stiff again, s, and in a simulation the speed of a joint at rest.
-REST_SECONDS, REST_SPEED = 0.3, 0.01
 #: Beyond any angle: the reflex has no threshold angle.
 NO_ANGLE = -100.0
 
@@ -112,51 +112,75 @@ class StretchReflex(AppliedEffect):
 
 
 class Thixotropy(AppliedEffect):
-    """Resistance that is high after a rest and is lost by moving."""
+    """Resistance that is high after a rest and is lost by moving.
+
+    A muscle resists as a spring over its short elastic range and yields beyond it (Hill 1968; Rack
+    and Westbury 1974), here as `Hysteresis` does. How much it resists goes with its `Structure`,
+    but for a part that moving does not take away.
+    """
 
     limb = True
     name = "thixotropy"
-    complexity = 2
+    complexity = 5
     signature = "the first movement after a rest meets more resistance than the next ones"
     separating_trial = "rest ten seconds, then move to and fro five times without a pause"
     parameters = named(
-        torque=Parameter("Nm", "after a rest", floor=0.0),
+        torque=Parameter("Nm", "that a long rest adds to that of moving", floor=0.0),
+        torque_moving=Parameter("Nm", "that moving does not take away", floor=0.0),
+        elastic_range=Parameter("rad", "over which it resists as a spring", floor=0.0),
+        exponent=EXPONENT,
+        recovery=Parameter("s", "time in which rest builds it", floor=0.0),
         distance=Parameter("rad", "of motion over which it is lost", floor=0.0),
     )
-    coefficients = ("torque",)
+    coefficients = ("torque", "torque_moving")
     lower = (0.0,)
-    nonlinear = (Nonlinear("distance", (0.2, 0.5, 1.0, 2.0), scaling=0.4, step=RELATIVE),)
-    rubs = directed = at_reversals = True
+    nonlinear = (
+        Nonlinear("elastic_range", (0.03, 0.08), scaling=0.4, step=RELATIVE),
+        Nonlinear("exponent", (1.0, 0.0)),
+        Nonlinear("recovery", (0.4, 1.5, 4.0), scaling=0.4, step=SECONDS),
+        Nonlinear("distance", (0.15, 0.4, 1.0), scaling=0.4, step=RELATIVE),
+    )
+    includes = ("hysteresis",)
+    rubs = directed = at_reversals = winds = True
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        return {"distance": theta["distance"] * joint.travel[1]}
+        half = joint.travel[1]
+        return {
+            "elastic_range": theta["elastic_range"] * half,
+            "exponent": theta["exponent"],
+            "recovery": theta["recovery"],
+            "distance": theta["distance"] * half,
+        }
+
+    def limits(self, joint: RecordedJoint) -> Limits:
+        least = PRESLIDING_SHARE * joint.travel[1]
+        return {**super().limits(joint), "elastic_range": (least, np.inf)}
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
-        distance = self.fixed(joint, theta)["distance"]
-        sign = np.tanh(joint.velocity / joint.rest_speed)
-        left = exp(-distance_since_rest(joint) / distance)
-        return {joint.number: (sign * left)[:, None]}
+        fixed = self.fixed(joint, theta)
+        wound = joint.wound(fixed["elastic_range"], fixed["exponent"])
+        left = Structure(fixed["recovery"], fixed["distance"]).along(joint)
+        return {joint.number: np.column_stack([left * wound, wound])}
 
     def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
-        rested, way = REST_SECONDS, 0.0
+        structure = Structure(parameters["recovery"], parameters["distance"])
+        state, wound, before = 1.0, 0.0, np.nan
 
         def torque(motion: Motion) -> float:
-            nonlocal rested, way
-            speed = abs(float(motion.velocity))
-            rested = rested + step if speed < REST_SPEED else 0.0
-            way = 0.0 if rested >= REST_SECONDS else way + speed * step
-            left = exp(-way / parameters["distance"])
-            return float(parameters["torque"] * motion.direction * left)
+            nonlocal state, wound, before
+            place = float(motion.position)
+            left, way = state, float(motion.velocity) * step if np.isnan(before) else place - before
+            before = place
+            state = structure.stepped(state, step, abs(way))
+            over, exponent = parameters["elastic_range"], parameters["exponent"]
+            wound = Hysteresis.wound(wound, way, over, exponent)
+            return wound * (left * parameters["torque"] + parameters["torque_moving"])
 
         return torque
 
 
 class ThixotropicStiffness(AppliedEffect):
-    """A further spring that moving breaks and rest builds again: s K (q - c).
-
-    Its structure s, 0 to 1, is broken over a distance and built over a time:
-    ds/dt = (1 - s) / recovery - s |v| / distance.
-    """
+    """A further spring with a `Structure` s that moving breaks and rest builds: s K (q - c)."""
 
     limb = True
     name = "thixotropic_stiffness"
@@ -181,50 +205,58 @@ class ThixotropicStiffness(AppliedEffect):
         return {"recovery": theta["recovery"], "distance": distance}
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
-        """Return the spring's columns along the recorded motion; each piece begins rested."""
-        fixed, rate = self.fixed(joint, theta), joint.recording.rate
-        built = 1.0 / (fixed["recovery"] * rate)
-        broken = np.abs(joint.velocity) / (fixed["distance"] * rate)
-        left = np.ones(len(broken))
-        for piece in joint.recording.slices:
-            state = 1.0
-            for i, loss in enumerate(broken[piece].tolist(), piece.start):
-                left[i] = state
-                state = self.stepped(state, built, loss)
+        """Return the spring's columns along the recorded motion."""
+        fixed = self.fixed(joint, theta)
+        left = Structure(fixed["recovery"], fixed["distance"]).along(joint)
         return {joint.number: np.column_stack([left * joint.position, left])}
 
     def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
-        state = 1.0
+        structure, state = Structure(parameters["recovery"], parameters["distance"]), 1.0
 
         def torque(motion: Motion) -> float:
             nonlocal state
-            left, way = state, abs(float(motion.velocity)) * step
-            state = self.stepped(state, step / parameters["recovery"], way / parameters["distance"])
+            left = state
+            state = structure.stepped(state, step, abs(float(motion.velocity)) * step)
             spring = parameters["stiffness"] * float(motion.position)
             return left * (spring + parameters["torque_at_zero"])
 
         return torque
 
-    @staticmethod
-    def stepped(state: float, built: float, broken: float) -> float:
+
+@dataclass(frozen=True)
+class Structure:
+    """What moving breaks over a way L and time builds: ds/dt = (1 - s) / T - s |v| / L, 0 to 1."""
+
+    #: T, s, and L, rad or m.
+    recovery: float
+    distance: float
+
+    def stepped(self, state: float, seconds: float, way: float) -> float:
         """Return the structure one step on; implicit, so that it stays between 0 and 1."""
-        return (state + built) / (1.0 + built + broken)
+        built = seconds / self.recovery
+        return (state + built) / (1.0 + built + way / self.distance)
 
+    def along(self, joint: RecordedJoint) -> np.ndarray:
+        """Return it along the recorded motion, (n,).
 
-def distance_since_rest(joint: RecordedJoint) -> np.ndarray:
-    """Return the way moved since the last rest; a piece begins rested, (n,)."""
-    way, rate = np.zeros(len(joint.velocity)), joint.recording.rate
-    for piece in joint.recording.slices:
-        speed = np.abs(joint.velocity[piece])
-        path = np.cumsum(speed) / rate
-        still = speed < joint.rest_speed
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
-        base = np.zeros(len(speed))
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
-            if (stop - start) / rate >= REST_SECONDS:
-                base[start:] = path[stop - 1]
-        way[piece] = np.maximum(path - base, 0.0)
-    return way
+        A trial begins rested; where samples are missing the joint is taken to go straight on.
+        """
+        recording, seconds = joint.recording, 1.0 / joint.recording.rate
+        ways, place = np.abs(joint.velocity) * seconds, joint.position
+        left = np.ones(len(ways))
+        state, last = 1.0, None
+        for piece in recording.slices:
+            first = piece.start
+            if last is None or recording.trial[last] != recording.trial[first]:
+                state = 1.0
+            else:
+                gap = float(recording.time[first] - recording.time[last])
+                state = self.stepped(state, gap, abs(float(place[first] - place[last])))
+            for i, way in enumerate(ways[piece].tolist(), first):
+                left[i] = state
+                state = self.stepped(state, seconds, way)
+            last = piece.stop - 1
+        return left
 
 
 class CrossJointCoupling(Law):

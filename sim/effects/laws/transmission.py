@@ -135,8 +135,24 @@ class TorqueRipple(Law):
         return "1/rad" if parameter == "order" else super().unit(parameter, theta)
 
 
+#: Ways over which something winds up, over half the travel.
+WAYS = (0.03, 0.042, 0.06, 0.085, 0.12, 0.17, 0.25, 0.35, 0.5)
+#: How what winds up does so; part of `Hysteresis` and of what else winds up.
+EXPONENT = Parameter(
+    "1",
+    "Dahl's: 1 winds up ever more slowly, 0 is a spring that yields",
+    neutral=1.0,
+    floor=0.0,
+    ceiling=1.0,
+    choice=True,
+)
+
+
 class Hysteresis(AppliedEffect):
-    """Friction that builds up over a distance after each reversal (Dahl's model)."""
+    """Friction that builds up over a distance after each reversal (Dahl's model).
+
+    dz/dq = (1 - sign(v) z)^exponent / distance; of an exponent of 0 a spring that yields remains.
+    """
 
     name = "hysteresis"
     complexity = 2
@@ -145,14 +161,21 @@ class Hysteresis(AppliedEffect):
     parameters = named(
         torque=Parameter("Nm", "once it slides", floor=0.0),
         distance=Parameter("rad", "over which it builds up", floor=0.0),
+        exponent=EXPONENT,
     )
     coefficients = ("torque",)
     lower = (0.0,)
-    nonlinear = (Nonlinear("distance", (0.03, 0.06, 0.12, 0.25, 0.5), scaling=0.4, step=RELATIVE),)
+    nonlinear = (
+        Nonlinear("distance", WAYS, scaling=0.4, step=RELATIVE),
+        Nonlinear("exponent", (1.0, 0.0)),
+    )
     rubs = directed = at_reversals = winds = True
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        return {"distance": theta["distance"] * joint.travel[1]}
+        return {
+            "distance": theta["distance"] * joint.travel[1],
+            "exponent": theta["exponent"],
+        }
 
     def limits(self, joint: RecordedJoint) -> Limits:
         least = PRESLIDING_SHARE * joint.travel[1]
@@ -160,27 +183,29 @@ class Hysteresis(AppliedEffect):
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         """Return the friction state along the recorded motion; each piece starts at 0."""
-        return {joint.number: joint.wound(self.fixed(joint, theta)["distance"])[:, None]}
+        fixed = self.fixed(joint, theta)
+        return {joint.number: joint.wound(fixed["distance"], fixed["exponent"])[:, None]}
 
     def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
         state = 0.0
 
         def torque(motion: Motion) -> float:
             nonlocal state
-            speed = float(motion.velocity)
-            sign = float((speed > 0) - (speed < 0))
-            state = float(self.wound(state, sign, abs(speed) * step, parameters["distance"]))
+            way = float(motion.velocity) * step
+            exponent = parameters.get("exponent", 1.0)
+            state = self.wound(state, way, parameters["distance"], exponent)
             return parameters["torque"] * state
 
         return torque
 
     @staticmethod
-    def wound(state: float, sign: float, way: Signal, distance: float) -> Signal:
-        """Return the state, -1 to 1, after a way in one direction from `state`.
-
-        The closed form of dz/dq = (1 - sign(v) z) / distance.
-        """
-        return sign + (state - sign) * exp(-way / distance) if sign else state
+    def wound(state: float, way: float, distance: float, exponent: float) -> float:
+        """Return the state, -1 to 1, after a way from `state`, with its sign; in closed form."""
+        if exponent == 0.0:
+            return min(1.0, max(-1.0, state + way / distance))
+        sign = float((way > 0) - (way < 0))
+        left = float(exp(-abs(way) / distance))
+        return sign + (state - sign) * left if sign else state
 
 
 def _felt(joint: RecordedJoint, ahead: np.ndarray) -> np.ndarray:

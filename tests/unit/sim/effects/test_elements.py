@@ -22,7 +22,10 @@ PARAMETERS: dict[str, dict[str, float]] = {
     "torque_ripple": {"cosine": 0.3, "sine": 0.4, "order": 7.0},
     "hysteresis": {"torque": 1.5, "distance": 0.1},
     "stretch_reflex": {"gain": 2.0, "delay": 0.0, "side": 1.0, "threshold_velocity": 0.2},
-    "thixotropy": {"torque": 1.0, "distance": 0.5},
+    "thixotropy": {
+        "torque": 0.7, "torque_moving": 0.3, "elastic_range": 1e-4, "exponent": 1.0,
+        "recovery": 1.5, "distance": 0.5,
+    },
     "thixotropic_stiffness": {
         "stiffness": 3.0, "torque_at_zero": -1.5, "recovery": 1.5, "distance": 0.5,
     },

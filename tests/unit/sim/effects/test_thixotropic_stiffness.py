@@ -11,20 +11,20 @@ from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.candidates import candidates, options_beside
 from analysis.closeloop.session.contents import DeclaredEffect
 from analysis.closeloop.session.recording import Recording
-from sim.effects.laws.limb import ThixotropicStiffness
+from sim.effects.laws.limb import Structure, ThixotropicStiffness
 from tests.testbed.sessions.rich import ELBOW, rich_recording
 
 EFFECT = ThixotropicStiffness()
 
 
 def test_steady_motion_leaves_what_rest_builds_in_the_meantime() -> None:
-    state = 1.0
+    structure, state = Structure(recovery=2.0, distance=0.4), 1.0
     for _ in range(4000):
-        state = EFFECT.stepped(state, 0.005 / 2.0, 0.005 * 0.8 / 0.4)
+        state = structure.stepped(state, 0.005, 0.005 * 0.8)
     # Moore: 1 / (1 + recovery |v| / distance).
     assert state == pytest.approx(1.0 / (1.0 + 2.0 * 0.8 / 0.4), rel=1e-6)
     for _ in range(400):
-        state = EFFECT.stepped(state, 0.005 / 2.0, 0.0)
+        state = structure.stepped(state, 0.005, 0.0)
     assert state == pytest.approx(1.0 - 0.8 * np.exp(-1.0), rel=5e-3)
 
 

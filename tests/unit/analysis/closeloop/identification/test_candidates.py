@@ -56,7 +56,7 @@ def test_refining_stays_within_what_an_effect_can_be(recording: Recording) -> No
     candidate = Candidate(effect=BY_NAME["hysteresis"], joint=ELBOW)
     joint = unfitted(recording, ELBOW)
     effort = recording.inverse.copy()
-    effort[:, ELBOW] += candidate.effect.columns(joint, {"distance": 0.004})[ELBOW][:, 0]
+    effort[:, ELBOW] += joint.wound(0.004 * joint.travel[1])
     measured = replace(recording, effort=recording.filtered(effort), cache={})
     rows, model = select_rows(measured, (0,)), Model(measured)
     estimate = unfitted(measured, ELBOW).estimate

@@ -34,7 +34,7 @@ def named_beside_friction(elbow: Recording, way: float, friction: float) -> bool
     loud = replace(elbow, effort=elbow.filtered(effort), cache={})
     thetas = {
         "coulomb_friction": {"smooth": 0.004},
-        "hysteresis": {"distance": max(way, 1.2 * PRESLIDING_SHARE)},
+        "hysteresis": {"distance": max(way, 1.2 * PRESLIDING_SHARE), "exponent": 1.0},
     }
     terms = [
         Term(

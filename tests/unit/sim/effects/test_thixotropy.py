@@ -1,0 +1,104 @@
+"""A limb that resists more after a rest than while it moves."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.balance.declared import declared_model
+from analysis.closeloop.identification.balance.model import evaluate, unfitted
+from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.candidates import candidates, options_beside
+from analysis.closeloop.session.contents import DeclaredEffect
+from analysis.closeloop.session.recording import Recording
+from sim.effects.laws.limb import Structure
+from tests.testbed.sessions.rich import ELBOW, rich_recording
+
+RATE = 100.0
+
+
+def with_rests() -> Recording:
+    """One to three strokes at a time, with rests of 0.2 to 3 s between, 16 s at 100 Hz."""
+    rng = np.random.default_rng(5)
+    place, strokes = 1.0, []
+    while sum(map(len, strokes)) < 16 * RATE:
+        for _ in range(rng.integers(1, 4)):
+            goal = 1.0 + rng.uniform(0.3, 0.7) * (-1.0 if place > 1.0 else 1.0)
+            share = np.linspace(0.0, 1.0, int(RATE * rng.uniform(0.6, 1.0)))
+            strokes.append(place + (goal - place) * (10 * share**3 - 15 * share**4 + 6 * share**5))
+            place = goal
+        strokes.append(np.full(int(RATE * rng.choice([0.2, 1.0, 3.0])), place))
+    elbow = np.concatenate(strokes)
+    rich = rich_recording()
+    q = np.column_stack([np.full(len(elbow), -0.5), elbow])
+    v = np.gradient(q, 1.0 / RATE, axis=0)
+    declared = (DeclaredEffect(effect="viscoelastic_joint", joint="elbow"),)
+    return replace(
+        rich,
+        session=replace(rich.session, declared=declared),
+        sampling=replace(rich.sampling, recorded=RATE, working=RATE),
+        slices=[slice(0, len(q))],
+        trial=np.zeros(len(q), dtype=int),
+        time=np.arange(len(q)) / RATE,
+        position=q,
+        velocity=v,
+        acceleration=np.gradient(v, 1.0 / RATE, axis=0),
+        effort=np.zeros_like(q),
+        measured=np.ones(len(q)),
+        extra=np.empty((len(q), 0)),
+        joints=(ELBOW,),
+        cache={},
+    )
+
+
+def short_range(position: np.ndarray, moving: float) -> np.ndarray:
+    """A spring over 0.03 rad that then yields; 2 Nm after a rest, of which `moving` stays."""
+    anchor, strength, torque = position[0], 1.0, []
+    for before, now in pairwise(position):
+        lost = (strength - moving) * abs(now - before) / 0.15
+        strength += (1.0 - strength) / 1.5 / RATE - lost
+        anchor = min(max(anchor, now - 0.03), now + 0.03)
+        torque.append(2.0 * strength * (now - anchor) / 0.03)
+    return np.array([0.0, *torque])
+
+
+@pytest.mark.parametrize(
+    ("moving", "name"),
+    [(0.2, "thixotropy"), (1.0, "hysteresis")],
+    ids=["lost by moving", "never lost"],
+)
+def test_rests_tell_thixotropy_from_hysteresis(moving: float, name: str) -> None:
+    still = with_rests()
+    q, v = still.position[:, ELBOW], still.velocity[:, ELBOW]
+    effort = np.array(still.inverse)
+    effort[:, ELBOW] += 10.0 * (q - 0.9) + 0.5 * v + short_range(q, moving)
+    effort += 0.02 * np.random.default_rng(3).standard_normal(effort.shape)
+    loud = replace(still, effort=still.filtered(effort), cache={})
+    rows = select_rows(loud, (0,))
+    model = declared_model(loud, rows)
+    wanted = [c for c in candidates(loud) if c.effect.name in ("thixotropy", "hysteresis")]
+    best, other = options_beside(model, rows, evaluate(model, rows), wanted)
+    if name == "thixotropy":
+        assert best.candidate.effect.name == name
+        assert other.score.loss > 5.0 * best.score.loss
+        assert best.score.coefficients[0] == pytest.approx(10.0, rel=0.02)
+    else:
+        # The richer one holds the simpler, and gains nothing beyond it.
+        assert best.score.loss > 0.8 * other.score.loss
+
+
+def test_lost_samples_are_no_rest() -> None:
+    whole = with_rests()
+    structure = Structure(recovery=2.0, distance=0.3)
+    middle = len(whole.time) // 2
+    middle += int(np.argmax(np.abs(whole.velocity[middle:, ELBOW])))
+    torn = replace(whole, slices=[slice(0, middle), slice(middle + 5, len(whole.time))], cache={})
+    left = structure.along(unfitted(whole, ELBOW))
+    assert left[middle] < 0.6
+    assert structure.along(unfitted(torn, ELBOW))[middle + 5 :] == pytest.approx(
+        left[middle + 5 :], abs=0.02
+    )
+    other = np.where(np.arange(len(whole.time)) < middle, 0, 1)
+    again = structure.along(unfitted(replace(torn, trial=other), ELBOW))
+    assert again[middle + 5] == 1.0
