@@ -1,7 +1,5 @@
 """A study's sensitivity indices, as the analysis last published them."""
 
-from typing import Any
-
 from fastapi import APIRouter, Response
 
 from analysis.sensitivity.snapshot import empty_snapshot
@@ -9,15 +7,13 @@ from server.logic.caching import tag
 from server.logic.study.points import for_analysis
 from server.operations.study import studies
 from server.operations.study.result_log import StoreResultLog
-from server.routes.common import Id, IfNoneMatch, Store, not_modified
+from server.routes.common import Id, IfNoneMatch, Store, as_json, not_modified
 
 router = APIRouter(prefix="/v1/studies/{study_id}/indices", tags=["studies"])
 
 
 @router.get("", response_model=None)
-def indices(
-    study_id: Id, store: Store, response: Response, if_none_match: IfNoneMatch = None
-) -> dict[str, Any] | Response:
+def indices(study_id: Id, store: Store, if_none_match: IfNoneMatch = None) -> Response:
     """Return the latest snapshot; an empty one before the analysis has published any.
 
     304 if it is the one whose ETag the request names.
@@ -27,5 +23,4 @@ def indices(
     seen = tag(study_id, study.edition, snapshot["rows"], snapshot["cursor"])
     if known := not_modified(seen, if_none_match):
         return known
-    response.headers["ETag"] = seen
-    return snapshot
+    return as_json(snapshot, headers={"ETag": seen})

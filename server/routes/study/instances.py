@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Path, Query
+from fastapi import APIRouter, Path, Query, Response
 
 from server.errors import InvalidStudyError
 from server.logic.study.points import instance_id, parameters, point
 from server.operations.study import instances
-from server.routes.common import MAX_INTEGER, Id, Store
+from server.routes.common import MAX_INTEGER, Id, Store, as_json
 
 router = APIRouter(prefix="/v1/studies/{study_id}/instances", tags=["instances"])
 
@@ -33,7 +33,7 @@ Row = Annotated[int, Path(ge=0, le=MAX_INTEGER, examples=[0])]
 Position = Annotated[int, Path(ge=0, le=2**31 - 1, examples=[3])]
 
 
-@router.get("")
+@router.get("", response_model=dict[str, Any])
 def listing(
     study_id: Id,
     store: Store,
@@ -42,7 +42,7 @@ def listing(
     after: After = None,
     limit: Limit = 100,
     replay: Replay = False,
-) -> dict[str, Any]:
+) -> Response:
     """List instances of the rows begun so far, by row and position, a page at a time."""
     row, position = (-1, -1) if after is None else map(int, after.split(":"))
     if position > 2**31 - 1:
@@ -51,15 +51,12 @@ def listing(
         store, study_id, state=state, outcome=outcome, after=(row, position), limit=limit
     )
     last = found[-1] if len(found) == limit else None
-    return {
-        "instances": [
-            bundle(study_id, item["row"], item["position"], store)
-            if replay
-            else _line(study_id, item)
-            for item in found
-        ],
-        "next": None if last is None else f"{last['row']}:{last['position']}",
-    }
+    shown = [
+        bundle(study_id, item["row"], item["position"], store) if replay else _line(study_id, item)
+        for item in found
+    ]
+    following = None if last is None else f"{last['row']}:{last['position']}"
+    return as_json({"instances": shown, "next": following})
 
 
 @router.get("/{row}/{position}")
