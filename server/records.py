@@ -210,34 +210,28 @@ class Comparison:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Worker:
-    """A process that evaluates instances."""
+class Introduction:
+    """What a worker that asks for work says of itself."""
 
     id: str
     host: str
     #: What decides whether two machines compute the same bits.
     versions: Mapping[str, str]
-    last_seen: float
-    #: Instances whose final result it reported.
-    instances_done: int
-    #: Machines of one class compute the same bits; None if it last asked before there were any.
-    host_class: str | None
     #: What it says it is good for.
-    tags: Sequence[str]
+    tags: Sequence[str] = ()
     #: The models that it can evaluate besides rehyb's own, as "name@digest", each with its canary.
     models: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Introduction:
-    """What a worker that asks for work says of itself: see `Worker`."""
+class Worker(Introduction):
+    """A process that evaluates instances, as it last introduced itself."""
 
-    id: str
-    host: str
-    versions: Mapping[str, str]
-    tags: Sequence[str] = ()
-    #: The models that it can evaluate besides rehyb's own, as "name@digest", each with its canary.
-    models: Mapping[str, str] = field(default_factory=dict)
+    last_seen: float
+    #: Instances whose final result it reported.
+    instances_done: int
+    #: Machines of one class compute the same bits; None if it last asked before there were any.
+    host_class: str | None
 
 
 @dataclass(frozen=True, kw_only=True)

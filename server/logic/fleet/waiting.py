@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from server.logic.fleet.hosts import objection_to_worker
-from server.records import Introduction, Study, Worker
+from server.records import Study, Worker
 
 
 def why_it_waits(study: Study, alive: Sequence[Worker]) -> str | None:
@@ -18,16 +18,6 @@ def why_it_waits(study: Study, alive: Sequence[Worker]) -> str | None:
     able = [worker for worker in alive if "@" not in model or model in worker.models]
     if not able:
         return f"no worker has the model {model}"
-    objections = [objection_to_worker(study, _introduced(worker)) for worker in able]
+    objections = [objection_to_worker(study, worker) for worker in able]
     refused = list(dict.fromkeys(said for said in objections if said is not None))
     return None if None in objections else "; ".join(refused[:3])
-
-
-def _introduced(worker: Worker) -> Introduction:
-    return Introduction(
-        id=worker.id,
-        host=worker.host,
-        versions=worker.versions,
-        tags=worker.tags,
-        models=worker.models,
-    )

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from server.logic.fleet.waiting import _introduced, why_it_waits
-from server.records import Introduction, Study, Worker
+from server.logic.fleet.waiting import why_it_waits
+from server.records import Study, Worker
 from server.states import StudyState
 from tests.testbed.coordinators.records import plan
 
@@ -44,8 +44,7 @@ def test_no_more_than_three_objections_are_listed() -> None:
     assert "code d" in said and "code e" not in said
 
 
-def test_a_worker_is_introduced_with_all_that_is_known_of_it() -> None:
-    known = _introduced(worker(models={"pendulum@1": "7c"}, tags=["gpu"]))
-    assert known == Introduction(
-        id="w", host="h", versions={"code": "a"}, tags=["gpu"], models={"pendulum@1": "7c"}
-    )
+def test_one_who_introduced_itself_with_the_model_and_the_tag_may() -> None:
+    own = study(tags=("gpu",))
+    own.plan.__dict__["model"] = "pendulum@1"
+    assert why_it_waits(own, [worker(models={"pendulum@1": "7c"}, tags=["gpu"])]) is None
