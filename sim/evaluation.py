@@ -35,13 +35,7 @@ def evaluate(
         from sim.assessment.assess import assess
 
         setup = ASSESSMENTS[model]
-        assessment = assess(
-            values,
-            fidelity=setup.fidelity,
-            target=setup.target,
-            device=setup.device,
-            curves=curves,
-        )
+        assessment = assess(values, curves=curves, **setup.setting)
         outputs = dict(assessment.outputs)
         if setup.records and outputs and assessment.record is not None:
             from sim.assessment.summary import summary_of

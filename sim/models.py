@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from math import pi
 from types import MappingProxyType
+from typing import Any
 
 from models.description import Description, Kind, Output
 from models.factors import Factor
@@ -82,6 +83,11 @@ class Setup:
     carries_effects: bool = False
     #: Whether what a robot records is among the results (`sim.assessment.summary`).
     records: bool = False
+
+    @property
+    def setting(self) -> dict[str, Any]:
+        """What `assess` takes besides factors and curves."""
+        return {"target": self.target, "fidelity": self.fidelity, "device": self.device}
 
     def describe(self) -> Description:
         """Return what a study needs to know; with effects, this loads NumPy."""

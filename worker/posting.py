@@ -12,7 +12,6 @@ from rehyb.client import Client
 from rehyb.errors import Invalid, ServerError
 from worker.leases import LeaseRequest, Leases
 from worker.spool import Batch, Spool
-from worker.verdicts import Verdict
 
 log = logging.getLogger(__name__)
 
@@ -21,6 +20,8 @@ log = logging.getLogger(__name__)
 TRIES = 5
 #: Seconds after which what was set aside is posted again; the next worker that starts does so too.
 ASIDE_SECONDS = 600.0
+#: Verdicts of the coordinator with which a result is where it belongs.
+TAKEN = ("accepted", "duplicate")
 
 
 @dataclass(kw_only=True)
@@ -77,7 +78,7 @@ class Posting:
         # Whatever the verdict, it is final: posting the same result again would not change it.
         self.spool.acknowledge(batch.keys)
         for one in answer["verdicts"]:
-            if one["verdict"] not in tuple(Verdict):
+            if one["verdict"] not in TAKEN:
                 log.warning(
                     "instance %s: %s: %s", one["instance"], one["verdict"], one.get("detail")
                 )

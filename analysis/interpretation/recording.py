@@ -1,14 +1,13 @@
 """What a robot recorded: a file of `rehyb assess --record`, or a measured session."""
 
 from collections.abc import Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.session.archive import unpacked
+from analysis.closeloop.session.archive import opened
 from analysis.closeloop.session.contents import NOMINAL, Session, Trial
 from analysis.closeloop.session.mjcf import load_device as session_device
 from analysis.closeloop.session.reading import read_session
@@ -116,7 +115,7 @@ def read_recording(path: Path) -> Recording:
     if not path.exists():
         raise InterpretationError(f"{path}: there is no such file or folder")
     try:
-        with nullcontext(path) if path.is_dir() else unpacked(path) as folder:
+        with opened(path) as folder:
             return _from_session(folder)
     except SessionError as error:
         raise InterpretationError(str(error)) from None

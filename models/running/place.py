@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
-from models.description import Kind
+from models.description import Description, Kind
 from models.evaluation import Evaluation, Evaluator, ModelFailure
 from models.folder import read_folder
 from models.own import evaluate_own, load_own
@@ -30,6 +30,17 @@ class Place:
     #: Of the server, for a model of kind `umbridge`.
     url: str = ""
     time_limit: float | None = None
+
+    @classmethod
+    def of(cls, description: Description, where: str, url: str = "") -> Self:
+        """Return the place of a model."""
+        return cls(
+            kind=description.kind,
+            digest=description.digest,
+            where=where,
+            url=url,
+            time_limit=description.time_limit,
+        )
 
     @property
     def child_seconds(self) -> float | None:

@@ -110,13 +110,7 @@ class Places:
             raise NoModelError(f"{description.name} is a model of rehyb's own: choose another name")
         version = description.version
         self.descriptions[version] = description
-        self.places[version] = Place(
-            kind=description.kind,
-            digest=description.digest,
-            where=where,
-            url=url,
-            time_limit=description.time_limit,
-        )
+        self.places[version] = Place.of(description, where, url)
 
     def _kept(self, folder: ModelFolder) -> Path:
         """Return a copy of a model's folder, which stays as it is however its owner goes on."""

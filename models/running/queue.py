@@ -3,7 +3,6 @@
 import threading
 from collections.abc import Mapping
 from queue import Queue
-from types import TracebackType
 from typing import Any, Self
 
 from models.evaluation import Evaluation
@@ -32,12 +31,7 @@ class EvaluationQueue:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stop.set()
         self._thread.join()
         self._pool.kill()
@@ -50,14 +44,7 @@ class EvaluationQueue:
         instance = {"id": model, "model": model, "parameters": parameters, "seed": seed}
         limit = None if place is None else place.child_seconds
         self._asked.put(({**instance, "place": place, "time_limit": limit}, answer))
-        result = answer.get()
-        return Evaluation(
-            outcome=result["outcome"],
-            outputs=result["outputs"],
-            reason=result["reason"],
-            state=result["state"],
-            wall_seconds=result["wall_seconds"],
-        )
+        return Evaluation(**{n: said for n, said in answer.get().items() if n != "instance"})
 
     def _run(self) -> None:
         while not self._stop.is_set():

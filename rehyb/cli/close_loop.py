@@ -5,10 +5,9 @@ import re
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import nullcontext
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -51,10 +50,10 @@ def _close_here(session: Path, out: Path) -> Json:
         raise RehybError("the report needs pictures: pip install 'rehyb[figures]'")
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.loop import close_loop as close
-    from analysis.closeloop.session.archive import unpacked
+    from analysis.closeloop.session.archive import opened
 
     try:
-        with nullcontext(session) if session.is_dir() else unpacked(session) as folder:
+        with opened(session) as folder:
             return close(folder, out, _show)
     except SessionError as error:
         raise Invalid(str(error)) from None
@@ -89,22 +88,26 @@ def with_effect(
     token: Token = None,
 ) -> Answer:
     """Submit a study in which a found effect's parameters are uncertain, beside Table 1's."""
-    from analysis.closeloop.report.effect_study import EffectStudyError, study_with_effects
-
-    try:
-        content = json.loads(report.read_text(encoding="utf-8"))
-        study = study_with_effects(
-            content, model=model, method=method, rows=rows, seed=seed, from_none=from_none
-        )
-    except (json.JSONDecodeError, UnicodeDecodeError):
-        raise Invalid(f"{report} is not JSON") from None
-    except EffectStudyError as error:
-        raise Invalid(f"{report}: {error}") from None
+    study = effect_study(
+        report, model=model, method=method, rows=rows, seed=seed, from_none=from_none
+    )
     if out is not None:
         out.write_text(json.dumps(study, indent=2) + "\n")
         return Answer({"file": str(out)}, f"{out}: submit it with rehyb study submit {out}")
     with Client(url, token) as client:
         return study_submitted(client.submit(study))
+
+
+def effect_study(report: Path, **design: Any) -> Json:
+    """Return the study of the effects in a report.json; Invalid if there are none to be had."""
+    from analysis.closeloop.report.effect_study import EffectStudyError, study_with_effects
+
+    try:
+        return study_with_effects(json.loads(report.read_text(encoding="utf-8")), **design)
+    except (json.JSONDecodeError, UnicodeDecodeError):
+        raise Invalid(f"{report} is not JSON") from None
+    except EffectStudyError as error:
+        raise Invalid(f"{report}: {error}") from None
 
 
 @answering
@@ -131,14 +134,14 @@ def of_session(
     """
     from analysis.closeloop.as_model import NothingToSampleError, write_model
     from analysis.closeloop.errors import SessionError
-    from analysis.closeloop.session.archive import unpacked
+    from analysis.closeloop.session.archive import opened
     from rehyb.cli.models import added
 
     called = name or re.sub(r"[^a-z0-9_]+", "_", session.resolve().stem.lower())[:40]
     with tempfile.TemporaryDirectory(prefix="rehyb-robot-") as scratch:
         folder = out or Path(scratch) / "robot"
         try:
-            with nullcontext(session) if session.is_dir() else unpacked(session) as recorded:
+            with opened(session) as recorded:
                 lacks = write_model(recorded, report, folder, called)
         except (SessionError, NothingToSampleError) as error:
             raise Invalid(str(error)) from None

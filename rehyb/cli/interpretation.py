@@ -1,9 +1,9 @@
 """Commands about K_h with an interval: `interpret`, `bank build` and `bank show`."""
 
-import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +12,7 @@ import typer
 
 from rehyb.banks import sample_on_fleet
 from rehyb.cli.answers import Answer, Token, Url, answering
+from rehyb.cli.close_loop import effect_study
 from rehyb.cli.options import assignment, number, optional
 from rehyb.client import Client, Json
 from rehyb.client.close_loops import interpret_by_worker
@@ -206,7 +207,10 @@ def build(
         else:
             people = default_population() if population is None else read_population(population)
             if with_effect is not None:
-                people = with_effects(people, _effects(with_effect), str(with_effect))
+                found = effect_study(
+                    with_effect, model="elbow_recording", method="saltelli", rows=1
+                )
+                people = with_effects(people, found, str(with_effect))
             bank = empty_bank(people, seed)
         with _bars() as show:
             if submit:
@@ -235,19 +239,6 @@ def build(
     return Answer(content, text)
 
 
-def _effects(report: Path) -> Json:
-    """Return the study of the effects that closing the loop found."""
-    from analysis.closeloop.report.effect_study import EffectStudyError, study_with_effects
-
-    try:
-        content = json.loads(report.read_text(encoding="utf-8"))
-        return study_with_effects(content, model="elbow_recording", method="saltelli", rows=1)
-    except (json.JSONDecodeError, UnicodeDecodeError):
-        raise Invalid(f"{report} is not JSON") from None
-    except EffectStudyError as error:
-        raise Invalid(f"{report}: {error}") from None
-
-
 @app.command()
 @answering
 def show(bank: BankFile = None) -> Answer:
@@ -263,29 +254,19 @@ def show(bank: BankFile = None) -> Answer:
     return Answer(content, "\n".join(f"{name:12} {value}" for name, value in content.items()))
 
 
-class _bars:  # noqa: N801
-    """A bar for each thing that is done, on a terminal's error stream."""
+@contextmanager
+def _bars() -> Iterator[Callable[[str, int, int], None]]:
+    """Yield what shows a bar for each thing that is done, on a terminal's error stream."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TimeRemainingColumn
 
-    def __enter__(self) -> "_bars":
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+    columns = ("{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    tasks: dict[str, TaskID] = {}
+    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as shown:
 
-        self._shown = Progress(
-            "{task.description}",
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-            disable=not sys.stderr.isatty(),
-        )
-        self._tasks: dict[str, object] = {}
-        self._shown.start()
-        return self
+        def show(what: str, done: int, total: int) -> None:
+            if what not in tasks:
+                tasks[what] = shown.add_task(what, total=total)
+            shown.update(tasks[what], completed=done)
 
-    def __call__(self, what: str, done: int, total: int) -> None:
-        if what not in self._tasks:
-            self._tasks[what] = self._shown.add_task(what, total=total)
-        self._shown.update(self._tasks[what], completed=done)  # type: ignore[arg-type]
-
-    def __exit__(self, *_: object) -> None:
-        self._shown.stop()
+        yield show

@@ -52,13 +52,7 @@ def check(
 
     read = _read(folder)
     description = read.description
-    place = Place(
-        kind=description.kind,
-        digest=description.digest,
-        where=str(read.path),
-        url=umbridge or "",
-        time_limit=description.time_limit,
-    )
+    place = Place.of(description, str(read.path), umbridge or "")
     if description.kind == Kind.UMBRIDGE and umbridge is None:
         raise Invalid("a model of kind umbridge needs its server: --umbridge URL")
     if description.kind == Kind.MJCF:
@@ -191,13 +185,7 @@ def _served(model: str) -> "tuple[Description, Any]":
             f"there is no model {model!r}: give a folder, or one of {', '.join(own_models())}"
         )
     read = _read(Path(model))
-    described = read.description
-    return described, Place(
-        kind=described.kind,
-        digest=described.digest,
-        where=str(read.path),
-        time_limit=described.time_limit,
-    )
+    return read.description, Place.of(read.description, str(read.path))
 
 
 def _read(folder: Path) -> "ModelFolder":

@@ -15,6 +15,7 @@ import typer
 
 if TYPE_CHECKING:
     from models.description import Description
+    from models.factors import Factor
 
 #: An option that may be left out; its help says what holds then.
 optional = partial(typer.Option, show_default=False)
@@ -96,12 +97,16 @@ def fixed_values(model: "Description", texts: Iterable[str]) -> dict[str, float]
     for name, text in assignments(texts).items():
         if name not in known:
             raise typer.BadParameter(no_factor(model.name, name, known))
-        factor = known[name]
-        try:
-            values[name] = factor.number(text) if factor.choices else number(text, name)
-        except ValueError as error:
-            raise typer.BadParameter(str(error)) from None
+        values[name] = factor_value(known[name], text)
     return values
+
+
+def factor_value(factor: "Factor", text: str) -> float:
+    """Return a factor's value: a number, or a name if it is a choice; else typer.BadParameter."""
+    try:
+        return factor.number(text) if factor.choices else number(text, factor.name)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
 
 
 def number(text: str, what: str) -> float:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rehyb.cli.answers import Answer, answering
-from rehyb.cli.options import assignments, number, optional, read_json
+from rehyb.cli.options import assignments, factor_value, number, optional, read_json
 from rehyb.errors import RehybError
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def _parameters(
             raise typer.BadParameter(
                 no_factor("an assessment", name, (*values, "effect.NAME.PARAMETER"))
             )
-        given = _value(known[name], value)
+        given = factor_value(known[name], value)
         anywhere = outside_range or name in effects
         values[name] = given if anywhere else _in_reach(known[name], given)
     return values, setting
@@ -144,14 +144,6 @@ def _in_reach(factor: "Factor", value: float) -> float:
     return value
 
 
-def _value(factor: "Factor", text: str) -> float:
-    """Return a factor's value: a number, or a name if it is a choice."""
-    try:
-        return factor.number(text) if factor.choices else number(text, factor.name)
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from None
-
-
 def _replayed(source: str) -> tuple[dict[str, float], dict[str, str]]:
     """Return parameters, and target, fidelity and device, of a replay bundle of an assessment."""
     from sim.models import ASSESSMENTS
@@ -164,13 +156,8 @@ def _replayed(source: str) -> tuple[dict[str, float], dict[str, str]]:
             f"{source} is of model {bundle.get('model')!r}, which is no assessment: "
             f"take one of {', '.join(ASSESSMENTS)}"
         )
-    setup = ASSESSMENTS[bundle["model"]]
     parameters = {name: number(str(value), name) for name, value in bundle["parameters"].items()}
-    return parameters, {
-        "target": setup.target,
-        "fidelity": setup.fidelity,
-        "device": setup.device,
-    }
+    return parameters, ASSESSMENTS[bundle["model"]].setting
 
 
 def _film(path: Path) -> "Film":

@@ -54,10 +54,6 @@ class CloseLoops(Connection):
         body = {"known": measured, "tolerance": tolerance, "bank": bank}
         return self._json("POST", f"/v1/sessions/{session_id}/interpretation", body)
 
-    def interpretation_report(self, interpretation_id: str) -> Json:
-        """Return an answer; before it is there ("state" is not "done"), how far the job is."""
-        return self._json("GET", f"/v1/{INTERPRETATIONS}/{interpretation_id}")
-
     def interpretation_file(self, interpretation_id: str, file: str, path: Path) -> None:
         """Write "report.json" or "report.html" of an interpretation to `path`."""
         self._download(f"/v1/{INTERPRETATIONS}/{interpretation_id}/{file}", path)
@@ -178,10 +174,7 @@ def close_loop_by_worker(
     """
     if out.exists() and not out.is_dir():
         raise NotADirectoryError(ENOTDIR, "is a file, not a folder for the report", str(out))
-    progress("uploading")
-    with packed(session) as archive:
-        kept = client.upload_session(archive, plain_name(session.resolve().stem)[:60])
-    job = client.close_loop(kept["id"])
+    job = client.close_loop(_uploaded(client, session, progress))
     _ended(client, job["id"], CLOSE_LOOPS, progress, sleep)
     return _fetched(client, job["id"], out)
 
@@ -216,14 +209,20 @@ def interpret_by_worker(
             f"{session}: a worker interprets a measured session (a folder with session.json, or "
             "its zip); leave --submit out, and this machine interprets the file"
         )
-    progress("uploading")
-    with packed(session) as archive:
-        kept = client.upload_session(archive, plain_name(session.resolve().stem)[:60])
-    job = client.interpret(kept["id"], known=known, tolerance=tolerance)
+    uploaded = _uploaded(client, session, progress)
+    job = client.interpret(uploaded, known=known, tolerance=tolerance)
     found = _ended(client, job["id"], INTERPRETATIONS, progress, sleep)
     if report is not None:
         client.interpretation_file(job["id"], "report.html", report)
     return {name: value for name, value in found.items() if name not in _OF_JOB}
+
+
+def _uploaded(client: "Client", session: Path, progress: Callable[[str], None]) -> str:
+    """Upload a session, a folder or its zip file, and return its id."""
+    progress("uploading")
+    with packed(session) as archive:
+        kept = client.upload_session(archive, plain_name(session.resolve().stem)[:60])
+    return str(kept["id"])
 
 
 def _ended(

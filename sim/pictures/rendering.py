@@ -3,7 +3,6 @@
 import sys
 from math import radians
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import mujoco
@@ -52,12 +51,7 @@ class Stage:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._target.free()
         self._gl.free()
 

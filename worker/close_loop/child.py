@@ -57,6 +57,7 @@ def work(job: Mapping[str, Any]) -> "Evaluation":
         fresh.write_text(stage, encoding="utf-8")
         fresh.replace(folder / PROGRESS)
 
+    outcome, reason = Outcome.OK, ""
     state: dict[str, Any] | None = None
     try:
         if job["model"] == INTERPRETATION:
@@ -64,25 +65,11 @@ def work(job: Mapping[str, Any]) -> "Evaluation":
             state = {"bank": _interpret(job["parameters"], archive, folder / OUT)}
         else:
             _close(archive, folder / OUT, show)
-    except Invalid as error:
-        place = {"file": None, "column": None, "line": None}
-        return Evaluation(
-            outcome=Outcome.BAD_SESSION,
-            outputs={},
-            reason=str(error),
-            state=place,
-            wall_seconds=time.perf_counter() - started,
-        )
-    except SessionError as error:
-        return Evaluation(
-            outcome=Outcome.BAD_SESSION,
-            outputs={},
-            reason=str(error),
-            state={"file": error.file, "column": error.column, "line": error.line},
-            wall_seconds=time.perf_counter() - started,
-        )
+    except (Invalid, SessionError) as error:
+        outcome, reason = Outcome.BAD_SESSION, str(error)
+        state = {name: getattr(error, name, None) for name in ("file", "column", "line")}
     seconds = time.perf_counter() - started
-    return Evaluation(outcome=Outcome.OK, outputs={}, state=state, wall_seconds=seconds)
+    return Evaluation(outcome=outcome, outputs={}, reason=reason, state=state, wall_seconds=seconds)
 
 
 def _close(archive: Path, out: Path, show: Callable[[str], None]) -> None:

@@ -3,7 +3,7 @@
 import re
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 from analysis.closeloop.errors import SessionError
@@ -17,6 +17,11 @@ LIMITS = Limits(
     most="a recording takes",
     folder="a session's folder",
 )
+
+
+def opened(path: Path) -> AbstractContextManager[Path]:
+    """Return the folder of a session that is one or a zip file, for a `with` block."""
+    return nullcontext(path) if path.is_dir() else unpacked(path)
 
 
 @contextmanager

@@ -49,12 +49,6 @@ class Features:
         """Return recordings in units of what the bank's vary by."""
         return np.asarray((recorded - self.scale[0]) / self.scale[1])
 
-    def left_over(self, recorded: np.ndarray) -> np.ndarray:
-        """Return what no component describes of the scaled curves, shape (n, CURVES)."""
-        curves = self.scaled(recorded)[:, : len(CURVES)]
-        unit = self.components / np.linalg.norm(self.components, axis=1, keepdims=True)
-        return np.asarray(curves - curves @ unit.T @ unit)
-
     @property
     def arrays(self) -> Mapping[str, np.ndarray]:
         return {"scale": self.scale, "components": self.components}
