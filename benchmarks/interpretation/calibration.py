@@ -17,11 +17,11 @@ import numpy as np
 
 from analysis.interpretation.bank.bank import Bank, Samples, load_bank
 from analysis.interpretation.bank.sampling import sample
-from analysis.interpretation.inference.calibration import Judged, judge, subgroups
 from analysis.interpretation.inference.interpreter import Interpreter
 from analysis.interpretation.inference.posterior import TARGETS
 from analysis.interpretation.inference.rows import JOINTS, noisy, targets_of
 from analysis.interpretation.plan import half_width_after, shortest_plan, steps
+from benchmarks.interpretation.judging import Judged, judge, subgroups
 from benchmarks.machine import describe_machine
 
 #: Seeds of wearers who are reported on, and what is changed in them.

@@ -1,0 +1,127 @@
+"""Whether intervals hold what they say, on wearers whom the bank has never seen.
+
+Simulation-based calibration (Talts et al. 2018, Validating Bayesian inference algorithms with
+simulation-based calibration): the rank of the truth in what is believed is uniform, in every
+subgroup.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.interpretation.bank.bank import Samples
+from analysis.interpretation.inference.features import RECORDED
+from analysis.interpretation.inference.interpreter import Interpreter, Known
+from analysis.interpretation.inference.posterior import TARGETS
+from analysis.interpretation.inference.rows import targets_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """What was believed of n wearers, and what is true."""
+
+    #: Share of the belief below the truth, shape (n, TARGETS).
+    ranks: np.ndarray
+    #: Half width of the 90 % interval, shape (n, TARGETS).
+    half_widths: np.ndarray
+    #: Median less truth, shape (n, TARGETS).
+    errors: np.ndarray
+    familiar: np.ndarray
+    #: Of K whatever the muscles are: share of the belief below the truth, and half width of the
+    #: 90 % interval, shape (n, 2); without columns if the bank cannot tell.
+    whatever: np.ndarray
+
+    def coverage(self, chosen: np.ndarray, share: float = 0.9, target: int = 0) -> float:
+        """Return how often intervals of `share` hold the truth among the `chosen` (a mask)."""
+        rank = self.ranks[chosen, target]
+        return float(np.mean((rank > (1 - share) / 2) & (rank < (1 + share) / 2)))
+
+
+def judge(
+    interpreter: Interpreter,
+    samples: Samples,
+    zero_errors: np.ndarray,
+    known: Mapping[str, float] | None = None,
+    seed: int = 0,
+) -> Judged:
+    """Interpret every recording of `samples`, with `zero_errors` (n, joints) of its sensors.
+
+    Args:
+        interpreter: of a bank without these wearers.
+        samples: with their truth.
+        zero_errors: Nm.
+        known: factors that are measured on each, and to which standard deviation.
+        seed: of what these measurements are off by.
+    """
+    recorded = samples.curves(zero_errors)
+    truths, names = targets_of(samples), interpreter.population.names
+    scaled = interpreter.features.scaled(recorded)
+    assert recorded.shape[1] == len(RECORDED)
+    rng = np.random.default_rng(seed)
+    ranks, widths, errors, familiar, whatever = [], [], [], [], []
+    for row, (values, truth) in enumerate(zip(recorded, truths, strict=True)):
+        measured = tuple(
+            Known(
+                name=name,
+                value=_within(interpreter, name, samples.factors[row, names.index(name)], sd, rng),
+                sd=sd,
+            )
+            for name, sd in (known or {}).items()
+        )
+        posterior = interpreter.infer(interpreter.look(values), measured)
+        ranks.append(posterior.rank(truth))
+        widths.append([posterior.half_width(target) for target in range(len(TARGETS))])
+        errors.append(posterior.quantiles(np.array([0.5]))[0] - truth)
+        familiar.append(
+            interpreter.familiarity.distance(scaled[row]) <= interpreter.familiarity.limit
+            and interpreter.familiarity.offset(scaled[row]) is None
+        )
+        unseen = interpreter.whatever_muscles(values, measured)
+        whatever.append([] if unseen is None else [unseen.rank(truth[:1])[0], unseen.half_width()])
+    return Judged(
+        whatever=np.array(whatever),
+        ranks=np.array(ranks),
+        half_widths=np.array(widths),
+        errors=np.array(errors),
+        familiar=np.array(familiar),
+    )
+
+
+def subgroups(interpreter: Interpreter, samples: Samples) -> dict[str, np.ndarray]:
+    """Return the wearers of each subgroup as masks: a third of the population, or the spastic."""
+    names = interpreter.population.names
+
+    def factor(name: str) -> np.ndarray:
+        return np.asarray(samples.factors[:, names.index(name)])
+
+    def third(name: str, which: str) -> np.ndarray:
+        own = interpreter.sorted_factors[:, names.index(name)]
+        low, high = np.quantile(own, [1 / 3, 2 / 3])
+        return np.asarray(factor(name) < low if which == "low" else factor(name) > high)
+
+    stiffness = targets_of(samples)[:, 0]
+    return {
+        "all": np.ones(len(samples), dtype=bool),
+        "short upper arm": third("upper_arm_length", "low"),
+        "long upper arm": third("upper_arm_length", "high"),
+        "weak": third("muscle_strength", "low"),
+        "strong": third("muscle_strength", "high"),
+        "relaxed": third("activation", "low"),
+        "co-contracting": third("activation", "high"),
+        "with a reflex": factor("reflex_gain") > 0.0,
+        "compliant, K below 2": stiffness < 2.0,
+        "spastic, K above 6": stiffness > 6.0,
+        **{
+            f"muscles {name}": factor("muscles") == number
+            for number, name in enumerate(("paper", "holzbaur2005", "physiological"))
+        },
+    }
+
+
+def _within(
+    interpreter: Interpreter, name: str, value: float, sd: float, rng: np.random.Generator
+) -> float:
+    """Return a measured value, within what the population can have."""
+    ordered = interpreter.sorted_factors[:, interpreter.population.names.index(name)]
+    return float(np.clip(value + sd * rng.standard_normal(), ordered[0] - sd, ordered[-1] + sd))
