@@ -1,4 +1,4 @@
-"""What a number that came as JSON may be (Bray 2017, RFC 8259, section 6)."""
+"""What a number may be that comes or goes as JSON (Bray 2017, RFC 8259, section 6)."""
 
 from math import isfinite
 
@@ -11,3 +11,8 @@ def is_finite_number(value: object) -> bool:
         return isfinite(value)
     except OverflowError:
         return False
+
+
+def number(value: float) -> float | None:
+    """Return a number that JSON has; None for one that is not finite."""
+    return float(value) if isfinite(value) else None

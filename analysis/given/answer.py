@@ -1,7 +1,6 @@
 """What can be told of a sample, as JSON; the same table gives the same answer."""
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from analysis.given.measures import MEASURES, Measure
 from analysis.given.reading import read_sheet
 from analysis.given.sample import FEWEST_ROWS, Sample, choose, first_of_each
 from analysis.given.spread import in_parts, quasi_random, sharing_nothing
+from analysis.json_values import number
 from analysis.sensitivity.estimators import Estimate
 
 Array = NDArray[np.float64]
@@ -146,8 +146,8 @@ def answer(sample: Sample) -> dict[str, Any]:
         },
         "outputs": {
             name: {
-                "mean": _number(float(sample.y[complete, o].mean())),
-                "sd": _number(float(sample.y[complete, o].std(ddof=1))),
+                "mean": number(sample.y[complete, o].mean()),
+                "sd": number(sample.y[complete, o].std(ddof=1)),
                 "design": _of_design(designed, o, sample.factors),
                 "measures": of_samples[name],
             }
@@ -172,7 +172,7 @@ def _of_sample(measure: Measure, x: Array, y: Array, factors: Sequence[str]) -> 
     if measure.name == "hsic":
         columns["p_value"] = hsic(x, y).p_value
     return {
-        factor: {name: _number(float(column[f])) for name, column in columns.items()}
+        factor: {name: number(column[f]) for name, column in columns.items()}
         for f, factor in enumerate(factors)
     }
 
@@ -189,16 +189,10 @@ def _of_design(
     return {
         name: {
             factor: {
-                end: _number(float(getattr(index, end)[output, f]))
-                for end in ("value", "low", "high")
+                end: number(getattr(index, end)[output, f]) for end in ("value", "low", "high")
             }
             for f, factor in enumerate(factors)
         }
         for name, index in found.items()
         if index.value.ndim == 2 and index.value.shape[1] == len(factors) and name != "second_order"
     }
-
-
-def _number(value: float) -> float | None:
-    """Return a number that JSON has."""
-    return value if isfinite(value) else None

@@ -56,11 +56,11 @@ null.
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from itertools import combinations
-from math import isfinite
 from types import MappingProxyType
 from typing import Any
 
 from analysis.designs import family
+from analysis.json_values import number
 from analysis.sensitivity.convergence import GrowingEstimator, Point
 from analysis.sensitivity.curves.estimator import CurveEstimator
 from analysis.sensitivity.curves.findings import findings
@@ -220,8 +220,8 @@ class _Findings:
         name = self._names[o] if o < len(self._names) else "failure"
         trust = judge_trust(self._estimator, self.statistics, o, name)
         return {
-            "mean": _number(self._moments.mean[o]),
-            "sd": _number(self._moments.sd[o]),
+            "mean": number(self._moments.mean[o]),
+            "sd": number(self._moments.sd[o]),
             "n": int(self._moments.n[o]),
             "factors": factors,
             **{name: _interval(indices[name], (o,)) for name in self._of_outputs},
@@ -273,7 +273,7 @@ class _Findings:
                 }
         total = self.statistics.get("total_order")
         if total is not None and total.tail is not None:
-            found["rests_on"] = _number(total.tail.rows[at])
+            found["rests_on"] = number(total.tail.rows[at])
         # Of every run it is known whether it failed.
         worst = self._worst if at[0] < len(self._names) else None
         found["worst_case"] = worst and {name: _interval(worst[name], at) for name in worst}
@@ -309,12 +309,7 @@ def _failure(
 
 def _interval(index: Estimate, at: tuple[int, ...], width: float = 1.0) -> dict[str, float | None]:
     return {
-        "value": _number(index.value[at] / width),
-        "low": _number(index.low[at] / width),
-        "high": _number(index.high[at] / width),
+        "value": number(index.value[at] / width),
+        "low": number(index.low[at] / width),
+        "high": number(index.high[at] / width),
     }
-
-
-def _number(value: float) -> float | None:
-    """Return a number that JSON has."""
-    return float(value) if isfinite(value) else None

@@ -6,7 +6,7 @@ campaign resumes where it was.
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -37,44 +37,32 @@ class View:
     waiting: str = ""
 
 
+@dataclass
 class Campaign:
     """One campaign in one directory.
-
-    Args:
-        client: the coordinator, which must have workers and an analysis.
-        plan: what to compute.
-        directory: made if missing; holds the manifest and the results.
-        show: called with a View twice a second.
-        tick: called twice a second; an exception from it ends the campaign.
-        confirm: called once with what phase 1 proposes; returns the factor to fix, or None to end
-            the campaign there. Default: what is proposed is fixed.
-        sleep: waits for so many seconds.
 
     Raises:
         CampaignError: the directory holds a campaign with a different plan.
     """
 
-    def __init__(
-        self,
-        client: Client,
-        plan: Plan,
-        directory: Path,
-        *,
-        show: Callable[[View], None],
-        tick: Callable[[], None],
-        confirm: Callable[[Proposed], str | None] = lambda proposed: proposed.factor,
-        sleep: Callable[[float], None] = time.sleep,
-    ) -> None:
-        self._client = client
-        self._plan = plan
-        self._directory = directory
-        self._show = show
-        self._tick = tick
-        self._confirm = confirm
-        self._sleep = sleep
+    #: The coordinator, which must have workers and an analysis.
+    client: Client
+    plan: Plan
+    #: Made if missing; holds the manifest and the results.
+    directory: Path
+    _: KW_ONLY
+    #: Called with a View twice a second.
+    show: Callable[[View], None]
+    #: Called twice a second; an exception from it ends the campaign.
+    tick: Callable[[], None]
+    #: Called once with what phase 1 proposes; returns the factor to fix, or None to end there.
+    confirm: Callable[[Proposed], str | None] = lambda proposed: proposed.factor
+    sleep: Callable[[float], None] = time.sleep
+
+    def __post_init__(self) -> None:
         self._view: View | None = None
         self._since = time.monotonic()
-        self._manifest = load_manifest(directory, plan)
+        self._manifest = load_manifest(self.directory, self.plan)
 
     def run(self) -> Report:
         """Run what is left of the campaign and write its files.
@@ -84,12 +72,12 @@ class Campaign:
             RehybError: the coordinator refuses a study.
         """
         try:
-            phase1 = self._run_phase(decisions.screening_phase(self._plan))
+            phase1 = self._run_phase(decisions.screening_phase(self.plan))
             decision = self._decide(phase1["indices"])
-            phase2 = self._run_phase(decisions.variance_phase(self._plan, decision["fixed"]))
+            phase2 = self._run_phase(decisions.variance_phase(self.plan, decision["fixed"]))
             report = write_report(
-                self._directory,
-                self._plan,
+                self.directory,
+                self.plan,
                 decision,
                 (phase1, phase2),
                 seconds=self._seconds,
@@ -106,65 +94,63 @@ class Campaign:
         # Kept, because the coordinator takes a key again only with the very same study.
         begun["study"] = begun["study"] or phase.study
         self._save()
-        study = self._ask(
-            partial(self._client.submit, begun["study"], idempotency_key=begun["key"])
-        )
+        study = self._ask(partial(self.client.submit, begun["study"], idempotency_key=begun["key"]))
         study_id = study["id"]
         done = False
         while not done:
-            progress = self._ask(partial(self._client.progress, study_id))
-            snapshot = self._ask(partial(self._client.indices, study_id))
+            progress = self._ask(partial(self.client.progress, study_id))
+            snapshot = self._ask(partial(self.client.indices, study_id))
             done, waiting = decisions.standing(progress, snapshot)
             step = (
-                decisions.next_step(self._plan, phase, snapshot, progress["rows"]) if done else None
+                decisions.next_step(self.plan, phase, snapshot, progress["rows"]) if done else None
             )
             if step is not None:
                 self._manifest["precision"] = step.sentence
                 if step.rows is not None:
-                    study = self._ask(partial(self._client.extend, study_id, step.rows))
+                    study = self._ask(partial(self.client.extend, study_id, step.rows))
                     done = False
             self._view = View(
                 phase=phase.number,
                 title=phase.title,
-                output=self._plan.output,
+                output=self.plan.output,
                 progress=progress,
                 snapshot=snapshot,
                 waiting=waiting,
             )
-            self._show(self._view)
+            self.show(self._view)
             if not done:
-                self._sleep(POLL_SECONDS)
+                self.sleep(POLL_SECONDS)
         found = {"study": study, "progress": progress, "indices": snapshot}
-        write_json(self._directory / f"phase{phase.number}.json", found)
-        table = self._directory / f"phase{phase.number}.csv"
-        self._ask(partial(self._client.results_csv, study_id, table))
+        write_json(self.directory / f"phase{phase.number}.json", found)
+        table = self.directory / f"phase{phase.number}.csv"
+        self._ask(partial(self.client.results_csv, study_id, table))
         return found
 
     def _ask(self, call: Callable[[], T]) -> T:
         """Make a call of the client; once the coordinator was there, wait for it to come back."""
         while True:
-            self._tick()
+            self.tick()
             try:
                 return call()
             except (Unreachable, ServerError) as error:
                 if self._view is None:
                     raise
-                self._show(replace(self._view, waiting=f"{error}; trying again"))
-            self._sleep(POLL_SECONDS)
+                self.show(replace(self._view, waiting=f"{error}; trying again"))
+            self.sleep(POLL_SECONDS)
 
     def _decide(self, snapshot: Json) -> Json:
         """Choose the factor to fix, once; a resumed campaign keeps its choice."""
         if not self._manifest["decision"]:
-            proposed = decisions.propose(self._plan, snapshot)
+            proposed = decisions.propose(self.plan, snapshot)
             if proposed is None:
                 raise CampaignError(
-                    f"phase 1 ranks nothing: too few instances gave {self._plan.output}; see "
-                    f"{self._directory / 'phase1.csv'} for why, or ask for more rows"
+                    f"phase 1 ranks nothing: too few instances gave {self.plan.output}; see "
+                    f"{self.directory / 'phase1.csv'} for why, or ask for more rows"
                 )
-            agreed = self._confirm(proposed)
+            agreed = self.confirm(proposed)
             if agreed is None:
                 raise CampaignError(
-                    f"nothing was fixed, and phase 2 waits; phase 1 is in {self._directory}. Run "
+                    f"nothing was fixed, and phase 2 waits; phase 1 is in {self.directory}. Run "
                     "the same command again to decide otherwise"
                 )
             self._manifest["decision"] = decisions.decided(proposed, agreed)
@@ -180,4 +166,4 @@ class Campaign:
 
     def _save(self) -> None:
         self._seconds()
-        write_json(self._directory / MANIFEST, self._manifest)
+        write_json(self.directory / MANIFEST, self._manifest)

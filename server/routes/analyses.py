@@ -16,7 +16,7 @@ from server.operations.fleet import results
 from server.operations.study import studies
 from server.routes.common import PRINTABLE, Configured, Id, Store
 from server.routes.fleet.results import csv_text
-from server.routes.uploads import receive
+from server.routes.uploads import FORM, receive
 from server.sandbox import check
 
 router = APIRouter(prefix="/v1", tags=["analyses"])
@@ -25,13 +25,7 @@ _FILE = {"schema": {"type": "string", "format": "binary", "examples": ["x1,x2,y\
 _BODY = {
     "text/csv": _FILE,
     "application/vnd.apache.parquet": _FILE,
-    "multipart/form-data": {
-        "schema": {
-            "type": "object",
-            "properties": {"file": {"type": "string", "format": "binary"}},
-            "required": ["file"],
-        }
-    },
+    "multipart/form-data": FORM,
 }
 Column = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE)]
 Outputs = Annotated[list[Column] | None, Query(max_length=1000, examples=[["y"]])]

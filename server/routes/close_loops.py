@@ -27,6 +27,7 @@ from server.routes.common import (
     Now,
     Store,
     as_json,
+    attachment,
     example,
     not_modified,
 )
@@ -161,16 +162,10 @@ def _reader(kind: JobKind, file: str) -> Callable[..., StreamingResponse]:
     def read(job_id: Id, store: Store, now: Now) -> StreamingResponse:
         job, _ = close_loops.standing(store, job_id, kind=kind, now=now)
         size = close_loops.file_size(store, job, file)
-        return StreamingResponse(
-            close_loops.read_file(store, job, file, size),
-            media_type=MEDIA_TYPES[file],
-            headers={
-                "Content-Length": str(size),
-                "Content-Disposition": f'attachment; filename="{file}"',
-                "Content-Security-Policy": PAGE_POLICY,
-                "X-Content-Type-Options": "nosniff",
-            },
-        )
+        parts = close_loops.read_file(store, job, file, size)
+        response = attachment(parts, size, file, MEDIA_TYPES[file])
+        response.headers["Content-Security-Policy"] = PAGE_POLICY
+        return response
 
     read.__name__ = file.replace(".", "_")
     read.__doc__ = f"Return {file} of a report, as the command line writes it."

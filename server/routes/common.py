@@ -1,11 +1,12 @@
 """What the routes share: where they find the store and the time, and how strictly they read."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from http import HTTPStatus
 from typing import Annotated, Any, get_type_hints
 
 from fastapi import Depends, Header, Path, Request, Response
 from fastapi.exceptions import RequestValidationError
+from fastapi.responses import StreamingResponse
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
 from pydantic_core import to_json
@@ -89,6 +90,21 @@ def as_json(
     """Return an answer of plain values as it is: FastAPI would look through every one of them."""
     body = to_json(content, inf_nan_mode="null")
     return Response(body, status, headers, media_type="application/json")
+
+
+def attachment(
+    parts: Iterator[bytes], size: int, filename: str, media_type: str = "application/zip"
+) -> StreamingResponse:
+    """Return a file of `size` bytes to be saved, a part at a time."""
+    return StreamingResponse(
+        parts,
+        media_type=media_type,
+        headers={
+            "Content-Length": str(size),
+            "Content-Disposition": f'attachment; filename="{filename}"',
+            "X-Content-Type-Options": "nosniff",
+        },
+    )
 
 
 def not_modified(tag: str, if_none_match: str | None) -> Response | None:

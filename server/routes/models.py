@@ -16,7 +16,7 @@ from models.entries import DescriptionError
 from server.logic.tokens import may
 from server.operations import models
 from server.records import ModelVersion
-from server.routes.common import Configured, Id, Now, Store
+from server.routes.common import Configured, Id, Now, Store, attachment
 from server.routes.uploads import ZIP_OR_FORM, receive
 from server.sandbox import check
 
@@ -104,15 +104,7 @@ def show(name: Id, store: Store) -> dict[str, Any]:
 def archive(name: Id, store: Store) -> StreamingResponse:
     """Return the zip file of an uploaded model."""
     model = models.get(store, name)
-    return StreamingResponse(
-        models.archive(store, model),
-        media_type="application/zip",
-        headers={
-            "Content-Length": str(model.size),
-            "Content-Disposition": f'attachment; filename="{model.name}.zip"',
-            "X-Content-Type-Options": "nosniff",
-        },
-    )
+    return attachment(models.archive(store, model), model.size, f"{model.name}.zip")
 
 
 def shown(model: ModelVersion) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from sqlalchemy.engine import Engine
 
 from server.operations import sessions
 from server.records import Session
-from server.routes.common import Configured, Id, Now, Store
+from server.routes.common import Configured, Id, Now, Store, attachment
 from server.routes.uploads import ZIP_OR_FORM, receive
 from server.sandbox import check
 
@@ -81,15 +81,7 @@ def show(session_id: Id, store: Store) -> dict[str, Any]:
 def archive(session_id: Id, store: Store) -> StreamingResponse:
     """Return the zip file that was uploaded."""
     session = sessions.get(store, session_id)
-    return StreamingResponse(
-        sessions.archive(store, session),
-        media_type="application/zip",
-        headers={
-            "Content-Length": str(session.size),
-            "Content-Disposition": f'attachment; filename="{session.id}.zip"',
-            "X-Content-Type-Options": "nosniff",
-        },
-    )
+    return attachment(sessions.archive(store, session), session.size, f"{session.id}.zip")
 
 
 @router.delete("/{session_id}", status_code=204)

@@ -12,7 +12,8 @@ from server.http.guards import upload_too_large
 from server.store.database.parts import PART_BYTES
 
 _ZIP = {"schema": {"type": "string", "format": "binary", "examples": ["a zip file"]}}
-_FORM = {
+#: What a route says of a body that is a form with one file.
+FORM: dict[str, Any] = {
     "schema": {
         "type": "object",
         "properties": {"file": {"type": "string", "format": "binary"}},
@@ -20,7 +21,7 @@ _FORM = {
     }
 }
 #: What a route that takes a zip file says of its body.
-ZIP_OR_FORM: dict[str, Any] = {"application/zip": _ZIP, "multipart/form-data": _FORM}
+ZIP_OR_FORM: dict[str, Any] = {"application/zip": _ZIP, "multipart/form-data": FORM}
 
 
 async def receive(request: Request, path: Path, limit: int) -> str | None:

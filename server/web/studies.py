@@ -66,13 +66,7 @@ def detail(engine: Engine, study: Study, goal: PrecisionGoal | None, now: float)
     standing = studies.standing(engine, study.id, now=now) if study.state.is_served else None
     speed: Pace | None = None
     if standing is not None:
-        speed = pace(
-            standing.study,
-            window_opened_at=standing.window_opened_at,
-            now=now,
-            passed_at=standing.passed_at,
-            at_work=standing.workers > 0,
-        )
+        speed = standing.pace(now)
     elif study.finished_at is not None:
         speed = pace(study, window_opened_at=study.created_at, now=now)
     return {

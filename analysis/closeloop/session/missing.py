@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.session.contents import Trial
+from analysis.closeloop.session.signals import runs
 
 #: A joint this many of its encoder's steps a sample fast cannot stand still for one sample.
 CLEAR_STEPS = 3.0
@@ -28,10 +29,10 @@ def without_stale(trial: Trial) -> Trial:
         return trial
     same = np.all([np.diff(signal) == 0.0 for signal in signals], axis=0)
     stale = np.zeros(len(trial.time), dtype=bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
     positions = [c for name, c in trial.columns.items() if name.endswith(".position")]
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
+    for run in runs(same):
         # Samples first to last are equal; those after the first are in doubt.
+        first, last = run.start, run.stop
         before, after = first - 1, last + 1
         if before < 0 or after >= len(trial.time):
             continue

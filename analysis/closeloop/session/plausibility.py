@@ -9,6 +9,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import runs
 
 #: A hinge of a limb, or one with a declared range, that goes further is recorded in degrees.
 MAX_HINGE = 2 * np.pi
@@ -171,13 +172,11 @@ def saturated_line(effort: np.ndarray, position: np.ndarray) -> int | None:
         count = int(at.sum())
         if count < max(SATURATED_RUN, SATURATED_SHARE * len(effort)) or count < 2 * below.sum():
             continue
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(int), [0]])))
-        starts, ends = edges[::2], edges[1::2]
-        longest = int(np.argmax(ends - starts))
-        length = int(ends[longest] - starts[longest])
-        moved = float(np.ptp(position[starts[longest] : ends[longest]]))
+        longest = max(runs(at), key=lambda run: run.stop - run.start)
+        length = longest.stop - longest.start
+        moved = float(np.ptp(position[longest]))
         if length >= SATURATED_RUN and moved >= RESTING_SHARE * pace * length:
-            return int(starts[longest]) + 2
+            return int(longest.start) + 2
     return None
 
 

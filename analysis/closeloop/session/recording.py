@@ -192,11 +192,9 @@ class Recording:
     def resting(self, joint: int, piece: slice) -> np.ndarray:
         """Return where the joint stays below its rest speed for longer than a reversal takes."""
         still = np.abs(self.velocity[piece, joint]) < self.rest_speed[joint]
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
         found = np.zeros(len(still), dtype=bool)
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
-            if (stop - start) / self.rate > REST:
-                found[start:stop] = True
+        for run in runs(still):
+            found[run] = (run.stop - run.start) / self.rate > REST
         return found
 
     def held(self, joint: int, piece: slice) -> list[slice]:

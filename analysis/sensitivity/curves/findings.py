@@ -24,13 +24,13 @@ principal components, of which the curve's coefficients hold the share "held"
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from itertools import combinations
-from math import isfinite
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import family
+from analysis.json_values import number
 from analysis.sensitivity.curves.bands import band_level
 from analysis.sensitivity.curves.components import components
 from analysis.sensitivity.curves.estimator import CurveEstimator
@@ -106,7 +106,7 @@ def findings(
             }
             for one in leading.leading
         ],
-        "held": _number(leading.held),
+        "held": number(leading.held),
         "ranking": {"by": by, **(_EMPTY if ranking is None else _plain(ranking))},
         "screening": _plain(screening),
         "trust": _plain(trust),
@@ -128,7 +128,7 @@ def _whole(
             factor: {
                 **{name: _interval(indices[name], (f,)) for name in single},
                 "n": int(found[single[0]].n[f]),
-                **({} if tail is None else {"rests_on": _number(tail.rows[f])}),
+                **({} if tail is None else {"rests_on": number(tail.rows[f])}),
             }
             for f, factor in enumerate(factors)
         },
@@ -196,13 +196,8 @@ def _plain(record: Any) -> dict[str, Any]:
 
 
 def _interval(index: Estimate, at: tuple[int, ...]) -> dict[str, float | None]:
-    return {end: _number(getattr(index, end)[at]) for end in ("value", "low", "high")}
+    return {end: number(getattr(index, end)[at]) for end in ("value", "low", "high")}
 
 
 def _numbers(values: NDArray[np.float64]) -> list[float | None]:
-    return [_number(value) for value in values.tolist()]
-
-
-def _number(value: float) -> float | None:
-    """Return a number that JSON has."""
-    return float(value) if isfinite(value) else None
+    return [number(value) for value in values.tolist()]

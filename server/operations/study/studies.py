@@ -9,7 +9,7 @@ from sqlalchemy.engine import Connection, Engine
 from server.errors import ConflictError
 from server.logic.fleet.hosts import GONE_SECONDS
 from server.logic.study import studies as life
-from server.logic.study.progress import block_ends, window_start
+from server.logic.study.progress import Pace, block_ends, pace, window_start
 from server.records import Plan, PrecisionGoal, Study
 from server.states import StudyState
 from server.store import models
@@ -35,6 +35,16 @@ class Standing:
     workers: int
     #: Its model, "name@digest", if no worker has it; None if one has, or nothing is left to do.
     waits_for: str | None
+
+    def pace(self, now: float) -> Pace:
+        """Return how fast results come."""
+        return pace(
+            self.study,
+            window_opened_at=self.window_opened_at,
+            now=now,
+            passed_at=self.passed_at,
+            at_work=self.workers > 0,
+        )
 
 
 def create(

@@ -8,7 +8,6 @@ from fastapi.responses import StreamingResponse
 from server.logic.caching import tag
 from server.logic.study.precision_goals import is_settled
 from server.logic.study.precision_goals import shown as goal_shown
-from server.logic.study.progress import pace
 from server.operations.study import studies
 from server.operations.study.studies import Standing
 from server.routes.common import Id, IfNoneMatch, Now, Store, not_modified
@@ -70,14 +69,7 @@ def _tag(standing: Standing, now: float) -> str:
 
 
 def _shown(standing: Standing, now: float) -> dict[str, Any]:
-    study = standing.study
-    speed = pace(
-        study,
-        window_opened_at=standing.window_opened_at,
-        now=now,
-        passed_at=standing.passed_at,
-        at_work=standing.workers > 0,
-    )
+    study, speed = standing.study, standing.pace(now)
     return {
         "study": study.id,
         "state": study.state,

@@ -108,7 +108,7 @@ def test_what_is_fixed_is_what_somebody_agreed_to_and_asked_once_only(tmp_path: 
 
     def answering(answer: str | None) -> Campaign:
         running = campaign(coordinator, tmp_path)
-        running._confirm = lambda proposed: (asked.append(proposed), answer)[1]
+        running.confirm = lambda proposed: (asked.append(proposed), answer)[1]
         return running
 
     with pytest.raises(CampaignError, match="nothing was fixed, and phase 2 waits"):
@@ -174,7 +174,7 @@ def test_a_coordinator_that_goes_away_is_waited_for_and_the_view_says_so(tmp_pat
             coordinator.away = 3
         seen.append(view)
 
-    running._show = go_away
+    running.show = go_away
     running.run()
     assert [view.waiting for view in seen[1:4]] == ["no coordinator answers; trying again"] * 3
 
