@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from benchmarks.machine import describe_machine
+from benchmarks.simulation.co_contraction import co_contraction_stiffness
 from sim.assessment.assess import assess
 from sim.body.muscles import holzbaur, physiological
 from sim.body.muscles.authors import ELBOW_EXTENSORS, PAPER_MUSCLES
@@ -27,7 +28,6 @@ from sim.validation.isometric import (
     MEASURED,
     DataSet,
     IsometricTest,
-    co_contraction_stiffness,
     run_isometric_test,
 )
 from sim.validation.moment_arms import PIGEON, SUGISAKI

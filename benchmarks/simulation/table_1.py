@@ -12,19 +12,13 @@ import numpy as np
 from scipy.stats import qmc
 
 from benchmarks.machine import describe_machine
+from benchmarks.simulation.co_contraction import COMMON_DEG, co_contraction_stiffness
 from sim.assessment.assess import assess
 from sim.body.muscles.elbow import ELBOW_MUSCLES
 from sim.body.skeleton import AUTHORS_ELBOW_OFFSET
 from sim.parameters.wearer import NOMINAL, TABLE_1
 from sim.validation import AUTHORS
-from sim.validation.isometric import (
-    ANGLES_DEG,
-    COMMON_DEG,
-    MEASURED,
-    IsometricTest,
-    co_contraction_stiffness,
-    run_isometric_test,
-)
+from sim.validation.isometric import ANGLES_DEG, MEASURED, IsometricTest, run_isometric_test
 
 SEED = 7
 

@@ -1,6 +1,5 @@
 """The maximal isometric torque test of the elbow (paper, section 2.2.1.1 and figure 3)."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -48,10 +47,6 @@ MEASURED = (
 )
 
 
-#: Where both experiments and the movement of an assessment have elbow angles, degrees.
-COMMON_DEG = np.arange(20.0, 111.0)
-
-
 @dataclass(frozen=True, kw_only=True)
 class IsometricTest:
     """Torque about the elbow at full activation, shape (n,) over ANGLES_DEG, flexion positive."""
@@ -72,28 +67,6 @@ class IsometricTest:
         """Largest extension torque (Nm, negative) and its angle (degrees)."""
         i = int(np.argmin(self.extension_nm))
         return float(self.extension_nm[i]), float(ANGLES_DEG[i])
-
-
-def co_contraction_stiffness(
-    angles_deg: Sequence[float] | np.ndarray,
-    flexion_nm: Sequence[float] | np.ndarray,
-    extension_nm: Sequence[float] | np.ndarray,
-    activation: float,
-) -> float:
-    """Return the slope of what is left when flexors and extensors pull together, Nm/rad.
-
-    That is K_h of equation 3 without movement: positive if the net torque grows with flexion. Over
-    COMMON_DEG; torque is taken to grow with activation.
-
-    Args:
-        angles_deg: elbow angles of both curves, degrees, rising, shape (n,).
-        flexion_nm: torque of the fully active flexors, Nm, shape (n,).
-        extension_nm: that of the extensors, negative, shape (n,).
-        activation: of both, 0 to 1.
-    """
-    net = np.asarray(flexion_nm, dtype=float) + np.asarray(extension_nm, dtype=float)
-    torque = activation * np.interp(COMMON_DEG, angles_deg, net)
-    return float(np.polyfit(np.radians(COMMON_DEG), torque, 1)[0])
 
 
 def run_isometric_test(

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.simulation.co_contraction import COMMON_DEG, co_contraction_stiffness
 from sim.body.muscles.attach import add_muscles
 from sim.body.muscles.authors import PAPER_MUSCLES
 from sim.body.muscles.elbow import ELBOW_MUSCLES
@@ -15,14 +16,7 @@ from sim.body.muscles.muscle import ElbowMuscles
 from sim.body.muscles.physiological import EXCURSION, FIBRE_LENGTHS, PHYSIOLOGICAL_MUSCLES
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_torso, empty_spec
 from sim.parameters.wearer import NOMINAL_WEARER
-from sim.validation.isometric import (
-    ANGLES_DEG,
-    COMMON_DEG,
-    MEASURED,
-    DataSet,
-    co_contraction_stiffness,
-    run_isometric_test,
-)
+from sim.validation.isometric import ANGLES_DEG, MEASURED, DataSet, run_isometric_test
 
 ANGLES = np.radians(np.arange(0.0, 131.0, 5.0))
 
