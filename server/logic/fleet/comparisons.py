@@ -14,6 +14,8 @@ from server.states import ComparisonState
 
 #: How often a second opinion may fail to come before nobody is asked any more.
 ATTEMPTS = 3
+#: So long they gather while there is other work: a host is asked for many at once.
+GATHER_SECONDS = 5.0
 #: Outputs smaller than this (SI units) are compared as if they were as large: what is left when
 #: two large numbers cancel has no digits to compare.
 LEAST = 1e-3

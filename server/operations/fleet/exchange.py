@@ -35,6 +35,12 @@ class Exchange:
         # Anybody may call an instance anything.
         return named if _STUDY.fullmatch(named) else ""
 
+    @property
+    def size(self) -> int:
+        """How many instances it is about."""
+        brought = 0 if self.posted is None else len(self.posted.reports)
+        return brought + (0 if self.request is None else self.request.max_instances)
+
     def alone(self, connection: Connection) -> Answer:
         """Deal with it in a transaction of its own."""
         now, ttl = self.now, self.ttl

@@ -13,8 +13,10 @@ from server.store.fleet.turns import TurnConnection
 
 log = logging.getLogger(__name__)
 
-#: A turn serves so many at most: who comes next should not wait long.
+#: A turn serves so many at most, and others only while it is about fewer instances than these: who
+#: comes next should not wait long, and large requests gain nothing by company.
 MOST = 100
+MOST_INSTANCES = 500
 
 Waiting = tuple[Exchange, "asyncio.Future[Answer | None]"]
 
@@ -58,7 +60,8 @@ class Exchanges:
             taken: list[Waiting] = []
 
             def collect(study: str = study, taken: list[Waiting] = taken) -> Sequence[Exchange]:
-                taken += self._collect(study)
+                found, self._waiting = next_turn(self._waiting, study)
+                taken += found
                 return [exchange for exchange, _ in taken]
 
             try:
@@ -72,9 +75,17 @@ class Exchanges:
                 if not done.cancelled():
                     done.set_result(answer)
 
-    def _collect(self, study: str) -> list[Waiting]:
-        """Take those from the queue who bring results of a study, or none."""
-        fitting = [one for one in self._waiting if one[0].study in ("", study)][:MOST]
-        chosen = set(map(id, fitting))
-        self._waiting = [one for one in self._waiting if id(one) not in chosen]
-        return fitting
+
+def next_turn(waiting: Sequence[Waiting], study: str) -> tuple[list[Waiting], list[Waiting]]:
+    """Return whom the next turn serves, who bring results of a study or none; and who waits on."""
+    taken: list[Waiting] = []
+    left: list[Waiting] = []
+    instances = 0
+    for one in waiting:
+        full = len(taken) == MOST or instances >= MOST_INSTANCES
+        if full or one[0].study not in ("", study):
+            left.append(one)
+        else:
+            taken.append(one)
+            instances += one[0].size
+    return taken, left

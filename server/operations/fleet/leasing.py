@@ -3,10 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
+from math import inf
 from secrets import token_hex
 
 from sqlalchemy.engine import Connection
 
+from server.logic.fleet.comparisons import GATHER_SECONDS
 from server.logic.fleet.hosts import host_class, identity, objection_to_worker
 from server.logic.fleet.leases import expiry
 from server.logic.study.instances import may_try
@@ -60,9 +63,10 @@ def grant(
 ) -> Grant | Ineligible | Deferred | None:
     """Lease instances of one study that the worker may have: highest priority, then oldest.
 
-    Second opinions that other hosts' results wait for go first: they are few, and the sooner a
-    host is found out, the better. Of results, those in begun rows go first, so that rows are
-    finished before new ones are begun.
+    Second opinions that other hosts' results have waited for some seconds go first: they are few,
+    and the sooner a host is found out, the better. Others wait until there is nothing else: one at
+    a time they would cost more requests than the rest of the work. Of results, those in begun rows
+    go first, so that rows are finished before new ones are begun.
 
     Args:
         locked: the study that the transaction has locked, as it is now; None if there is none.
@@ -76,10 +80,14 @@ def grant(
     objection: str | None = None
     granted: Grant | None = None
     deferred = False
-    waiting = _comparing(connection, request)
-    # If another worker is faster with a second opinion, this one asks again.
-    candidates = waiting or studies.with_work(connection, request.models, known=locked)
-    for candidate in candidates:
+    waiting = _comparing(connection, request, asked_by=now - GATHER_SECONDS)
+    work = studies.with_work(connection, request.models, known=locked)
+    if not waiting and (first := next(work, None)) is not None:
+        work = chain((first,), work)
+    else:
+        # If another worker is faster with a second opinion, this one asks again.
+        work = iter(waiting := waiting or _comparing(connection, request, asked_by=inf))
+    for candidate in work:
         unfit = objection_to_worker(candidate, request.worker)
         if unfit is not None:
             objection = objection or unfit
@@ -105,12 +113,13 @@ def grant(
     return None if objection is None else Ineligible(why=objection)
 
 
-def _comparing(connection: Connection, request: LeaseRequest) -> list[Study]:
-    """Return the first study in which a second opinion of this worker is wanted, if there is one.
+def _comparing(connection: Connection, request: LeaseRequest, *, asked_by: float) -> list[Study]:
+    """Return the first study in which this worker's second opinion was asked for by then, if any.
 
     First the few that are waiting are looked for, so that it costs nothing while there are none.
     """
-    for study_id in comparisons.studies_waiting(connection, host=request.worker.host):
+    host = request.worker.host
+    for study_id in comparisons.studies_waiting(connection, host=host, asked_by=asked_by):
         study = studies.find(connection, study_id)
         if (
             (study.state.is_served or study.state == StudyState.COMPLETE)

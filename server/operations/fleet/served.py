@@ -213,10 +213,11 @@ class ServedStudy:
         """Lease instances of the study; Deferred if another transaction must look."""
         study = self._study
         mine = [study_id for study_id, model in self._seen.work if model in request.models]
-        if request.worker.host in self._seen.opinions or self._unbound:
+        opinions = self._seen.opinions
+        if opinions.get(request.worker.host) or self._unbound:
             return Deferred()
         if not mine:
-            return None
+            return Deferred() if request.worker.host in opinions else None
         if (
             study is None
             or mine[0] != study.id

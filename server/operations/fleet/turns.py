@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
+from server.logic.fleet.comparisons import GATHER_SECONDS
 from server.operations.fleet.exchange import Answer, Exchange
 from server.operations.fleet.leasing import Grant
 from server.operations.fleet.results import Post
@@ -50,6 +51,7 @@ async def take_turn(
             study,
             leases_of=[post.lease for post in posts],
             hosts=hosts,
+            asked_by=max((one.now for one in exchanges), default=0.0) - GATHER_SECONDS,
             rows=named,
             wanted={} if study is None else _wanted(exchanges, study.plan.model),
         )

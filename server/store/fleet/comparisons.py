@@ -23,7 +23,9 @@ _OF_OTHERS = sa.or_(
 _WAITING = comparisons.c.state == ComparisonState.WAITING
 #: Built once: every worker that asks for work asks this.
 _STUDIES_WAITING = Prepared(
-    sa.select(comparisons.c.study_id).where(_WAITING, _OF_OTHERS).distinct()
+    sa.select(comparisons.c.study_id)
+    .where(_WAITING, _OF_OTHERS, comparisons.c.asked_at <= sa.bindparam("asked_by"))
+    .distinct()
 )
 _ADD = Rows(
     comparisons,
@@ -46,9 +48,10 @@ def add(
     _ADD.add(connection, (study_id, ComparisonState.WAITING, 0, now, host, worker), places)
 
 
-def studies_waiting(connection: Connection, *, host: str) -> list[str]:
-    """Return the studies in which a second opinion of `host` is wanted."""
-    return [study_id for (study_id,) in _STUDIES_WAITING.execute(connection, host).fetchall()]
+def studies_waiting(connection: Connection, *, host: str, asked_by: float) -> list[str]:
+    """Return the studies in which a second opinion of `host` was asked for by then."""
+    found = _STUDIES_WAITING.execute(connection, host, asked_by).fetchall()
+    return [study_id for (study_id,) in found]
 
 
 def hand_out(

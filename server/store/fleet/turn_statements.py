@@ -7,7 +7,12 @@ WHERE state = 'running' AND instances > result_count + leased
 ORDER BY priority DESC, created_at, id
 """
 OPINIONS = """
-SELECT host FROM unnest(%s::text[]) AS asked(host)
+SELECT host, EXISTS (
+    SELECT FROM comparisons WHERE state = 'waiting' AND first_host < host AND asked_at <= by
+) OR EXISTS (
+    SELECT FROM comparisons WHERE state = 'waiting' AND first_host > host AND asked_at <= by
+)
+FROM unnest(%s::text[]) AS asked(host) CROSS JOIN CAST(%s AS double precision) AS by
 WHERE EXISTS (SELECT FROM comparisons WHERE state = 'waiting' AND first_host < host)
    OR EXISTS (SELECT FROM comparisons WHERE state = 'waiting' AND first_host > host)
 """
@@ -50,10 +55,19 @@ EMPTY = """
 UPDATE instances SET state = %s, lease_id = NULL
 WHERE study_id = %s AND row BETWEEN %s AND %s AND lease_id = ANY(%s::text[])
 """
+# Again one look-up after the other, and then by where they are. They stay there: whoever changes
+# instances has locked their study.
 MOVE = """
-UPDATE instances AS i SET state = %s, lease_id = moved.lease_id
-FROM json_to_recordset(%s::json) AS moved(row bigint, position int, lease_id text)
-WHERE i.study_id = %s AND i.row = moved.row AND i.position = moved.position
+UPDATE instances SET state = %s, lease_id = found.lease_id
+FROM (
+    SELECT i.ctid AS place, moved.lease_id
+    FROM json_to_recordset(%s::json) AS moved(row bigint, position int, lease_id text)
+    CROSS JOIN LATERAL (
+        SELECT instances.ctid FROM instances
+        WHERE study_id = %s AND instances.row = moved.row AND instances.position = moved.position
+        OFFSET 0
+    ) AS i
+) AS found WHERE instances.ctid = found.place
 """
 BEGIN = """
 INSERT INTO instances (study_id, row, position, state, lease_id, attempts, host_class)

@@ -34,8 +34,8 @@ class Seen:
     leases: Mapping[str, Lease]
     #: Studies with something to hand out, by id and model, first to serve first.
     work: Sequence[tuple[str, str]]
-    #: Hosts whose second opinion is wanted.
-    opinions: Collection[str]
+    #: Hosts whose second opinion is wanted, and whether one of them has waited long enough.
+    opinions: Mapping[str, bool]
 
 
 @record
@@ -156,6 +156,7 @@ class Turn:
         *,
         leases_of: Collection[str],
         hosts: Collection[str],
+        asked_by: float,
         rows: Collection[int],
         wanted: Mapping[str, int],
     ) -> tuple[Seen, Slots]:
@@ -165,6 +166,7 @@ class Turn:
             study: the one that is locked; None: there are no slots.
             leases_of: ids of leases.
             hosts: names of machines.
+            asked_by: second opinions that were asked for by then have waited long enough.
             rows: of the study, whose instances are wanted.
             wanted: how many instances that wait are wanted, by the kind of machine asking.
         """
@@ -174,7 +176,7 @@ class Turn:
         statements: list[Statement] = [
             leases.FIND_ANY.words(self._dialect, _array(leases_of)),
             (sql.WORK, ()),
-            (sql.OPINIONS, (_array(hosts),)),
+            (sql.OPINIONS, (_array(hosts), asked_by)),
             _in_rows(id_, rows),
         ]
         if asks:
@@ -190,7 +192,7 @@ class Turn:
         seen = Seen(
             leases={row[0]: leases.lease_of(row) for row in known},
             work=[(study_id, model) for study_id, model in work],
-            opinions={host for (host,) in opinions},
+            opinions=dict(opinions),
         )
         slots = Slots(rows=_by_place(in_rows), pending=pending, unbound=bool(asks and waiting[0]))
         return seen, slots

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from sqlalchemy.engine import Engine
 
@@ -19,6 +20,16 @@ class Turns:
 
     def take(self, study: str, waiting: Callable[[], Sequence[Exchange]]) -> Turn:
         return self._runner.run(take_turn(self._store, study, waiting))
+
+    def ask(self, statement: str, values: Sequence[Any]) -> list[tuple[Any, ...]]:
+        """Return what one statement finds in a turn that stores nothing."""
+
+        async def found() -> list[tuple[Any, ...]]:
+            async with self._store.turn() as turn:
+                _, rows = await turn.trip([("BEGIN", ()), (statement, values)])
+                return rows
+
+        return self._runner.run(found())
 
     def close(self) -> None:
         self._store.close()

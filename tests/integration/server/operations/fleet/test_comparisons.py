@@ -9,7 +9,13 @@ from pydantic import SecretStr
 from sqlalchemy.engine import Engine
 
 from server.app import create_app
-from server.logic.fleet.comparisons import Reputation, agree, difference, is_chosen
+from server.logic.fleet.comparisons import (
+    GATHER_SECONDS,
+    Reputation,
+    agree,
+    difference,
+    is_chosen,
+)
 from server.logic.fleet.verdicts import Report
 from server.logic.study.points import instance_id
 from server.operations import check
@@ -192,7 +198,23 @@ def test_what_a_paused_study_or_another_version_has_waits(
     other = {"mujoco": "3.0"}
     with pytest.raises(Exception, match="was begun with"):
         lease(engine, "b", versions=other)
-    assert len(asked_of(lease(engine, "b"))) == 4
+    assert len(asked_of(lease(engine, "b", now=GATHER_SECONDS))) == 4
+
+
+def test_second_opinions_gather_for_some_seconds_while_there_is_other_work(
+    engine: Engine, plan: Drawing, report: Reporting
+) -> None:
+    create(engine, plan(rows=4))
+    post(engine, lease(engine, "a"), report)
+    early = lease(engine, "b", now=GATHER_SECONDS - 0.01)
+    assert early is not None and not early.lease.compares
+    post(engine, lease(engine, "a", now=4.0), report, now=4.0)
+    # As soon as one of them has waited long enough, all go that fit.
+    assert len(asked_of(lease(engine, "b", n=6, now=GATHER_SECONDS))) == 6
+    last = lease(engine, "b", now=GATHER_SECONDS)
+    assert last is not None and not last.lease.compares
+    # Nothing else is left.
+    assert len(asked_of(lease(engine, "b", now=GATHER_SECONDS))) == 2
 
 
 def test_results_taken_back_are_compared_when_they_are_there_again(

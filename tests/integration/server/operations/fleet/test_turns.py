@@ -25,6 +25,7 @@ from server.store.database.engine import reading, writing
 from server.store.database.schema import comparisons, instances, results, workers
 from server.store.database.schema import leases as lease_table
 from server.store.database.schema import studies as study_table
+from server.store.fleet import turn_statements as sql
 from tests.testbed.coordinators.records import report
 from tests.testbed.coordinators.turns import Turns
 
@@ -232,6 +233,20 @@ def test_an_instance_of_any_name_disturbs_no_turn(
     exchange = Exchange(now=0.0, ttl=TTL, posted=post)
     assert exchange.study == ""
     assert turns.take(exchange.study, lambda: [exchange]).answers == [(exchange, None)]
+
+
+def test_no_turn_reads_the_instances_of_other_rows_although_nothing_is_known_of_the_table(
+    turns: Turns,
+) -> None:
+    place = '[{"row": 1, "position": 1}]'
+    for statement, values in (
+        (sql.MOVE, ("done", place, "s")),
+        (sql.IN_ROWS, ("{1}", "s")),
+        (sql.EMPTY, ("done", "s", 1, 2, "{l}")),
+    ):
+        plan = [text for (text,) in turns.ask("EXPLAIN " + statement, values)]
+        looks = [line for line in plan if "Index Cond" in line or "Seq Scan" in line]
+        assert looks and all('"row"' in line for line in looks), plan
 
 
 def test_a_late_result_is_not_given_out_again_in_the_same_turn(
