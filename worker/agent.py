@@ -156,7 +156,9 @@ class Agent:
     def _talk(self, now: float) -> None:
         """Post, renew, release and lease as is due; stay silent for a while if nobody answers."""
         try:
-            if now >= self._post_at or self.leases.any_finished:
+            # A request for work takes along what there is to post, which saves a request.
+            asks = self._request(now) is not None and len(self.spool) > 0
+            if asks or now >= self._post_at or self.leases.any_finished:
                 self._posting.bring_back(now)
                 for number, batch in enumerate(iter(self.spool.next_batch, None)):
                     if number:

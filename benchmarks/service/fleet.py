@@ -1,11 +1,11 @@
 """How large a fleet one coordinator carries, and two: simulated pilots on loopback.
 
 `python -m benchmarks.service.fleet` (`make bench-fleet`). A pilot is a host of 32 cores on which an
-instance takes 0.2 s. It leases two seconds of work, 320 instances, and two seconds later posts
-their results with its request for the next. There are more and more pilots, until the 99th
-percentile of such an exchange is over a tenth of a second or the pilots get less than they could
-compute. On a machine that does other work, the processor time per instance says more: a coordinator
-is one process, and cannot use more than one core.
+instance takes 0.2 s; it asks and posts as `rehyb-worker` does (`pilots`). There are more and more
+pilots, until the 99th percentile of what a lease takes, with results or without, is over a tenth of
+a second or the pilots finish less than nine tenths of what they could. On a machine that does other
+work, the processor time per instance says more: a coordinator is one process, and cannot use more
+than one core.
 """
 
 import argparse
@@ -17,27 +17,26 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
-from statistics import quantiles
-from urllib.parse import urlsplit
 
 import sqlalchemy as sa
-from pydantic_core import from_json, to_json
 
 from benchmarks.machine import describe_machine
-from benchmarks.measuring import cpu_seconds
-from benchmarks.service.coordinator import TOKEN, Json, Running, coordinator, done, submit
+from benchmarks.measuring import cpu_seconds, percentile
+from benchmarks.service.coordinator import TOKEN, Running, coordinator, submit
+from benchmarks.service.pilots import Pilot
+from rehyb.client import Client
 from tests.testbed.coordinators.postgresql import serving
+from worker.leases import LEASE_SECONDS
 
 CORES = 32
 INSTANCE_SECONDS = 0.2
-LEASE_SECONDS = 2.0
-BATCH = int(CORES * LEASE_SECONDS / INSTANCE_SECONDS)
 #: Pilots of each step, and what they must get.
-STEPS = (5, 10, 20, 40, 80, 160, 320)
+STEPS = (10, 20, 30, 40, 60, 80, 120, 160)
 LONGEST_P99 = 0.1
 ENOUGH = 0.9
-#: Seconds of a step that count, after one lease in which everybody has got going.
-SECONDS = 6.0
+#: Seconds of a step that count, and those before it in which everybody gets going: two leases.
+SECONDS = 8.0
+START_SECONDS = 2.0 * LEASE_SECONDS
 #: Rows of five instances: more than anybody gets through.
 ROWS = 5_000_000
 #: A study to extrapolate to.
@@ -50,7 +49,8 @@ class Step:
 
     pilots: int
     instances_per_second: float
-    #: Seconds.
+    requests_per_second: float
+    #: Seconds that a lease takes.
     p99: float
     #: Processor time as a share of one core, of the coordinators and of the database's server.
     coordinator: float
@@ -59,69 +59,24 @@ class Step:
     simulation: float
 
     @property
+    def share(self) -> float:
+        """What the pilots finished of what their cores could."""
+        return self.instances_per_second * INSTANCE_SECONDS / (self.pilots * CORES)
+
+    @property
     def carried(self) -> bool:
         """Whether the pilots were served well."""
-        wanted = self.pilots * CORES / INSTANCE_SECONDS
-        return self.p99 <= LONGEST_P99 and self.instances_per_second >= ENOUGH * wanted
-
-
-class Pilot:
-    """One host: a connection of its own, without what a client of Python costs."""
-
-    def __init__(self, url: str, number: int) -> None:
-        self._where = urlsplit(url)
-        self._worker: Json = {"id": f"pilot-{number}", "host": f"host-{number % 2}", "versions": {}}
-        self.waits: list[tuple[float, float, int]] = []
-
-    async def run(self, begin: float, end: float) -> None:
-        """Work from one moment of the loop's clock to another."""
-        loop = asyncio.get_running_loop()
-        await asyncio.sleep(max(0.0, begin - loop.time()))
-        reader, writer = await asyncio.open_connection(self._where.hostname, self._where.port)
-        request = {"worker": self._worker, "models": ["ishigami"], "max_instances": BATCH}
-        lease = await self._ask(reader, writer, "/v1/leases", request)
-        due = loop.time()
-        while lease is not None and due < end:
-            due += LEASE_SECONDS
-            await asyncio.sleep(max(0.0, due - loop.time()))
-            started = loop.time()
-            body = {**done(self._worker, lease), "next": request}
-            answer = await self._ask(reader, writer, "/v1/results", body)
-            assert answer is not None
-            count = len(lease["instances"])
-            self.waits.append((started, loop.time() - started, count))
-            # Who was kept waiting computes no faster afterwards.
-            due = max(due, loop.time() - 0.1)
-            lease = answer["next"]
-        writer.close()
-
-    async def _ask(
-        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, path: str, body: Json
-    ) -> Json | None:
-        content = to_json(body)
-        head = (
-            f"POST {path} HTTP/1.1\r\nHost: c\r\nAuthorization: Bearer {TOKEN}\r\n"
-            f"Content-Type: application/json\r\nContent-Length: {len(content)}\r\n\r\n"
-        )
-        writer.write(head.encode() + content)
-        status = int((await reader.readline()).split()[1])
-        length = 0
-        while (line := await reader.readline()) != b"\r\n":
-            name, _, value = line.partition(b":")
-            if name.lower() == b"content-length":
-                length = int(value)
-        found = from_json(await reader.readexactly(length)) if length else None
-        if status >= 400:
-            raise RuntimeError(f"{path} answered {status}: {found}")
-        return found
+        return self.p99 <= LONGEST_P99 and self.share >= ENOUGH
 
 
 async def step(running: Sequence[Running], pilots: int, database: Sequence[int]) -> Step:
     """Let so many pilots work, spread over the coordinators."""
     loop, rng = asyncio.get_running_loop(), Random(pilots)
-    everybody = [Pilot(running[n % len(running)].url, n) for n in range(pilots)]
+    urls = [running[n % len(running)].url for n in range(pilots)]
+    with Client(urls[0], TOKEN) as client:
+        everybody = [Pilot(u, client, n, CORES, INSTANCE_SECONDS) for n, u in enumerate(urls)]
     begin = loop.time()
-    counts_from, end = begin + 2 * LEASE_SECONDS, begin + 2 * LEASE_SECONDS + SECONDS
+    counts_from, end = begin + START_SECONDS, begin + START_SECONDS + SECONDS
     work = [one.run(begin + rng.uniform(0.0, LEASE_SECONDS), end) for one in everybody]
     servers = [one.pid for one in running]
     gathered = asyncio.gather(*work)
@@ -131,13 +86,17 @@ async def step(running: Sequence[Running], pilots: int, database: Sequence[int])
     after = cpu_seconds(servers), cpu_seconds(database), time.process_time()
     took = loop.time() - counts_from
     await gathered
-    counted = [w for one in everybody for w in one.waits if counts_from <= w[0] + w[1] <= end]
     used = [(b - a) / took for a, b in zip(before, after, strict=True)]
-    waits = sorted(seconds for _, seconds, _ in counted)
+    waits = [took for one in everybody for at, took in one.asked if counts_from <= at <= end]
+    posted = [size for one in everybody for at, size in one.posted if counts_from <= at <= end]
     return Step(
         pilots=pilots,
-        instances_per_second=sum(count for _, _, count in counted) / SECONDS,
-        p99=quantiles(waits, n=100, method="inclusive")[-1] if len(waits) > 1 else float("inf"),
+        instances_per_second=sum(posted) / SECONDS,
+        requests_per_second=sum(
+            counts_from <= at <= end for one in everybody for at in one.answered
+        )
+        / SECONDS,
+        p99=percentile(waits, 99) if waits else float("inf"),
         coordinator=used[0],
         database=used[1],
         simulation=used[2],
@@ -203,8 +162,9 @@ def measure(kind: str, coordinators: int, most: float) -> None:
 
 
 HEADER = (
-    f"{'':12} {'coordinators':>12} {'pilots':>7} {'cores':>6} {'instances/s':>12} {'p99':>8} "
-    f"{'coord. CPU':>10} {'DB CPU':>7} {'pilots CPU':>10} {'CPU us each':>12}"
+    f"{'':10} {'coord.':>6} {'pilots':>6} {'cores':>6} {'instances/s':>11} {'wanted':>6} "
+    f"{'requests/s':>10} {'lease p99':>9} {'coord. CPU':>10} {'DB CPU':>6} {'pilots':>6} "
+    f"{'us each':>7}"
 )
 
 
@@ -212,10 +172,10 @@ def line(kind: str, coordinators: int, found: Step) -> str:
     """Return a step as a line of the table."""
     each = (found.coordinator + found.database) / max(found.instances_per_second, 1.0) * 1e6
     return (
-        f"{kind:12} {coordinators:12} {found.pilots:7} {found.pilots * CORES:6} "
-        f"{found.instances_per_second:12.0f} {found.p99 * 1000:5.0f} ms {found.coordinator:10.2f} "
-        f"{found.database:7.2f} {found.simulation:10.2f} {each:12.0f}"
-        f"{'' if found.carried else '  not carried'}"
+        f"{kind:10} {coordinators:6} {found.pilots:6} {found.pilots * CORES:6} "
+        f"{found.instances_per_second:11.0f} {found.share:6.0%} {found.requests_per_second:10.0f} "
+        f"{found.p99 * 1000:6.0f} ms {found.coordinator:10.2f} {found.database:6.2f} "
+        f"{found.simulation:6.2f} {each:7.0f}{'' if found.carried else '  not carried'}"
     )
 
 
@@ -225,7 +185,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=90.0, help="for each line of the table")
     seconds = parser.parse_args().seconds
     print(describe_machine())
-    print(f"pilots of {CORES} cores, {INSTANCE_SECONDS} s an instance, {BATCH} instances a lease")
+    print(f"pilots of {CORES} cores, {INSTANCE_SECONDS} s an instance")
     print(HEADER)
     for kind, coordinators in (
         ("SQLite", 1),

@@ -246,6 +246,23 @@ def test_the_next_work_comes_with_the_acknowledgement_of_the_last(tmp_path: Path
     assert work.coordinator.calls == ["/v1/leases", *["/v1/results"] * 3]
 
 
+def test_who_asks_for_more_posts_what_is_there_in_the_same_request(tmp_path: Path) -> None:
+    work = Work(tmp_path, [["a", "b", "c"], ["d"]])
+    work.pool.endless = {"c"}
+    finish = work.pool.wait
+
+    def finish_once_asked(seconds: float) -> list[Finished]:
+        if len(work.coordinator.calls) > 1:
+            work.pool.endless = set()
+        return finish(seconds)
+
+    work.pool.wait = finish_once_asked  # type: ignore[method-assign]
+    work.agent.run()
+    # While c runs, nothing waits any more.
+    assert work.coordinator.calls[:2] == ["/v1/leases", "/v1/results"]
+    assert set(work.coordinator.results) == {"a", "b", "c", "d"}
+
+
 def test_an_older_coordinator_that_leases_nothing_with_results_gets_the_results_all_the_same(
     tmp_path: Path,
 ) -> None:
