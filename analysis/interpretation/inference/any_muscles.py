@@ -4,16 +4,17 @@ A Gaussian process learns how the bank's muscles shape the torque, and a limb wi
 it. Here K is linear in what regressions say and in the movement, and how far it is off is looked at
 with each set of muscles left out in turn: cross-validation by groups (Roberts et al. 2017,
 Cross-validation strategies for data with temporal, spatial, hierarchical, or phylogenetic
-structure), whose errors make the interval (CV+: Barber et al. 2021, Predictive inference with the
-jackknife+). What is measured on the patient corrects it as in `analysis.interpretation.posterior`.
+structure), whose errors, over how large they are by the K that is predicted, make the interval
+(CV+: Barber et al. 2021, Predictive inference with the jackknife+). What is measured on the patient
+corrects it as in `analysis.interpretation.posterior`.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from analysis.interpretation.bank.bank import Bank
+from analysis.interpretation.inference.error_sizes import ErrorSizes, sizes_of_rows
 from analysis.interpretation.inference.features import Features
 from analysis.interpretation.inference.posterior import Posterior, corrected
 from analysis.interpretation.inference.rows import noisy, normal_scores, targets_of
@@ -33,8 +34,12 @@ class AnyMuscles:
     shapes: np.ndarray
     #: Of a constant, ESTIMATES and the shapes, shape (1 + ESTIMATES + COMPONENTS, 1 + factors).
     weights: np.ndarray
-    #: Of rows whose muscles it was not told of, shape (rows, 1 + factors).
+    #: Of rows whose muscles it was not told of, shape (rows, 1 + factors), and how large these are
+    #: to expect, as the other rows tell it.
     errors: np.ndarray
+    sizes: np.ndarray
+    #: How large they are by the K that is predicted.
+    by_prediction: ErrorSizes
 
     @classmethod
     def fit(
@@ -58,11 +63,15 @@ class AnyMuscles:
             weights = np.linalg.lstsq(inputs[~own], outputs[~own])[0]
             errors[own] = outputs[own] - inputs[own] @ weights
         weights = np.linalg.lstsq(inputs, outputs)[0]
-        return cls(shapes=shapes, weights=weights[:-1], errors=errors[judged])
-
-    @property
-    def arrays(self) -> Mapping[str, np.ndarray]:
-        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+        errors = errors[judged]
+        predicted = outputs[judged][:, :1] - errors[:, :1]
+        return cls(
+            shapes=shapes,
+            weights=weights[:-1],
+            errors=errors,
+            sizes=sizes_of_rows(predicted, errors),
+            by_prediction=ErrorSizes.fit(predicted, errors),
+        )
 
     def infer(
         self, scaled: np.ndarray, columns: np.ndarray, values: np.ndarray, sds: np.ndarray
@@ -77,13 +86,19 @@ class AnyMuscles:
         """
         mean = _inputs(scaled[None], self.shapes)[0] @ self.weights
         chosen = np.concatenate([[0], 1 + columns]).astype(int)
-        errors = self.errors[:, chosen]
-        covariance = errors.T @ errors / len(errors)
+        relative = (self.errors / self.sizes)[:, chosen]
+        together = relative.T @ relative / len(relative)
+        own = self.by_prediction.at(mean[None, :1])[0, chosen]
+        covariance = own[:, None] * together * own
         surprise = values - mean[1 + columns]
         centre, spread = corrected(mean[:1], covariance, surprise, sds)
-        noise = np.random.default_rng(0).standard_normal((len(errors), len(columns))) * sds
-        moved, _ = corrected(np.zeros((len(errors), 1)), covariance, errors[:, 1:] + noise, sds)
-        scores = np.sort((errors[:, :1] - moved) / spread, axis=0)
+        noise = np.random.default_rng(0).standard_normal((len(relative), len(columns))) * sds
+        sizes, errors = self.sizes[:, chosen], self.errors[:, chosen]
+        covariances = sizes[:, :, None] * together * sizes[:, None, :]
+        moved, spreads = corrected(
+            np.zeros((len(errors), 1)), covariances, errors[:, 1:] + noise, sds
+        )
+        scores = np.sort((errors[:, :1] - moved) / spreads, axis=0)
         return Posterior(centre=centre, spread=spread, scores=scores)
 
 

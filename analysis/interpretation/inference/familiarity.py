@@ -9,7 +9,6 @@ it is farther out than all but a share of the bank's own, each looked at from th
 anomaly detection, Laxhammar and Falkman 2015).
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,10 +70,6 @@ class Familiarity:
             constants=constants,
             largest=np.sort(np.abs(found / constants).max(axis=1)),
         )
-
-    @property
-    def arrays(self) -> Mapping[str, np.ndarray]:
-        return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
     @property
     def limit(self) -> float:

@@ -4,7 +4,6 @@ Curves of one kind share a scale, so that a component is a shape of the recordin
 Principal component analysis, section 2.3).
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,10 +47,6 @@ class Features:
     def scaled(self, recorded: np.ndarray) -> np.ndarray:
         """Return recordings in units of what the bank's vary by."""
         return np.asarray((recorded - self.scale[0]) / self.scale[1])
-
-    @property
-    def arrays(self) -> Mapping[str, np.ndarray]:
-        return {"scale": self.scale, "components": self.components}
 
 
 #: Names of what recordings are made of, in order.

@@ -4,9 +4,7 @@ scikit-learn finds the kernel's parameters on some of the rows; all rows then sh
 predicted later needs NumPy alone, so a bank is read and used without scikit-learn.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -77,11 +75,6 @@ class GaussianProcess:
         """Return the outputs' means at `inputs` (k, d), shape (k, m)."""
         covariance = _covariance(inputs, self.inputs, self.lengths, self.variances)
         return np.asarray(covariance @ self.weights * self.scale[1] + self.scale[0])
-
-    @cached_property
-    def arrays(self) -> Mapping[str, np.ndarray]:
-        """Return what `GaussianProcess(**arrays)` needs."""
-        return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
 
 def _covariance(

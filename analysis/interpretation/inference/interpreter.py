@@ -10,8 +10,9 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from analysis.interpretation.errors import InterpretationError
 from analysis.interpretation.inference.any_muscles import AnyMuscles, any_muscles, has_sets
 from analysis.interpretation.inference.familiarity import Familiarity, beyond
 from analysis.interpretation.inference.features import Features
+from analysis.interpretation.inference.fitted import arrays_of, built
 from analysis.interpretation.inference.gaussian_process import GaussianProcess
 from analysis.interpretation.inference.local_errors import NEIGHBOURS, LocalErrors
 from analysis.interpretation.inference.posterior import TARGETS, Posterior, View, squared
@@ -30,6 +32,15 @@ from analysis.interpretation.inference.rows import noisy, normal_scores, positio
 CALLED_CONTRARY = 0.01
 #: Fewest rows to learn from.
 LEAST_ROWS = 4 * NEIGHBOURS
+#: What is learnt, and of what kind it is.
+PARTS: Mapping[str, Any] = {
+    "features": Features,
+    "familiarity": Familiarity,
+    "first": GaussianProcess,
+    "correction": GaussianProcess,
+    "local": LocalErrors,
+    "any_muscles": AnyMuscles,
+}
 #: Fewest rows with contact from which its correction is learnt.
 LEAST_CONTACT = 60
 
@@ -85,8 +96,8 @@ class Interpreter:
         inputs = features.inputs(recorded)
         scores = normal_scores(sorted_factors, bank.bushing.factors)
         tuned = len(TARGETS)
+        outputs = np.hstack([targets_of(bank.bushing), scores])
         if like is None:
-            outputs = np.hstack([targets_of(bank.bushing), scores])
             first = GaussianProcess.fit(inputs, outputs, tuned=tuned, seed=bank.seed)
         else:
             first = like.first
@@ -106,7 +117,7 @@ class Interpreter:
             features=features,
             first=first,
             correction=correction,
-            local=LocalErrors(places=inputs / first.lengths, errors=errors),
+            local=LocalErrors.fit(inputs / first.lengths, outputs[:, :tuned], errors),
             familiarity=Familiarity.fit(features.scaled(looked_at)),
             any_muscles=any_muscles(bank, features, sorted_factors, correction is not None),
             scores=scores,
@@ -116,19 +127,11 @@ class Interpreter:
     @cached_property
     def arrays(self) -> dict[str, np.ndarray]:
         """Return what `Interpreter.read` needs."""
-        parts: dict[str, Mapping[str, np.ndarray]] = {
-            "features": self.features.arrays,
-            "familiarity": self.familiarity.arrays,
-            "first": self.first.arrays,
-            "correction": self.correction.arrays if self.correction else {},
-            "any_muscles": self.any_muscles.arrays if self.any_muscles else {},
-        }
-        own = {"scores": self.scores, "sorted_factors": self.sorted_factors}
-        return {**self.local.arrays, **own} | {
-            f"{part}.{name}": array
-            for part, arrays in parts.items()
-            for name, array in arrays.items()
-        }
+        found = {"scores": self.scores, "sorted_factors": self.sorted_factors}
+        for name in PARTS:
+            if (part := getattr(self, name)) is not None:
+                found |= dict(arrays_of(part, name))
+        return found
 
     @classmethod
     def read(cls, bank: Bank) -> "Interpreter":
@@ -137,38 +140,26 @@ class Interpreter:
         Raises:
             InterpretationError: an array is missing.
         """
-
-        def part(name: str) -> dict[str, np.ndarray]:
-            prefix = f"{name}."
-            return {
-                key.removeprefix(prefix): array
-                for key, array in bank.fitted.items()
-                if key.startswith(prefix)
+        absent = set() if has_sets(bank) else {"any_muscles"}
+        if not any(name.startswith("correction.") for name in bank.fitted):
+            absent.add("correction")
+        try:
+            parts: dict[str, Any] = {
+                name: None if name in absent else built(kind, bank.fitted, name)
+                for name, kind in PARTS.items()
             }
-
-        own = ("places", "errors", "scores", "sorted_factors")
-        parts = {"features": Features, "familiarity": Familiarity, "first": GaussianProcess}
-        if part("correction"):
-            parts["correction"] = GaussianProcess
-        if has_sets(bank):
-            parts["any_muscles"] = AnyMuscles
-        wanted = [f"{name}.{field.name}" for name, kind in parts.items() for field in fields(kind)]
-        if missing := [name for name in (*own, *wanted) if name not in bank.fitted]:
-            raise InterpretationError(
-                f"what was learnt from this bank has no {missing[0]}: `rehyb bank build --extend "
-                f"--rows {bank.bushing.drawn} --contact-rows {bank.contact.drawn}` learns again"
+            return cls(
+                population=bank.population,
+                scores=bank.fitted["scores"],
+                sorted_factors=bank.fitted["sorted_factors"],
+                **parts,
             )
-        return cls(
-            population=bank.population,
-            features=Features(**part("features")),
-            familiarity=Familiarity(**part("familiarity")),
-            first=GaussianProcess(**part("first")),
-            correction=GaussianProcess(**part("correction")) if part("correction") else None,
-            any_muscles=AnyMuscles(**part("any_muscles")) if part("any_muscles") else None,
-            local=LocalErrors(places=bank.fitted["places"], errors=bank.fitted["errors"]),
-            scores=bank.fitted["scores"],
-            sorted_factors=bank.fitted["sorted_factors"],
-        )
+        except KeyError as missing:
+            raise InterpretationError(
+                f"what was learnt from this bank has no {missing.args[0]}: `rehyb bank build "
+                f"--extend --rows {bank.bushing.drawn} --contact-rows {bank.contact.drawn}` "
+                "learns again"
+            ) from None
 
     def inputs(self, recorded: np.ndarray) -> np.ndarray:
         """Return the inputs of recordings, shape (n, d)."""
@@ -181,8 +172,9 @@ class Interpreter:
     def look(self, recorded: np.ndarray) -> View:
         """Return what a recording (CURVES and ESTIMATES, shape (both,)) says before calibration."""
         inputs = self.inputs(recorded[None])
-        around = self.local.around(inputs / self.first.lengths)
-        return View(mean=self._mean(inputs)[0], covariance=around[0])
+        mean = self._mean(inputs)
+        around = self.local.around(inputs / self.first.lengths, mean[:, : len(TARGETS)])
+        return View(mean=mean[0], covariance=around[0])
 
     def infer(self, view: View, known: tuple[Known, ...] = ()) -> Posterior:
         """Return what is believed after a recording and what was measured on the patient.

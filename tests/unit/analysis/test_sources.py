@@ -22,7 +22,7 @@ CARRIERS = {
     *("interpretation/bank/archive.py", "interpretation/contract.py"),
     *("interpretation/page.py", "interpretation/recording.py", "interpretation/bank/sampling.py"),
     *("reports/figures/failures.py", "reports/paper.py"),
-    "sensitivity/curves/findings.py",
+    *("sensitivity/curves/findings.py", "interpretation/inference/fitted.py"),
 }
 
 #: An author and a year, or a place in the paper or in an ADR.
