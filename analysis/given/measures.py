@@ -59,6 +59,11 @@ def _unexplained_by_all(value: Array, chance: Array) -> Array:
     return np.sqrt(np.clip(1.0 - np.full_like(value, value.sum()), 0.0, 1.0))
 
 
+def _all(value: Array, chance: Array) -> Array:
+    """Return 1: of a dependence of any form none of what chance adds can be told apart."""
+    return np.ones_like(value)
+
+
 def _beside(value: Array, chance: Array) -> Array:
     """Return how much of a distance is chance, 1 of an idle factor and soon nothing of others.
 
@@ -190,7 +195,7 @@ MEASURES = (
         symbol="R²-HSIC",
         index=unless_still(r2_hsic),
         variance=by_halves,
-        rest=None,
+        rest=_all,
         most_rows=1_000,
         least=None,
         biased=False,

@@ -90,28 +90,40 @@ class HeldOut:
     def between(self, x: Array) -> float:
         """Return the share of the variance that may lie between the runs `x`, off the ends.
 
-        As `beyond`, about the middle of where a first-order part is largest: a narrow peak inside a
-        factor's range, to which few runs come close, grows there as a tail does towards an end. Of
-        mean squares times widths, since runs lie unevenly (regular variation, Karamata 1930).
+        As `beyond`, about where a first-order part is largest: a narrow peak inside a factor's
+        range, to which few runs come close, grows there as a tail does towards an end. Of mean
+        squares times widths, since runs lie unevenly (regular variation, Karamata 1930). Of several
+        peaks each is looked at by itself.
         """
         n, most = len(x), 0.0
         squares = self.first**2 / float(self.variance.mean())
         for place, of_factor in zip(x.T, squares.T, strict=True):
-            middle = float(np.median(place[np.argsort(-of_factor)[: max(n // 64, 1)]]))
-            if abs(middle - 0.5) > 0.5 - 1.0 / 16.0:
-                continue
-            off = np.abs(place - middle)
-            wide, narrow = (
-                width * float(of_factor[off < 0.5 * width].mean())
-                if (off < 0.5 * width).any()
-                else 0.0
-                for width in (1.0 / 8.0, 1.0 / 32.0)
-            )
-            if wide > 0.0:
-                falls = min(narrow / wide, 1.0)
-                last = float(of_factor.max()) / n
-                most = max(most, narrow * falls ** float(np.emath.logn(4.0, n / 32.0)) - last)
+            highest = place[np.argsort(-of_factor)[: max(n // 64, 1)]]
+            near = np.abs(highest - highest[:, None]) < 1.0 / 16.0
+            for middle in {float(np.median(highest[one])) for one in near}:
+                most = max(most, _near(middle, place, of_factor))
         return most
+
+
+def _near(middle: float, place: Array, squares: Array) -> float:
+    """Return the share of the variance that may lie between runs about a place of a factor.
+
+    Args:
+        place: of the runs in the factor, shape (n,).
+        squares: of its part there, as shares of the variance.
+    """
+    if abs(middle - 0.5) > 0.5 - 1.0 / 16.0:
+        return 0.0
+    off = np.abs(place - middle)
+    wide, narrow = (
+        width * float(squares[off < 0.5 * width].mean()) if (off < 0.5 * width).any() else 0.0
+        for width in (1.0 / 8.0, 1.0 / 32.0)
+    )
+    if not wide > 0.0:
+        return 0.0
+    falls = min(narrow / wide, 1.0)
+    last = float(squares.max()) / len(place)
+    return float(narrow * falls ** float(np.emath.logn(4.0, len(place) / 32.0)) - last)
 
 
 def folds(seed: int, n: int) -> Sequence[NDArray[np.bool_]]:

@@ -87,6 +87,22 @@ def test_points_of_a_sequence_are_told_from_drawn_ones(engine: Any, rows: int) -
     assert not quasi_random(np.random.default_rng(3).random((rows, 4)))
 
 
+@pytest.mark.parametrize("order", [[0, 1, 2], [2, 1, 0]])
+def test_points_of_a_sequence_are_told_also_of_factors_that_all_depend_on_each_other(
+    order: list[int],
+) -> None:
+    correlation = np.array([[1.0, 0.6, 0.5], [0.6, 1.0, 0.7], [0.5, 0.7, 1.0]])
+    even = np.concatenate(
+        [unit_row("sample", "sobol_blocks", 4, row, 3, correlation) for row in range(512)]
+    )
+    assert quasi_random(even[:, order])
+    drawn = np.random.default_rng(3).multivariate_normal(np.zeros(3), correlation, 512)
+    assert not quasi_random(drawn[:, order])
+    # A dependence that is no Gaussian copula's leaves nothing to judge by.
+    bent = np.random.default_rng(3).random((512, 1))
+    assert not quasi_random(np.column_stack([bent, np.sin(9.0 * bent), bent**2]))
+
+
 def test_of_sobol_points_rbd_fast_is_withheld_and_why_is_said(tmp_path: Path) -> None:
     x = qmc.Sobol(3, seed=2).random(64)
     found = analyse(written(tmp_path / "s.csv", np.column_stack([x, ishigami(x)])), ["y"])

@@ -122,18 +122,35 @@ def pole(u: Array) -> Array:
     return np.asarray(np.abs(u - 0.4) ** -0.15 - (0.4**0.85 + 0.6**0.85) / 0.85)
 
 
+def two_poles(u: Array) -> Array:
+    """Return |u - 0.3|^-0.15 + |u - 0.7|^-0.15 less its mean."""
+    mean = 2.0 * (0.3**0.85 + 0.7**0.85) / 0.85
+    return np.asarray(np.abs(u - 0.3) ** -0.15 + np.abs(u - 0.7) ** -0.15 - mean)
+
+
 @pytest.mark.parametrize(
     ("part", "variance", "least", "most"),
     [
         (lambda u: u - 0.5, 1.0 / 12.0, 0.0, 0.001),
         (lambda u: np.sin(2.0 * np.pi * u), 0.5, 0.0, 0.001),
         (lambda u: np.where(u < 0.4, -0.6, 0.4), 0.24, 0.0, 0.001),
+        (lambda u: np.sin(6.0 * np.pi * u), 0.5, 0.0, 0.01),
         (pole, 0.0563, 0.05, 0.2),
+        (two_poles, 0.0779, 0.05, 0.2),
         # Ends have a look of their own.
         (lambda u: (1.0 - u) ** -0.3 - 1.0 / 0.7, 2.5 - 1.0 / 0.49, 0.0, 0.0),
         (lambda u: 0.0 * u, 1.0, 0.0, 0.0),
     ],
-    ids=["a slope", "a wave", "a jump", "a pole", "a tail at an end", "nothing"],
+    ids=[
+        "a slope",
+        "a wave",
+        "a jump",
+        "three waves",
+        "a pole",
+        "two poles",
+        "a tail at an end",
+        "nothing",
+    ],
 )
 def test_how_a_part_rises_inside_a_factor_tells_what_lies_between_the_runs(
     part: Callable[[Array], Array], variance: float, least: float, most: float
