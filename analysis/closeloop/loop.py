@@ -18,6 +18,7 @@ from analysis.closeloop.identification.interface import beyond_interface
 from analysis.closeloop.identification.tracing import trace
 from analysis.closeloop.judgement.events import find_events, spared
 from analysis.closeloop.judgement.identified import hidden_effects
+from analysis.closeloop.judgement.loads import unnamed_loads
 from analysis.closeloop.judgement.outcome import outcome_of
 from analysis.closeloop.judgement.structure import structures
 from analysis.closeloop.load import load_session
@@ -50,7 +51,8 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
     progress("errors and intervals")
     found = beyond_interface(found)
     hidden = hidden_effects(*found.fits[1], found.rows)
-    outcome = outcome_of(found, events, structures(found.model, found.rows), hidden)
+    loads = unnamed_loads(found)
+    outcome = outcome_of(found, events, loads, structures(found.model, found.rows), hidden)
     return Answer(
         report=json_report(outcome),
         recording=recording,

@@ -154,6 +154,19 @@ class Event:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Carried:
+    """A load that one trial seems to carry though it names none."""
+
+    trial: int
+    body: str
+    #: kg, and m in the body's frame.
+    mass: float
+    position: tuple[float, float, float]
+    #: Of what is left of the trial without it, the part that it takes.
+    share: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Floor:
     """Root mean square of a channel's noise over raw samples, Nm or N, and where it is from."""
 
@@ -207,6 +220,8 @@ class Outcome:
     #: Signals that the final residual goes with, and torque that is local in time.
     structures: Mapping[int, list[Structure]]
     events: Sequence[Event]
+    #: Loads that trials carry without naming them.
+    loads: Sequence[Carried]
     #: Per joint with a declared impedance, effects that nobody saw and could move its stiffness.
     hidden: Mapping[int, Sequence[Hidden]]
     #: Root mean square that the final model leaves of each joint in motion below the fit's cutoff,

@@ -4,7 +4,8 @@ A floor is what the user declares of the sensor; or what a movement that was rep
 one pass is taken from the other (both passes' residuals under the declared model, over the square
 root of two, so that a shift in time or place does little harm); or what the channel shows above the
 band of the movement, where the model has nothing to say, continued flat into the band. It is never
-less than what the channel's last digit leaves. See Pintelon and Schoukens 2012, System
+less than what the channel's last digit leaves. What a recorder's low-pass leaves above the
+band says nothing of the noise within it, and is no floor. See Pintelon and Schoukens 2012, System
 Identification, section 1.3, on noise from repeated experiments.
 """
 
@@ -14,7 +15,7 @@ import numpy as np
 from scipy.signal import medfilt, oaconvolve, welch
 
 from analysis.closeloop.identification.balance.trial_error import TrialError
-from analysis.closeloop.identification.findings import Floor
+from analysis.closeloop.identification.findings import Carried, Floor
 from analysis.closeloop.session.recording import Recording
 
 #: Length of a movement that is looked for again, s, and rate at which it is looked for, Hz.
@@ -25,18 +26,27 @@ SAME = 0.02
 MIN_PASSES = 3
 #: Where the band above the movement begins, over the fit's cutoff, and how wide it must be.
 BEYOND, WIDE = 1.25, 1.5
+#: A spectrum that falls faster than this power of the frequency is what a recorder's low-pass left:
+#: steps of friction and noise of the first order, drifts among it, fall with its square.
+STEEP = -3.0
+#: Where filters of a recorder against aliases are at work, over half of the rate, and the least
+#: range on which a fall is judged.
+ALIASES, RANGE = 0.8, 2.0**0.5
 #: Samples of a spectrum's window, and lines over which a narrow one is smoothed away.
 WINDOW, LINES = 256, 9
 
 
-def floors(recording: Recording, errors: Sequence[TrialError]) -> dict[int, Floor]:
+def floors(
+    recording: Recording, errors: Sequence[TrialError], loads: Sequence[Carried] = ()
+) -> dict[int, Floor]:
     """Return the floor of every joint that has one.
 
     Args:
         recording: all trials.
         errors: of the declared model, raw samples; of every trial that was recorded.
+        loads: what trials carry without naming it.
     """
-    repeated = list(passes(recording))
+    repeated = [both for both in passes(recording) if _carry_alike(recording, *both, loads)]
     found = {}
     for joint in recording.joints:
         own = [error for error in errors if error.joint == joint and len(error.time) > 1]
@@ -92,6 +102,15 @@ def passes(recording: Recording) -> Iterator[tuple[slice, int]]:
             yield slice(start * thin, (start + count) * thin), (later + best - start) * thin
 
 
+def _carry_alike(recording: Recording, first: slice, later: int, loads: Sequence[Carried]) -> bool:
+    """Whether the trials of two passes carry the same: with another load nothing is repeated."""
+    one, other = (int(recording.trial[at]) for at in (first.start, first.start + later))
+    trials = recording.session.trials
+    hung = [(trials[n].payload, trials[n].added_mass) for n in (one, other)]
+    unnamed = {load.trial for load in loads}
+    return one == other or (hung[0] == hung[1] and not unnamed.intersection((one, other)))
+
+
 def _from_repeats(
     recording: Recording, repeated: Sequence[tuple[slice, int]], errors: Sequence[TrialError]
 ) -> Floor | None:
@@ -141,11 +160,31 @@ def _above_the_band(recording: Recording, errors: Sequence[TrialError]) -> Floor
     if not powers:
         return None
     power = medfilt(np.average(powers, axis=0, weights=lengths), LINES)
+    if _low_passed(frequency, power, edge, ALIASES * highest):
+        return None
     above = frequency >= edge
     near = above & (frequency <= WIDE * edge)
     level = float(np.median(power[near if near.sum() > 3 else above]))
     square = level * edge + float(power[above].sum() * frequency[1])
     return Floor(value=float(np.sqrt(square)), source="above the band")
+
+
+def _low_passed(frequency: np.ndarray, power: np.ndarray, low: float, high: float) -> bool:
+    """Whether noise falls as a filter's: then its level says nothing of that within the band.
+
+    Args:
+        frequency: of the spectrum's lines, Hz.
+        power: at each.
+        low: from where on the movement has no part in it, Hz.
+        high: up to where it is judged, Hz.
+    """
+    if high < RANGE * low or not np.any(power > 0):
+        return False
+    # Every octave counts alike.
+    octaves = np.linspace(np.log(low), np.log(high), 32)
+    level = np.log(np.maximum(power[1:], 1e-12 * power.max()))
+    fall = np.polyfit(octaves, np.interp(octaves, np.log(frequency[1:]), level), 1)[0]
+    return bool(fall < STEEP)
 
 
 def last_digit(effort: np.ndarray) -> float:

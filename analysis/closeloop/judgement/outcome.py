@@ -15,6 +15,7 @@ from analysis.closeloop.identification.balance.accuracy import left_out_errors, 
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import (
     AT_FLOOR,
+    Carried,
     Errors,
     Event,
     Floor,
@@ -38,6 +39,7 @@ MIN_LINE = 0.5
 def outcome_of(
     trace: Trace,
     events: Sequence[Event],
+    loads: Sequence[Carried],
     goes_with: Mapping[int, list[Structure]],
     hidden: Mapping[int, Sequence[Hidden]],
 ) -> Outcome:
@@ -46,6 +48,7 @@ def outcome_of(
     Args:
         trace: what tracing found.
         events: torque that is local in time; the trace was spared it.
+        loads: what trials carry without naming it.
         goes_with: signals that each joint's final residual goes with.
         hidden: effects that could move a stiffness unseen.
     """
@@ -56,7 +59,7 @@ def outcome_of(
     )
     fit = [raw_errors(recording, effort, recording.fit_trials) for effort in expected]
     holdout = [raw_errors(recording, effort, holdouts) for effort in expected]
-    lowest = floors(recording, [*fit[0], *holdout[0]])
+    lowest = floors(recording, [*fit[0], *holdout[0]], loads)
     left_out = not holdout[0]
     if left_out:
         holdout = [left_out_errors(model, rows) for model, _ in trace.fits]
@@ -71,6 +74,7 @@ def outcome_of(
         floors=lowest,
         structures=_large(trace, goes_with, lowest),
         events=events,
+        loads=loads,
         hidden=hidden,
         left=left_in_band(recording, expected[1], rubs=rubs),
     )
@@ -93,7 +97,7 @@ def _something_is_left(outcome: Outcome) -> bool:
         if joint not in outcome.floors
         or max(peak.rms for peak in own) > MIN_LINE * outcome.floors[joint].value
     ]
-    return bool(shaken or outcome.events or far or structured)
+    return bool(shaken or outcome.events or outcome.loads or far or structured)
 
 
 def _large(

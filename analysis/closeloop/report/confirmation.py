@@ -10,7 +10,6 @@ the fit enters, so this also tells whether the model that was written runs.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 import mujoco
@@ -18,7 +17,7 @@ import numpy as np
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.report.repaired import repaired_model
-from analysis.closeloop.session.contents import AddedMass
+from analysis.closeloop.session.contents import AddedMass, Trial
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
 from sim.effects.applied import AppliedEffects
@@ -62,18 +61,21 @@ def confirm(
         a simulation does not stay finite.
     """
     before, _, _ = repaired_model(recording.device, _as_declared(report))
-    models = {
-        "before": (before, hung_loads(report, "before")),
-        "after": (xml, hung_loads(report, "value")),
-    }
+    models = {"before": before, "after": xml}
     pieces = _pieces(recording)
+    hung = {
+        word: [
+            load_of(recording.session.trials[recording.trial_of(p)], report, word) for p in pieces
+        ]
+        for word in models
+    }
     opened = {
-        word: simulate(recording, model, pieces[0], loads, bandwidth=0.0)
-        for word, (model, loads) in models.items()
+        word: simulate(recording, model, pieces[0], hung[word][0], bandwidth=0.0)
+        for word, model in models.items()
     }
     closed = {
-        word: [simulate(recording, model, piece, loads) for piece in pieces]
-        for word, (model, loads) in models.items()
+        word: [simulate(recording, model, *pair) for pair in zip(pieces, hung[word], strict=True)]
+        for word, model in models.items()
     }
     files = [recording.session.trials[recording.trial_of(piece)].file for piece in pieces]
     clock = recording.time[pieces[0]]
@@ -116,30 +118,40 @@ def unconfirmed(confirmation: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def hung_loads(report: Mapping[str, Any], word: str) -> dict[str, AddedMass]:
-    """Return the payloads that trials name, as they were fitted, by their names.
+def load_of(trial: Trial, report: Mapping[str, Any], word: str) -> AddedMass | None:
+    """Return the load that a trial carries as it was found; None if it carries none.
 
     Args:
-        report: with what is declared.
-        word: "before" for the fit of the declared model, "value" for that of the repaired one.
+        trial: it may name a payload.
+        report: with the payloads that trials name, and those that seem to hang there all the same.
+        word: "before" for the fit of the declared model, "after" for that of the repaired one.
     """
-    found = {}
-    for entry in report["declared"]:
-        if "body" not in entry:
-            continue
-        mass, place = (entry["parameters"][key][word] for key in ("mass", "position"))
-        # What the trials do not determine is null, and hangs nowhere.
-        if mass is not None and None not in place:
-            x, y, z = place
-            found[entry["name"]] = AddedMass(body=entry["body"], mass=mass, position=(x, y, z))
-    return found
+    key = "before" if word == "before" else "value"
+    if trial.payload is not None:
+        for entry in report["declared"]:
+            if entry.get("name") == trial.payload.name and "body" in entry:
+                return _hung(entry, key)
+    for entry in report["unnamed_loads"]:
+        begun = trial.time[0], trial.time[-1]
+        if (entry["file"], entry["from"], entry["to"]) == (trial.file, *begun):
+            return _hung({"body": entry["body"], "parameters": entry}, "value")
+    return None
+
+
+def _hung(entry: Mapping[str, Any], key: str) -> AddedMass | None:
+    """Return a load; None if these trials do not determine it."""
+    mass, place = (entry["parameters"][name][key] for name in ("mass", "position"))
+    if mass is None or None in place:
+        return None
+    x, y, z = place
+    return AddedMass(body=entry["body"], mass=mass, position=(x, y, z))
 
 
 def simulate(
     recording: Recording,
     xml: str,
     piece: slice,
-    loads: Mapping[str, AddedMass] = MappingProxyType({}),
+    load: AddedMass | None = None,
     *,
     bandwidth: float = BANDWIDTH,
 ) -> Run:
@@ -149,12 +161,11 @@ def simulate(
         recording: all trials.
         xml: the model.
         piece: where the piece lies.
-        loads: payloads by the names that trials give them; the piece's own is hung.
+        load: what hangs there beside what the trial declares.
         bandwidth: of the feedback of driven joints, rad/s; 0 for none.
     """
     spec = mujoco.MjSpec.from_string(xml)
     trial = recording.session.trials[recording.trial_of(piece)]
-    load = None if trial.payload is None else loads.get(trial.payload.name)
     for mass in (trial.added_mass, load):
         if mass is not None:
             mass.hang(spec)

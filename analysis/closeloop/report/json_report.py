@@ -21,7 +21,12 @@ from analysis.closeloop.report.named import (
     without_value,
 )
 from analysis.closeloop.report.plain import CONVENTION, finite, session_entry
-from analysis.closeloop.report.shared import link_values, payload_entries
+from analysis.closeloop.report.shared import (
+    link_values,
+    of_unnamed_loads,
+    payload_entries,
+    unnamed_load_entries,
+)
 from analysis.closeloop.report.unexplained import far_from_floor, floor_entries, unexplained
 
 
@@ -50,6 +55,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
         "impedance": impedance,
         "identified": identified,
         "declared": declared,
+        "unnamed_loads": unnamed_load_entries(recording, outcome.loads),
         "links": link_values(found.fit_of_steps[0]),
         "unexplained": unexplained(outcome),
         "floor": floor_entries(recording, outcome.floors),
@@ -63,6 +69,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             *off_by_form(found, impedance),
             *without_value(declared),
             *refused_values(effects),
+            *of_unnamed_loads(recording, outcome.loads),
         ],
         "session": session_entry(recording),
         "ladder": _options(found),

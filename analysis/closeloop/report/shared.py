@@ -4,6 +4,7 @@ An interval is the wider of two jackknifes: by parts of time, and by joints, sin
 lacks at one joint does not average out over time. The links are fitted anew each time.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +17,8 @@ from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import Model, Term, unfitted
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.uncertainty import CONFIDENCE
+from analysis.closeloop.identification.findings import Carried
+from analysis.closeloop.session.recording import Recording
 from sim.effects.laws.inertia import PLACE
 
 #: Parts of every trial that are left out in turn.
@@ -128,6 +131,36 @@ def link_values(model: Model) -> dict[str, Any]:
         }
         for name, values in given.items()
     }
+
+
+def unnamed_load_entries(recording: Recording, loads: Sequence[Carried]) -> list[dict[str, Any]]:
+    """Return the loads that trials seem to carry without naming them."""
+    entries = []
+    for load in loads:
+        trial = recording.session.trials[load.trial]
+        entries.append(
+            {
+                "file": trial.file,
+                "from": float(trial.time[0]),
+                "to": float(trial.time[-1]),
+                "body": load.body,
+                "mass": {"value": load.mass, "unit": "kg"},
+                "position": {"value": list(load.position), "unit": "m"},
+                "takes": load.share,
+            }
+        )
+    return entries
+
+
+def of_unnamed_loads(recording: Recording, loads: Sequence[Carried]) -> list[str]:
+    """Return a warning for every load that a trial seems to carry, with what to declare."""
+    return [
+        f"{recording.session.trials[load.trial].file}: it looks as if some {load.mass:.2g} kg hung "
+        f"at {load.body} that other trials do not carry; if so, give the trial "
+        f'"payload": {{"name": "load", "body": "{load.body}"}} and close the loop again: until '
+        "then its errors, and where it was fitted the links too, are wrong"
+        for load in loads
+    ]
 
 
 def payload_entries(

@@ -108,19 +108,27 @@ def _joined(recording: Recording, terms: list[Term], rows: Rows) -> Model:
 def _loads(recording: Recording) -> list[Term]:
     """Return a term for every load that trials of the session name."""
     loads = dict.fromkeys(t.payload for t in recording.session.trials if t.payload is not None)
-    theta = dict.fromkeys(PLACE, 0.0)
-    chain = recording.device.model
-    return [
-        Term(
-            effect=PLACED,
-            joint=carriers(chain, chain.body(load.body).id)[0],
-            columns=_hung(recording, load, theta),
-            lower=PLACED.lower,
-            theta=theta,
-            load=load,
-        )
-        for load in loads
-    ]
+    return [_load(recording, load) for load in loads]
+
+
+def _load(recording: Recording, load: HungLoad) -> Term:
+    theta, chain = dict.fromkeys(PLACE, 0.0), recording.device.model
+    return Term(
+        effect=PLACED,
+        joint=carriers(chain, chain.body(load.body).id)[0],
+        columns=_hung(recording, load, theta),
+        lower=PLACED.lower,
+        theta=theta,
+        load=load,
+    )
+
+
+def with_load(model: Model, rows: Rows, load: HungLoad) -> Model:
+    """Return a model with a load that trials of its recording name, where the fit says it hangs.
+
+    Its term is the last, unless the others explain its torque.
+    """
+    return placed(with_independent(model, _load(model.recording, load), rows), rows)
 
 
 def placed(model: Model, rows: Rows) -> Model:

@@ -1,6 +1,7 @@
 """Devices that MuJoCo simulates under a controller: friction sticks, loads bend the path."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,9 @@ import pytest
 from analysis.closeloop.loop import analyse
 from analysis.closeloop.report.repaired import repaired_model
 from tests.testbed.sessions.plants import ARM, CARRIAGE, write_recordings
+
+#: The file of the trial that carries more than the others.
+LOADED = "loaded.csv"
 
 
 def names(report: dict[str, Any]) -> set[tuple[str, str]]:
@@ -48,7 +52,8 @@ def test_a_mass_at_the_end_of_a_chain_is_found_through_both_joints(tmp_path: Pat
     truth = ARM.changed("</body>\n    </body>", load + "\n    </body>")
     write_recordings(tmp_path, ARM, 1, truth=truth)
     report = analyse(tmp_path).report
-    assert names(report) == {("payload", "elbow")}
+    # All trials carry it: it is the robot's.
+    assert names(report) == {("payload", "elbow")} and report["unnamed_loads"] == []
     assert report["effects"][0]["parameters"]["mass"]["value"] == pytest.approx(0.5, rel=0.03)
 
 
@@ -84,6 +89,7 @@ def test_every_joint_of_an_arm_gets_its_own_friction_and_no_joint_is_worse(tmp_p
     report = analyse(tmp_path).report
     friction = ("coulomb_friction", "viscous_friction")
     assert names(report) == {(name, joint) for name in friction for joint in ARM.joints}
+    assert report["unnamed_loads"] == []
     for error in report["error"]["holdout"].values():
         assert error["after"] < 0.5 * error["before"]
 
@@ -94,6 +100,7 @@ def test_links_that_are_not_as_declared_are_found_as_one(tmp_path: Path) -> None
     write_recordings(tmp_path, ARM, 1, truth=truth)
     answer = analyse(tmp_path)
     assert names(answer.report) == {("link_inertia", "shoulder")}
+    assert answer.report["unnamed_loads"] == []
     xml, _, warnings = repaired_model(answer.recording.device, answer.report)
     assert warnings == []
     repaired, real = (mujoco.MjModel.from_xml_string(text) for text in (xml, truth))
@@ -106,20 +113,36 @@ def test_links_that_are_not_as_declared_are_found_as_one(tmp_path: Path) -> None
     assert held[0] == pytest.approx(held[1], rel=0.02, abs=0.05)
 
 
-def test_a_payload_that_trials_name_is_weighed_against_the_others(tmp_path: Path) -> None:
-    write_recordings(tmp_path, ARM, 1)
+@pytest.fixture(scope="module")
+def loaded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session of an arm whose last fitted trial carries 0.5 kg."""
+    folder = tmp_path_factory.mktemp("loaded")
+    write_recordings(folder, ARM, 1)
     load = '<body pos="0.25 0 0"><inertial pos="0 0 0" mass="0.5" diaginertia="1e-4 1e-4 1e-4"/>'
     truth = ARM.changed("</body>\n    </body>", f"{load}</body></body>\n    </body>")
-    write_recordings(tmp_path / "loaded", ARM, 2, truth=truth, trials=1)
-    session = json.loads((tmp_path / "session.json").read_text())
-    name, header = "loaded.csv", (tmp_path / "trial_0.csv").read_text().split("\n")[0]
-    table = np.loadtxt(tmp_path / "loaded" / "trial_0.csv", delimiter=",", skiprows=1)
+    write_recordings(folder / "loaded", ARM, 2, truth=truth, trials=1)
+    header = (folder / "trial_0.csv").read_text().split("\n")[0]
+    table = np.loadtxt(folder / "loaded" / "trial_0.csv", delimiter=",", skiprows=1)
     table[:, 0] += 1000.0
-    np.savetxt(tmp_path / name, table, delimiter=",", header=header, comments="", fmt="%.9g")
-    session["trials"].append({"file": name, "payload": {"name": "weight", "body": "fore"}})
-    (tmp_path / "session.json").write_text(json.dumps(session))
-    report = analyse(tmp_path).report
-    assert report["effects"] == []
+    np.savetxt(folder / LOADED, table, delimiter=",", header=header, comments="", fmt="%.9g")
+    return folder
+
+
+def with_trial(folder: Path, out: Path, **words: Any) -> Path:
+    """Copy a session, with the loaded trial besides, said of it what `words` are."""
+    shutil.copytree(folder, out)
+    session = json.loads((out / "session.json").read_text())
+    session["trials"].append({"file": LOADED, **words})
+    (out / "session.json").write_text(json.dumps(session))
+    return out
+
+
+def test_a_payload_that_trials_name_is_weighed_against_the_others(
+    loaded: Path, tmp_path: Path
+) -> None:
+    payload = {"name": "weight", "body": "fore"}
+    report = analyse(with_trial(loaded, tmp_path / "named", payload=payload)).report
+    assert report["effects"] == [] and report["unnamed_loads"] == []
     (entry,) = report["declared"]
     mass, place = entry["parameters"]["mass"], entry["parameters"]["position"]
     assert (entry["effect"], entry["name"], entry["body"]) == ("payload", "weight", "fore")
@@ -127,3 +150,13 @@ def test_a_payload_that_trials_name_is_weighed_against_the_others(tmp_path: Path
     assert mass["ci90"][0] <= 0.5 <= mass["ci90"][1]
     assert place["value"][0] == pytest.approx(0.25, abs=0.03)
     assert "gains" in entry["depends_on"]
+
+
+def test_a_payload_that_its_trial_does_not_name_is_asked_for(loaded: Path, tmp_path: Path) -> None:
+    report = analyse(with_trial(loaded, tmp_path / "unnamed")).report
+    (entry,) = report["unnamed_loads"]
+    assert (entry["file"], entry["body"]) == (LOADED, "fore")
+    assert entry["mass"]["value"] == pytest.approx(0.5, rel=0.1)
+    assert entry["position"]["value"][0] == pytest.approx(0.25, abs=0.03)
+    assert report["verdict"] != "adequate"
+    assert any(LOADED in line and '"payload"' in line for line in report["warnings"])

@@ -1,11 +1,14 @@
 """A channel's floor is its own noise, whatever the model leaves."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.signal import butter, filtfilt, lfilter
 
 from analysis.closeloop.identification.balance.trial_error import TrialError
+from analysis.closeloop.identification.findings import Carried
 from analysis.closeloop.judgement.floor import floors, passes
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import Sampling
@@ -54,11 +57,61 @@ def test_what_the_model_leaves_is_no_floor(recording: Recording) -> None:
     assert floor.value == pytest.approx(NOISE, rel=0.15)
 
 
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_what_a_recorders_filter_leaves_above_the_band_is_no_floor(
+    recording: Recording, order: int
+) -> None:
+    # Filtered twice, as logs are before they are published, far below the band's end.
+    noise = filtfilt(*butter(order, 5.0, fs=200.0), np.random.default_rng(2).standard_normal(1000))
+    one = replace(error(recording, np.zeros(len(recording.time))), effort=NOISE * noise)
+    assert floors(replace(recording, joints=(1,)), [one]) == {}
+
+
+@pytest.mark.parametrize("kept", [0.5, 0.9, 0.98, 1.0])
+def test_noise_with_a_memory_keeps_its_floor(recording: Recording, kept: float) -> None:
+    noise = lfilter([1.0], [1.0, -kept], np.random.default_rng(2).standard_normal(1000))
+    one = replace(error(recording, np.zeros(len(recording.time))), effort=NOISE * noise)
+    floor = floors(replace(recording, joints=(1,)), [one])[1]
+    assert floor.source == "above the band"
+
+
 def test_a_repeated_movement_shows_its_noise_in_the_band_too(repeated: Recording) -> None:
     one = error(repeated, 3.0 * np.sin(2.0 * repeated.position[:, 1]))
     floor = floors(replace(repeated, joints=(1,)), [one])[1]
     assert floor.source == "repeats"
     assert floor.value == pytest.approx(NOISE, rel=0.1)
+
+
+def test_with_another_load_no_movement_is_repeated(repeated: Recording) -> None:
+    # Every pass is a trial of its own; the second half of them carries something.
+    trial = np.repeat(np.arange(4), len(repeated.time) // 4)
+    ends = np.flatnonzero(np.diff(trial)) + 1
+    bounds = [0, *ends.tolist(), len(trial)]
+    slices = [slice(a, b) for a, b in pairwise(bounds)]
+    bare = replace(repeated.session.trials[0], payload=None, added_mass=None)
+    apart = replace(
+        repeated,
+        joints=(1,),
+        trial=trial,
+        slices=slices,
+        session=replace(repeated.session, trials=(bare,) * 4),
+    )
+    alike = {"body": "fore", "position": (0.0, 0.0, 0.0), "share": 0.9}
+    carried = [Carried(trial=number, mass=float(number), **alike) for number in (1, 3)]
+    whole = error(apart, 5.0 * trial * (trial % 2))
+    errors = [
+        replace(
+            whole,
+            trial=number,
+            time=whole.time[piece],
+            effort=whole.effort[piece],
+            predicted=whole.predicted[piece],
+        )
+        for number, piece in enumerate(slices)
+    ]
+    assert floors(apart, errors)[1].value > 10 * NOISE
+    floor = floors(apart, errors, carried)[1]
+    assert floor.value == pytest.approx(NOISE, rel=0.15)
 
 
 def test_passes_of_a_movement_are_found_a_whole_period_later(repeated: Recording) -> None:

@@ -16,6 +16,7 @@ def test_an_oscillation_counts_only_next_to_the_floor(size: float, left: bool) -
         left={},
         structures={},
         events=(),
+        loads=(),
         floors={0: Floor(value=0.1, source="above the band")},
         oscillations={0: [Peak(low_hz=90.0, high_hz=110.0, rms=size)]},
     )
