@@ -46,11 +46,7 @@ class Command:
 
     def __init__(self, folder: ModelFolder) -> None:
         run = folder.run
-        for name in run:
-            if name not in _TABLE:
-                raise ModelError(
-                    f"command.{name[:80]} is unknown: expected {', '.join(sorted(_TABLE))}"
-                )
+        folder.check_run(_TABLE)
         words = run.get("run")
         if not isinstance(words, list) or not words or not all(isinstance(w, str) for w in words):
             raise ModelError('command.run must be a list of texts, as ["python3", "model.py"]')

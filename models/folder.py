@@ -7,7 +7,7 @@ import hashlib
 import shutil
 import tomllib
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,6 +48,15 @@ class ModelFolder:
     run: Mapping[str, Any]
     #: For each factor and each output by name, what `MJCF_ENTRIES` lists of it.
     mjcf: Mapping[str, Mapping[str, Any]]
+
+    def check_run(self, known: Collection[str]) -> None:
+        """Raise a ModelError unless the table of its kind has `known` entries only."""
+        for name in self.run:
+            if name not in known:
+                raise ModelError(
+                    f"{self.description.kind}.{name[:80]} is unknown: "
+                    f"expected {', '.join(sorted(known))}"
+                )
 
 
 def read_folder(path: Path) -> ModelFolder:

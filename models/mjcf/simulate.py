@@ -44,11 +44,7 @@ class Simulation:
 
     def __init__(self, folder: ModelFolder) -> None:
         run = folder.run
-        for name in run:
-            if name not in _TABLE:
-                raise ModelError(
-                    f"mjcf.{name[:80]} is unknown: expected {', '.join(sorted(_TABLE))}"
-                )
+        folder.check_run(_TABLE)
         if not isinstance(run.get("file"), str):
             raise ModelError("mjcf.file must name the MJCF or URDF file")
         self._description = folder.description

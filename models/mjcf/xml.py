@@ -82,14 +82,19 @@ def inside(folder: Path, name: str, field: str) -> Path:
     Raises:
         ModelError: there is no such file in it; `field` says what names it.
     """
-    try:
-        path = (folder / name).resolve()
-        there = path.is_relative_to(folder.resolve()) and path.is_file()
-    except (OSError, ValueError):
-        there = False
-    if not there:
+    path = _in(folder, folder, name)
+    if path is None:
         raise ModelError(f"{field} names {name[:80]!r}, which is not in the model's folder")
     return path
+
+
+def _in(folder: Path, beside: Path, name: str) -> Path | None:
+    """Return a file by its name beside others; None if there is none in `folder`."""
+    try:
+        path = (beside / name).resolve()
+        return path if path.is_relative_to(folder.resolve()) and path.is_file() else None
+    except (OSError, ValueError):
+        return None
 
 
 def _keep_dynamics(root: ElementTree.Element, path: Path, folder: Path, collisions: bool) -> None:
@@ -187,13 +192,5 @@ def _there(folder: Path, beside: Path, places: list[str], file: str) -> Path | N
     """Return a file of the folder; one in a package of ROS is found by the end of its path."""
     parts = PurePosixPath(file.split("://", 1)[-1]).parts
     tails = ["/".join(parts[i:]) for i in range(len(parts))] if "://" in file else [file]
-    for place in places:
-        for tail in tails:
-            try:
-                found = (beside / place / tail).resolve()
-                there = found.is_relative_to(folder.resolve()) and found.is_file()
-            except (OSError, ValueError):
-                there = False
-            if there:
-                return found
-    return None
+    found = (_in(folder, beside / place, tail) for place in places for tail in tails)
+    return next((path for path in found if path is not None), None)

@@ -101,11 +101,7 @@ class RemoteModel:
     """
 
     def __init__(self, folder: ModelFolder, server: Server) -> None:
-        for entry in folder.run:
-            if entry not in _TABLE:
-                raise ModelError(
-                    f"umbridge.{entry[:80]} is unknown: expected {', '.join(sorted(_TABLE))}"
-                )
+        folder.check_run(_TABLE)
         self._name = folder.run.get("name", folder.description.name)
         self._config = folder.run.get("config", {})
         self._description, self._server = folder.description, server

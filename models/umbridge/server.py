@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
+from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -43,11 +44,8 @@ def serve(
         OSError: the address is taken or not ours.
     """
 
-    class Handler(_Handler):
-        def answer(self, path: str, asked: Mapping[str, Any]) -> Mapping[str, Any]:
-            return answer(descriptions, evaluate, path, asked)
-
-    return ThreadingHTTPServer((host, port), Handler)
+    answering = partial(answer, descriptions, evaluate)
+    return ThreadingHTTPServer((host, port), partial(_Handler, answering))
 
 
 def answer(
@@ -105,9 +103,12 @@ class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     timeout = READ_SECONDS
 
-    def answer(self, path: str, asked: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the body of the answer to one request."""
-        raise _RefusedError("UnsupportedFeature", path)
+    def __init__(
+        self, answering: Callable[[str, Mapping[str, Any]], Mapping[str, Any]], *of_server: Any
+    ) -> None:
+        self._answering = answering
+        # It serves the connection at once.
+        super().__init__(*of_server)
 
     def do_GET(self) -> None:
         self._handle({})
@@ -144,7 +145,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _handle(self, asked: Mapping[str, Any]) -> None:
         try:
-            self._send(HTTPStatus.OK, self.answer(self.path.strip("/"), asked))
+            self._send(HTTPStatus.OK, self._answering(self.path.strip("/"), asked))
         except _RefusedError as refused:
             self._send(refused.status, refused.body)
 

@@ -31,25 +31,18 @@ def example(**content: Any) -> ConfigDict:
 
 # Async though they wait for nothing: what is not is called in another thread, which costs more than
 # all that these do.
-async def _engine(request: Request) -> Engine:
-    engine: Engine = request.app.state.engine
-    return engine
+def _of_app(name: str) -> Any:
+    """Return what depends on something that the application has."""
+
+    async def found(request: Request) -> Any:
+        return getattr(request.app.state, name)
+
+    return Depends(found)
 
 
-async def _settings(request: Request) -> Settings:
-    settings: Settings = request.app.state.settings
-    return settings
-
-
-async def _metrics(request: Request) -> Metrics:
-    metrics: Metrics = request.app.state.metrics
-    return metrics
-
-
-async def _moment(request: Request) -> float:
+async def _moment(request: Request) -> Any:
     """Return when a request is served."""
-    now: float = request.app.state.clock()
-    return now
+    return request.app.state.clock()
 
 
 async def _read(request: Request, kind: type[Body]) -> Body:
@@ -112,9 +105,9 @@ def not_modified(tag: str, if_none_match: str | None) -> Response | None:
     return Response(None, 304, {"ETag": tag}) if is_known(tag, if_none_match) else None
 
 
-Store = Annotated[Engine, Depends(_engine)]
-Configured = Annotated[Settings, Depends(_settings)]
-Measures = Annotated[Metrics, Depends(_metrics)]
+Store = Annotated[Engine, _of_app("engine")]
+Configured = Annotated[Settings, _of_app("settings")]
+Measures = Annotated[Metrics, _of_app("metrics")]
 Now = Annotated[float, Depends(_moment)]
 
 #: One line without control characters, which PostgreSQL and terminals would stumble over.

@@ -1,6 +1,7 @@
 """The answer to a session in which no joint moves: whether somebody pushed, and nothing else."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -68,10 +69,4 @@ def still_answer(recording: Recording, events: Sequence[Event]) -> Answer:
 
 def _centred(error: TrialError) -> TrialError:
     """Return an error about its own mean, for its spectrum."""
-    return TrialError(
-        trial=error.trial,
-        joint=error.joint,
-        time=error.time,
-        effort=error.effort,
-        predicted=error.predicted + float(np.mean(error.residual)),
-    )
+    return replace(error, predicted=error.predicted + float(np.mean(error.residual)))

@@ -11,13 +11,13 @@ from analysis.reports.figures.shared import (
     Figure,
     Snapshot,
     axis,
+    bars_of,
     beside,
     factors_of,
     figure,
     names_axis,
     plain,
     ranked,
-    reach,
     sentence,
     titled,
     told_of,
@@ -50,26 +50,14 @@ def comparison(snapshots: tuple[Snapshot, Snapshot], names: tuple[str, str], out
         data: list[dict[str, Any]] = []
         for factors, name, colour in zip(found, names, PAIR, strict=True):
             own = [factors[factor][index] if factor in factors else _UNKNOWN for factor in order]
-            data.append(
-                {
-                    "type": "bar",
-                    "orientation": "h",
-                    "name": plain(name),
-                    "legendgroup": colour,
-                    "showlegend": not place,
-                    "x": [one["value"] for one in own],
-                    "y": list(range(len(order))),
-                    "error_x": reach(own),
-                    "marker": {"color": colour},
-                    "hovertext": [
-                        f"{plain(name)}<br>{told_of(factor, factors[factor], kinds[0])}"
-                        if factor in factors
-                        else ""
-                        for factor in order
-                    ],
-                    "hovertemplate": "%{hovertext}<extra></extra>",
-                }
-            )
+            told = [
+                f"{plain(name)}<br>{told_of(factor, factors[factor], kinds[0])}"
+                if factor in factors
+                else ""
+                for factor in order
+            ]
+            legend = {"legendgroup": colour, "showlegend": not place}
+            data.append(bars_of(plain(name), range(len(order)), own, colour, told, **legend))
         known = any(x is not None for trace in data for x in trace["x"])
         panels.append(
             figure(

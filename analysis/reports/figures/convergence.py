@@ -6,6 +6,7 @@ from typing import Any
 
 from analysis.designs import family
 from analysis.reports.figures.shared import (
+    AT_POINTER,
     ENDS,
     INDICES,
     MOST_LINES,
@@ -13,8 +14,8 @@ from analysis.reports.figures.shared import (
     Figure,
     Snapshot,
     axis,
+    band_of,
     beside,
-    faded,
     figure,
     looks,
     plain,
@@ -108,21 +109,12 @@ def curves(
         if not points:
             continue
         rows, look = [row for row, _ in points], own[name]
-        group = {"type": "scatter", "legendgroup": name}
+        low, high = ([point[end] for _, point in points] for end in ("low", "high"))
         data += [
+            band_of(rows, low, high, look["color"], 0.14) | {"legendgroup": name},
             {
-                **group,
-                "mode": "lines",
-                "line": {"width": 0, "color": look["color"]},
-                "x": [*rows, *rows[::-1]],
-                "y": [p["low"] for _, p in points] + [p["high"] for _, p in points][::-1],
-                "fill": "toself",
-                "fillcolor": faded(look["color"], 0.14),
-                "showlegend": False,
-                "hoverinfo": "skip",
-            },
-            {
-                **group,
+                "type": "scatter",
+                "legendgroup": name,
                 "mode": "lines+markers",
                 "name": name,
                 "x": rows,
@@ -136,7 +128,7 @@ def curves(
                     + " ".join(with_interval(point["value"], point["low"], point["high"])).strip()
                     for row, point in points
                 ],
-                "hovertemplate": "%{hovertext}<extra></extra>",
+                "hovertemplate": AT_POINTER,
             },
         ]
     last = max((row for points in lines.values() for row, _ in points), default=16)

@@ -13,13 +13,13 @@ from analysis.reports.figures.shared import (
     Figure,
     Snapshot,
     axis,
+    band_of,
+    bars_of,
     beside,
-    faded,
     figure,
     looks,
     names_axis,
     plain,
-    reach,
     sentence,
     titled,
 )
@@ -108,18 +108,10 @@ def _banded(
     if not points:
         return []
     x, value, low, high = (list(column) for column in zip(*points, strict=True))
-    group = {"type": "scatter", "mode": "lines", "legendgroup": name, "hoverinfo": "skip"}
+    line_of = {"type": "scatter", "mode": "lines", "legendgroup": name, "hoverinfo": "skip"}
     return [
-        {
-            **group,
-            "line": {"width": 0, "color": colour},
-            "x": [*x, *x[::-1]],
-            "y": [*low, *high[::-1]],
-            "fill": "toself",
-            "fillcolor": faded(colour, 0.18),
-            "showlegend": False,
-        },
-        {**group, "name": name, "x": x, "y": value, "line": {"color": colour, "width": 1.8}},
+        band_of(x, low, high, colour, 0.18) | {"legendgroup": name},
+        {**line_of, "name": name, "x": x, "y": value, "line": {"color": colour, "width": 1.8}},
     ]
 
 
@@ -183,24 +175,14 @@ def _scores(snapshot: Snapshot, said: Mapping[str, Any]) -> Figure:
     data = []
     for c, one in enumerate(said["components"]):
         found = [one["factors"][factor][index] for factor in order]
-        data.append(
-            {
-                "type": "bar",
-                "orientation": "h",
-                "name": f"component {c + 1}",
-                "showlegend": False,
-                "x": [share["value"] for share in found],
-                "y": list(range(len(order))),
-                "error_x": reach(found),
-                "marker": {"color": COLOURS[c]},
-                "hovertext": [
-                    f"{plain(words(factor))}, component {c + 1}: "
-                    + ("" if f["value"] is None else " ".join(with_interval(**f)).strip())
-                    for factor, f in zip(order, found, strict=True)
-                ],
-                "hovertemplate": "%{hovertext}<extra></extra>",
-            }
-        )
+        name = f"component {c + 1}"
+        told = [
+            f"{plain(words(factor))}, {name}: "
+            + ("" if f["value"] is None else " ".join(with_interval(**f)).strip())
+            for factor, f in zip(order, found, strict=True)
+        ]
+        places = range(len(order))
+        data.append(bars_of(name, places, found, COLOURS[c], told, showlegend=False))
     return figure(
         data,
         400,

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reports.figures.shared import (
+    AT_POINTER,
     COLOURS,
     FAINT,
     LIGHT,
@@ -58,7 +59,7 @@ def distribution(values: NDArray[np.float64], output: str, unit: str = "") -> Fi
                 f"{round(share * width * values.size):,} runs from {low:.3g} to {high:.3g}"
                 for share, low, high in zip(heights, edges, edges[1:], strict=False)
             ],
-            "hovertemplate": "%{hovertext}<extra></extra>",
+            "hovertemplate": AT_POINTER,
         },
         {**line, "name": "kernel density", "y": gaussian_kde(values)(x).tolist(), "line": kernel},
         {

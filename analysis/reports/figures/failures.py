@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from analysis.reports.figures.shared import FAINT, GLOW, Figure, axis, figure, plain
+from analysis.reports.figures.shared import AT_POINTER, FAINT, GLOW, Figure, axis, figure, plain
 from analysis.reports.wording import words
 
 
@@ -36,7 +36,7 @@ def failures(
             "hoverinfo": "skip",
         }
     ]
-    say = {"hovertemplate": "%{hovertext}<extra></extra>"}
+    say = {"hovertemplate": AT_POINTER}
     symbols = ("circle", "diamond", "square", "triangle-up", "x", "star")
     for place, (cause, runs) in enumerate(failed.items()):
         where = {"type": "scatter", "mode": "markers", "legendgroup": cause}

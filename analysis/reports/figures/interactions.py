@@ -5,12 +5,12 @@ from analysis.reports.figures.shared import (
     Figure,
     Snapshot,
     axis,
+    bars_of,
     beside,
     factors_of,
     figure,
     names_axis,
     plain,
-    reach,
     sentence,
     titled,
     told,
@@ -45,22 +45,19 @@ def interactions(snapshot: Snapshot, output: str) -> Figure:
             grid[max(one, other)][min(one, other)] = pair["value"]
     height = max(390, 165 + 31 * len(names))
     known = [name for name in names if factors[name]["interaction"]["value"] is not None]
-    bars = {
-        "type": "bar",
-        "orientation": "h",
-        "name": "interactions",
-        "showlegend": False,
-        "x": [factors[name]["interaction"]["value"] for name in known],
-        "y": [place[name] for name in known],
-        "error_x": reach([factors[name]["interaction"] for name in known]),
-        "marker": {"color": COLOURS[1]},
-        "customdata": known,
-        "hovertext": [
-            f"{plain(words(name))}: {told('interaction', factors[name]['interaction'])}"
-            for name in known
+    found = [factors[name]["interaction"] for name in known]
+    bars = bars_of(
+        "interactions",
+        [place[name] for name in known],
+        found,
+        COLOURS[1],
+        [
+            f"{plain(words(name))}: {told('interaction', one)}"
+            for name, one in zip(known, found, strict=True)
         ],
-        "hovertemplate": "%{hovertext}<extra></extra>",
-    }
+        showlegend=False,
+        customdata=known,
+    )
     left = figure(
         [bars] if known else [],
         height,

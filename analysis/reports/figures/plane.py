@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reports.figures.shared import (
+    AT_POINTER,
     FAINT,
     INDICES,
     WHOLE,
@@ -76,7 +77,7 @@ def plane(
             "error_y": reach([found["sigma"]]) | {"color": own[name]["color"]},
             "marker": {"size": 9, **own[name]},
             "hovertext": [told_of(name, found, "morris")],
-            "hovertemplate": "%{hovertext}<extra></extra>",
+            "hovertemplate": AT_POINTER,
         }
         for name in order
         for found in [factors[name]]

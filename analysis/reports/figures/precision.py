@@ -7,6 +7,7 @@ from typing import Any
 from analysis.designs import family
 from analysis.reports.figures.convergence import series
 from analysis.reports.figures.shared import (
+    AT_POINTER,
     FAINT,
     MOST_LINES,
     Figure,
@@ -58,7 +59,7 @@ def precision(snapshot: Mapping[str, Any], output: str, advice: Advice | None) -
                     f"{plain(words(name))}, {row:,} rows: ±{half:.2g}"
                     for row, half in widths.items()
                 ],
-                "hovertemplate": "%{hovertext}<extra></extra>",
+                "hovertemplate": AT_POINTER,
             }
         )
         table += [(name, row, half) for row, half in widths.items()]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reports.figures.shared import (
+    AT_POINTER,
     COLOURS,
     GLOW,
     INK,
@@ -118,7 +119,7 @@ def telling(told: Sequence[str]) -> dict[str, Any]:
     """Return what a trace of runs tells the pointer (paper, figure 12)."""
     if not told:
         return {"hoverinfo": "skip"}
-    return {"hovertext": list(told[:DRAWN]), "hovertemplate": "%{hovertext}<extra></extra>"}
+    return {"hovertext": list(told[:DRAWN]), "hovertemplate": AT_POINTER}
 
 
 def glowing(x: list[float], y: list[float], told: Sequence[str]) -> dict[str, Any]:

@@ -43,6 +43,8 @@ INDICES = {
     },
 }
 ENDS = ("value", "low", "high")
+#: Of a trace whose "hovertext" is all that the pointer is told.
+AT_POINTER = "%{hovertext}<extra></extra>"
 
 #: Pixels of a figure of one panel, and of one across a page.
 ONE, WHOLE = 590, 1010
@@ -121,6 +123,55 @@ def reach(indices: Sequence[Interval]) -> dict[str, Any]:
         "arrayminus": below,
         "thickness": 1.4,
         "width": 4,
+    }
+
+
+def bars_of(
+    name: str,
+    places: Sequence[int],
+    found: Sequence[Interval],
+    colour: str,
+    told: Sequence[str],
+    **more: Any,
+) -> dict[str, Any]:
+    """Return a trace of bars to the right with their intervals.
+
+    Args:
+        name: of the trace.
+        places: of the bars on the vertical axis.
+        found: what they show.
+        colour: of all.
+        told: what the pointer is told of each.
+        more: what else the trace says.
+    """
+    return {
+        "type": "bar",
+        "orientation": "h",
+        "name": name,
+        "x": [one["value"] for one in found],
+        "y": list(places),
+        "error_x": reach(found),
+        "marker": {"color": colour},
+        "hovertext": list(told),
+        "hovertemplate": AT_POINTER,
+        **more,
+    }
+
+
+def band_of(
+    x: Sequence[float], low: Sequence[float], high: Sequence[float], colour: str, share: float
+) -> dict[str, Any]:
+    """Return the trace of a band from `low` to `high`, through which one sees."""
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "line": {"width": 0, "color": colour},
+        "x": [*x, *x[::-1]],
+        "y": [*low, *high[::-1]],
+        "fill": "toself",
+        "fillcolor": faded(colour, share),
+        "showlegend": False,
+        "hoverinfo": "skip",
     }
 
 

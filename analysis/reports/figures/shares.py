@@ -13,12 +13,12 @@ from analysis.reports.figures.shared import (
     Snapshot,
     across,
     axis,
+    bars_of,
     factors_of,
     figure,
     names_axis,
     plain,
     ranked,
-    reach,
     sentence,
     spread_in_words,
     titled,
@@ -50,18 +50,14 @@ def bars(snapshot: Snapshot, output: str, unit: str = "") -> Figure:
     kind, said = family(snapshot["method"]), snapshot["outputs"].get(output, {})
     factors, order = factors_of(snapshot, output), ranked(snapshot, output)
     data = [
-        {
-            "type": "bar",
-            "orientation": "h",
-            "name": label,
-            "x": [factors[name][index]["value"] for name in order],
-            "y": list(range(len(order))),
-            "error_x": reach([factors[name][index] for name in order]),
-            "marker": {"color": _COLOURS[index]},
-            "customdata": order,
-            "hovertext": [told_of(name, factors[name], kind) for name in order],
-            "hovertemplate": "%{hovertext}<extra></extra>",
-        }
+        bars_of(
+            label,
+            range(len(order)),
+            [factors[name][index] for name in order],
+            _COLOURS[index],
+            [told_of(name, factors[name], kind) for name in order],
+            customdata=order,
+        )
         for index, label in INDICES[kind].items()
         if any(factors[name][index]["value"] is not None for name in order)
     ]

@@ -10,12 +10,12 @@ from analysis.reports.figures.shared import (
     Figure,
     Snapshot,
     axis,
+    bars_of,
     beside,
     factors_of,
     figure,
     names_axis,
     plain,
-    reach,
     sentence,
     titled,
 )
@@ -41,23 +41,19 @@ def together(snapshot: Snapshot, output: str) -> Figure:
     found = largest_pairs(snapshot, output)
     known = [(place, pair) for place, pair in enumerate(found) if pair["value"] is not None]
     data = [
-        {
-            "type": "bar",
-            "orientation": "h",
-            "name": "pairs",
-            "showlegend": False,
-            "x": [pair["value"] for _, pair in known],
-            "y": [place for place, _ in known],
-            "error_x": reach([pair for _, pair in known]),
-            "marker": {"color": COLOURS[0]},
-            "hovertext": [
+        bars_of(
+            "pairs",
+            [place for place, _ in known],
+            [pair for _, pair in known],
+            COLOURS[0],
+            [
                 f"{' and '.join(plain(words(name)) for name in pair['factors'])}: "
                 + " ".join(with_interval(pair["value"], pair["low"], pair["high"])).strip()
                 + f", n {pair['n']:,}"
                 for _, pair in known
             ],
-            "hovertemplate": "%{hovertext}<extra></extra>",
-        }
+            showlegend=False,
+        )
     ]
     bars = figure(
         data if known else [],
