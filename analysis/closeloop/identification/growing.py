@@ -14,6 +14,7 @@ from analysis.closeloop.identification.balance.regression import (
 from analysis.closeloop.identification.candidates import candidates, options_beside, refined
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.selection import (
+    ALONE_Z,
     MIN_GAIN,
     MIN_LATER_GAIN,
     MIN_Z,
@@ -119,7 +120,8 @@ def _retested(
         rest = grown.model.without(step.taken.candidate)
         without = evaluate(rest, rows)
         missed = without.loss - grown.score.loss
-        real = more_than_luck(without.losses, grown.score.losses, rows.fold_of_block)
+        folds = rows.fold_of_block
+        real = more_than_luck(without.losses, grown.score.losses, folds, ALONE_Z)
         if not real or missed < MIN_GAIN * without.loss:
             grown = Grown(rest, without, tuple(s for s in grown.steps if s is not step))
             continue

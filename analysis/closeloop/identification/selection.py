@@ -1,6 +1,7 @@
 """Choose the effect to add: worth its parameters, and the simplest of those that are as good."""
 
 import numpy as np
+from scipy.stats import norm
 
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import (
@@ -16,6 +17,9 @@ from sim.effects.catalogue import BY_NAME
 
 #: A gain must exceed this many of its standard errors: some 30 candidates at each of three steps.
 MIN_Z = 4.0
+#: The same chance where one effect alone is asked about, not the best of `TRIED` (Bonferroni 1936).
+TRIED = 30
+ALONE_Z = float(norm.isf(TRIED * norm.sf(MIN_Z)))
 #: Fewer seconds of motion show nothing: their spread says little of a gain's error.
 LEAST_BLOCKS = 6
 #: Least share of the held-out loss that a gain takes, below which no number in a report changes.
@@ -98,21 +102,23 @@ def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
     return more_than_luck(current.losses, option.score.losses, rows.fold_of_block)
 
 
-def more_than_luck(worse: np.ndarray, better: np.ndarray, fold_of_block: np.ndarray) -> bool:
+def more_than_luck(
+    worse: np.ndarray, better: np.ndarray, fold_of_block: np.ndarray, least_z: float = MIN_Z
+) -> bool:
     """Whether a gain on rows that nothing was fitted to is real: by its error, or by its size.
 
-    Args: as of `wins_in_folds`.
+    Args: as of `wins_in_folds`, and how many errors or ranks are more than chance.
     """
     gain, error = compare(worse, better)
     if len(worse) < LEAST_BLOCKS:
         return False
-    if gain > MIN_Z * error or takes_all(worse, better):
+    if gain > least_z * error or takes_all(worse, better):
         return True
     if gain <= LARGE_GAIN * float(worse.sum()):
         return False
     if gain > LARGE_Z * error and wins_in_folds(worse, better, fold_of_block):
         return True
-    return wins_in_folds(worse, better, fold_of_block, least=1) and rank_z(worse, better) > MIN_Z
+    return wins_in_folds(worse, better, fold_of_block, least=1) and rank_z(worse, better) > least_z
 
 
 def wins_in_folds(

@@ -109,21 +109,10 @@ class TorqueRipple(Law):
         _, half = joint.travel
         if good.sum() < 200:
             return []
-        step = max(1, int(good.sum() / 8000))
-        position, torque = (
-            joint.position[good][::step],
-            residual[good][::step],
-        )
-        first, step_order = 1.5 * np.pi / half, 0.25 * np.pi / half
-        orders = first + step_order * np.arange(234)
-        # Turning each sample's phase on by one order is much cheaper than another exponential.
-        turning = (torque - torque.mean()) * np.exp(-1j * first * position)
-        turn = np.exp(-1j * step_order * position)
-        power = np.empty(len(orders))
-        for number in range(len(orders)):
-            power[number] = abs(turning.sum())
-            turning *= turn
-        peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+        orders = 0.25 * np.pi / half * np.arange(4, 238)
+        power = beyond_a_line(joint.position[good], residual[good], orders)
+        around = np.concatenate([[0.0], power, [0.0]])
+        peaks = np.flatnonzero((power > around[:-2]) & (power >= around[2:]))
         best = peaks[np.argsort(power[peaks])[::-1][:4]]
         return [
             {"order": float(orders[peak] + shift * np.pi / half)}
@@ -206,6 +195,39 @@ class Hysteresis(AppliedEffect):
         sign = float((way > 0) - (way < 0))
         left = float(exp(-abs(way) / distance))
         return sign + (state - sign) * left if sign else state
+
+
+def beyond_a_line(position: np.ndarray, torque: np.ndarray, orders: np.ndarray) -> np.ndarray:
+    """Return how much of a torque waves over position explain beside a line, Nm2 or N2, (orders,).
+
+    Least squares at each order (Zechmeister and Kuerster 2009, The generalised Lomb-Scargle
+    periodogram, with a slope beside the mean): positions come where the motion dwells, and a sum
+    over them takes what a spring and an offset leave for long waves.
+
+    Args:
+        position: rad or m, (n,).
+        torque: Nm or N, (n,).
+        orders: waves over 2 pi of position, ascending.
+    """
+    low, high = float(position.min()), float(position.max())
+    # Sixteen places a wave, so that places stand for the samples around them.
+    count = 1 + int(16 * (high - low) * orders[-1] / (2 * np.pi))
+    place = np.minimum(((position - low) / (high - low) * count).astype(int), count - 1)
+    weight = np.bincount(place, minlength=count).astype(float)
+    taken = weight > 0
+    mean = np.bincount(place, torque, minlength=count)[taken] / weight[taken]
+    weight = np.sqrt(weight[taken])
+    x = (np.flatnonzero(taken) + 0.5) / count
+    line, _ = np.linalg.qr(weight[:, None] * np.column_stack([np.ones(len(x)), x]))
+    left = weight * mean
+    left = left - line @ (line.T @ left)
+    found = np.empty(len(orders))
+    for number, order in enumerate(orders):
+        angle = order * (high - low) * x
+        waves = weight[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        waves, _ = np.linalg.qr(waves - line @ (line.T @ waves))
+        found[number] = float(((waves.T @ left) ** 2).sum())
+    return found
 
 
 def _felt(joint: RecordedJoint, ahead: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from analysis.closeloop.identification.balance.regression import select_rows
-from analysis.closeloop.identification.selection import more_than_luck
+from analysis.closeloop.identification.selection import ALONE_Z, more_than_luck
 from analysis.closeloop.session.recording import Recording
 
 
@@ -17,3 +17,12 @@ def test_trials_without_motion_have_no_rows(recording: Recording) -> None:
     rows = select_rows(recording, ())
     assert not len(rows.weight) and not any(len(own) for own in rows.samples.values())
     assert rows.parts.keys() == set(recording.joints)
+
+
+def test_one_effect_alone_needs_less_than_the_best_of_many() -> None:
+    """A fast second holds nearly all of what every second shows."""
+    worse = np.array([100.0, *np.ones(13)])
+    folds = np.arange(14) % 4
+    assert more_than_luck(worse, 0.3 * worse, folds, ALONE_Z)
+    assert not more_than_luck(worse, 0.3 * worse, folds)
+    assert not more_than_luck(worse[:10], 0.3 * worse[:10], folds[:10], ALONE_Z)
