@@ -156,7 +156,8 @@ def print_found(
     """Print what `all_seeds` returned."""
     names = INDICES[method]
     print(f"\n{method}: seeds from {seeds[0]} to {seeds[-1]} at most. Coverage, mean over the")
-    print("factors that matter (least factor), and the share of the studies that warn.\n")
+    print("factors that matter (least factor), and the share of the studies that warn. Effects")
+    print("that are the same in every row are exact, and not counted.\n")
     head = ["Function", "N", "seeds", *(SYMBOLS[n] for n in names), "warned", "met"]
     print("| " + " | ".join(head) + " |")
     print("|---" * len(head) + "|")
@@ -181,10 +182,12 @@ def _line(found: list[dict[str, Any]], name: str, hard: Hard, size: object, trut
     slack = 1e-9 * np.max(np.abs(truth))
     held = np.mean((low <= truth + slack) & (truth - slack <= high), axis=0)
     active = np.max(np.abs(truth), axis=0) > IDLE * np.max(np.abs(truth))
-    shares = [one[active] for one in held]
+    # Of an effect that every row agrees on nothing is left to err: it is held, or wrong.
+    exact = np.all(held == 1.0, axis=0) & np.all(high - low <= slack, axis=(0, 1))
+    shares = [one[active & ~exact] for one in held]
     warned = float(np.mean([one["warned"] for one in studies]))
-    cells = [f"{one.mean():.3f} ({one.min():.2f})" for one in shares]
-    honest = all(HONEST[0] <= one.mean() <= HONEST[1] for one in shares)
+    cells = [f"{one.mean():.3f} ({one.min():.2f})" if one.size else "exact" for one in shares]
+    honest = all(HONEST[0] <= one.mean() <= HONEST[1] for one in shares if one.size)
     met = honest and warned <= WRONGLY if hard.kind else honest or warned >= WARNED
     verdict = "yes" if met else "NO"
     return f"| {name} | {label} | {of} | {' | '.join(cells)} | {warned:.2f} | {verdict} |"

@@ -187,6 +187,7 @@ def _only(found: Statistic, f: int) -> Statistic:
         weighted_whole=None if found.weighted_whole is None else of_one(found.weighted_whole),
         apart=None if found.apart is None else of_one(found.apart),
         scale=None if found.scale is None else of_one(found.scale),
+        longer=None if found.longer is None else of_one(found.longer),
     )
 
 

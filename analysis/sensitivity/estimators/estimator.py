@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from analysis.designs import row_width
 from analysis.sensitivity.estimators.intervals import Estimate, check_level, estimate, without_bias
 from analysis.sensitivity.estimators.rows import ROW_SUMS, Association, association, row_terms
-from analysis.sensitivity.estimators.shares import kept_apart, share_of_squares
+from analysis.sensitivity.estimators.shares import (
+    LOW,
+    allowing_for_tails,
+    kept_apart,
+    share_of_squares,
+)
 from analysis.sensitivity.estimators.tails import Tail
 from analysis.sensitivity.estimators.weightings import (
     FIRST,
@@ -49,9 +54,10 @@ class Index:
     power: int | None = None
     tail: Tail | None = None
     whole: NDArray[np.float64] | None = None
-    #: `Statistic.apart`, `Statistic.scale`.
+    #: `Statistic.apart`, `Statistic.scale`, `Statistic.longer`.
     apart: NDArray[np.float64] | None = None
     scale: NDArray[np.float64] | None = None
+    longer: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +94,8 @@ class Statistic:
     apart: NDArray[np.float64] | None = None
     #: By what it must be multiplied to be unbiased, which its ends are.
     scale: NDArray[np.float64] | None = None
+    #: How much longer a side is where the whole may lack its tail; broadcasts to (outputs, ...).
+    longer: NDArray[np.float64] | None = None
 
     def estimate(self, level: float) -> Estimate:
         """Return it with its interval at `level`; ValueError if that is not between 0 and 1."""
@@ -100,14 +108,14 @@ class Statistic:
 
     def _estimate(self, level: float) -> Estimate:
         if self.power == 1 and self.whole is not None and self.weighted_whole is not None:
-            stretch: NDArray[np.float64] | float = 1.0 if self.tail is None else self.tail.stretch
             return share_of_squares(
                 *(self.weighted, self.without, self.present, level),
                 whole=self.whole,
                 weighted_whole=self.weighted_whole,
-                stretch=stretch,
+                stretch=1.0 if self.tail is None else self.tail.stretch,
+                low_side=LOW if self.longer is None else self.longer,
             )
-        return estimate(
+        found = estimate(
             self.weighted[0],
             self.without,
             self.present,
@@ -115,6 +123,11 @@ class Statistic:
             power=self.power,
             stretch=None if self.tail is None else self.tail.stretch,
             whole=self.whole,
+        )
+        if self.longer is None or self.whole is None:
+            return found
+        return allowing_for_tails(
+            *(found, self.without, self.present, level), whole=self.whole, times=self.longer
         )
 
 
@@ -128,6 +141,7 @@ def interaction(first: Statistic, total: Statistic) -> Statistic:
         weighted=total.weighted - first.weighted,
         without=total.without - first.without,
         apart=None,
+        longer=None,
     )
 
 
@@ -333,6 +347,7 @@ class Estimator(ABC):
                 weighted_whole=None if index.whole is None else _weighted(index.whole),
                 apart=index.apart,
                 scale=index.scale,
+                longer=index.longer,
             )
             for name, index in self._indices(self._weighted(stop), self._weighted_sample()).items()
         }

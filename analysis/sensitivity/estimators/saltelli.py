@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from analysis.sensitivity.estimators import martinez
 from analysis.sensitivity.estimators.estimator import Estimator, Index, Terms
 from analysis.sensitivity.estimators.intervals import Estimate
+from analysis.sensitivity.estimators.shares import longer
 from analysis.sensitivity.estimators.tails import FLOOR, LARGEST_FOURTH, heaviness, tail
 from analysis.sensitivity.estimators.weightings import Weighted
 
@@ -66,10 +67,15 @@ class SaltelliEstimator(Estimator):
         total = share(0.5 * sums.mean("difference_squared"), variance[..., None])
         chance = 1.0 - share(0.5 * sums.mean("between_squared"), variance)
         firsts, totals = sums.count("product"), sums.count("difference_squared")
-        apart = FLOOR * heaviness(self.kurtosis())[:, None]
+        kurtosis = self.kurtosis()[:, None]
+        apart, sides = FLOOR * heaviness(kurtosis), longer(kurtosis)
         return {
             "first_order": Index(
-                weighted=first, count=firsts, whole=variance[..., None], apart=apart
+                weighted=first,
+                count=firsts,
+                whole=variance[..., None],
+                apart=apart,
+                longer=sides,
             ),
             "total_order": Index(
                 weighted=total,
@@ -77,6 +83,7 @@ class SaltelliEstimator(Estimator):
                 power=1,
                 whole=variance[..., None],
                 apart=apart,
+                longer=sides,
                 tail=tail(
                     half=sample.mean("difference_root")[0],
                     first=sample.mean("difference_size")[0],

@@ -6,9 +6,14 @@ log part - beta log whole, has Satterthwaite's interval, with what the part's ow
 (`analysis.sensitivity.estimators.tails`). The rest, (1 - beta) log whole, is the error of a
 variance, which under a heavy tail is too small far more often than it is too large: of squares
 without a variance of their own, Student's t of eight blocks of log variance has a 5 % quantile of
--3.5 instead of -1.9, whatever the number of rows. So below it is taken `LOW` times as long. (Both
-parts are independent by construction, so their lengths add as the sides of a right angle: Zou and
-Donner 2008, Construction of confidence limits about effect measures.)
+-3.5 instead of -1.9, whatever the number of rows. So below it is taken up to `LOW` times as long
+(`longer`: not at all of an output whose tail is no heavier than a normal one's). (Both parts are
+independent by construction, so their lengths add as the sides of a right angle: Zou and Donner
+2008, Construction of confidence limits about effect measures.)
+
+A variance that lacks its tail makes the shares of other factors too large and that of the tail's
+own factor too small. For first-order indices, which are differences of means and no means of
+squares, Fieller's interval is made longer on that side by as much (`allowing_for_tails`).
 
 Of a rare event balanced blocks have equal counts, and look free of error. So where the output has a
 heavy tail neither end of a share is nearer than `tails.FLOOR` of what rows drawn independently
@@ -29,8 +34,21 @@ from analysis.sensitivity.estimators.intervals import (
 
 Array = NDArray[np.float64]
 
-#: How much longer than Student's the lower side is for the error of the whole.
+#: How much longer than Student's the lower side is for the error of the whole, at most.
 LOW = 3.5 / 1.895
+
+#: Kurtosis of a normal output.
+_NORMAL = 3.0
+
+
+def longer(kurtosis: Array) -> Array:
+    """Return how much longer a side is for a variance that lacks its tail, from 1 to `LOW`.
+
+    In proportion to the excess kurtosis of the output (Kendall and Stuart 1977, chapter 3) up to 1;
+    `LOW` where it is unknown.
+    """
+    excess = np.where(np.isnan(kurtosis), 1.0, kurtosis - _NORMAL)
+    return 1.0 + (LOW - 1.0) * np.clip(excess, 0.0, 1.0)
 
 
 def share_of_squares(
@@ -42,6 +60,7 @@ def share_of_squares(
     whole: Array,
     weighted_whole: Array,
     stretch: Array | float,
+    low_side: Array | float = LOW,
 ) -> Estimate:
     """Return a share that is a mean of squares over a variance, with its interval (Zou 2008).
 
@@ -51,6 +70,7 @@ def share_of_squares(
         whole: the variance, in the sample and without each block; broadcasts to (1 + blocks, ...).
         weighted_whole: the same in the sample and its replicates.
         stretch: as `analysis.sensitivity.estimators.intervals.satterthwaite`.
+        low_side: how much longer the lower side is for the error of the whole (`longer`).
 
     Raises:
         ValueError: the level is not between 0 and 1.
@@ -67,12 +87,52 @@ def share_of_squares(
         own = satterthwaite(value, without * left, present, level, 1, stretched)
         error = jackknife_error(np.log(np.broadcast_to(relative, without.shape)), present)
         common = (1.0 - slope) * error * students_quantile(present, level)
-        down = np.hypot(np.log(value / own.low), LOW * common)
+        down = np.hypot(np.log(value / own.low), low_side * common)
         up = np.hypot(np.log(own.high / value), common)
         moves = (value > 0.0) & ~np.isnan(common) & (whole > 0.0)
         low = np.where(moves, value * np.exp(-down), own.low)
         high = np.where(moves, value * np.exp(up), own.high)
     return Estimate(value=value, low=low, high=high)
+
+
+def allowing_for_tails(
+    found: Estimate,
+    without: Array,
+    present: NDArray[np.bool_],
+    level: float,
+    *,
+    whole: Array,
+    times: Array,
+) -> Estimate:
+    """Return a share of either sign whose interval allows for a whole that lacks its tail.
+
+    Of a part that grows by b where the whole grows by 1 (its slope over the blocks left out), the
+    share s grows by (b - s) where the whole does by as much of itself. On that side the error of
+    the whole is taken `times` as long; it adds to the part's own as the sides of a right angle
+    (Zou and Donner 2008).
+
+    Args:
+        found: the share with an interval that has equal sides for this.
+        without, present, level: as `analysis.sensitivity.estimators.intervals.student`.
+        whole: as `share_of_squares`.
+        times: broadcasts to (...), 1 or more.
+
+    Raises:
+        ValueError: the level is not between 0 and 1.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.broadcast_to(whole[1:] / whole[0], without.shape)
+        slope = _slope(without * relative, relative)
+        quantile = students_quantile(present, level)
+        own = quantile * jackknife_error((without - slope) * relative, present)
+        common = (slope - found.value) * quantile * jackknife_error(np.log(relative), present)
+        more = np.hypot(own, times * common) - np.hypot(own, common)
+        more = np.where(np.isfinite(more), more, 0.0)
+    return Estimate(
+        value=found.value,
+        low=found.low - np.where(common < 0.0, more, 0.0),
+        high=found.high + np.where(common > 0.0, more, 0.0),
+    )
 
 
 def kept_apart(found: Estimate, weighted: Array, apart: Array, level: float) -> Estimate:
@@ -97,7 +157,7 @@ def kept_apart(found: Estimate, weighted: Array, apart: Array, level: float) -> 
 
 
 def _slope(part: Array, whole: Array) -> Array:
-    """Return the slope of `part` on `whole` over the replicates, 0 to 1; 0 where there is none."""
+    """Return the slope of `part` on `whole` over the first axis, 0 to 1; 0 where there is none."""
     there = np.isfinite(part) & np.isfinite(whole)
     n = np.maximum(there.sum(axis=0), 1)
     x, y = (np.where(there, one, 0.0) for one in (whole, part))

@@ -5,8 +5,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from analysis.sensitivity.estimators.intervals import Estimate, satterthwaite
-from analysis.sensitivity.estimators.shares import LOW, kept_apart, share_of_squares
+from analysis.sensitivity.estimators.intervals import Estimate, fieller, satterthwaite
+from analysis.sensitivity.estimators.shares import (
+    LOW,
+    allowing_for_tails,
+    kept_apart,
+    longer,
+    share_of_squares,
+)
 from analysis.sensitivity.estimators.tails import FLOOR, heaviness
 
 BLOCKS, REPLICATES = 8, 200
@@ -106,3 +112,37 @@ def test_a_part_that_is_nothing_is_nothing_and_an_unknown_whole_has_no_interval(
     with np.errstate(invalid="ignore"):
         _, low, high = interval(nothing, nothing)
     assert np.isnan([low[0], high[0]]).all()
+
+
+def test_a_side_is_longer_as_far_as_the_tail_is_heavier_than_a_normal_one() -> None:
+    found = longer(np.array([1.8, 3.0, 3.5, 4.0, 40.0, np.nan]))
+    np.testing.assert_allclose(found, [1.0, 1.0, 0.5 * (1.0 + LOW), LOW, LOW, LOW])
+
+
+def signed(part: Array, whole: Array, times: float) -> tuple[Estimate, Estimate]:
+    """Return part / whole, each (rows, columns), with Fieller's ends and with longer ones."""
+    part_without, _ = parts_of(part, 1)
+    whole_without, _ = parts_of(whole, 1)
+    there, without = np.ones(part_without.shape, dtype=np.bool_), part_without / whole_without
+    both = np.concatenate([whole.mean(axis=0)[None], whole_without])
+    plain = fieller(part.mean(axis=0) / both[0], without, there, 0.9, both)
+    factors = np.full(part.shape[1], times)
+    return plain, allowing_for_tails(plain, without, there, 0.9, whole=both, times=factors)
+
+
+def test_the_share_of_a_tail_may_be_larger_and_those_beside_it_smaller() -> None:
+    light, whole, share = heavy(1500, seed=8)
+    for part, truth, before in ((light, share, 0.78), (whole - light, 1.0 - share, 0.78)):
+        plain, found = signed(part, whole, LOW)
+        assert np.mean((plain.low <= truth) & (truth <= plain.high)) < before
+        assert np.mean((found.low <= truth) & (truth <= found.high)) > before + 0.04
+    plain, found = signed(light, whole, LOW)
+    assert (found.low < plain.low).all() and np.array_equal(found.high, plain.high)
+    plain, found = signed(light, whole, 1.0)
+    assert np.array_equal([found.low, found.high], [plain.low, plain.high])
+
+
+def test_an_unknown_share_stays_unknown_whatever_its_tail() -> None:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        plain, found = signed(np.zeros((64, 1)), np.zeros((64, 1)), LOW)
+    assert np.isnan([plain.low[0], found.low[0], found.high[0]]).all()
