@@ -9,9 +9,10 @@ from scipy.special import ndtri
 
 from analysis.interpretation.bank.bank import PLACES, Bank
 from analysis.interpretation.errors import InterpretationError
+from analysis.interpretation.friction import rubs
 from analysis.interpretation.inference.familiarity import CALLED_STRANGE
 from analysis.interpretation.inference.features import RECORDED
-from analysis.interpretation.inference.interpreter import Interpreter, Known
+from analysis.interpretation.inference.interpreter import LEAST_CONTACT, Interpreter, Known
 from analysis.interpretation.inference.posterior import TARGETS, Posterior, View
 from analysis.interpretation.inference.rounding import ALLOWED, moved_by_rounding
 from analysis.interpretation.inference.rows import targets_of
@@ -36,6 +37,10 @@ ADVICE = (
 OTHER_DEVICE = (
     f"banks are of the {NESM.name} alone: the intervals are the population's own and say nothing "
     "of this recording; what its declared model lacks, `rehyb close-loop` finds of any robot"
+)
+MORE_CONTACT = (
+    f"build the bank with {LEAST_CONTACT} or more --contact-rows: until then the intervals are the "
+    "population's own"
 )
 #: Share of samples that may be single ones far from their neighbours; ours, as `sensors.SPAN`.
 MOST_REPLACED = 0.01
@@ -92,9 +97,15 @@ def interpret(bank: Bank, question: Question) -> dict[str, Any]:
     if recording.differs is not None:
         other = f"the declared robot is not the bank's {NESM.name}: {recording.differs}"
         return common | _unknown(bank, question, other)
+    if 0 < len(bank.contact) < LEAST_CONTACT:
+        few = (
+            f"this bank has {len(bank.contact)} recordings with contact, too few to learn what "
+            "contact changes"
+        )
+        return common | _unknown(bank, question, few, MORE_CONTACT)
     values = recording.values()
     view = interpreter.look(values)
-    why = _unfamiliar(bank, interpreter, recording, values) or _contrary(interpreter, view, known)
+    why = unfamiliar(bank, interpreter, recording, values) or _contrary(interpreter, view, known)
     posterior = interpreter.infer(view, known)
     offered = steps(interpreter, known)
     after = {step.factor: half_width_after(interpreter, view, known, (step,)) for step in offered}
@@ -135,10 +146,10 @@ def _notes(recording: Recording) -> Iterator[str]:
         yield f"{listed} of session.json: not used here; what is known of the wearer is `--known`"
 
 
-def _unfamiliar(
+def unfamiliar(
     bank: Bank, interpreter: Interpreter, recording: Recording, values: np.ndarray
 ) -> str | None:
-    """Return why a recording is unlike the bank's, or None."""
+    """Return why a recording (its `values`, too) is unlike the bank's, or None."""
     for name, count in recording.replaced.items():
         if count > MOST_REPLACED * len(recording.motion.time):
             return f"{count} samples of the {name} are far from their neighbours"
@@ -155,14 +166,17 @@ def _unfamiliar(
         return why
     if why := _coarse(bank, interpreter, recording):
         return why
+    if why := rubs(recording.motion, device, bank.population):
+        return why
     scaled = features.scaled(values[None])[0]
     if offset := familiarity.offset(scaled):
-        joint, found, most = offset
-        # The motor's torque is subtracted in the curve.
-        unit = features.scale[1, WINDOWS * (joint + 1)]
+        which, found, most = offset
+        scale = features.scale[1, WINDOWS * which]
+        # The motor's torque is subtracted in its curve.
+        what, sign, unit = (f"torque of J{which}", -1, "Nm") if which else ("angle of J4", 1, "rad")
         return (
-            f"the torque of J{joint + 1} has an offset of about {-found * unit:+.2g} Nm that the "
-            f"bank's recordings do not have ({most * unit:.2g} Nm at most)"
+            f"the {what} has an offset of about {sign * found * scale:+.2g} {unit} that the bank's "
+            f"recordings do not have ({most * scale:.2g} {unit} at most)"
         )
     distance, limit = familiarity.distance(scaled), familiarity.limit
     if distance > limit:
@@ -285,7 +299,9 @@ def _entry(quantiles: np.ndarray, unit: str) -> dict[str, Any]:
     }
 
 
-def _unknown(bank: Bank, question: Question, why: str) -> dict[str, Any]:
+def _unknown(
+    bank: Bank, question: Question, why: str, advice: str = OTHER_DEVICE
+) -> dict[str, Any]:
     """Answer of a recording that cannot be compared: what the population alone says."""
     truths = np.sort(targets_of(bank.bushing), axis=0)
     count = len(TARGETS)
@@ -306,5 +322,5 @@ def _unknown(bank: Bank, question: Question, why: str) -> dict[str, Any]:
         "next": [],
         "tolerance": tolerance,
         "regression": None,
-        "advice": [*_notes(question.recording), OTHER_DEVICE],
+        "advice": [*_notes(question.recording), advice],
     }

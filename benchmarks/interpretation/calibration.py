@@ -2,30 +2,31 @@
 
 `python -m benchmarks.interpretation.calibration BANK [--wearers 500] [--keep FOLDER]`
 
-Wearers are drawn with a seed of their own (7101), which neither the bank nor any choice has seen;
-those with friction (7102) and slack straps (7103) too. `--keep` keeps what was simulated and uses
+Wearers are drawn with a seed of their own (7111), which neither the bank nor any choice has seen;
+those with friction (7112) and slack straps (7113) too. `--keep` keeps what was simulated and uses
 it again. The last table compares methods on the bank's own rows, by cross-validation.
 """
 
 import argparse
-import os
 import time
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from analysis.interpretation.answer import unfamiliar
 from analysis.interpretation.bank.bank import Bank, Samples, load_bank
-from analysis.interpretation.bank.sampling import sample
 from analysis.interpretation.inference.interpreter import Interpreter
 from analysis.interpretation.inference.posterior import TARGETS
 from analysis.interpretation.inference.rows import JOINTS, noisy, targets_of
 from analysis.interpretation.plan import half_width_after, shortest_plan, steps
 from benchmarks.interpretation.judging import Judged, judge, subgroups
+from benchmarks.interpretation.wearers import Wearers, simulated
 from benchmarks.machine import describe_machine
 
 #: Seeds of wearers who are reported on, and what is changed in them.
-FRESH, FRICTION, SLACK = 7101, 7102, 7103
+FRESH, FRICTION, SLACK = 7111, 7112, 7113
 STRANGE = (
     ("undeclared friction of 2.8 Nm", FRICTION, {"robot_friction": 2.8}),
     ("both straps slack, 4 N", SLACK, {"strap_tension": 4.0}),
@@ -46,7 +47,8 @@ def main() -> None:
     interpreter = Interpreter.read(bank)
     print(describe_machine())
     print(f"\nbank {bank.id}: {len(bank.bushing)} bushings, {len(bank.contact)} with contact")
-    fresh = _simulated(bank, FRESH, asked.wearers, {}, asked.keep)
+    wearers = simulated(bank.population, FRESH, range(asked.wearers), keep=asked.keep)
+    fresh = wearers.samples
     zero = bank.population.zero_errors(FRESH, fresh.rows, JOINTS)
     print(f"{len(fresh)} fresh wearers with contact, {dict(fresh.failed)} failed")
     judged = judge(interpreter, fresh, zero)
@@ -55,34 +57,12 @@ def main() -> None:
     known = judge(interpreter, fresh, zero, TAPE, seed=FRESH)
     print("\nwith both lengths to 5 mm and the forearm's mass to 0.1 kg")
     _coverage(interpreter, fresh, known, ("all",))
-    _strange(bank, interpreter, fresh, judged, asked)
+    _ways(bank, fresh, judged, known)
+    _strange(bank, interpreter, wearers, judged, asked)
     _next(interpreter, fresh, zero)
     _plans(interpreter, fresh, zero)
     _speed(interpreter, fresh)
     _methods(bank)
-
-
-def _simulated(
-    bank: Bank, seed: int, count: int, changed: dict[str, float], keep: Path | None
-) -> Samples:
-    """Return wearers of a seed with contact, from a file if they were kept."""
-    path = keep / f"{seed}.npz" if keep else None
-    if path is not None and path.exists():
-        with np.load(path, allow_pickle=False) as file:
-            kept = {name: file[name] for name in ("rows", "factors", "values")}
-        return Samples(**kept, failed={"one way or another": count - len(kept["rows"])})
-    found = sample(
-        bank.population,
-        seed,
-        range(count),
-        level="contact",
-        processes=os.cpu_count() or 1,
-        changed=changed,
-    )
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        np.savez(path, rows=found.rows, factors=found.factors, values=found.values)
-    return found
 
 
 def _widths(samples: Samples, judged: Judged) -> None:
@@ -145,34 +125,84 @@ def _whatever(judged: Judged, chosen: np.ndarray) -> float:
     return float(np.mean((rank > 0.05) & (rank < 0.95)))
 
 
+def _ways(bank: Bank, fresh: Samples, judged: Judged, known: Judged) -> None:
+    """Print what errors of K_h are left by each way to make them smaller, and by both together.
+
+    Personal identification alone is K_h by least squares of the affine regression and of what tapes
+    and scales say, on the bank's rows with contact.
+    """
+    columns = [bank.population.names.index(name) for name in TAPE]
+    told = np.array(list(TAPE.values())) * np.random.default_rng(FRESH).standard_normal(
+        (len(fresh), len(TAPE))
+    )
+
+    def inputs(samples: Samples, off: np.ndarray) -> np.ndarray:
+        measured = samples.factors[:, columns] + off
+        return np.column_stack([np.ones(len(samples)), samples.of("stiffness_estimate"), measured])
+
+    truth = targets_of(bank.contact)[:, 0]
+    weights = np.linalg.lstsq(inputs(bank.contact, np.zeros((1, len(TAPE)))), truth)[0]
+    personal = inputs(fresh, told) @ weights - targets_of(fresh)[:, 0]
+    affine = -fresh.of("stiffness_estimate")[:, 0] - targets_of(fresh)[:, 0]
+    print("\nways to a smaller error of K_h, Nm/rad     mean     sd   90 % of errors are below")
+    for name, error in (
+        ("affine alone", affine),
+        ("affine, lengths and mass identified", personal),
+        ("interpretation", judged.errors[:, 0]),
+        ("interpretation, lengths and mass identified", known.errors[:, 0]),
+    ):
+        worst = np.quantile(np.abs(error), 0.9)
+        print(f"  {name:44}{error.mean():5.2f}{error.std():7.2f}{worst:10.2f}")
+
+
 def _strange(
     bank: Bank,
     interpreter: Interpreter,
-    fresh: Samples,
+    wearers: Wearers,
     judged: Judged,
     asked: argparse.Namespace,
 ) -> None:
-    print("\nrecordings unlike the bank            n   called strange, %   coverage of 90 %, %")
-    everyone = np.ones(len(fresh), dtype=bool)
     print(
-        f"  none: fresh wearers              {len(fresh):5}{100 * np.mean(~judged.familiar):15.1f}"
-        f"{100 * judged.coverage(everyone):20.1f}"
+        "\nrecordings unlike the bank            n   called strange, %   coverage of 90 %, %   "
+        "of those called familiar"
     )
+    zero = bank.population.zero_errors(FRESH, wearers.samples.rows, JOINTS)
+    _called("none: fresh wearers", bank, interpreter, wearers, zero, judged)
     for name, seed, changed in STRANGE:
-        samples = _simulated(bank, seed, asked.strange, changed, asked.keep)
-        if not len(samples):
+        keep = asked.keep
+        other = simulated(bank.population, seed, range(asked.strange), changed=changed, keep=keep)
+        if not len(other):
             print(f"  {name}: every assessment failed")
             continue
-        zero = bank.population.zero_errors(seed, samples.rows, JOINTS)
-        found = judge(interpreter, samples, zero)
-        print(
-            f"  {name:33}{len(samples):5}{100 * np.mean(~found.familiar):15.1f}"
-            f"{100 * found.coverage(np.ones(len(samples), bool)):20.1f}"
-        )
-    _other_muscles(bank, fresh)
+        zero = bank.population.zero_errors(seed, other.samples.rows, JOINTS)
+        found = judge(interpreter, other.samples, zero)
+        _called(name, bank, interpreter, other, zero, found)
+    _other_muscles(bank, wearers)
 
 
-def _other_muscles(bank: Bank, fresh: Samples) -> None:
+def _called(
+    name: str,
+    bank: Bank,
+    interpreter: Interpreter,
+    wearers: Wearers,
+    zero: np.ndarray,
+    judged: Judged,
+) -> None:
+    """Print how many recordings are called strange, why, and how often intervals hold."""
+    why = [
+        unfamiliar(bank, interpreter, recording, recording.values())
+        for recording in wearers.recordings(zero)
+    ]
+    familiar = np.array([one is None for one in why])
+    held = judged.coverage(np.ones(len(why), bool))
+    among = f"{100 * judged.coverage(familiar):12.1f} of {familiar.sum()}" if familiar.any() else ""
+    strange = 100 * np.mean(~familiar)
+    print(f"  {name:33}{len(why):5}{strange:15.1f}{100 * held:20.1f}{among}")
+    for reason, count in Counter(" ".join(one.split()[:4]) for one in why if one).most_common(4):
+        print(f"    {count:4} of them: {reason} ...")
+
+
+def _other_muscles(bank: Bank, wearers: Wearers) -> None:
     """Leave each set of muscles out of the bank, and interpret wearers who have it."""
     column = bank.population.names.index("muscles")
     for number, name in enumerate(("paper", "holzbaur2005", "physiological")):
@@ -182,21 +212,13 @@ def _other_muscles(bank: Bank, fresh: Samples) -> None:
             bushing=bank.bushing.some(bank.bushing.factors[:, column] != number),
             contact=bank.contact.some(bank.contact.factors[:, column] != number),
         )
-        samples = fresh.some(fresh.factors[:, column] == number)
-        zero = bank.population.zero_errors(FRESH, samples.rows, JOINTS)
-        found = judge(Interpreter.fit(without), samples, zero)
-        familiar = found.familiar
-        if familiar.any():
-            held = f"{100 * found.coverage(familiar):6.1f} of {familiar.sum()} called familiar"
-        else:
-            held = "nobody called familiar"
-        print(
-            f"  {f'muscles {name}, not in the bank':33}{len(samples):5}"
-            f"{100 * np.mean(~familiar):15.1f}"
-            f"{100 * found.coverage(np.ones(len(samples), bool)):20.1f}   ({held})"
-        )
+        own = wearers.some(wearers.samples.factors[:, column] == number)
+        zero = bank.population.zero_errors(FRESH, own.samples.rows, JOINTS)
+        interpreter = Interpreter.fit(without)
+        found = judge(interpreter, own.samples, zero)
+        _called(f"muscles {name}, not in the bank", without, interpreter, own, zero, found)
         if found.whatever.shape[1]:
-            everyone = np.ones(len(samples), bool)
+            everyone = np.ones(len(own), bool)
             width = np.median(found.whatever[:, 1])
             print(
                 f"    whatever the muscles are {100 * _whatever(found, everyone):47.1f}"

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import kstest
 
 from analysis.interpretation.bank.bank import Samples
 from analysis.interpretation.inference.features import RECORDED
@@ -27,7 +28,6 @@ class Judged:
     half_widths: np.ndarray
     #: Median less truth, shape (n, TARGETS).
     errors: np.ndarray
-    familiar: np.ndarray
     #: Of K whatever the muscles are: share of the belief below the truth, and half width of the
     #: 90 % interval, shape (n, 2); without columns if the bank cannot tell.
     whatever: np.ndarray
@@ -36,6 +36,10 @@ class Judged:
         """Return how often intervals of `share` hold the truth among the `chosen` (a mask)."""
         rank = self.ranks[chosen, target]
         return float(np.mean((rank > (1 - share) / 2) & (rank < (1 + share) / 2)))
+
+    def uniformity(self, target: int = 0) -> float:
+        """Return the p-value of ranks that are uniform (Kolmogorov and Smirnov)."""
+        return float(kstest(self.ranks[:, target], "uniform").pvalue)
 
 
 def judge(
@@ -56,10 +60,9 @@ def judge(
     """
     recorded = samples.curves(zero_errors)
     truths, names = targets_of(samples), interpreter.population.names
-    scaled = interpreter.features.scaled(recorded)
     assert recorded.shape[1] == len(RECORDED)
     rng = np.random.default_rng(seed)
-    ranks, widths, errors, familiar, whatever = [], [], [], [], []
+    ranks, widths, errors, whatever = [], [], [], []
     for row, (values, truth) in enumerate(zip(recorded, truths, strict=True)):
         measured = tuple(
             Known(
@@ -73,10 +76,6 @@ def judge(
         ranks.append(posterior.rank(truth))
         widths.append([posterior.half_width(target) for target in range(len(TARGETS))])
         errors.append(posterior.quantiles(np.array([0.5]))[0] - truth)
-        familiar.append(
-            interpreter.familiarity.distance(scaled[row]) <= interpreter.familiarity.limit
-            and interpreter.familiarity.offset(scaled[row]) is None
-        )
         unseen = interpreter.whatever_muscles(values, measured)
         whatever.append([] if unseen is None else [unseen.rank(truth[:1])[0], unseen.half_width()])
     return Judged(
@@ -84,7 +83,6 @@ def judge(
         ranks=np.array(ranks),
         half_widths=np.array(widths),
         errors=np.array(errors),
-        familiar=np.array(familiar),
     )
 
 

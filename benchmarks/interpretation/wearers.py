@@ -31,6 +31,10 @@ class Wearers:
     def __len__(self) -> int:
         return len(self.samples)
 
+    def some(self, chosen: np.ndarray) -> "Wearers":
+        """Return the wearers that `chosen` (indices or a mask) says."""
+        return Wearers(samples=self.samples.some(chosen), recorded=self.recorded[chosen])
+
     def recordings(self, zero_errors: np.ndarray) -> Iterator[Recording]:
         """Yield what robots record whose torques have `zero_errors` (wearers, JOINTS), Nm."""
         for row, table, zero in zip(self.samples.rows, self.recorded, zero_errors, strict=True):

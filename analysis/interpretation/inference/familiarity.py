@@ -1,8 +1,9 @@
 """Whether a recording is like those of the bank: a distance, and what is strange where it is large.
 
-A distance in so many directions overlooks one that is small in most and far in one. The one that
-sensors err in is looked at by itself: a constant on a joint's torque, estimated by generalised
-least squares (Aitken 1936) under the covariance of the bank's recordings.
+A distance in so many directions overlooks one that is small in most and far in one. Those that
+sensors err in are looked at by themselves: a constant on a joint's torque, or on the moved joint's
+angle, estimated by generalised least squares (Aitken 1936) under the covariance of the bank's
+recordings.
 
 The Mahalanobis distance with a shrunk covariance (Ledoit and Wolf 2004). A recording is strange if
 it is farther out than all but a share of the bank's own, each looked at from the others (conformal
@@ -17,7 +18,7 @@ from sim.models import CURVES, ESTIMATES, WINDOWS
 
 #: Share of familiar recordings that are called strange.
 CALLED_STRANGE = 0.03
-#: Share of familiar recordings in whose torques an offset is seen: 5 % are called strange in all.
+#: Share of familiar recordings in which such an offset is seen: 5 % are called strange in all.
 CALLED_OFFSET = 0.02
 #: Parts into which the bank's recordings are divided to look at each from the others.
 FOLDS = 8
@@ -29,10 +30,11 @@ GROUPS = (
     "the elbow's torque that the declared model does not explain",
     "what regressions make of the elbow's torque",
 )
-#: A constant on the torque of each joint, shape (joints, CURVES and ESTIMATES).
-CONSTANTS = np.zeros((4, len(CURVES) + len(ESTIMATES)))
-for _joint, _constant in enumerate(CONSTANTS):
-    _constant[WINDOWS * (_joint + 1) : WINDOWS * (_joint + 2)] = 1.0
+#: Constants on each group of curves: the moved joint's angle, then the torque of each joint, shape
+#: (1 + joints, CURVES and ESTIMATES).
+CONSTANTS = np.zeros((len(CURVES) // WINDOWS, len(CURVES) + len(ESTIMATES)))
+for _group, _constant in enumerate(CONSTANTS):
+    _constant[WINDOWS * _group : WINDOWS * (_group + 1)] = 1.0
 EQUATION_21 = np.array([name.startswith("paper_") for name in (*CURVES, *ESTIMATES)])
 
 
@@ -46,7 +48,7 @@ class Familiarity:
     #: Sorted squared distances of the bank's own recordings from the others, shape (n,).
     distances: np.ndarray
     #: Root mean square of the constants in the bank's own recordings, each estimated from the
-    #: others, shape (joints,); and the largest over these, sorted, shape (n,).
+    #: others, shape (len(CONSTANTS),); and the largest over these, sorted, shape (n,).
     constants: np.ndarray
     largest: np.ndarray
 
@@ -81,16 +83,16 @@ class Familiarity:
         return float(_squared(scaled[None] - self.mean, self.precision)[0])
 
     def offset(self, scaled: np.ndarray) -> tuple[int, float, float] | None:
-        """Return the offset of a torque that no recording of the bank has, or None.
+        """Return the offset of a curve that no recording of the bank has, or None.
 
         Returns:
-            The joint (0 is J1), the offset of its curve, and the largest that is familiar, both
-            in scaled units.
+            Which of CONSTANTS, the offset of that curve, and the largest that is familiar, both in
+            scaled units.
         """
         found = _constants(scaled[None] - self.mean, self.precision)[0]
-        joint = int(np.argmax(np.abs(found / self.constants)))
-        most = beyond(self.largest, CALLED_OFFSET) * float(self.constants[joint])
-        return (joint, float(found[joint]), most) if abs(found[joint]) > most else None
+        which = int(np.argmax(np.abs(found / self.constants)))
+        most = beyond(self.largest, CALLED_OFFSET) * float(self.constants[which])
+        return (which, float(found[which]), most) if abs(found[which]) > most else None
 
     def strangest(self, scaled: np.ndarray) -> str:
         """Return, in words, what a recording's distance comes from most."""
@@ -110,7 +112,7 @@ def _gaussian(scaled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _constants(away: np.ndarray, precision: np.ndarray) -> np.ndarray:
-    """Return estimates of the constant on each joint's torque, shape (n, joints).
+    """Return estimates of each of CONSTANTS, shape (n, len(CONSTANTS)).
 
     Equation 21 has no constant, and shifts with it as the movement is: its results are left out.
     """

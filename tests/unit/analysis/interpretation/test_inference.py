@@ -180,9 +180,20 @@ def test_an_offset_of_a_torque_is_not_familiar_and_named(
     (odd,) = interpreter.features.scaled(with_zero_errors(RECORDINGS[:1], errors))
     found = interpreter.familiarity.offset(odd)
     assert found is not None
-    assert found[0] == joint
+    assert found[0] == joint + 1
     unit = interpreter.features.scale[1, WINDOWS * (joint + 1)]
     assert -found[1] * unit == pytest.approx(3.0, rel=0.2)
+
+
+def test_an_offset_of_the_moved_joints_angle_is_not_familiar_and_named() -> None:
+    made = bank()
+    interpreter = Interpreter.read(made)
+    odd = RECORDINGS[0].copy()
+    odd[:WINDOWS] += 10.0 * interpreter.features.scale[1, 0]
+    found = interpreter.familiarity.offset(interpreter.features.scaled(odd[None])[0])
+    assert found is not None
+    assert found[0] == 0
+    assert found[1] == pytest.approx(10.0, rel=0.2)
 
 
 def test_a_damaged_bank_is_one_sentence(tmp_path: Path) -> None:
@@ -262,6 +273,17 @@ def test_another_device_is_not_familiar_and_says_no_more_than_the_population() -
     found = interpret(bank(), Question(recording=recording("elbow_orthosis"), tolerance=0.2))
     assert not found["familiar"]
     assert "elbow_orthosis" in found["why_not"]
+    low, high = found["stiffness"]["interval90"]
+    assert (low, high) == pytest.approx((1.25, 5.75), abs=0.2)
+    assert found["tolerance"]["inside"] is False
+
+
+def test_a_bank_with_too_few_contacts_says_no_more_than_the_population() -> None:
+    few = replace(bank(), contact=samples(3, 59))
+    found = interpret(few, Question(recording=recording("nesm"), tolerance=0.2))
+    assert not found["familiar"]
+    assert "59 recordings with contact, too few" in found["why_not"]
+    assert "60 or more --contact-rows" in found["advice"][0]
     low, high = found["stiffness"]["interval90"]
     assert (low, high) == pytest.approx((1.25, 5.75), abs=0.2)
     assert found["tolerance"]["inside"] is False
