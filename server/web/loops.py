@@ -12,6 +12,7 @@ from server.operations import close_loops, sessions, watching
 from server.records import CloseLoopJob
 from server.states import CloseLoopState, JobKind
 from server.web.assets import templates
+from server.web.kept import Kept
 from server.web.page import Look, Page
 
 #: What was found in a session, of each kind of job.
@@ -21,6 +22,9 @@ TEMPLATES = {
 }
 #: Sessions that are shown, the latest first.
 MOST_SHOWN = 200
+#: Of jobs that are done, by id; a report may have megabytes.
+FINDINGS: Kept[str] = Kept(8)
+PICTURES: Kept[list[tuple[str, str]]] = Kept(8)
 
 
 def look(asked: Look) -> dict[str, Any]:
@@ -48,52 +52,37 @@ def look(asked: Look) -> dict[str, Any]:
 def look_at_one(asked: Look) -> dict[str, Any]:
     """Return one job and, once it is done, what was found."""
     job, able = close_loops.standing(asked.engine, asked.names["loop_id"], now=asked.now)
-    done = job.state == CloseLoopState.DONE
+    findings, pictures = "", list[tuple[str, str]]()
+    if job.state == CloseLoopState.DONE:
+        findings = FINDINGS.of(job.id, lambda: _findings(asked.engine, job))
+        pictures = PICTURES.of(job.id, lambda: _pictures(asked.engine, job))
     return {
         "job": job,
         "able": able,
         "session": sessions.get(asked.engine, job.session_id),
-        "findings": _findings(asked.engine, job) if done else "",
-        "pictures": _pictures(asked.engine, job) if done else [],
+        "findings": findings,
+        "pictures": pictures,
     }
 
 
 PAGE = Page(path="/loops", template="loops.html", look=look)
 ONE = Page(path="/loops/{loop_id}", template="loop.html", look=look_at_one)
 
-_KEPT: dict[tuple[str, str], Any] = {}
-
 
 def _findings(engine: Engine, job: CloseLoopJob) -> str:
     """Return report.json in HTML; "" if a worker of another version wrote it otherwise."""
-    key = (job.id, "findings")
-    if key not in _KEPT:
-        report = parsed(_read(engine, job, "report.json"))
-        try:
-            template = templates().get_template(TEMPLATES[job.kind])
-            _keep(key, Markup(template.render(report=report)))
-        except (TemplateError, TypeError):
-            _keep(key, "")
-    found: str = _KEPT[key]
-    return found
+    report = parsed(_read(engine, job, "report.json"))
+    try:
+        return Markup(templates().get_template(TEMPLATES[job.kind]).render(report=report))
+    except (TemplateError, TypeError):
+        return ""
 
 
 def _pictures(engine: Engine, job: CloseLoopJob) -> list[tuple[str, str]]:
     """Return the figures of report.html, each as its description and an image."""
-    key = (job.id, "pictures")
-    if key not in _KEPT:
-        images = _Images()
-        images.feed(_read(engine, job, "report.html").decode("utf-8", "replace"))
-        _keep(key, images.found)
-    found: list[tuple[str, str]] = _KEPT[key]
-    return found
-
-
-def _keep(key: tuple[str, str], what: Any) -> None:
-    # A report may have megabytes.
-    while len(_KEPT) >= 16:
-        _KEPT.pop(next(iter(_KEPT)))
-    _KEPT[key] = what
+    images = _Images()
+    images.feed(_read(engine, job, "report.html").decode("utf-8", "replace"))
+    return images.found
 
 
 def _read(engine: Engine, job: CloseLoopJob, file: str) -> bytes:

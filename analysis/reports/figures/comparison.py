@@ -18,7 +18,6 @@ from analysis.reports.figures.shared import (
     names_axis,
     plain,
     ranked,
-    sentence,
     titled,
     told_of,
 )
@@ -67,7 +66,7 @@ def comparison(snapshots: tuple[Snapshot, Snapshot], names: tuple[str, str], out
                 bargap=0.3,
                 xaxis=axis(label, rangemode="tozero", zeroline=True),
                 yaxis=names_axis(order),
-                annotations=[] if known else [sentence("no variance yet")],
+                empty="no variance yet",
             )
         )
     drawn = beside(panels)

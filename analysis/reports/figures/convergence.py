@@ -21,7 +21,6 @@ from analysis.reports.figures.shared import (
     plain,
     ranked,
     rows_axis,
-    sentence,
     titled,
 )
 from analysis.reports.wording import with_interval, with_unit, words
@@ -138,7 +137,7 @@ def curves(
         390,
         xaxis=rows_axis(first, last),
         yaxis=axis(label, zeroline=True, **({"range": within} if within else {})),
-        annotations=[] if data else [sentence("fewer than 8 rows yet")],
+        empty="fewer than 8 rows yet",
     )
 
 

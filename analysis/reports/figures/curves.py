@@ -20,7 +20,7 @@ from analysis.reports.figures.shared import (
     looks,
     names_axis,
     plain,
-    sentence,
+    shades_of,
     titled,
 )
 from analysis.reports.wording import with_interval, with_unit, words
@@ -73,22 +73,14 @@ def curve(
             ],
         },
     )
-    cells = {
-        "type": "heatmap",
-        "x": list(said["axis"]),
-        "y": list(range(len(order))),
-        "z": [said["factors"][factor][index]["value"] for factor in order],
-        "colorscale": "Cividis",
-        "colorbar": {"title": {"text": label, "side": "right"}, "thickness": 12},
-        "hoverinfo": "skip",
-    }
-    known = any(value is not None for line in cells["z"] for value in line)
+    shades = [said["factors"][factor][index]["value"] for factor in order]
+    known = any(value is not None for line in shades for value in line)
     right = figure(
-        [cells] if known else [],
+        [shades_of(said["axis"], range(len(order)), shades, label)] if known else [],
         height,
         xaxis=over,
         yaxis=names_axis(order),
-        annotations=[] if known else [sentence("no variance yet")],
+        empty="no variance yet",
     )
     title = f"What moves {plain(words(name))}, and where"
     return titled(
@@ -190,7 +182,7 @@ def _scores(snapshot: Snapshot, said: Mapping[str, Any]) -> Figure:
         bargap=0.2,
         xaxis=axis(what, zeroline=True),
         yaxis=names_axis(order),
-        annotations=[] if data else [sentence("no variance yet")],
+        empty="no variance yet",
     )
 
 

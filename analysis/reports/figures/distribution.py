@@ -12,7 +12,6 @@ from analysis.reports.figures.shared import (
     axis,
     figure,
     plain,
-    sentence,
     titled,
 )
 from analysis.reports.wording import with_unit
@@ -34,8 +33,7 @@ def distribution(values: NDArray[np.float64], output: str, unit: str = "") -> Fi
     x_axis = axis(plain(with_unit(output, unit)))
     y_axis = axis(plain(with_unit("probability density", per_unit)), rangemode="tozero")
     if values.size < 2 or np.ptp(values) == 0.0:
-        note = [sentence("nothing varies yet")]
-        return figure([], 390, width=640, xaxis=x_axis, yaxis=y_axis, annotations=note)
+        return figure([], 390, width=640, empty="nothing varies yet", xaxis=x_axis, yaxis=y_axis)
     mean, sd = float(np.mean(values)), float(np.std(values, ddof=1))
     low, high = np.quantile(values, [0.0, 1.0]) + np.array([-0.4, 0.4]) * sd
     x = np.linspace(low, high, 200)

@@ -11,7 +11,7 @@ from analysis.reports.figures.shared import (
     figure,
     names_axis,
     plain,
-    sentence,
+    shades_of,
     titled,
     told,
 )
@@ -64,7 +64,7 @@ def interactions(snapshot: Snapshot, output: str) -> Figure:
         bargap=0.4,
         xaxis=axis("ST - S, a factor's interactions together", zeroline=True),
         yaxis=names_axis(names),
-        annotations=[] if known else [sentence("no variance yet")],
+        empty="no variance yet",
         table={
             "head": ["factor", "other", "share of the variance"],
             "rows": [
@@ -73,21 +73,11 @@ def interactions(snapshot: Snapshot, output: str) -> Figure:
         },
     )
     shares = [value for line in grid for value in line if value is not None]
-    cells = {
-        "type": "heatmap",
-        "x": list(range(len(names))),
-        "y": list(range(len(names))),
-        "z": grid,
+    cells = shades_of(range(len(names)), range(len(names)), grid, "share of the variance") | {
         "zmin": 0.0,
         "zmax": max([*shares, 1e-9]),
         "text": [["" if v is None else f"{v:z.2f}" for v in line] for line in grid],
         "texttemplate": "%{text}",
-        "colorscale": "Cividis",
-        "colorbar": {
-            "title": {"text": "share of the variance", "side": "right"},
-            "thickness": 12,
-        },
-        "hoverinfo": "skip",
     }
     labels = names_axis(names)
     right = figure(
@@ -95,7 +85,7 @@ def interactions(snapshot: Snapshot, output: str) -> Figure:
         height,
         xaxis={**labels, "range": labels["range"][::-1], "tickangle": -45},
         yaxis=labels,
-        annotations=[] if shares else [sentence("no variance yet")],
+        empty="no variance yet",
     )
     together = said["sum_first_order"]["value"]
     rest = "" if together is None else f": {max(1.0 - together, 0.0):.0%} of the variance in all"

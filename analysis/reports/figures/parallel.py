@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reports.figures.shared import WHOLE, Figure, figure, plain, sentence
+from analysis.reports.figures.shared import WHOLE, Figure, figure, plain
 from analysis.reports.wording import words
 
 #: Runs that are drawn, and parts of equally many into which their outputs are sorted.
@@ -34,7 +34,7 @@ def parallel(
     every = np.column_stack([points, values])[:MOST_RUNS]
     labels = [*names, output]
     if len(every) < PARTS or np.ptp(every[:, -1]) == 0.0:
-        return figure([], 400, annotations=[sentence("nothing varies yet")], xaxis={}, yaxis={})
+        return figure([], 400, empty="nothing varies yet", xaxis={}, yaxis={})
     low, high = every.min(axis=0), every.max(axis=0)
     inside = (every - low) / np.where(high > low, high - low, 1.0)
     parts = np.array_split(np.argsort(every[:, -1], kind="stable"), PARTS)

@@ -22,7 +22,6 @@ from analysis.reports.figures.shared import (
     plain,
     ranked,
     reach,
-    sentence,
     titled,
     told_of,
 )
@@ -97,7 +96,7 @@ def plane(
         xaxis=axis(x, rangemode="tozero"),
         yaxis=axis(y, rangemode="tozero"),
         shapes=[across(threshold)] if threshold else [],
-        annotations=[] if data else [sentence("no elementary effects yet")],
+        empty="no elementary effects yet",
         table={
             "head": ["factor", "mu_star", "sigma"],
             "rows": [

@@ -175,6 +175,21 @@ def band_of(
     }
 
 
+def shades_of(
+    x: Sequence[float], y: Sequence[float], z: Sequence[Sequence[float | None]], what: str
+) -> dict[str, Any]:
+    """Return the trace of a heat map with a scale beside it; `what`: the shades say."""
+    return {
+        "type": "heatmap",
+        "x": list(x),
+        "y": list(y),
+        "z": list(z),
+        "colorscale": "Cividis",
+        "colorbar": {"title": {"text": what, "side": "right"}, "thickness": 12},
+        "hoverinfo": "skip",
+    }
+
+
 def names_axis(names: Sequence[str], **more: Any) -> dict[str, Any]:
     """Return a vertical axis with a name at each whole number, the first on top."""
     return {
@@ -225,9 +240,12 @@ def figure(
     *,
     table: Mapping[str, Any] | None = None,
     width: int = ONE,
+    empty: str = "",
     **layout: Any,
 ) -> Figure:
-    """Return a figure of one panel."""
+    """Return a figure of one panel; `empty`: the sentence in it as long as there is no data."""
+    if empty:
+        layout["annotations"] = [] if data else [sentence(empty)]
     return {
         "data": list(data),
         "layout": {

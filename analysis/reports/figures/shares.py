@@ -19,7 +19,6 @@ from analysis.reports.figures.shared import (
     names_axis,
     plain,
     ranked,
-    sentence,
     spread_in_words,
     titled,
     told_of,
@@ -75,7 +74,7 @@ def bars(snapshot: Snapshot, output: str, unit: str = "") -> Figure:
         xaxis=axis(title, rangemode="tozero", zeroline=True),
         yaxis=names_axis(order),
         shapes=[across(threshold)] if threshold else [],
-        annotations=[] if data else [sentence("no variance yet")],
+        empty="no variance yet",
         table={
             "head": ["factor", *(f"{i} {end}" for i in INDICES[kind] for end in ENDS)],
             "rows": [

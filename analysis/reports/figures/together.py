@@ -16,7 +16,6 @@ from analysis.reports.figures.shared import (
     figure,
     names_axis,
     plain,
-    sentence,
     titled,
 )
 from analysis.reports.wording import with_interval, words
@@ -61,7 +60,7 @@ def together(snapshot: Snapshot, output: str) -> Figure:
         bargap=0.4,
         xaxis=axis("share of the variance, beyond what each has alone", zeroline=True),
         yaxis=names_axis([_name(pair) for pair in found]),
-        annotations=[] if known else [sentence("no variance yet")],
+        empty="no variance yet",
         table={
             "head": ["factor", "other", "value", "low", "high"],
             "rows": [

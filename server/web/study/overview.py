@@ -1,6 +1,5 @@
 """One study: its indices as results arrive, how sure they are, and what its runs look like."""
 
-from collections.abc import Callable
 from typing import Any
 
 from fastapi import APIRouter, Request, Response
@@ -19,7 +18,7 @@ from analysis.reports.figures import (
     together,
 )
 from analysis.sensitivity.judgement.stopping import advise
-from analysis.sensitivity.records import StudyPlan, curves_as_outputs
+from analysis.sensitivity.records import curves_as_outputs
 from analysis.sensitivity.remarks import remarks, warning
 from analysis.sensitivity.snapshot import empty_snapshot
 from models.curves import names_of as output_names
@@ -30,6 +29,7 @@ from server.operations.study import precision_goals, studies
 from server.operations.study.result_log import StoreResultLog
 from server.records import Study
 from server.routes.common import Id, Store
+from server.web.kept import Kept
 from server.web.page import Look, Page
 from server.web.studies import detail
 from server.web.study import sample
@@ -38,6 +38,8 @@ router = APIRouter(include_in_schema=False)
 
 #: How outputs end that are another form of the regression (`sim.models`), and what it is called.
 FORMS = {"": "affine", "_paper": "through the origin", "_authors": "the authors' own"}
+#: Snapshots of studies of which nothing is known yet.
+EMPTY: Kept[dict[str, Any]] = Kept(32)
 
 
 def look(asked: Look) -> dict[str, Any]:
@@ -153,19 +155,6 @@ def units_of(engine: Engine, study: Study) -> dict[str, str]:
     return {name: "" if unit == "1" else unit for name, unit in found.items()}
 
 
-def _empty(study_id: str, edition: int, plan: Callable[[], StudyPlan]) -> dict[str, Any]:
-    """Return an empty snapshot: to say that nothing is known takes longer than to say what is."""
-    key = (study_id, edition)
-    if key not in _EMPTY:
-        if len(_EMPTY) > 32:
-            _EMPTY.clear()
-        _EMPTY[key] = empty_snapshot(plan())
-    return _EMPTY[key]
-
-
-_EMPTY: dict[tuple[str, int], dict[str, Any]] = {}
-
-
 def _outputs(study: Study) -> tuple[str, ...]:
     """Return the names of a study's outputs, a curve once."""
     return tuple(output_names(study.plan.outputs, study.plan.curves))
@@ -182,5 +171,7 @@ def snapshot_of(asked: Look, study: Study) -> dict[str, Any]:
     """Return what is known of a study's indices; an empty snapshot before anything is."""
     found = StoreResultLog(asked.engine).snapshot(study.id)
     if found is None:
-        found = _empty(study.id, study.edition, lambda: for_analysis(study))
+        # To say that nothing is known takes longer than to say what is.
+        key = study.id, study.edition
+        found = EMPTY.of(key, lambda: empty_snapshot(for_analysis(study)))
     return curves_as_outputs({"sampling": study.plan.sampling, **found})

@@ -5,10 +5,8 @@ all of them do; they are looked for again when the rows have doubled, so an open
 """
 
 import json
-from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
-from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -21,16 +19,12 @@ from analysis.reports.wording import words
 from server.logic.study.points import parameters
 from server.operations import watching
 from server.records import Study
+from server.web.kept import Kept
 
 #: Rows that are looked at; of each the first point, which is independent of the other rows'.
 MOST_ROWS = 1024
-#: Answers that are remembered, and points.
-MOST_KEPT = 48
-MOST_POINTS = 10_000
-
-_points: OrderedDict[tuple[str, int, int, int], dict[str, float]] = OrderedDict()
-_answers: OrderedDict[tuple[Any, ...], bytes] = OrderedDict()
-_lock = Lock()
+POINTS: Kept[dict[str, float]] = Kept(10_000)
+ANSWERS: Kept[bytes] = Kept(48)
 
 
 def version(study: Study) -> tuple[int, int]:
@@ -42,17 +36,12 @@ def version(study: Study) -> tuple[int, int]:
 
 def point(study: Study, row: int, position: int) -> dict[str, float]:
     """Return the factors of a run; most are asked for again with every look."""
-    key = (study.id, study.edition, row, position)
-    with _lock:
-        found = _points.get(key)
-    if found is None:
+
+    def found() -> dict[str, float]:
         every = parameters(study.plan, row)[position]
-        found = {name: every[name] for name in study.plan.distributions}
-        with _lock:
-            _points[key] = found
-            while len(_points) > MOST_POINTS:
-                _points.popitem(last=False)
-    return found
+        return {name: every[name] for name in study.plan.distributions}
+
+    return POINTS.of((study.id, study.edition, row, position), found)
 
 
 def shown(
@@ -72,27 +61,22 @@ def shown(
     factors = list(study.plan.distributions)
     x = factor if factor in factors else next((n for n in factors if n != other), factors[0])
     y = other if other in factors else next((n for n in factors if n != x), x)
-    key = (study.id, edition, rows, output, x, y)
-    with _lock:
-        if key in _answers:
-            return _answers[key]
-    runs = _Runs.of(engine, study, output, rows)
-    answer = json.dumps(
-        {
-            "rows": len(runs.row),
-            "of": study.plan.rows,
-            "factors": factors,
-            "factor": x,
-            "other": y,
-            "table": runs.table(output),
-            "figures": runs.figures(output, x, y, units) if runs.row else {},
-        }
-    ).encode()
-    with _lock:
-        _answers[key] = answer
-        while len(_answers) > MOST_KEPT:
-            _answers.popitem(last=False)
-    return answer
+
+    def found() -> bytes:
+        runs = _Runs.of(engine, study, output, rows)
+        return json.dumps(
+            {
+                "rows": len(runs.row),
+                "of": study.plan.rows,
+                "factors": factors,
+                "factor": x,
+                "other": y,
+                "table": runs.table(output),
+                "figures": runs.figures(output, x, y, units) if runs.row else {},
+            }
+        ).encode()
+
+    return ANSWERS.of((study.id, edition, rows, output, x, y), found)
 
 
 @dataclass(frozen=True, kw_only=True)
