@@ -63,12 +63,14 @@ def _study(client: Client, body: Json) -> Json:
 
     One that other code began is left alone: workers of this code would never go on with it.
     """
+    from sim.evaluation import identity
+
     for known in client.studies():
         same = all(known[key] == body[key] for key in ("name", "seed", "method", "model"))
         if (
             same
             and known["state"] != "cancelled"
-            and client.instance(known["id"], 0, 0)["identity"] in (None, _identity())
+            and client.instance(known["id"], 0, 0)["identity"] in (None, identity())
         ):
             whole = known["rows"] >= body["rows"]
             return known if whole else client.extend(known["id"], body["rows"])
@@ -86,13 +88,14 @@ def _sampled(
     from analysis.interpretation.bank.study import samples_of
     from analysis.sensitivity.records import plan_of
     from rehyb.bundle.archive import in_words
+    from sim.evaluation import identity
 
     def show(now: Json) -> None:
         progress(study["model"], now["rows_complete"], now["rows"])
 
     if client.wait(study["id"], on_progress=show)["state"] != "complete":
         raise Conflict(f"study {study['id']} ({study['name']}) was cancelled before it was whole")
-    mine = _identity()
+    mine = identity()
     theirs = client.instance(study["id"], 0, 0)["identity"]
     if theirs != mine:
         raise RehybError(
@@ -104,10 +107,3 @@ def _sampled(
 
         table = read_table(plan_of(described), results)
     return samples_of(bank.population, bank.seed, level, table, rows)
-
-
-def _identity() -> Json:
-    """Return the code that is installed here, as workers tell theirs."""
-    from sim.evaluation import code, versions
-
-    return {"code": code(), "mujoco": versions()["mujoco"]}

@@ -81,6 +81,11 @@ def code() -> str:
     return digest.hexdigest()[:16]
 
 
+def identity() -> dict[str, str]:
+    """Return what is equal on all machines that work on one study."""
+    return {"code": code(), "mujoco": versions()["mujoco"]}
+
+
 def _ishigami(x: tuple[float, ...]) -> float:
     """Ishigami and Homma 1990, with a = 7 and b = 0.1."""
     return sin(x[0]) + 7.0 * sin(x[1]) ** 2 + 0.1 * x[2] ** 4 * sin(x[0])

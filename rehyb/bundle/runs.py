@@ -132,10 +132,9 @@ def _judged(
 
 def _code(manifest: Mapping[str, Any]) -> str:
     """Say what code computed the study, if it is not what is installed here."""
-    from sim.evaluation import code, versions
+    from sim.evaluation import identity
 
-    mine = {"code": code(), "mujoco": versions()["mujoco"]}
-    theirs = manifest.get("identity")
+    mine, theirs = identity(), manifest.get("identity")
     if theirs == mine or not isinstance(theirs, dict):
         return ""
     return f"; it was computed with {in_words(theirs)}, and this is {in_words(mine)}"

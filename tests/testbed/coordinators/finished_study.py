@@ -13,7 +13,7 @@ from analysis.designs.distributions import Distribution, Uniform
 from analysis.sensitivity.records import plan_of
 from analysis.sensitivity.service import analyse
 from rehyb.client import Client, Json
-from sim.evaluation import code, evaluate, versions
+from sim.evaluation import evaluate, identity
 from tests.testbed.studies import Function, results_of
 
 RANGES = {name: Uniform(low=-3.0, high=3.0) for name in ("x1", "x2", "x3")}
@@ -77,7 +77,7 @@ class FinishedStudy:
     @cached_property
     def identity(self) -> dict[str, str]:
         """What computed the study."""
-        return {"code": code(), "mujoco": versions()["mujoco"]}
+        return identity()
 
     def client(self) -> Client:
         """Return a client of it."""

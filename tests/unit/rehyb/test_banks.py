@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from rehyb import banks
+from sim import evaluation
 
 BODY = {"name": "bank", "seed": 1, "method": "sample", "model": "m", "rows": 8}
 MINE, OTHER = {"code": "a", "mujoco": "4"}, {"code": "b", "mujoco": "4"}
@@ -35,7 +36,7 @@ class Coordinator:
 
 @pytest.fixture(autouse=True)
 def mine(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(banks, "_identity", lambda: MINE)
+    monkeypatch.setattr(evaluation, "identity", lambda: MINE)
 
 
 def chosen(coordinator: Coordinator) -> Any:
