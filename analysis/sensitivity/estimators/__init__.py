@@ -3,19 +3,14 @@
 Of elementary effects (Morris 1991) and of shares of the variance (Saltelli et al. 2010).
 """
 
-from analysis.sensitivity.estimators.estimator import (
-    OF_PAIRS,
-    Estimator,
-    Moments,
-    Statistic,
-    interaction,
-)
+from analysis.sensitivity.estimators.estimator import OF_PAIRS, Estimator, Moments
 from analysis.sensitivity.estimators.intervals import Estimate
 from analysis.sensitivity.estimators.morris import MorrisEstimator
 from analysis.sensitivity.estimators.saltelli import SaltelliEstimator
 from analysis.sensitivity.estimators.second_order import SecondOrderEstimator
 from analysis.sensitivity.estimators.shapley import ShapleyEstimator
 from analysis.sensitivity.estimators.single_points import Sample, SinglePoints
+from analysis.sensitivity.estimators.statistic import Statistic, interaction
 
 #: Indices of single factors, with their symbols in the paper.
 SYMBOLS = {

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from analysis.designs import unit_rows
 from analysis.designs.radial import legs
-from analysis.sensitivity.estimators.estimator import Estimator, Index, Terms
+from analysis.sensitivity.estimators.estimator import Estimator, Terms
 from analysis.sensitivity.estimators.intervals import jackknife_error
+from analysis.sensitivity.estimators.statistic import Index
 from analysis.sensitivity.estimators.tails import LARGEST_FOURTH, tail
 from analysis.sensitivity.estimators.weightings import FIRST, Weighted
 

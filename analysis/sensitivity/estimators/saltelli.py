@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.sensitivity.estimators import martinez
-from analysis.sensitivity.estimators.estimator import Estimator, Index, Terms
+from analysis.sensitivity.estimators.estimator import Estimator, Terms
 from analysis.sensitivity.estimators.intervals import Estimate
 from analysis.sensitivity.estimators.shares import longer
+from analysis.sensitivity.estimators.statistic import Index
 from analysis.sensitivity.estimators.tails import FLOOR, LARGEST_FOURTH, heaviness, tail
 from analysis.sensitivity.estimators.weightings import Weighted
 

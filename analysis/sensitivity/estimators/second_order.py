@@ -13,8 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.sensitivity.estimators.estimator import Index, Terms
+from analysis.sensitivity.estimators.estimator import Terms
 from analysis.sensitivity.estimators.saltelli import SaltelliEstimator, share
+from analysis.sensitivity.estimators.statistic import Index
 from analysis.sensitivity.estimators.weightings import Weighted
 
 

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import orders_of
-from analysis.sensitivity.estimators.estimator import Estimator, Index, Terms
+from analysis.sensitivity.estimators.estimator import Estimator, Terms
 from analysis.sensitivity.estimators.saltelli import kurtosis_of, share
+from analysis.sensitivity.estimators.statistic import Index
 from analysis.sensitivity.estimators.tails import FLOOR, LARGEST_FOURTH, heaviness, tail
 from analysis.sensitivity.estimators.weightings import Weighted
 

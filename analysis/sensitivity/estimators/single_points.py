@@ -10,7 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.sensitivity.estimators.estimator import Estimator, Index, Terms
+from analysis.sensitivity.estimators.estimator import Estimator, Terms
+from analysis.sensitivity.estimators.statistic import Index
 from analysis.sensitivity.estimators.weightings import Weighted
 
 
