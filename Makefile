@@ -5,6 +5,9 @@ READY := .venv/.ready
 # Tests share the cores; whoever is done first takes over half of what another has left.
 PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist worksteal
 
+# What one of the hundreds of processes has compiled, the next one only reads.
+unexport PYTHONDONTWRITEBYTECODE
+
 BROWSER := chromium google-chrome chrome
 
 .DEFAULT_GOAL := help
@@ -40,9 +43,10 @@ goldens: $(READY)  ## Write what a user sees to DIR, to compare two trees by dif
 	$(BIN)/python -m tests.testbed.goldens $(or $(DIR),$(error make goldens DIR=folder))
 
 soak: $(READY)  ## Disturb studies in every way, twenty times over; an hour
-	REHYB_SOAK_ROUNDS=20 REHYB_PROTOCOL_STORIES=200 REHYB_FUZZ=2000 $(BIN)/python -m pytest -s \
+	REHYB_SOAK_ROUNDS=20 REHYB_PROTOCOL_STORIES=200 REHYB_CONTRACT=100 REHYB_FUZZ=2000 $(BIN)/python -m pytest -s \
 		tests/acceptance/test_chaos.py tests/acceptance/test_acknowledged.py \
-		tests/integration/server/test_protocol.py tests/integration/server/routes/test_fuzz.py \
+		tests/integration/server/test_protocol.py tests/integration/server/routes/test_contract.py \
+		tests/integration/server/routes/test_fuzz.py \
 		tests/unit/analysis/closeloop/session/test_fuzz.py
 
 mutants: $(READY)  ## Break what decides in every small way, and list what no test notices (ROOM="server.logic.fleet*")
