@@ -45,11 +45,17 @@ def upgraded_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def upgraded(kind: str, request: pytest.FixtureRequest, upgraded_file: Path, tmp_path: Path) -> str:
-    """The URL of a database with the current schema."""
+def upgraded_sqlite(upgraded_file: Path, tmp_path: Path) -> str:
+    """The URL of a SQLite database with the current schema."""
+    # Every migration again would take longer than most tests.
+    return f"sqlite:///{shutil.copyfile(upgraded_file, tmp_path / 'upgraded.sqlite3')}"
+
+
+@pytest.fixture
+def upgraded(kind: str, request: pytest.FixtureRequest) -> str:
+    """The URL of a database of either kind with the current schema."""
     if kind == "sqlite":
-        # Every migration again would take longer than most tests.
-        return f"sqlite:///{shutil.copyfile(upgraded_file, tmp_path / 'upgraded.sqlite3')}"
+        return str(request.getfixturevalue("upgraded_sqlite"))
     return str(request.getfixturevalue("upgraded_database")())
 
 

@@ -1,6 +1,7 @@
 """Tables over HTTP: what is told of them, and what is refused."""
 
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,17 +12,15 @@ from pydantic import SecretStr
 
 from server.app import create_app
 from server.settings import Settings
-from server.store import upgrade
 from tests.testbed.command import Run
 from tests.testbed.command import run as run
 from tests.testbed.coordinators.rest_bodies import STUDY, is_problem
 
 
 @pytest.fixture(scope="module")
-def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
-    url = f"sqlite:///{tmp_path_factory.mktemp('given') / 'rehyb.sqlite3'}"
-    upgrade(url)
-    app = create_app(Settings(database_url=url, token=SecretStr("t")))
+def client(upgraded_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    file = shutil.copyfile(upgraded_file, tmp_path_factory.mktemp("given") / "rehyb.sqlite3")
+    app = create_app(Settings(database_url=f"sqlite:///{file}", token=SecretStr("t")))
     with TestClient(app, headers={"Authorization": "Bearer t"}) as client:
         yield client
 

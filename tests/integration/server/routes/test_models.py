@@ -21,7 +21,6 @@ from server.app import create_app
 from server.operations import models, tokens
 from server.operations.study.result_log import StoreResultLog
 from server.settings import Settings
-from server.store import upgrade
 from server.store.database.engine import writing
 from sim.models import MODELS
 from tests.testbed.models import EXAMPLES, edited
@@ -30,10 +29,8 @@ TOKEN = "models"
 
 
 @pytest.fixture
-def app(tmp_path: Path) -> FastAPI:
-    url = f"sqlite:///{tmp_path / 'rehyb.sqlite3'}"
-    upgrade(url)
-    return create_app(Settings(database_url=url, token=SecretStr(TOKEN)))
+def app(upgraded_sqlite: str) -> FastAPI:
+    return create_app(Settings(database_url=upgraded_sqlite, token=SecretStr(TOKEN)))
 
 
 @pytest.fixture

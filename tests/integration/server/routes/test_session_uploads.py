@@ -20,7 +20,6 @@ from analysis.closeloop.load import load_session
 from server import sandbox
 from server.app import create_app
 from server.settings import Settings
-from server.store import upgrade
 from server.store.database.engine import reading
 from server.store.database.schema import session_parts, sessions
 from tests.testbed.sessions.bad import BAD, linked, words
@@ -48,10 +47,8 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def app(tmp_path: Path) -> FastAPI:
-    url = f"sqlite:///{tmp_path / 'rehyb.sqlite3'}"
-    upgrade(url)
-    return create_app(Settings(database_url=url, token=SecretStr(TOKEN)))
+def app(upgraded_sqlite: str) -> FastAPI:
+    return create_app(Settings(database_url=upgraded_sqlite, token=SecretStr(TOKEN)))
 
 
 @pytest.fixture

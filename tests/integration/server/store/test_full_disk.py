@@ -1,6 +1,5 @@
 """A database without room refuses what it cannot keep, and loses nothing it has."""
 
-from pathlib import Path
 from typing import Any
 
 import sqlalchemy as sa
@@ -10,17 +9,14 @@ from pydantic import SecretStr
 from server.app import create_app
 from server.operations import check
 from server.settings import Settings
-from server.store import upgrade
 from tests.testbed.coordinators.rest_bodies import is_problem
 
 STUDY = {"name": "s", "model": "ishigami", "method": "morris", "rows": 25}
 ASKING = {"worker": {"id": "w", "host": "h"}, "models": ["ishigami"], "max_instances": 100}
 
 
-def test_results_that_find_no_room_are_taken_when_there_is_some(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'rehyb.sqlite3'}"
-    upgrade(url)
-    app = create_app(Settings(database_url=url, token=SecretStr("t")))
+def test_results_that_find_no_room_are_taken_when_there_is_some(upgraded_sqlite: str) -> None:
+    app = create_app(Settings(database_url=upgraded_sqlite, token=SecretStr("t")))
     room = [2**30]
 
     def limit(connection: sa.Connection) -> None:
