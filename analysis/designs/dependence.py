@@ -108,8 +108,8 @@ def copula(
                     place,
                 )
         if a == b or frozenset((a, b)) in seen:
-            what = "a factor has no correlation with itself" if a == b else "is listed twice"
-            raise DependenceError(f"{a} and {b}: {what}", place)
+            what = ": a factor has no correlation with itself" if a == b else " are a pair twice"
+            raise DependenceError(f"{a} and {b}{what}", place)
         seen.add(frozenset((a, b)))
         if not -1.0 < wanted < 1.0:
             raise DependenceError(

@@ -63,7 +63,7 @@ from analysis.designs import family
 from analysis.json_values import number
 from analysis.sensitivity.convergence import GrowingEstimator, Point
 from analysis.sensitivity.curves.estimator import CurveEstimator
-from analysis.sensitivity.curves.findings import findings
+from analysis.sensitivity.curves.findings import SIGNED, findings
 from analysis.sensitivity.curves.points import looked_at
 from analysis.sensitivity.estimators import (
     OF_PAIRS,
@@ -112,7 +112,14 @@ def take_snapshot(
     shown = [found.output(o) for o in range(len(names) + 1)]
     used = [estimator.rows_used, *(curve.points.rows_used for curve in curves.values())]
     along = {
-        name: findings(name, plan.curves[name], curve, list(plan.units), LEVEL)
+        name: findings(
+            name,
+            plan.curves[name],
+            curve,
+            list(plan.units),
+            LEVEL,
+            [unit for unit, members in plan.units.items() if len(members) > 1],
+        )
         for name, curve in curves.items()
     }
     return {
@@ -243,8 +250,13 @@ class _Findings:
             "convergence": {
                 "rows": [point.rows for point in self._series],
                 "factors": {
-                    factor: {name: self._curve(name, (o, f)) for name in self._of_factors}
-                    for f, factor in enumerate(plan.units)
+                    factor: {
+                        name: self._curve(name, (o, f))
+                        if len(members) == 1 or name not in SIGNED
+                        else dict.fromkeys(("value", "low", "high"), [None] * len(self._series))
+                        for name in self._of_factors
+                    }
+                    for f, (factor, members) in enumerate(plan.units.items())
                 },
                 **{
                     name: [
@@ -259,8 +271,7 @@ class _Findings:
     def _factor(self, factor: str, at: tuple[int, int]) -> dict[str, Any]:
         found: dict[str, Any] = {n: _interval(self._indices[n], at) for n in self._of_factors}
         if len(self._plan.units[factor]) > 1:
-            # Some of a group go up where others go down: its effects have a size, but no sign.
-            found |= {n: dict.fromkeys(found[n]) for n in found if n in ("mu", "sigma")}
+            found |= {n: dict.fromkeys(found[n]) for n in found if n in SIGNED}
         if self._interaction is not None:
             found["interaction"] = _interval(self._interaction, at)
         # Shares have no unit, and effects do not rest on a few large squares.

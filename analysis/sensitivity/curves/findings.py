@@ -21,7 +21,7 @@ principal components, of which the curve's coefficients hold the share "held"
 "trust" that of the point with the largest variance. What is not defined is null.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, replace
 from itertools import combinations
 from typing import Any
@@ -42,9 +42,17 @@ from analysis.sensitivity.judgement.screening import influence
 from analysis.sensitivity.judgement.trust import judge
 from models.curves import Curve
 
+#: Some factors of a group go up where others go down: of its effects these mean nothing.
+SIGNED = ("mu", "sigma")
+
 
 def findings(
-    name: str, curve: Curve, estimator: CurveEstimator, factors: Sequence[str], level: float
+    name: str,
+    curve: Curve,
+    estimator: CurveEstimator,
+    factors: Sequence[str],
+    level: float,
+    groups: Collection[str] = (),
 ) -> dict[str, Any]:
     """Return what is known of a curve (module docstring).
 
@@ -54,6 +62,7 @@ def findings(
         estimator: of the study.
         factors: their names.
         level: of intervals and bands.
+        groups: which of the factors are several that move together; effects of these have no sign.
 
     Raises:
         ValueError: the level is not between 0 and 1.
@@ -77,6 +86,11 @@ def findings(
     known = np.where(np.isfinite(variance), variance, -1.0)
     trust = judge(points, statistics, int(np.argmax(known)), name)
     screening = influence(whole["factors"], points.method, trusted=trust.trusted is True)
+
+    def _signed(index: str, factor: str) -> bool:
+        """Say whether an index needs a sign that the effects of a group have not."""
+        return factor in groups and index in SIGNED
+
     return {
         "points": curve.points,
         "over": curve.over,
@@ -87,7 +101,10 @@ def findings(
         "sd": _numbers(moments.sd),
         "n": int(moments.n.max(initial=0)),
         "factors": {
-            factor: {index: lines[index][f] for index in of_factors}
+            factor: {
+                index: _unsaid(lines[index][f]) if _signed(index, factor) else lines[index][f]
+                for index in of_factors
+            }
             for f, factor in enumerate(factors)
         },
         **{
@@ -100,7 +117,12 @@ def findings(
                 "share": _interval(one.share, ()),
                 "shape": _numbers(one.shape),
                 "factors": {
-                    factor: {index: _interval(found, (f,)) for index, found in one.indices.items()}
+                    factor: {
+                        index: dict.fromkeys(("value", "low", "high"))
+                        if _signed(index, factor)
+                        else _interval(found, (f,))
+                        for index, found in one.indices.items()
+                    }
                     for f, factor in enumerate(factors)
                 },
             }
@@ -111,6 +133,11 @@ def findings(
         "screening": _plain(screening),
         "trust": _plain(trust),
     }
+
+
+def _unsaid(line: Mapping[str, Sequence[float | None]]) -> dict[str, list[None]]:
+    """Return a line of an index that is not defined anywhere."""
+    return {end: [None] * len(values) for end, values in line.items()}
 
 
 _EMPTY = {"order": None, "same_order": None, "same_first": None}

@@ -180,6 +180,15 @@ def test_a_study_says_its_indices_of_groups(method: str, sampling: str) -> None:
         # Its factors go up and down at once: such effects have no sign.
         assert outer["mu"]["value"] is outer["sigma"]["high"] is None
         assert outer["mu_star"]["value"] > 0.0
+        along = snapshot["outputs"]["y"]["convergence"]["factors"]["outer"]
+        assert set(along["mu"]["value"]) == set(along["sigma"]["high"]) == {None}
+        assert along["mu_star"]["value"][-1] == outer["mu_star"]["value"]
+        curve = snapshot["curves"]["w"]
+        line, scores = curve["factors"]["outer"], curve["components"][0]["factors"]
+        assert line["mu"]["value"] == line["sigma"]["band_high"] == [None, None]
+        assert None not in line["mu_star"]["value"]
+        assert scores["outer"]["mu"]["value"] is None is scores["outer"]["sigma"]["low"]
+        assert scores["x2"]["sigma"]["value"] is not None
         assert snapshot["outputs"]["y"]["factors"]["x2"]["sigma"]["value"] is not None
     else:
         both = outer["total_order"]["value"] - outer["first_order"]["value"]

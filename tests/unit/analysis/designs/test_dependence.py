@@ -137,7 +137,7 @@ def test_other_methods_know_independent_factors_only() -> None:
     ("pairs", "kind", "sentence"),
     [
         ([("a", "x", 0.5)], "rank", "x is not sampled"),
-        ([("a", "b", 0.5), ("b", "a", 0.5)], "rank", "is listed twice"),
+        ([("a", "b", 0.5), ("b", "a", 0.5)], "rank", "b and a are a pair twice"),
         ([("a", "a", 0.5)], "rank", "no correlation with itself"),
         ([("a", "b", 1.0)], "rank", "lies between -1 and 1"),
         ([("a", "b", float("nan"))], "rank", "lies between -1 and 1"),
