@@ -30,7 +30,8 @@ MIN_LATER_GAIN = 0.2
 #: Candidates whose gain differs by less than this share of the best count as equal.
 EQUAL_SHARE = 0.005
 #: Least torque that an effect must explain, over the joint's effort (both root mean square): less
-#: than that is what smoothing, or a joint that is not quite held, does to the declared torque.
+#: than that is what smoothing, or a joint that is not quite held, does to the declared torque. What
+#: takes nearly all that is left only has to exceed what smoothing does in these trials.
 MIN_TORQUE = 0.008
 #: A gain that a few moments carry (inertia, at the ends of a ramp) has a large error of its own:
 #: one of this share is real too if it exceeds fewer errors but comes back in several folds, or wins
@@ -96,7 +97,11 @@ def _new_parameters(option: Option) -> int:
 
 def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
     """Whether a gain is more than luck, and large enough to matter."""
-    matters = MIN_TORQUE**2 * rows.effort_power(option.candidate.joint)
+    joint = option.candidate.joint
+    matters = MIN_TORQUE**2 * rows.effort_power(joint)
+    if takes_all(current.losses, option.score.losses):
+        # An error of smoothing has no other form that takes nearly all of it.
+        matters = min(matters, rows.smoothing_power(joint))
     if option.gain <= max(least, matters):
         return False
     return more_than_luck(current.losses, option.score.losses, rows.fold_of_block)

@@ -108,9 +108,11 @@ def _large(
     kept = {}
     for joint, own in found.items():
         count = max(len(rows.samples[joint]), 1)
-        effort = np.sqrt(rows.effort_power(joint) / count) / rows.weight[rows.parts[joint].start]
+        unit = np.sqrt(count) * rows.weight[rows.parts[joint].start]
+        effort = MIN_EFFORT * np.sqrt(rows.effort_power(joint)) / unit
+        smoothing = np.sqrt(rows.smoothing_power(joint)) / unit
         floor = lowest[joint].value if joint in lowest else 0.0
-        least = max(MIN_STRUCTURE * floor, MIN_EFFORT * float(effort))
+        least = max(MIN_STRUCTURE * floor, float(min(effort, smoothing)))
         kept[joint] = [one for one in own if one.rms > least]
     return kept
 

@@ -117,6 +117,21 @@ class Rows:
         effort = self.recording.effort[self.samples[joint], joint]
         return float(((effort * self.weight[self.parts[joint]]) ** 2).sum())
 
+    def smoothing_power(self, joint: int) -> float:
+        """Return the sum of squares of what smoothing may have taken of a joint's torque, weighted.
+
+        The positions passed a low-pass before they were differentiated. What it takes of the torque
+        at a second pass is about what it took at the first.
+        """
+
+        def make() -> float:
+            torque = self.recording.inverse[:, [joint]]
+            gone = self.recording.filtered(torque - self.recording.smoothed(torque))[:, 0]
+            weighted = gone[self.samples[joint]] * self.weight[self.parts[joint]]
+            return float(weighted @ weighted)
+
+        return float(self.once(("smoothing", joint), make))
+
     def reweighted(self, noise: Mapping[int, float]) -> "Rows":
         """Return the same rows with every joint's noise as the unit of its residual."""
         weight = [np.full(len(s), 1.0 / noise[joint]) for joint, s in self.samples.items()]
