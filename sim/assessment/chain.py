@@ -31,16 +31,15 @@ class RigidChain:
     #: Shape (3,), m/s2.
     gravity: np.ndarray
 
-    def torque(
-        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, joint: int
+    def torques(
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
     ) -> np.ndarray:
-        """Return what a joint's bodies, and those beyond, need for a motion, Nm, shape (n,).
+        """Return what each joint's bodies, and those beyond, need for a motion, Nm, shape (n, k).
 
         Args:
             position: rad, shape (n, k).
             velocity: rad/s, of that shape.
             acceleration: rad/s2, of that shape.
-            joint: number of the joint.
         """
         steps = len(position)
         omega = alpha = np.zeros((3, steps))
@@ -56,17 +55,17 @@ class RigidChain:
             omega, alpha, linear = _turned(axis, -angle[k], omega + speed, alpha, linear)
             motions.append((omega, alpha, linear))
         force = moment = np.zeros((3, steps))
-        for k in range(len(self.mass) - 1, joint - 1, -1):
+        torques = np.empty_like(position)
+        for k in range(len(self.mass) - 1, -1, -1):
             omega, alpha, linear = motions[k]
             centre, inertia = self.centre[k] - self.anchor[k], self.inertia[k]
             own = self.mass[k] * (linear + _swing(omega, alpha, centre))
             moment = moment + _skew(centre) @ own + inertia @ alpha
             moment, force = moment + _cross(omega, inertia @ omega), force + own
-            if k > joint:
-                force, moment = _turned(self.axis[k], angle[k], force, moment)
-                moment = moment + _skew(reach[k]) @ force
-        torque: np.ndarray = self.axis[joint] @ moment
-        return torque
+            torques[:, k] = self.axis[k] @ moment
+            force, moment = _turned(self.axis[k], angle[k], force, moment)
+            moment = moment + _skew(reach[k]) @ force
+        return torques
 
 
 def rigid_chain(model: mujoco.MjModel) -> RigidChain:

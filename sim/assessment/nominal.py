@@ -34,7 +34,13 @@ class NominalModel:
     def inverse_dynamics(
         self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, joint: int = 3
     ) -> np.ndarray:
-        """Return the joint torque that the declared bodies need for a motion (equation 20).
+        """Return one of the `torques`, Nm, shape (n,); of the NESM's elbow by default."""
+        return self.torques(position, velocity, acceleration)[:, joint]
+
+    def torques(
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+    ) -> np.ndarray:
+        """Return the joints' torques that the declared bodies need for a motion (equation 20).
 
         The sum of both M, C and g terms, the joints' dampers and the motors' inertia: everything on
         the right of equation 20 but the motor torque.
@@ -43,13 +49,12 @@ class NominalModel:
             position: joint angles theta, rad, shape (n, number of the device's joints).
             velocity: rad/s, of that shape.
             acceleration: rad/s2, of that shape.
-            joint: which of the device's joints; the elbow of the NESM by default.
 
         Returns:
-            Torque at the joint in Nm, shape (n,).
+            Torque at each joint in Nm, of that shape.
         """
         of = self._by_recursion if self._is_rigid_chain else self._by_engine
-        return of(position, velocity, acceleration, joint)
+        return of(position, velocity, acceleration)
 
     @cached_property
     def _chain(self) -> RigidChain:
@@ -62,29 +67,28 @@ class NominalModel:
             size=(3, 8, self.model.nv)
         )
         recursion, engine = (
-            [of(position, velocity, acceleration, joint) for joint in range(self.model.nv)]
-            for of in (self._by_recursion, self._by_engine)
+            of(position, velocity, acceleration) for of in (self._by_recursion, self._by_engine)
         )
         return np.allclose(recursion, engine, rtol=1e-9, atol=1e-9)
 
     def _by_recursion(
-        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, joint: int
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
     ) -> np.ndarray:
-        torque = self._chain.torque(position, velocity, acceleration, joint)
-        torque += self.model.dof_armature[joint] * acceleration[:, joint]
-        torque += self.model.dof_damping[joint] * velocity[:, joint]
-        return torque
+        torques = self._chain.torques(position, velocity, acceleration)
+        torques += self.model.dof_armature * acceleration
+        torques += self.model.dof_damping * velocity
+        return torques
 
     def _by_engine(
-        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, joint: int
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
     ) -> np.ndarray:
         data = mujoco.MjData(self.model)
-        torque = np.empty(len(position))
+        torques = np.empty_like(position)
         for i in range(len(position)):
             data.qpos, data.qvel, data.qacc = position[i], velocity[i], acceleration[i]
             mujoco.mj_inverse(self.model, data)
-            torque[i] = data.qfrc_inverse[joint]
-        return torque
+            torques[i] = data.qfrc_inverse
+        return torques
 
     def bias(self, position: np.ndarray, velocity: np.ndarray, joint: int = 3) -> np.ndarray:
         """Return Coriolis, centrifugal and gravity torque at a joint, Nm, shape (n,)."""

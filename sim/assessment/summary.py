@@ -65,14 +65,8 @@ def summarise(motion: Motion, device: Device) -> dict[str, float]:
     """
     time, theta = motion.time, motion.theta
     acceleration = np.gradient(motion.velocity, time, axis=0)
-    nominal = nominal_model(device)
-    inferred = np.column_stack(
-        [
-            nominal.inverse_dynamics(theta, motion.velocity, acceleration, joint)
-            - motion.torque[:, joint]
-            for joint in range(theta.shape[1])
-        ]
-    )
+    needed = nominal_model(device).torques(theta, motion.velocity, acceleration)
+    inferred = needed - motion.torque
     moved = theta[:, motion.joint]
     window = _windows(time, half_way(time, moved))
     columns = np.column_stack([moved, inferred])

@@ -48,7 +48,7 @@ def test_the_robots_own_chain_is_computed_by_recursion_at_every_joint() -> None:
     model = nominal_model().model
     motion = np.random.default_rng(2).normal(size=(3, 10, 4))
     for joint in range(4):
-        torque = rigid_chain(model).torque(*motion, joint)
+        torque = rigid_chain(model).torques(*motion)[:, joint]
         torque += model.dof_armature[joint] * motion[2, :, joint]
         torque += model.dof_damping[joint] * motion[1, :, joint]
         assert torque == pytest.approx(engine(model, motion, joint), abs=1e-12)
