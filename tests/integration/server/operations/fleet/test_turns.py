@@ -249,6 +249,19 @@ def test_no_turn_reads_the_instances_of_other_rows_although_nothing_is_known_of_
         assert looks and all('"row"' in line for line in looks), plan
 
 
+def test_a_statement_of_a_turn_is_planned_once(turns: Turns) -> None:
+    for _ in range(3):
+        turns.ask(sql.END, ("finished", "{l}"))
+    # The connection may have been used for something else before.
+    counted = (
+        "SELECT sum(custom_plans)::int, max(generic_plans)::int FROM pg_prepared_statements "
+        "WHERE starts_with(name, 'trip_')"
+    )
+    ((each_time, again),) = turns.ask(counted, ())
+    assert each_time == 0
+    assert again >= 3
+
+
 def test_a_late_result_is_not_given_out_again_in_the_same_turn(
     engine: Engine, turns: Turns, plan: Callable[..., Plan]
 ) -> None:
