@@ -218,13 +218,14 @@ def sampled(factors: Sequence[Mapping[str, Any]], units: Mapping[str, str]) -> G
     return Grid(
         head=["sampled factor", "distribution", "unit"],
         rows=[
-            [factor["name"], _distribution(factor["distribution"]), units.get(factor["name"], "")]
+            [factor["name"], distribution(factor["distribution"]), units.get(factor["name"], "")]
             for factor in factors
         ],
     )
 
 
-def _distribution(described: Mapping[str, Any]) -> str:
+def distribution(described: Mapping[str, Any]) -> str:
+    """Return a distribution, as `Distribution.to_json` describes it, in words."""
     parameters = ", ".join(
         f"{name} {' '.join(f'{n:g}' for n in (value if isinstance(value, list) else [value]))}"
         for name, value in described.items()

@@ -77,12 +77,12 @@ class Fleet:
     last_fence: int
 
 
-def fleet(engine: Engine, *, since_fence: int) -> Fleet:
-    """Return the fleet as it is now."""
+def fleet(engine: Engine, *, since_fence: int | None = None) -> Fleet:
+    """Return the fleet as it is now; `since_fence`: from where on leases count that were lost."""
     with reading(engine) as connection:
         return Fleet(
             workers=workers.every(connection),
             held=leases.held(connection),
-            lost=leases.lost_since(connection, since_fence),
+            lost={} if since_fence is None else leases.lost_since(connection, since_fence),
             last_fence=leases.last_fence(connection),
         )

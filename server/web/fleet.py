@@ -29,10 +29,7 @@ async def watch(state: Any) -> None:
     history: FleetHistory = state.fleet_history
     while True:
         try:
-            since = history.first_fence
-            found = await in_thread(
-                watching.fleet, state.engine, since_fence=2**62 if since is None else since
-            )
+            found = await in_thread(watching.fleet, state.engine, since_fence=history.first_fence)
             done = {worker.id: worker.instances_done for worker in found.workers}
             now = state.clock()
             glance = Glance(at=now, done=done, held=found.held, fence=found.last_fence)
@@ -45,8 +42,7 @@ async def watch(state: Any) -> None:
 def look(asked: Look) -> dict[str, Any]:
     """Return who is there, who was, and what waits."""
     history: FleetHistory = asked.state.fleet_history
-    since = history.first_fence
-    found = watching.fleet(asked.engine, since_fence=2**62 if since is None else since)
+    found = watching.fleet(asked.engine, since_fence=history.first_fence)
     trust = comparisons.reputations(asked.engine)
     alive = [w for w in found.workers if w.last_seen > asked.now - GONE_SECONDS]
     recent = [w for w in found.workers if w.last_seen > asked.now - FORGOTTEN_SECONDS]

@@ -27,7 +27,7 @@ def look(asked: Look) -> dict[str, Any]:
     factors = model.description.factors
     alike = [s for s in studies.every(asked.engine) if s.plan.model in (model.name, model.called)]
     seconds = watching.mean_seconds(asked.engine, alike)
-    fleet = watching.fleet(asked.engine, since_fence=2**62)
+    fleet = watching.fleet(asked.engine)
     return {
         "names": [one.name for one in every],
         "model": model,

@@ -3,8 +3,8 @@
 from typing import Any
 
 from analysis.designs import family
+from analysis.reports import tables
 from analysis.reports.figures import comparison
-from analysis.reports.tables import Grid
 from analysis.sensitivity.estimators import SYMBOLS
 from analysis.sensitivity.judgement.ranking import RANKED_BY
 from server.operations.study import studies
@@ -68,12 +68,12 @@ def _chosen(
     return next(iter(alike or left), None)
 
 
-def _facts(first: Study, second: Study) -> Grid:
+def _facts(first: Study, second: Study) -> tables.Grid:
     """Return what the two are, line by line, and which lines differ."""
     said = [_said(study) for study in (first, second)]
     names = list(dict.fromkeys([*said[0], *said[1]]))
     rows = [[name, *(one.get(name, "–") for one in said)] for name in names]
-    return Grid(
+    return tables.Grid(
         head=["", first.plan.name, second.plan.name, ""],
         rows=[[*row, "" if row[1] == row[2] else "differs"] for row in rows],
     )
@@ -81,7 +81,7 @@ def _facts(first: Study, second: Study) -> Grid:
 
 def _said(study: Study) -> dict[str, str]:
     plan = study.plan
-    ranges = {name: _range(one.to_json()) for name, one in plan.distributions.items()}
+    ranges = {name: tables.distribution(one.to_json()) for name, one in plan.distributions.items()}
     return {
         "model": plan.model,
         "method": f"{plan.method}, {plan.sampling}",
@@ -93,12 +93,7 @@ def _said(study: Study) -> dict[str, str]:
     }
 
 
-def _range(said: dict[str, Any]) -> str:
-    numbers = (f"{key} {value:g}" for key, value in said.items() if isinstance(value, int | float))
-    return f"{said['kind']}: {', '.join(numbers)}"
-
-
-def _indices(both: tuple[dict[str, Any], dict[str, Any]], output: str, index: str) -> Grid:
+def _indices(both: tuple[dict[str, Any], dict[str, Any]], output: str, index: str) -> tables.Grid:
     """Return the index that both are ranked by, and whether its intervals part."""
     found = [snapshot["outputs"][output]["factors"] for snapshot in both]
     rows: list[list[object]] = []
@@ -107,7 +102,9 @@ def _indices(both: tuple[dict[str, Any], dict[str, Any]], output: str, index: st
         rows.append([name, *pair, _apart(*pair)])
     rows.sort(key=lambda row: -max(one["value"] or 0.0 for one in row[1:3] if one))  # type: ignore[index]
     symbol = SYMBOLS[index]
-    return Grid(head=["factor", f"{symbol}, first", f"{symbol}, second", "intervals"], rows=rows)
+    return tables.Grid(
+        head=["factor", f"{symbol}, first", f"{symbol}, second", "intervals"], rows=rows
+    )
 
 
 def _apart(one: dict[str, Any] | None, other: dict[str, Any] | None) -> str:

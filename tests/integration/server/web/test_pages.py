@@ -258,6 +258,17 @@ def test_two_studies_are_compared_factor_by_factor(
     assert f"/studies/{other}" in client.get(f"/compare?a={house.study}", headers=BROWSER).text
 
 
+def test_what_may_come_of_a_discrete_factor_is_compared_too(
+    client: TestClient, house: House
+) -> None:
+    drawn = {"kind": "discrete", "values": [-1, 0, 2], "probabilities": [0.25, 0.5, 0.25]}
+    asked = {"name": "discrete", "model": "ishigami", "method": "saltelli", "rows": 4}
+    asked["factors"] = [{"name": "x1", "distribution": drawn}, {"name": "x2"}]
+    other = client.post("/v1/studies", json=asked).json()["id"]
+    found = Elements(client.get(f"/compare?a={house.study}&b={other}", headers=BROWSER).text)
+    assert "discrete: values -1 0 2, probabilities 0.25 0.5 0.25" in found.text
+
+
 def test_studies_of_different_things_are_not_drawn_as_if_they_were_one(
     client: TestClient, house: House
 ) -> None:
