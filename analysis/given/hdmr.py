@@ -4,6 +4,8 @@ SALib gives the same numbers for many rows (`tests/unit/analysis/given` compares
 fewer than 300, which intervals need, and is about to retire what gives them.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
@@ -30,25 +32,39 @@ def hdmr(x: Array, y: Array) -> Array:
     Returns:
         Shape (factors,); below 0 where a factor explains less than chance does.
     """
-    fitted = shares(x, y)
+    return hdmr_at(x)(y)
+
+
+def hdmr_at(x: Array) -> Callable[[Array], Array]:
+    """Return the shares (Li et al. 2010) of any output of these factors: `hdmr` of many at once."""
     # One coefficient of every function is the mean's; few values take no more than they are.
     levels = np.array([len(np.unique(column)) for column in x.T])
     free = np.minimum(PIECES + 2, levels - 1)
-    found: Array = fitted - free * (1.0 - fitted.sum()) / max(len(y) - 1 - free.sum(), 1)
-    return found
+    shares = shares_at(x)
+
+    def of_output(y: Array) -> Array:
+        fitted = shares(y)
+        found: Array = fitted - free * (1.0 - fitted.sum()) / max(len(y) - 1 - free.sum(), 1)
+        return found
+
+    return of_output
 
 
-def shares(x: Array, y: Array) -> Array:
-    """Return the shares of the functions as fitted (Li et al. 2010): SALib's `S`."""
+def shares_at(x: Array) -> Callable[[Array], Array]:
+    """Return the shares of the functions as fitted (Li et al. 2010), of any output: SALib's `S`."""
     rows, factors = x.shape
     basis = _splines(x)
-    centred = y - y.mean()
     normal = basis.T @ basis + PENALTY * np.eye(basis.shape[1])
-    coefficients = np.linalg.solve(normal, basis.T @ centred)
-    functions = (basis * coefficients).reshape(rows, factors, -1).sum(axis=-1)
-    # Covariances divide by n - 1 and the variance by n, as theirs.
-    found: Array = centred @ functions / (centred @ centred) * rows / (rows - 1)
-    return found
+
+    def of_output(y: Array) -> Array:
+        centred = y - y.mean()
+        coefficients = np.linalg.solve(normal, basis.T @ centred)
+        functions = (basis * coefficients).reshape(rows, factors, -1).sum(axis=-1)
+        # Covariances divide by n - 1 and the variance by n, as theirs.
+        found: Array = centred @ functions / (centred @ centred) * rows / (rows - 1)
+        return found
+
+    return of_output
 
 
 def _splines(x: Array) -> Array:

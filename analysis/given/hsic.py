@@ -4,6 +4,7 @@ OpenTURNS gives the same numbers (`tests/unit/analysis/given` compares them), in
 with the cube of the rows; intervals need them again and again.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,17 +39,28 @@ def hsic(x: Array, y: Array) -> Hsic:
     for i, column in enumerate(x.T):
         factor = _gram(column)
         found = _unbiased(factor, output)
-        r2[i] = _share(found, factor, own)
+        r2[i] = _share(found, _unbiased(factor, factor) * own)
         p_value[i] = _by_chance(found, factor, output)
     return Hsic(r2=r2, p_value=p_value)
 
 
 def r2_hsic(x: Array, y: Array) -> Array:
     """Return R2-HSIC (Da Veiga 2015) as `hsic` does, without the test."""
-    output = _gram(y)
-    own = _unbiased(output, output)
+    return r2_hsic_at(x)(y)
+
+
+def r2_hsic_at(x: Array) -> Callable[[Array], Array]:
+    """Return R2-HSIC (Da Veiga 2015) of any output of these factors: `r2_hsic` of many at once."""
     factors = [_gram(column) for column in x.T]
-    return np.array([_share(_unbiased(factor, output), factor, own) for factor in factors])
+    of_factors = [_unbiased(factor, factor) for factor in factors]
+
+    def of_output(y: Array) -> Array:
+        output = _gram(y)
+        own = _unbiased(output, output)
+        both = zip(factors, of_factors, strict=True)
+        return np.array([_share(_unbiased(one, output), of_one * own) for one, of_one in both])
+
+    return of_output
 
 
 def hsic_of_pairs(x: Array) -> tuple[Array, Array]:
@@ -77,8 +89,7 @@ def hsic_of_pairs(x: Array) -> tuple[Array, Array]:
     return found / np.outer(own, own), p_value
 
 
-def _share(found: float, factor: Array, own: float) -> float:
-    whole = _unbiased(factor, factor) * own
+def _share(found: float, whole: float) -> float:
     return float(found / np.sqrt(whole)) if whole > 0.0 else 0.0
 
 

@@ -58,9 +58,13 @@ def by_bootstrap(index: Index, x: Array, y: Array, rng: np.random.Generator) -> 
     return variance
 
 
-def by_chance(index: Index, x: Array, y: Array, rng: np.random.Generator) -> Chance:
-    """Return mean and variance over permutations (Khorashadi Zadeh et al. 2017, section 2.3)."""
-    found = np.stack([index(x, rng.permutation(y)) for _ in range(PERMUTATIONS)])
+def by_chance(index: Callable[[Array], Array], y: Array, rng: np.random.Generator) -> Chance:
+    """Return mean and variance over permutations (Khorashadi Zadeh et al. 2017, section 2.3).
+
+    Args:
+        index: of any output of the factors there are.
+    """
+    found = np.stack([index(rng.permutation(y)) for _ in range(PERMUTATIONS)])
     return Chance(mean=found.mean(axis=0), variance=found.var(axis=0, ddof=1))
 
 

@@ -6,13 +6,14 @@ must be in no order that has to do with the factors: those with equal values sta
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given.delta import delta
-from analysis.given.hdmr import PIECES, hdmr
-from analysis.given.hsic import r2_hsic
+from analysis.given.hdmr import PIECES, hdmr, hdmr_at
+from analysis.given.hsic import r2_hsic, r2_hsic_at
 from analysis.given.intervals import by_bootstrap, by_chance, by_halves, half_width
 from analysis.given.pawn import SLICES, pawn
 
@@ -104,6 +105,8 @@ class Measure:
     least: float | None
     #: An index of no influence is not 0: what it is, is found by permuting the output.
     biased: bool
+    #: The index of any output of the same factors, if that takes less time.
+    at: Callable[[Array], Callable[[Array], Array]] | None = None
     #: Points of a low-discrepancy sequence mislead it.
     needs_drawn: bool = False
     #: Of how many factors it takes how many rows, at least.
@@ -124,7 +127,8 @@ class Measure:
         variance = self.variance(self.index, x, y, rng)
         added, chance = np.zeros_like(value), np.zeros_like(value)
         if self.rest is not None:
-            permuted = by_chance(self.index, x, y, rng)
+            # A permuted output varies as the output does.
+            permuted = by_chance(self.at(x) if self.at else partial(self.index, x), y, rng)
             chance, added = permuted.mean, permuted.variance
             added = added * self.rest(value, chance) ** 2
         half = half_width(variance, added, level)
@@ -152,6 +156,7 @@ MEASURES = (
         name="hdmr",
         symbol="S (HDMR)",
         index=unless_still(hdmr),
+        at=hdmr_at,
         variance=by_halves,
         rest=_unexplained_by_all,
         most_rows=5_000,
@@ -194,6 +199,7 @@ MEASURES = (
         name="hsic",
         symbol="R²-HSIC",
         index=unless_still(r2_hsic),
+        at=r2_hsic_at,
         variance=by_halves,
         rest=_all,
         most_rows=1_000,

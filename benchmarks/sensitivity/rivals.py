@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import DEFAULT_SAMPLING, unit_rows
-from analysis.given.hdmr import PIECES, shares
+from analysis.given.hdmr import PIECES, shares_at
 from analysis.given.measures import MEASURES
 from analysis.given.pawn import pawn
 from analysis.sensitivity.estimators import Estimator, estimator_class
@@ -207,7 +207,7 @@ def _given() -> Iterator[Line]:
     yield Line(
         index="HDMR",
         program="SALib",
-        ours=lambda: shares(x, y),
+        ours=lambda: shares_at(x)(y),
         theirs=salib(lambda: fitted(1e4 * y, K=1, maxiter=1000), "S"),
         timed=salib(lambda: fitted(y, K=1), "S"),
         note="without intervals, before what chance fits is taken off",

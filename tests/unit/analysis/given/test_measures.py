@@ -45,7 +45,7 @@ def test_hdmr_is_that_of_salib_less_what_as_many_coefficients_fit_by_chance() ->
     with warnings.catch_warnings(action="ignore"):
         # Their fit goes on until coefficients move by less than 0.001, whatever the output's unit.
         theirs = salib_hdmr.analyze(problem, x, 1e4 * y, maxorder=1, K=1, m=5, maxiter=1000)["S"]
-    assert hdmr.shares(x, y) == pytest.approx(theirs, abs=1e-6)
+    assert hdmr.shares_at(x)(y) == pytest.approx(theirs, abs=1e-6)
     independent = np.random.default_rng(9).normal(size=(200, 300))
     by_chance = np.mean([hdmr.hdmr(x, noise) for noise in independent], axis=0)
     assert by_chance == pytest.approx(np.zeros(3), abs=0.01)
