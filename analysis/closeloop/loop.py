@@ -43,15 +43,18 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
         return still_answer(recording, find_events(Model(recording), recording))
     found = trace(recording, progress)
     progress("torque that is local in time")
-    events = find_events(found.model, recording)
+    loads = unnamed_loads(found)
+    # What a load takes is no push, and a push beside it is not seen before the load is known.
+    carrying = {load.trial for load in loads}
+    events = tuple(e for e in find_events(found.model, recording) if e.trial not in carrying)
     if events:
         # What somebody pushed is no reason to name an effect, nor to bend a stiffness.
         recording = spared(recording, events)
         found = trace(recording, progress)
+        loads = unnamed_loads(found)
     progress("errors and intervals")
     found = beyond_interface(found)
     hidden = hidden_effects(*found.fits[1], found.rows)
-    loads = unnamed_loads(found)
     outcome = outcome_of(found, events, loads, structures(found.model, found.rows), hidden)
     return Answer(
         report=json_report(outcome),

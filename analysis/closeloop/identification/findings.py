@@ -159,9 +159,9 @@ class Carried:
 
     trial: int
     body: str
-    #: kg, and m in the body's frame.
+    #: kg, and m in the body's frame; None where no joint feels it.
     mass: float
-    position: tuple[float, float, float]
+    position: tuple[float | None, float | None, float | None]
     #: Of what is left of the trial without it, the part that it takes.
     share: float
 

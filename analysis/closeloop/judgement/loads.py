@@ -17,6 +17,7 @@ from analysis.closeloop.identification.balance.declared import PLACED, with_load
 from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.findings import Carried, Trace
+from analysis.closeloop.identification.selection import LEAST_BLOCKS
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording
 from sim.effects.laws.inertia import PLACE
@@ -86,6 +87,8 @@ def _shows(left: np.ndarray, load: np.ndarray, rows: Rows, number: int) -> bool:
     """
     own = np.flatnonzero(rows.trial == number)
     blocks, place = np.unique(rows.block[own], return_inverse=True)
+    if len(blocks) < LEAST_BLOCKS:
+        return False
     joint, half = rows.joint_of_block[blocks], blocks % 2
     residual, columns = left[own], load[own]
     after = np.zeros(len(own))
@@ -133,9 +136,10 @@ def _carried(model: Model, fitted: Rows, number: int, body: str) -> Carried | No
     reach = recording.reach(loaded.terms[-1].joint)
     if mass <= 0.0 or float(np.linalg.norm(place)) > reach:
         return None
+    felt = [way if n in loaded.terms[-1].kept else None for n, way in enumerate(place, start=1)]
     own = np.unique(rows.block[rows.trial == number])
     losses = [float(evaluate(each, rows).losses[own].sum()) for each in (bare, loaded)]
-    x, y, z = place
+    x, y, z = felt
     share = 1.0 - losses[1] / losses[0]
     return Carried(trial=number, body=body, mass=mass, position=(x, y, z), share=share)
 

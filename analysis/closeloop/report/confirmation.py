@@ -141,9 +141,10 @@ def load_of(trial: Trial, report: Mapping[str, Any], word: str) -> AddedMass | N
 def _hung(entry: Mapping[str, Any], key: str) -> AddedMass | None:
     """Return a load; None if these trials do not determine it."""
     mass, place = (entry["parameters"][name][key] for name in ("mass", "position"))
-    if mass is None or None in place:
+    if mass is None or all(way is None for way in place):
         return None
-    x, y, z = place
+    # What no joint feels may be anything.
+    x, y, z = (0.0 if way is None else way for way in place)
     return AddedMass(body=entry["body"], mass=mass, position=(x, y, z))
 
 

@@ -25,6 +25,7 @@ from analysis.closeloop.report.shared import (
     link_values,
     of_unnamed_loads,
     payload_entries,
+    undetermined_places,
     unnamed_load_entries,
 )
 from analysis.closeloop.report.unexplained import far_from_floor, floor_entries, unexplained
@@ -68,6 +69,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             *undecided(impedance),
             *off_by_form(found, impedance),
             *without_value(declared),
+            *undetermined_places(declared),
             *refused_values(effects),
             *of_unnamed_loads(recording, outcome.loads),
         ],

@@ -4,7 +4,7 @@ An interval is the wider of two jackknifes: by parts of time, and by joints, sin
 lacks at one joint does not average out over time. The links are fitted anew each time.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,6 +23,8 @@ from sim.effects.laws.inertia import PLACE
 
 #: Parts of every trial that are left out in turn.
 PARTS = 10
+#: A load of no more is none, kg: its place is a quotient by it.
+NO_MASS = 1e-9
 INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
 GAINS = (
     "the mass scales with the gains that turned currents into efforts: gains that are 1 % too "
@@ -195,18 +197,66 @@ def _payloads(
         every = [_mass_and_place(model, term, fits[:, columns]) for fits, _ in spread.fits]
         half = spread.half_width(value, every)
         low, high = value - half, value + half
-        place = {"value": value[1:].tolist(), "unit": "m"}
         found[term.load.name, term.load.body] = {
-            "mass": {"value": value[0], "ci90": [max(low[0], 0.0), high[0]], "unit": "kg"},
-            "position": place | {"ci90": np.column_stack([low[1:], high[1:]]).tolist()},
+            "mass": {
+                "value": value[0] if value[0] > NO_MASS else 0.0,
+                "ci90": [max(low[0], 0.0), high[0]],
+                "unit": "kg",
+            },
+            "position": place_entry(value, half, term.kept, model.recording.reach(term.joint)),
         }
     return found
+
+
+def place_entry(
+    value: np.ndarray, half: np.ndarray, felt: Collection[int], reach: float
+) -> dict[str, Any]:
+    """Return the entry of a payload's place: null where these trials do not determine it.
+
+    Args:
+        value: mass and place, (4,).
+        half: of their intervals, (4,).
+        felt: numbers of those that some joint feels.
+        reach: how far the device can be, m.
+    """
+    low, high = value - half, value + half
+    none = "the load may have no mass"
+    unknown = dict.fromkeys((1, 2, 3), none) if low[0] <= 0.0 else {}
+    for number, name in enumerate(PLACE, start=1):
+        if number in unknown:
+            continue
+        if number not in felt:
+            unknown[number] = f"{name}: no joint feels it"
+        elif high[number] - low[number] > 2.0 * reach:
+            unknown[number] = (
+                f"{name}: its 90 % interval, {low[number]:.2g} to {high[number]:.2g} m, is wider "
+                "than the device reaches"
+            )
+    known = [None if number in unknown else float(value[number]) for number in (1, 2, 3)]
+    entry: dict[str, Any] = {
+        "value": known,
+        "ci90": [
+            None if number in unknown else [float(low[number]), float(high[number])]
+            for number in (1, 2, 3)
+        ],
+        "unit": "m",
+    }
+    return entry | ({"refused": "; ".join(dict.fromkeys(unknown.values()))} if unknown else {})
+
+
+def undetermined_places(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a warning for every declared payload whose place these trials do not determine."""
+    return [
+        f"payload {entry['name']}: not every coordinate of its place is determined ({why})"
+        for entry in entries
+        if (why := entry["parameters"].get("position", {}).get("refused"))
+    ]
 
 
 def _mass_and_place(model: Model, term: Term, own: np.ndarray) -> np.ndarray:
     """Return mass and place of a payload from some fits of its columns, (fits, 4)."""
     values = dict(zip(term.kept, own.T, strict=True))
     values = {number: values.get(number, np.zeros(len(own))) for number in range(4)}
-    values[0] = np.maximum(values[0], 1e-9)
+    values[0] = np.maximum(values[0], NO_MASS)
     readings = PLACED.readings(unfitted(model.recording, term.joint), term.theta)
     return np.column_stack([np.asarray(reading.of(values)) for reading in readings.values()])

@@ -149,6 +149,8 @@ def test_a_payload_that_trials_name_is_weighed_against_the_others(
     assert mass["value"] == pytest.approx(0.5, rel=0.1)
     assert mass["ci90"][0] <= 0.5 <= mass["ci90"][1]
     assert place["value"][0] == pytest.approx(0.25, abs=0.03)
+    # The arm moves in a plane: no joint feels how far beside it the load is.
+    assert place["value"][1] is None and "no joint feels it" in place["refused"]
     assert "gains" in entry["depends_on"]
 
 
@@ -159,4 +161,6 @@ def test_a_payload_that_its_trial_does_not_name_is_asked_for(loaded: Path, tmp_p
     assert entry["mass"]["value"] == pytest.approx(0.5, rel=0.1)
     assert entry["position"]["value"][0] == pytest.approx(0.25, abs=0.03)
     assert report["verdict"] != "adequate"
+    # What a load takes is no push.
+    assert not any(left["events"] for left in report["unexplained"].values())
     assert any(LOADED in line and '"payload"' in line for line in report["warnings"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.report.named import refused_values
-from analysis.closeloop.report.shared import _link
+from analysis.closeloop.report.shared import _link, place_entry, undetermined_places
 
 
 def test_a_mass_that_could_be_none_has_no_value_nor_has_its_centre() -> None:
@@ -21,3 +21,28 @@ def test_a_mass_that_is_known_has_an_interval() -> None:
     found = _link(np.array([4.0, 0.2, 0.0, -0.1]), np.array([3.5, 0.01, 0.02, 0.03]))
     assert found["mass"] == {"value": 4.0, "ci90": [0.5, 7.5], "unit": "kg"}
     assert found["position_z"]["ci90"] == pytest.approx([-0.13, -0.07])
+
+
+@pytest.mark.parametrize(
+    ("mass", "half", "felt", "known", "why"),
+    [
+        (0.50, (0.01, 0.02, 0.02, 0.02), (0, 1, 2, 3), (True, True, True), ""),
+        # As of an arm that moves in a plane.
+        (0.50, (0.01, 0.02, 0.00, 0.02), (0, 1, 3), (True, False, True), "no joint feels it"),
+        (0.50, (0.01, 0.02, 0.02, 0.90), (0, 1, 2, 3), (True, True, False), "than the device"),
+        # A few grams, beside the noise: 0 to 17 g.
+        (0.005, (0.012, 0.9, 0.0, 1.0), (0, 1, 3), (False,) * 3, "may have no mass"),
+        # None at all: its place is a quotient by nothing.
+        (0.0, (0.001, 6e5, 0.0, 1e6), (0, 1, 3), (False,) * 3, "may have no mass"),
+    ],
+)
+def test_a_payload_has_a_place_only_where_the_trials_say_one(
+    mass: float, half: tuple[float, ...], felt: tuple[int, ...], known: tuple[bool, ...], why: str
+) -> None:
+    value = np.array([mass, 0.25, 0.0, 0.01])
+    found = place_entry(value, np.array(half), felt, reach=0.8)
+    assert tuple(way is not None for way in found["value"]) == known
+    assert tuple(interval is not None for interval in found["ci90"]) == known
+    entry = {"name": "tool", "parameters": {"position": found}}
+    said = undetermined_places([entry, {"name": "friction", "parameters": {}}])
+    assert len(said) == bool(why) and why in " ".join(said)
