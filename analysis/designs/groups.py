@@ -38,13 +38,9 @@ def places_of(factors: Sequence[str], groups: Mapping[str, Sequence[str]]) -> Un
 
 
 def fault_in(factors: Iterable[str], groups: Mapping[str, Sequence[str]]) -> tuple[str, str] | None:
-    """Say which group is wrong and why in a sentence; None if all can be sampled.
+    """Say which group of sampled factors is wrong and why in a sentence; None if none is.
 
     Groups share no factor (Campolongo et al. 2007).
-
-    Args:
-        factors: those that are sampled.
-        groups: of the study.
     """
     known = list(factors)
     seen: dict[str, str] = {}

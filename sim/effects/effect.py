@@ -109,13 +109,7 @@ class Effect(ABC):
         return {}
 
     def unsaid(self, joint: RecordedJoint, theta: Theta, coefficients: np.ndarray) -> Columns:
-        """Return the largest torque that the effect's form leaves out, Nm or N, (n, 1).
-
-        Args:
-            joint: that was fitted.
-            theta: non-linear parameters.
-            coefficients: of the columns.
-        """
+        """Return the largest torque that the effect's fitted form leaves out, Nm or N, (n, 1)."""
         return {}
 
     def through(self, recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:

@@ -48,10 +48,9 @@ TOLERABLE = (
 
 
 def beside(outputs: Mapping[str, float]) -> list[tuple[str, float, Tolerable]]:
-    """Return each quantity of both limbs: in words, its value in `outputs`, and what is tolerable.
+    """Return each quantity of both limbs: in words, its value, and what is tolerable.
 
-    Args:
-        outputs: of an assessment with contact.
+    `outputs` are those of an assessment with contact.
     """
     return [
         (

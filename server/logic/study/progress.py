@@ -104,14 +104,10 @@ def _without_pause(took: list[float]) -> tuple[list[float], float]:
 
 
 def _half_width(took: Sequence[float], blocks_left: float) -> float | None:
-    """Return how far the time for so many blocks may be off, in seconds; None: nobody knows.
+    """Return how far the time for the blocks to come may be off, in seconds; None: nobody knows.
 
     As if the blocks took times drawn independently from one normal distribution: the variance of
     what is left, and that of the mean it is foretold from.
-
-    Args:
-        took: seconds that each block took.
-        blocks_left: blocks to come.
     """
     spread = stdev(took) if took else 0.0
     if not spread > 0.0:
