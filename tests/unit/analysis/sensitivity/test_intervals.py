@@ -238,3 +238,20 @@ def test_a_mean_of_squares_has_no_interval_from_fewer_than_four_rows() -> None:
     largest = found["mu_star"].value.max()
     assert largest > 5.0
     assert (found["mu_star"].low >= 0.0).all() and (found["mu_star"].high < 110.0 * largest).all()
+
+
+@pytest.mark.parametrize(("rows", "kept"), [(32, 0.75), (128, 0.0)])
+def test_ends_from_few_rows_of_effects_keep_a_share_of_what_independent_rows_err(
+    rows: int, kept: float
+) -> None:
+    """Rows that differ while their blocks agree: four rows of a block tell little of its error."""
+    estimator = MorrisEstimator(sampling="sobol_blocks", seed=3, factors=1, outputs=1)
+    points = np.stack([unit_row("morris", "sobol_blocks", 3, row, 1) for row in range(rows)])
+    size = np.where(np.arange(rows) // BLOCKS % 2, 1.0, 3.0)[:, None]
+    estimator.add_rows(range(rows), size[..., None] * points)
+    mu = estimator.statistics()["mu"]
+    found, error = mu.estimate(0.9), mu.weighted[1:].std(axis=0)
+    np.testing.assert_allclose(found.value, 2.0)
+    least = kept * stats.norm.ppf(0.95) * error
+    np.testing.assert_allclose(found.high - found.value, least, atol=1e-9)
+    np.testing.assert_allclose(found.value - found.low, least, atol=1e-9)
