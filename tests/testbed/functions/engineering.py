@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import quad
 from scipy.special import ndtr, ndtri
 from scipy.stats import triang
 
@@ -191,6 +192,29 @@ def pole_inside(power: float, share: float) -> Hard:
     return Hard(function=function, factors=6, first=index, total=index)
 
 
+def two_poles_inside(power: float, share: float) -> Hard:
+    """Return a sum of which |u2 - 0.3|^-power + |u2 - 0.7|^-power has a share of the variance."""
+    places, slopes = (0.3, 0.7), np.array([1.0, 0.7, 0.0, 0.0, 0.4, 0.0])
+
+    def poles(u: Points | float) -> Points:
+        away = (np.maximum(np.abs(u - place), 1e-14) ** -power for place in places)
+        return np.asarray(sum(away))
+
+    mean, square = (
+        quad(lambda u, n=n: float(poles(u)) ** n, 0.0, 1.0, points=places, limit=500)[0]
+        for n in (1, 2)
+    )
+    linear = slopes**2 / 12.0
+    scale = np.sqrt(share / (1.0 - share) * linear.sum() / (square - mean**2))
+    index = (1.0 - share) * linear / linear.sum()
+    index[2] = share
+
+    def function(u: Points) -> Points:
+        return np.asarray(u @ slopes + scale * poles(u[..., 2]))
+
+    return Hard(function=function, factors=6, first=index, total=index)
+
+
 #: What a surrogate ought to answer.
 SMOOTH: Mapping[str, Hard] = {
     "Morris": Hard(function=morris, factors=20),
@@ -213,4 +237,5 @@ ROUGH: Mapping[str, Hard] = {
     "little noise": Hard(function=little_noise, factors=6),
     "pole inside": pole_inside(0.3, 0.1),
     "mild pole inside": pole_inside(0.15, 0.5),
+    "two poles inside": two_poles_inside(0.3, 0.1),
 }
