@@ -6,16 +6,8 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-#: Statistics of a factor in the order tables show them, with their symbols in the paper.
-SYMBOLS: Mapping[str, str] = {
-    "mu_star": "μ*",
-    "sigma": "σ",
-    "first_order": "S",
-    "total_order": "ST",
-    "shapley": "Sh",
-    "full_first_order": "S full",
-    "independent_total_order": "ST independent",
-}
+#: Indices that tables leave out: others say more, or bound the same from closer by.
+LEFT_OUT = ("mu", "full_total_order", "independent_first_order")
 #: What ranks the factors, most influential first.
 RANKED_BY = ("mu_star", "total_order", "shapley")
 
@@ -84,10 +76,12 @@ def _bound(value: float) -> str:
 
 def indices_table(snapshot: Mapping[str, Any], output: str, title: str = "") -> Table:
     """Return the indices of one output, factors ranked by μ* or ST; of a curve, of the whole."""
+    from analysis.sensitivity.estimators import SYMBOLS
     from analysis.sensitivity.records import said_of
 
     factors: Mapping[str, Mapping[str, Any]] = said_of(snapshot, output).get("factors", {})
-    names = [name for name in SYMBOLS if any(name in entry for entry in factors.values())]
+    known = {name for entry in factors.values() for name in entry}
+    names = [name for name in SYMBOLS if name in known and name not in LEFT_OUT]
     caption = "μ*, σ: per whole range" if "mu_star" in names else None
     table = plain_table(title=title or None, caption=caption)
     table.add_column("factor", no_wrap=True)
@@ -132,6 +126,7 @@ def _rank(entry: Mapping[str, Any]) -> float:
 
 def leading_factors(snapshot: Mapping[str, Any], output: str) -> str:
     """Return the two factors that lead the ranking, with their intervals."""
+    from analysis.sensitivity.estimators import SYMBOLS
     from analysis.sensitivity.records import said_of
 
     factors = said_of(snapshot, output).get("factors", {})

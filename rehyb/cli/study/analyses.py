@@ -53,7 +53,8 @@ def _answer(file: Path, outputs: list[str] | None, factors: list[str] | None) ->
 def _print(found: Json) -> None:
     from rich.console import Console
 
-    from rehyb.display import SYMBOLS, plain_table
+    from analysis.sensitivity.estimators import SYMBOLS
+    from rehyb.display import plain_table
 
     console = Console(soft_wrap=True)
     for output, told in found["outputs"].items():

@@ -111,6 +111,14 @@ def test_factors_are_listed_most_influential_first() -> None:
     assert "μ*, σ: per whole range" in text
 
 
+def test_columns_are_headed_by_symbols_and_leave_out_what_others_bound() -> None:
+    said = interval(0.5, 0.4, 0.6)
+    names = ("independent_total_order", "full_total_order", "full_first_order", "shapley")
+    factors = {"x1": dict.fromkeys((*names, "independent_first_order"), said) | {"n": 8}}
+    head = drawn(indices_table({"outputs": {"y": {"factors": factors}}}, "y")).split("x1")[0]
+    assert head.split()[:7] == ["factor", "Sh", "S", "full", "ST", "independent", "n"]
+
+
 def test_a_sample_is_shown_as_mean_and_standard_deviation_of_every_output() -> None:
     outputs = {
         "y": {"mean": 1.23456, "sd": 0.5, "n": 64},
