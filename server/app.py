@@ -96,7 +96,7 @@ def create_app(settings: Settings) -> FastAPI:
             await app.state.exchange.close()
             app.state.write.close()
             if traces is not None:
-                await in_thread(traces.provider.shutdown)
+                await in_thread(traces.close)
             engine.dispose()
 
     traces = _traces()
@@ -173,8 +173,15 @@ def _traces() -> "Traces | None":
     """Return what tells of studies; None unless the environment says where to."""
     if os.environ.get("OTEL_SDK_DISABLED", "").lower() == "true":
         return None
-    if not any(os.environ.get(name) for name in TRACES_TO):
+    told = {name: where for name in TRACES_TO if (where := os.environ.get(name))}
+    if not told:
         return None
+    for name, where in told.items():
+        if not where.startswith(("http://", "https://")):
+            log.warning(
+                "%s must begin with http:// or https://: nothing is sent to %r", name, where
+            )
+            return None
     try:
         from server.tracing import Traces, provider
     except ImportError:

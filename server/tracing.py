@@ -4,10 +4,12 @@ Its spans come from several requests, often to several coordinators. None has to
 the ids of a trace and of its spans are made of those of the study and of its leases.
 """
 
+import logging
 import os
 import time
 from contextvars import ContextVar
 from hashlib import blake2b
+from threading import Thread
 
 from opentelemetry import trace
 from opentelemetry.context import Context
@@ -22,6 +24,11 @@ from opentelemetry.util.types import Attributes
 
 from server.records import Lease, Study
 
+log = logging.getLogger(__name__)
+
+#: A coordinator that ends waits so long for who takes its traces; the exporter alone would wait
+#: half a minute, in which nobody serves and whoever stops services kills it.
+CLOSE_SECONDS = 3.0
 #: Digits of a lease's id that say when it was granted, in microseconds (`leasing.new_id`).
 _MOMENT = 16
 
@@ -36,7 +43,8 @@ def provider(exporter: SpanExporter | None = None) -> TracerProvider:
         exporter: where spans go; None: to OTEL_EXPORTER_OTLP_ENDPOINT, by HTTP.
     """
     name = {} if os.environ.get("OTEL_SERVICE_NAME") else {"service.name": "rehyb-coordinator"}
-    found = TracerProvider(resource=Resource.create(name), id_generator=_Generator())
+    resource = Resource.create(name)
+    found = TracerProvider(resource=resource, id_generator=_Generator(), shutdown_on_exit=False)
     found.add_span_processor(BatchSpanProcessor(exporter or OTLPSpanExporter()))
     return found
 
@@ -47,6 +55,14 @@ class Traces:
     def __init__(self, provider: TracerProvider) -> None:
         self.provider = provider
         self._tracer = provider.get_tracer("rehyb")
+
+    def close(self) -> None:
+        """Send what is left, as far as it is taken within CLOSE_SECONDS."""
+        last = Thread(target=self.provider.shutdown, daemon=True)
+        last.start()
+        last.join(CLOSE_SECONDS)
+        if last.is_alive():
+            log.warning("nobody takes the last traces: they are lost")
 
     def submitted(self, study: Study) -> None:
         """Tell of a new study: the first span of its trace."""

@@ -1,14 +1,17 @@
 """A trace leads from a study's submission to its results, through any coordinators."""
 
 import shutil
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 from opentelemetry.sdk.trace import ReadableSpan
+from opentelemetry.sdk.trace.export import SpanExportResult
 from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
 from opentelemetry.trace import format_span_id
 from pydantic import SecretStr
@@ -111,7 +114,12 @@ def test_what_is_not_sampled_is_not_sampled_anywhere(
 
 
 @pytest.mark.parametrize(
-    "said", [{}, {ENDPOINT: "http://127.0.0.1:9", "OTEL_SDK_DISABLED": "true"}]
+    "said",
+    [
+        {},
+        {ENDPOINT: "http://127.0.0.1:9", "OTEL_SDK_DISABLED": "true"},
+        {ENDPOINT: "collector:4318"},
+    ],
 )
 def test_nothing_is_traced_unless_the_environment_says_where_to(
     said: dict[str, str], start: Callable[[], TestClient], monkeypatch: pytest.MonkeyPatch
@@ -123,6 +131,34 @@ def test_nothing_is_traced_unless_the_environment_says_where_to(
     coordinator = start()
     assert coordinator.app.state.traces is None  # type: ignore[attr-defined]
     work(coordinator)
+
+
+def test_an_address_without_its_scheme_is_said_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv(ENDPOINT, "collector:4318")
+    assert server.app._traces() is None
+    assert "must begin with http:// or https://" in caplog.text
+
+
+def test_a_collector_that_takes_nothing_keeps_no_coordinator_from_ending(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    taken = Event()
+
+    class Hanging(InMemorySpanExporter):
+        def export(self, spans: Sequence[ReadableSpan]) -> SpanExportResult:
+            taken.wait(30.0)
+            return SpanExportResult.FAILURE
+
+    monkeypatch.setattr(tracing, "CLOSE_SECONDS", 0.05)
+    traces = tracing.Traces(tracing.provider(Hanging()))
+    traces.completed("s", "l", "w", 1)
+    began = time.monotonic()
+    traces.close()
+    taken.set()
+    assert time.monotonic() - began < 10.0
+    assert "nobody takes the last traces" in caplog.text
 
 
 def test_a_lease_of_another_age_and_a_lease_of_tomorrow_are_no_trouble() -> None:
