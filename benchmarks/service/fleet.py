@@ -22,7 +22,7 @@ import sqlalchemy as sa
 
 from benchmarks.machine import describe_machine
 from benchmarks.measuring import cpu_seconds, percentile
-from benchmarks.service.coordinator import TOKEN, Running, coordinator, submit
+from benchmarks.service.coordinator import TOKEN, Running, coordinator, lease, submit
 from benchmarks.service.pilots import Pilot
 from rehyb.client import Client
 from tests.testbed.coordinators.postgresql import serving
@@ -116,6 +116,12 @@ def site(
             url, database = server.database("rehyb"), [server.pid]
         running = [stack.enter_context(coordinator(url)) for _ in range(coordinators)]
         submit(running[0].url, ROWS)
+        for one in running:
+            # The first lease loads what sequences of points need, which takes a second.
+            with Client(one.url, TOKEN) as client:
+                first = lease(client, {"id": "first", "host": "host-0", "versions": {}}, 1)
+                assert first is not None
+                client.release(first["id"], first["fence"])
         yield running, database, url
 
 
