@@ -164,7 +164,13 @@ def print_arm(title: str, folder: Path, out: Path) -> None:
             f"{recording.device.unit(name)}{mark}  {', '.join(names)}"
         )
     for entry in report["declared"]:
-        print(f"  declared {entry.get('name', entry['effect'])}: {json.dumps(entry['parameters'])}")
+        mass, place = (entry["parameters"][name] for name in ("mass", "position"))
+        at = ", ".join("not known" if way is None else f"{way:.3f}" for way in place["value"])
+        low, high = mass["ci90"]
+        print(
+            f"  payload {entry['name']}: {mass['value']:.3f} kg ({low:.3f} to {high:.3f}) "
+            f"at ({at}) m of {entry['body']}"
+        )
     for line in report["warnings"]:
         print(f"  {line}")
 
