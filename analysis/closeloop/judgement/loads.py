@@ -5,7 +5,7 @@ robot explains. It is looked for as if the trial had named a payload (Swevers, V
 Schutter 2007 identify a load from what it adds to the bare arm's torque), and the user is asked.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,14 +14,12 @@ from analysis.closeloop.identification.arms.links import links_of
 from analysis.closeloop.identification.arms.shared import sure
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import PLACED, with_load
-from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
+from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.findings import Carried, Trace
 from analysis.closeloop.identification.selection import LEAST_BLOCKS
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording
-from sim.effects.laws.inertia import PLACE
-from sim.effects.parameter import Values
 
 #: Share of what is left of a trial that a load must take away: most of it.
 MOST = 0.5
@@ -46,19 +44,19 @@ def unnamed_loads(trace: Trace) -> tuple[Carried, ...]:
         return ()
     model, coefficients = trace.fits[1]
     left = model.target(rows) - model.base(rows)[0] @ coefficients
-    found = []
+    seen: dict[int, tuple[float, HungLoad]] = {}
     for body, name in _last_links(recording):
         torque = recording.link_torque(body)
         columns = {joint: torque[:, joint, :MOMENTS] for joint in recording.joints}
         load = rows.stack(model.transformed(columns), MOMENTS)
         for number in np.unique(rows.trial).tolist():
-            if trials[number].payload is None and _shows(left, load, rows, number):
-                found.append(_carried(model, trace.rows, number, name))
-    best: dict[int, Carried] = {}
-    for one in found:
-        if one is not None and one.share > best.get(one.trial, one).share - 1e-12:
-            best[one.trial] = one
-    return tuple(best[number] for number in sorted(best))
+            share = _share(left, load, rows, number) if trials[number].payload is None else 0.0
+            if share > seen.get(number, (0.0,))[0]:
+                seen[number] = share, HungLoad(name=f"of trial {number + 1}", body=name)
+    # What every trial carries is the robot's own.
+    if not seen or len(seen) == len(np.unique(rows.trial)):
+        return ()
+    return tuple(sorted(_weighed(model, trace.rows, seen), key=lambda load: load.trial))
 
 
 def _every_row(fitted: Rows, recording: Recording) -> Rows | None:
@@ -74,10 +72,11 @@ def _every_row(fitted: Rows, recording: Recording) -> Rows | None:
     return select_rows(recording, trials).reweighted(noise)
 
 
-def _shows(left: np.ndarray, load: np.ndarray, rows: Rows, number: int) -> bool:
-    """Whether mass and first moments at a link take most of what the model leaves of a trial.
+def _share(left: np.ndarray, load: np.ndarray, rows: Rows, number: int) -> float:
+    """Return the share of what the model leaves of a trial that a load at a link takes away.
 
-    Every other second is predicted from the ones between; no joint may be worse.
+    Every other second is predicted from the ones between. It is 0 unless the load takes most,
+    surely, and makes no joint worse.
 
     Args:
         left: residual of every row, (r,).
@@ -88,7 +87,7 @@ def _shows(left: np.ndarray, load: np.ndarray, rows: Rows, number: int) -> bool:
     own = np.flatnonzero(rows.trial == number)
     blocks, place = np.unique(rows.block[own], return_inverse=True)
     if len(blocks) < LEAST_BLOCKS:
-        return False
+        return 0.0
     joint, half = rows.joint_of_block[blocks], blocks % 2
     residual, columns = left[own], load[own]
     after = np.zeros(len(own))
@@ -96,13 +95,14 @@ def _shows(left: np.ndarray, load: np.ndarray, rows: Rows, number: int) -> bool:
         inside = half[place] == out
         fit = np.linalg.lstsq(columns[~inside], residual[~inside], rcond=1e-9)[0]
         if fit[0] <= 0.0:
-            return False
+            return 0.0
         after[inside] = residual[inside] - columns[inside] @ fit
     worse, better = np.bincount(place, residual**2), np.bincount(place, after**2)
-    if worse.sum() - better.sum() <= MOST * worse.sum() or not sure(worse, better, half):
-        return False
     by_joint = np.bincount(joint, worse), np.bincount(joint, better)
-    return bool(np.all(by_joint[1] <= (1.0 + WORSE) ** 2 * by_joint[0]))
+    if np.any(by_joint[1] > (1.0 + WORSE) ** 2 * by_joint[0]) or not sure(worse, better, half):
+        return 0.0
+    share = 1.0 - float(better.sum() / worse.sum())
+    return share if share > MOST else 0.0
 
 
 def _last_links(recording: Recording) -> Iterator[tuple[int, str]]:
@@ -119,46 +119,39 @@ def _last_links(recording: Recording) -> Iterator[tuple[int, str]]:
             yield body, name
 
 
-def _carried(model: Model, fitted: Rows, number: int, body: str) -> Carried | None:
-    """Return the load of a trial as it would be fitted if it were named; None if there is none."""
-    load = HungLoad(name=f"of trial {number + 1}", body=body)
+def _weighed(
+    model: Model, fitted: Rows, seen: Mapping[int, tuple[float, HungLoad]]
+) -> Iterator[Carried]:
+    """Yield the loads as they would be fitted, all at once, if their trials named them.
+
+    Beside them the links are free again, if they were fitted: they hold a part of a load where its
+    trial was fitted as if it carried nothing.
+    """
     session = fitted.recording.session
     trials = list(session.trials)
-    trials[number] = replace(trials[number], payload=load)
+    for number, (_, load) in seen.items():
+        trials[number] = replace(trials[number], payload=load)
     recording = replace(fitted.recording, session=replace(session, trials=tuple(trials)))
     rows = _every_row(fitted, recording)
     assert rows is not None
-    bare = replace(model, recording=recording)
-    loaded = with_load(bare, rows, load)
-    if loaded.terms[-1].load != load:
-        return None
-    mass, *place = _values(loaded, rows, load).values()
-    reach = recording.reach(loaded.terms[-1].joint)
-    if mass <= 0.0 or float(np.linalg.norm(place)) > reach:
-        return None
-    felt = [way if n in loaded.terms[-1].kept else None for n, way in enumerate(place, start=1)]
-    own = np.unique(rows.block[rows.trial == number])
-    losses = [float(evaluate(each, rows).losses[own].sum()) for each in (bare, loaded)]
-    x, y, z = felt
-    share = 1.0 - losses[1] / losses[0]
-    return Carried(trial=number, body=body, mass=mass, position=(x, y, z), share=share)
-
-
-def _values(model: Model, rows: Rows, load: HungLoad) -> Values:
-    """Return mass and place of a load: beside it the links are free again, if they were fitted.
-
-    They hold a part of it where the trial was fitted as if it carried nothing.
-    """
-    fit = WholeFit(replace(model, given=None), rows, links_of(model.recording))
+    model = replace(model, recording=recording)
+    for _, load in seen.values():
+        model = with_load(model, rows, load)
+    fit = WholeFit(replace(model, given=None), rows, links_of(recording))
     every = range(len(model.terms))
-    scored = fit.with_links if model.given is not None else fit.alone
-    coefficients = scored(every).coefficients
-    for term, own in model.split(coefficients):
-        if term.load == load:
-            columns = dict.fromkeys(range(MOMENTS), 0.0)
-            columns |= dict(zip(term.kept, own.tolist(), strict=True))
-            readings = PLACED.readings(unfitted(model.recording, term.joint), term.theta)
-            if columns[0] <= 0.0:
-                break
-            return {name: float(reading.of(columns)) for name, reading in readings.items()}
-    return {"mass": 0.0, **dict.fromkeys(PLACE, 0.0)}
+    scored = fit.with_links(every) if model.given is not None else fit.alone(every)
+    found = {load.name: (number, share) for number, (share, load) in seen.items()}
+    for term, own in model.split(scored.coefficients):
+        if term.load is None or term.load.name not in found:
+            continue
+        columns = dict.fromkeys(range(MOMENTS), 0.0)
+        columns |= dict(zip(term.kept, own.tolist(), strict=True))
+        if columns[0] <= 0.0:
+            continue
+        readings = PLACED.readings(unfitted(recording, term.joint), term.theta).values()
+        mass, *place = (float(reading.of(columns)) for reading in readings)
+        if float(np.linalg.norm(place)) > recording.reach(term.joint):
+            continue
+        x, y, z = (way if n in term.kept else None for n, way in enumerate(place, start=1))
+        number, share = found[term.load.name]
+        yield Carried(trial=number, body=term.load.body, mass=mass, position=(x, y, z), share=share)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.balance.regression import Rows
-from analysis.closeloop.judgement.loads import _shows
+from analysis.closeloop.judgement.loads import _share
 
 SECONDS, RATE = 12, 20
 
@@ -34,9 +34,9 @@ def test_a_load_shows_if_it_takes_most_and_has_a_mass(
     load = rng.standard_normal((SECONDS * RATE, 4))
     left = load @ np.array([mass, 0.3 * mass, 0.0, 0.0])
     left = left + beside * rng.standard_normal(len(left))
-    assert _shows(left, load, rows(), 0) is shows
+    assert (_share(left, load, rows(), 0) > 0.0) is shows
 
 
 def test_a_few_seconds_show_no_load() -> None:
     load = np.random.default_rng(0).standard_normal((3 * RATE, 4))
-    assert not _shows(load[:, 0], load, rows(3), 0)
+    assert _share(load[:, 0], load, rows(3), 0) == 0.0
