@@ -8,6 +8,7 @@ it again. The last table compares methods on the bank's own rows, by cross-valid
 """
 
 import argparse
+import re
 import time
 from collections import Counter
 from dataclasses import replace
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.given.hdmr import hdmr
 from analysis.interpretation.answer import unfamiliar
 from analysis.interpretation.bank.bank import Bank, Samples, load_bank
 from analysis.interpretation.inference.interpreter import Interpreter
@@ -129,7 +131,8 @@ def _ways(bank: Bank, fresh: Samples, judged: Judged, known: Judged) -> None:
     """Print what errors of K_h are left by each way to make them smaller, and by both together.
 
     Personal identification alone is K_h by least squares of the affine regression and of what tapes
-    and scales say, on the bank's rows with contact.
+    and scales say, on the bank's rows with contact. Below each are the factors that explain most of
+    what is left, as first-order shares of given samples.
     """
     columns = [bank.population.names.index(name) for name in TAPE]
     told = np.array(list(TAPE.values())) * np.random.default_rng(FRESH).standard_normal(
@@ -153,6 +156,9 @@ def _ways(bank: Bank, fresh: Samples, judged: Judged, known: Judged) -> None:
     ):
         worst = np.quantile(np.abs(error), 0.9)
         print(f"  {name:44}{error.mean():5.2f}{error.std():7.2f}{worst:10.2f}")
+        shares = hdmr(fresh.factors, error)
+        most = [f"{bank.population.names[i]} {shares[i]:.2f}" for i in np.argsort(-shares)[:4]]
+        print(f"      of its variance: {', '.join(most)}; all alone {shares.sum():.2f}")
 
 
 def _strange(
@@ -198,7 +204,8 @@ def _called(
     among = f"{100 * judged.coverage(familiar):12.1f} of {familiar.sum()}" if familiar.any() else ""
     strange = 100 * np.mean(~familiar)
     print(f"  {name:33}{len(why):5}{strange:15.1f}{100 * held:20.1f}{among}")
-    for reason, count in Counter(" ".join(one.split()[:4]) for one in why if one).most_common(4):
+    reasons = Counter(re.split(r"[-+]?\d|unlike", one)[0].strip() for one in why if one)
+    for reason, count in reasons.most_common():
         print(f"    {count:4} of them: {reason} ...")
 
 
