@@ -4,14 +4,13 @@
 
 Wearers are drawn with a seed of their own (7111), which neither the bank nor any choice has seen;
 those with friction (7112) and slack straps (7113) too. `--keep` keeps what was simulated and uses
-it again. The last table compares methods on the bank's own rows, by cross-validation.
+it again.
 """
 
 import argparse
 import re
 import time
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ from analysis.interpretation.answer import unfamiliar
 from analysis.interpretation.bank.bank import Bank, Samples, load_bank
 from analysis.interpretation.inference.interpreter import Interpreter
 from analysis.interpretation.inference.posterior import TARGETS
-from analysis.interpretation.inference.rows import JOINTS, noisy, targets_of
+from analysis.interpretation.inference.rows import JOINTS, targets_of
 from analysis.interpretation.plan import half_width_after, shortest_plan, steps
 from benchmarks.interpretation.judging import Judged, judge, subgroups
 from benchmarks.interpretation.wearers import Wearers, simulated
@@ -64,7 +63,6 @@ def main() -> None:
     _next(interpreter, fresh, zero)
     _plans(interpreter, fresh, zero)
     _speed(interpreter, fresh)
-    _methods(bank)
 
 
 def _widths(samples: Samples, judged: Judged) -> None:
@@ -109,7 +107,9 @@ def _coverage(
         shares = [judged.coverage(chosen, s, t) for t in (0, 1) for s in (0.5, 0.9)]
         cells = "".join(f"{100 * share:7.1f}" for share in shares)
         width = np.median(judged.half_widths[chosen, 0])
-        whatever = f"{100 * _whatever(judged, chosen):20.1f}" if judged.whatever.shape[1] else ""
+        whatever = (
+            f"{100 * whatever_coverage(judged, chosen):20.1f}" if judged.whatever.shape[1] else ""
+        )
         print(f"  {name:24}{chosen.sum():5}{cells}{width:9.2f}{whatever}")
     everyone = judged.coverage(np.ones(len(samples), bool))
     within = 1.96 * np.sqrt(everyone * (1.0 - everyone) / len(samples))
@@ -121,7 +121,7 @@ def _coverage(
     print("  ranks of K in tenths: " + " ".join(map(str, counts)))
 
 
-def _whatever(judged: Judged, chosen: np.ndarray) -> float:
+def whatever_coverage(judged: Judged, chosen: np.ndarray) -> float:
     """Return how often the 90 % interval of K whatever the muscles are holds the truth."""
     rank = judged.whatever[chosen, 0]
     return float(np.mean((rank > 0.05) & (rank < 0.95)))
@@ -173,7 +173,7 @@ def _strange(
         "of those called familiar"
     )
     zero = bank.population.zero_errors(FRESH, wearers.samples.rows, JOINTS)
-    _called("none: fresh wearers", bank, interpreter, wearers, zero, judged)
+    called("none: fresh wearers", bank, interpreter, wearers, zero, judged)
     for name, seed, changed in STRANGE:
         keep = asked.keep
         other = simulated(bank.population, seed, range(asked.strange), changed=changed, keep=keep)
@@ -182,11 +182,10 @@ def _strange(
             continue
         zero = bank.population.zero_errors(seed, other.samples.rows, JOINTS)
         found = judge(interpreter, other.samples, zero)
-        _called(name, bank, interpreter, other, zero, found)
-    _other_muscles(bank, wearers)
+        called(name, bank, interpreter, other, zero, found)
 
 
-def _called(
+def called(
     name: str,
     bank: Bank,
     interpreter: Interpreter,
@@ -207,30 +206,6 @@ def _called(
     reasons = Counter(re.split(r"[-+]?\d|unlike", one)[0].strip() for one in why if one)
     for reason, count in reasons.most_common():
         print(f"    {count:4} of them: {reason} ...")
-
-
-def _other_muscles(bank: Bank, wearers: Wearers) -> None:
-    """Leave each set of muscles out of the bank, and interpret wearers who have it."""
-    column = bank.population.names.index("muscles")
-    for number, name in enumerate(("paper", "holzbaur2005", "physiological")):
-        without = replace(
-            bank,
-            fitted={},
-            bushing=bank.bushing.some(bank.bushing.factors[:, column] != number),
-            contact=bank.contact.some(bank.contact.factors[:, column] != number),
-        )
-        own = wearers.some(wearers.samples.factors[:, column] == number)
-        zero = bank.population.zero_errors(FRESH, own.samples.rows, JOINTS)
-        interpreter = Interpreter.fit(without)
-        found = judge(interpreter, own.samples, zero)
-        _called(f"muscles {name}, not in the bank", without, interpreter, own, zero, found)
-        if found.whatever.shape[1]:
-            everyone = np.ones(len(own), bool)
-            width = np.median(found.whatever[:, 1])
-            print(
-                f"    whatever the muscles are {100 * _whatever(found, everyone):47.1f}"
-                f"   (half width {width:.2f})"
-            )
 
 
 def _next(interpreter: Interpreter, fresh: Samples, zero: np.ndarray, count: int = 200) -> None:
@@ -254,7 +229,7 @@ def _next(interpreter: Interpreter, fresh: Samples, zero: np.ndarray, count: int
     )
 
 
-def _plans(interpreter: Interpreter, fresh: Samples, zero: np.ndarray, count: int = 60) -> None:
+def _plans(interpreter: Interpreter, fresh: Samples, zero: np.ndarray, count: int = 30) -> None:
     """Print how often a plan is found where measuring everything reaches, and what comes of it."""
     recorded = fresh.curves(zero)[:count]
     print(
@@ -288,16 +263,6 @@ def _speed(interpreter: Interpreter, fresh: Samples) -> None:
         interpreter.infer(interpreter.look(values))
     seconds = (time.process_time() - started) / len(recorded)
     print(f"\none recording, read and bank loaded: {1e3 * seconds:.0f} ms of a core")
-
-
-def _methods(bank: Bank) -> None:
-    """Compare conformal predictions of K on the bank's own rows with contact, five folds."""
-    from benchmarks.interpretation.methods import compare
-
-    recorded = noisy(bank, bank.contact)
-    print("\nmethods, K on the bank's rows with contact, five folds: coverage of 90 %, half width")
-    for name, coverage, width in compare(bank, recorded, targets_of(bank.contact)[:, 0]):
-        print(f"  {name:44}{100 * coverage:6.1f}{width:8.2f}")
 
 
 if __name__ == "__main__":
