@@ -1,5 +1,6 @@
 """Wearers of a population with contact: what their robots record whole, and the truth."""
 
+import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -70,7 +71,8 @@ def simulated(
     if path is not None and path.exists():
         with np.load(path, allow_pickle=False) as file:
             own = {name: file[name] for name in ("rows", "factors", "values", "recorded")}
-        recorded, failed = own.pop("recorded"), {"of them": len(rows) - len(own["rows"])}
+            failed = json.loads(str(file["failed"]))
+        recorded = own.pop("recorded")
         return Wearers(samples=Samples(**own, failed=failed), recorded=recorded)
     factors = population.draw(seed, np.asarray(rows))
     chosen, values, recorded, failed = [], [], [], Counter[str]()
@@ -100,5 +102,6 @@ def simulated(
             factors=samples.factors,
             values=samples.values,
             recorded=np.array(recorded),
+            failed=np.array(json.dumps(samples.failed)),
         )
     return Wearers(samples=samples, recorded=np.array(recorded))
