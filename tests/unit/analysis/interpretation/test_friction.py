@@ -57,7 +57,19 @@ def held_first(motion: Motion) -> Motion:
     )
 
 
-@pytest.mark.parametrize("spoilt", [lambda motion: motion, noisy, held_first])
+def begun_late(motion: Motion) -> Motion:
+    """Return a motion of which the first 0.39 s were not recorded."""
+    kept = slice(26, None)
+    return Motion(
+        time=motion.time[kept],
+        theta=motion.theta[kept],
+        velocity=motion.velocity[kept],
+        torque=motion.torque[kept],
+        joint=motion.joint,
+    )
+
+
+@pytest.mark.parametrize("spoilt", [lambda motion: motion, noisy, held_first, begun_late])
 @pytest.mark.parametrize("activation", [0.02, 0.3])
 def test_friction_beyond_the_banks_is_seen_and_named(
     spoilt: Callable[[Motion], Motion], activation: float
