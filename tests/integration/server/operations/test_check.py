@@ -2,6 +2,7 @@
 
 import json
 import os
+import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 
@@ -101,6 +102,22 @@ def test_a_file_with_damaged_pages_is_refused_at_start(tmp_path: Path) -> None:
         for page in range(last // 2, last):
             pages.seek(page * 4096)
             pages.write(b"\xa5" * 4096)
+    with pytest.raises(DamagedError, match=r"damaged \(.*rehyb db check"):
+        check.refuse_damage(url, seconds=60.0)
+
+
+def test_a_damaged_page_that_opening_the_file_does_not_read_is_found_too(tmp_path: Path) -> None:
+    file = tmp_path / "rehyb.sqlite3"
+    url = f"sqlite:///{file}"
+    upgrade(url)
+    with sqlite3.connect(file) as opened:
+        (root,) = opened.execute(
+            "SELECT rootpage FROM sqlite_master WHERE name = 'leases'"
+        ).fetchone()
+    opened.close()
+    with file.open("r+b") as pages:
+        pages.seek((root - 1) * 4096)
+        pages.write(b"\xa5" * 4096)
     with pytest.raises(DamagedError, match=r"damaged \(.*rehyb db check"):
         check.refuse_damage(url, seconds=60.0)
 

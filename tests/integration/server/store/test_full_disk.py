@@ -1,5 +1,6 @@
 """A database without room refuses what it cannot keep, and loses nothing it has."""
 
+import sqlite3
 from typing import Any
 
 import sqlalchemy as sa
@@ -55,3 +56,22 @@ def test_results_that_find_no_room_are_taken_when_there_is_some(upgraded_sqlite:
         assert {v["verdict"] for v in taken.json()["verdicts"]} == {"accepted"}
         assert client.get(f"/v1/studies/{study}/progress").json()["failed"] == 100
         assert check.faults(app.state.engine) == []
+
+
+def test_a_database_that_takes_no_writes_is_not_ready_before_any_lease_has_failed(
+    upgraded_sqlite: str,
+) -> None:
+    app = create_app(Settings(database_url=upgraded_sqlite, token=SecretStr("t")))
+
+    def write_nothing(connection: sa.Connection) -> None:
+        driver: Any = connection.connection.dbapi_connection
+        driver.set_authorizer(
+            lambda action, *_: (
+                sqlite3.SQLITE_DENY if action == sqlite3.SQLITE_UPDATE else sqlite3.SQLITE_OK
+            )
+        )
+
+    with TestClient(app, raise_server_exceptions=False) as client:
+        sa.event.listen(app.state.engine, "begin", write_nothing)
+        assert client.get("/readyz").status_code == 503
+        assert "not authorized" in client.get("/readyz").json()["detail"]
