@@ -24,8 +24,9 @@ FAREWELL_SECONDS = 30.0
 SHORT_LIFE_SECONDS, SHORT_LIVES = 10.0, 5
 #: After a batch system has refused a pilot, none is submitted for so long.
 REFUSED_SECONDS = 30.0
-#: Files of a keeper's folder.
-ENVIRONMENT, STOP, JOB = "environment", "stop", "pilot.sh"
+#: Files of a keeper's folder. Each keeper of it has a script and a stop of its own: jobs of one
+#: that was killed must not read the script of the next.
+ENVIRONMENT, STOP, JOB = "environment", "stop-{}", "pilot-{}.sh"
 
 #: What a job runs. A worker is asked to drain by a file that jobs see, in every batch system alike:
 #: not each of them passes signals on, and some kill soon after.
@@ -75,6 +76,8 @@ class Keeper:
     folder: Path
     jobs: dict[str, JobState] = field(default_factory=dict)
     submitted: int = 0
+    #: Which keeper of the folder this is.
+    number: int = 1
     _standing: set[str] = field(default_factory=set)
     _starts: deque[float] = field(default_factory=lambda: deque(maxlen=10_000))
     _started_at: dict[str, float] = field(default_factory=dict)
@@ -86,16 +89,30 @@ class Keeper:
     _refusal: str = ""
 
     def prepare(self) -> None:
-        """Write what pilots need to find the coordinator, for the owner's eyes only."""
+        """Write what pilots need to find the coordinator, for the owner's eyes only.
+
+        Pilots that an earlier keeper of the folder left behind when it was killed are told to
+        finish and leave: nobody counts them any more.
+        """
         self.folder.mkdir(parents=True, exist_ok=True)
-        (self.folder / STOP).unlink(missing_ok=True)
+        while (self.folder / JOB.format(self.number)).exists():
+            self._stop.touch()
+            self.number += 1
         told = {"REHYB_URL": self.client.url, "REHYB_TOKEN": self.token}
         text = "".join(f"export {name}={shlex.quote(value)}\n" for name, value in told.items())
         path = self.folder / ENVIRONMENT
         path.unlink(missing_ok=True)
         with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
             file.write(text)
-        (self.folder / JOB).write_text(self._script())
+        self._job.write_text(self._script())
+
+    @property
+    def _job(self) -> Path:
+        return self.folder / JOB.format(self.number)
+
+    @property
+    def _stop(self) -> Path:
+        return self.folder / STOP.format(self.number)
 
     def look(self, now: float) -> Status:
         """Look at work and jobs, and do what follows.
@@ -140,7 +157,7 @@ class Keeper:
             wait: waits so many seconds.
             on_status: is told how things stand after each wait.
         """
-        (self.folder / STOP).touch()
+        self._stop.touch()
         left = self.settings.instance + FAREWELL_SECONDS
         while True:
             try:
@@ -162,7 +179,7 @@ class Keeper:
     def _submit(self, number: int, now: float) -> None:
         standing = len(self._standing) < self.settings.minimum
         idle = "" if standing else f" --max-idle {self.settings.idle:g}"
-        script = shlex.quote(str(self.folder / JOB))
+        script = shlex.quote(str(self._job))
         job = self.engine.submit(f"sh {script} {head_start(number):g}{idle}", "rehyb-pilot")
         self.jobs[job] = JobState.WAITING
         self.submitted += 1
@@ -178,7 +195,9 @@ class Keeper:
             f"--instance-seconds {settings.instance:g}"
         )
         folder = shlex.quote(str(self.folder))
-        return _JOB.format(folder=folder, environment=ENVIRONMENT, stop=STOP, worker=worker)
+        return _JOB.format(
+            folder=folder, environment=ENVIRONMENT, stop=self._stop.name, worker=worker
+        )
 
     def _cancel(self, jobs: Iterable[str]) -> None:
         chosen = list(jobs)

@@ -11,7 +11,7 @@ from rehyb.client import Client
 from rehyb.durations import seconds
 from rehyb.errors import FleetError, Invalid
 from rehyb.pilots.engines import JobState, ParslEngine
-from rehyb.pilots.keeper import SHORT_LIVES, STOP, Keeper
+from rehyb.pilots.keeper import JOB, SHORT_LIVES, STOP, Keeper
 from rehyb.pilots.scaling import Work, may_start, step
 from rehyb.pilots.settings import checked, read
 from tests.testbed.command import Run
@@ -249,7 +249,7 @@ def test_draining_lets_those_that_run_finish_and_cancels_who_stays(site: Site) -
 
     def wait(seconds: float) -> None:
         waits.append(seconds)
-        assert (site.keeper.folder / STOP).exists()
+        assert (site.keeper.folder / STOP.format(1)).exists()
         if len(waits) == 5:
             site.batch.jobs["0"] = ENDED
 
@@ -258,11 +258,28 @@ def test_draining_lets_those_that_run_finish_and_cancels_who_stays(site: Site) -
     assert set(site.batch.jobs.values()) == {ENDED}
 
 
+def test_the_next_keeper_of_a_folder_has_pilots_of_a_killed_one_leave(
+    tmp_path: Path,
+) -> None:
+    killed = Site(tmp_path)
+    killed.work = {"waiting": 8, "under_way": 0}
+    killed.keeper.look(0.0)
+    script = (tmp_path / JOB.format(1)).read_text()
+    restarted = Site(tmp_path, cores=2)
+    assert STOP.format(1) in script and (tmp_path / STOP.format(1)).exists()
+    # Shells read a script as they go on: it stays what it was.
+    assert (tmp_path / JOB.format(1)).read_text() == script
+    restarted.work = {"waiting": 8, "under_way": 0}
+    restarted.keeper.look(0.0)
+    assert all(JOB.format(2) in command for command in restarted.batch.commands)
+    assert not (tmp_path / STOP.format(2)).exists()
+
+
 def test_the_token_is_for_its_owners_eyes_only(site: Site) -> None:
     path = site.keeper.folder / "environment"
     assert path.stat().st_mode & 0o777 == 0o600
     assert "export REHYB_TOKEN=t\n" in path.read_text()
-    assert "REHYB_TOKEN" not in (site.keeper.folder / "pilot.sh").read_text()
+    assert "REHYB_TOKEN" not in (site.keeper.folder / JOB.format(1)).read_text()
 
 
 def test_a_status_is_one_line(site: Site) -> None:
