@@ -75,6 +75,8 @@ def passes(recording: Recording) -> Iterator[tuple[slice, int]]:
     """
     thin = max(1, round(recording.rate / PASS_RATE))
     moving = [j for j in recording.joints if np.ptp(recording.position[:, j]) > 0]
+    if not moving:
+        return
     place = recording.position[::thin][:, moving]
     scale = place.std(axis=0)
     place = place / np.where(scale > 0, scale, 1.0)

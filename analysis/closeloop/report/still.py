@@ -52,6 +52,7 @@ def still_answer(recording: Recording, events: Sequence[Event]) -> Answer:
         "impedance": {},
         "identified": {},
         "declared": [],
+        "unnamed_loads": [],
         "links": {},
         "unexplained": {
             recording.name(joint): only_events(recording, [e for e in events if e.joint == joint])
