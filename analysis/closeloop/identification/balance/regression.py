@@ -133,8 +133,13 @@ class Rows:
         return float(self.once(("smoothing", joint), make))
 
     def reweighted(self, noise: Mapping[int, float]) -> "Rows":
-        """Return the same rows with every joint's noise as the unit of its residual."""
-        weight = [np.full(len(s), 1.0 / noise[joint]) for joint, s in self.samples.items()]
+        """Return the same rows with every joint's noise as the unit of its residual.
+
+        A joint without rows, as one that is pushed wherever it moves, needs none.
+        """
+        weight = [
+            np.full(len(s), 1.0 / noise[j] if len(s) else 1.0) for j, s in self.samples.items()
+        ]
         return replace(self, weight=np.concatenate(weight), stacked={})
 
 
