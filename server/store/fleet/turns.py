@@ -30,6 +30,9 @@ _SETTINGS = {
     "enable_seqscan": "off",
     # An array of one id looks cheaper than one of any length, and would be planned for each time.
     "plan_cache_mode": "force_generic_plan",
+    # Milliseconds. A coordinator that stops in the middle of a turn, or whose machine is cut off,
+    # would keep the study from all others until the network notices, which takes two hours.
+    "idle_in_transaction_session_timeout": "15000",
 }
 
 

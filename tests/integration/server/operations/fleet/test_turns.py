@@ -26,6 +26,7 @@ from server.store.database.schema import comparisons, instances, results, worker
 from server.store.database.schema import leases as lease_table
 from server.store.database.schema import studies as study_table
 from server.store.fleet import turn_statements as sql
+from server.store.fleet.turns import _SETTINGS
 from tests.testbed.coordinators.records import report
 from tests.testbed.coordinators.turns import Turns
 
@@ -299,3 +300,28 @@ def test_a_turn_whose_connection_is_lost_stores_nothing_and_the_next_one_has_ano
     asked = Exchange(now=0.0, ttl=TTL, request=asking("w", 4))
     ((_, answer),) = turns.take(study.id, lambda: [asked]).answers
     assert answer is not None and isinstance(answer[1], Grant)
+
+
+def test_a_coordinator_that_stops_in_mid_turn_keeps_its_study_from_nobody(
+    engine: Engine, turns: Turns, plan: Callable[..., Plan], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(_SETTINGS, "idle_in_transaction_session_timeout", "100")
+    study, _ = studies.create(engine, plan(), key=None, digest="", now=0.0)
+    others: list[Answer] = []
+
+    def stopped() -> list[Exchange]:
+        # The event loop stands still here, with the study locked.
+        with writing(engine) as connection:
+            connection.execute(sa.text("SET LOCAL lock_timeout = '10s'"))
+            others.append(Exchange(now=0.0, ttl=TTL, request=asking("other", 4)).alone(connection))
+        return [Exchange(now=0.0, ttl=TTL, request=asking("w", 4))]
+
+    with pytest.raises(Exception, match="idle-in-transaction"):
+        turns.take(study.id, stopped)
+    ((_, theirs),) = others
+    assert isinstance(theirs, Grant)
+    # What it goes on with when it wakes up is what the others have left.
+    asked = Exchange(now=0.0, ttl=TTL, request=asking("w", 4))
+    ((_, answer),) = turns.take(study.id, lambda: [asked]).answers
+    assert answer is not None and isinstance(answer[1], Grant)
+    assert not {*answer[1].lease.instances} & {*theirs.lease.instances}
