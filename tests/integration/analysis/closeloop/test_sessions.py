@@ -18,16 +18,18 @@ from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.synthetic import write_session
 
 SEED = 3
+#: Hz: half of what measurements of the method record; the bounds are the same.
+RATE = 250.0
 
 
-def closed(tmp_path: Path, *effects: str, **options: Any) -> tuple[dict[str, Any], Arm]:
-    arm = write_session(tmp_path / "session", SEED, effects, **options)
+def closed(tmp_path: Path, *effects: str) -> tuple[dict[str, Any], Arm]:
+    arm = write_session(tmp_path / "session", SEED, effects, rate=RATE)
     return close_loop(tmp_path / "session", tmp_path / "out"), arm
 
 
-def found(tmp_path: Path, *effects: str) -> tuple[dict[str, Any], Arm]:
+def found(tmp_path: Path, *effects: str, rate: float = RATE) -> tuple[dict[str, Any], Arm]:
     """Return what the analysis says, which takes a third as long as all files with pictures."""
-    arm = write_session(tmp_path, SEED, effects)
+    arm = write_session(tmp_path, SEED, effects, rate=rate)
     return analyse(tmp_path).report, arm
 
 
@@ -76,7 +78,7 @@ def test_nothing_missing_is_an_answer(tmp_path: Path) -> None:
 
 
 def test_a_gain_that_a_payload_imitates_says_what_the_stiffness_would_be(tmp_path: Path) -> None:
-    report, arm = found(tmp_path, "torque_gain")
+    report, arm = found(tmp_path, "torque_gain", rate=500.0)
     (effect,) = report["effects"]
     names = {effect["name"], *effect["indistinguishable_from"]}
     assert names == {"torque_gain", "payload"}
