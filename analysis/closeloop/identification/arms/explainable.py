@@ -16,7 +16,7 @@ def explainable_by_joint(model: Model, rows: Rows) -> Explainable:
     coefficients = evaluate(model, rows).coefficients
     found = [
         explainable(one_joint(model, coefficients, joint), rows.of_joint(joint))
-        for joint in rows.samples
+        for joint in rows.joints
     ]
     remains = sum(own.remains for own in found)
     errors = np.array([own.remains / own.z if own.z > 0 else 0.0 for own in found])

@@ -61,7 +61,7 @@ def traced_robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -
     model = with_share(model, rows, links)
     progress("friction and inertia of every joint")
     model = without_presliding(pruned(model, rows, links), rows)
-    for joint in rows.samples:
+    for joint in rows.joints:
         name = declared.recording.name(joint)
         progress(f"{name}: what else")
         model, steps = with_rare(model, rows, joint)
@@ -101,7 +101,7 @@ def with_ordinary(model: Model, rows: Rows) -> Model:
     """Add what every joint may have, as far as it is not declared."""
     recording = model.recording
     declared = {(d.effect, d.joint) for d in recording.session.declared}
-    for joint in rows.samples:
+    for joint in rows.joints:
         for name in ORDINARY:
             effect = BY_NAME[name]
             if (name, recording.name(joint)) in declared:

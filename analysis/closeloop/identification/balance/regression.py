@@ -47,6 +47,11 @@ class Rows:
             self.stacked[key] = make()
         return self.stacked[key]
 
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Joints that have rows."""
+        return tuple(joint for joint, own in self.samples.items() if len(own))
+
     @cached_property
     def parts(self) -> dict[int, slice]:
         """Where each joint's rows lie in arrays over rows."""

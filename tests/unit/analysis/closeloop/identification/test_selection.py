@@ -24,7 +24,7 @@ def test_trials_without_motion_have_no_rows(recording: Recording) -> None:
     rows = select_rows(recording, ())
     assert not len(rows.weight) and not any(len(own) for own in rows.samples.values())
     assert rows.parts.keys() == set(recording.joints)
-    assert not len(rows.reweighted({}).weight)
+    assert not len(rows.reweighted({}).weight) and not rows.joints
 
 
 def test_one_effect_alone_needs_less_than_the_best_of_many() -> None:
