@@ -22,7 +22,11 @@ Torque = Callable[[mujoco.MjData], float]
 
 
 class AppliedEffects:
-    """The applied torques of one model; holds their memory, so use one object a simulation."""
+    """The applied torques of one model; holds their memory, so use one object a simulation.
+
+    Raises:
+        ValueError: an effect of the model is not as this version writes it.
+    """
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
@@ -47,9 +51,23 @@ def _text(model: mujoco.MjModel, number: int) -> str:
 
 def _torque(model: mujoco.MjModel, text: str) -> Torque:
     content = json.loads(text.replace("'", '"'))
-    effect = BY_NAME[content["effect"]]
-    assert isinstance(effect, AppliedEffect)
-    needed = effect.simulated(content["parameters"], float(model.opt.timestep))
-    joint = model.joint(content["joint"])
+    step, joint = float(model.opt.timestep), model.joint(content["joint"])
     qpos, dof = int(joint.qposadr[0]), int(joint.dofadr[0])
+    try:
+        effect = BY_NAME[content["effect"]]
+        assert isinstance(effect, AppliedEffect)
+        # One try at rest: which parameters an effect asks for is seen when it is computed.
+        effect.simulated(content["parameters"], step)(SimulatedMotion(_at_rest(model), qpos, dof))
+    except KeyError as missing:
+        raise ValueError(
+            f"{content['effect']} of {content['joint']} was written by another version of rehyb, "
+            f"with other names (no {missing}): close the loop again"
+        ) from None
+    needed = effect.simulated(content["parameters"], step)
     return lambda data: -needed(SimulatedMotion(data, qpos, dof))
+
+
+def _at_rest(model: mujoco.MjModel) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return data

@@ -128,6 +128,8 @@ def _order(
     recording: Recording, joint: int, samples: np.ndarray, residual: np.ndarray
 ) -> dict[str, float]:
     """Return the strongest period over position: order (1/rad or 1/m), amplitude, clearness."""
+    if not len(samples):
+        return {"order": 0.0, "amplitude": 0.0, "over_median": 0.0}
     _, half = travel(recording.position[:, joint])
     step = max(1, len(samples) // 4000)
     position = recording.position[samples[::step], joint]

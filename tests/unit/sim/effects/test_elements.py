@@ -132,6 +132,15 @@ def test_an_applied_torque_is_its_equation(name: str, q: float, v: float, torque
     assert found == pytest.approx(torque, abs=5e-3)
 
 
+def test_an_effect_of_another_version_is_refused_in_a_sentence() -> None:
+    older = spec()
+    BY_NAME["thixotropy"].add(older, "elbow", PARAMETERS["thixotropy"])
+    text = older.texts[0]
+    text.data = text.data.replace("elastic_range", "range")
+    with pytest.raises(ValueError, match=r"thixotropy of elbow .* close the loop again"):
+        AppliedEffects(mujoco.MjModel.from_xml_string(older.to_xml()))
+
+
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_every_applied_effect_runs(name: str) -> None:
     model = added(name, PARAMETERS[name])

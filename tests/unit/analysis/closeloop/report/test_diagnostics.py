@@ -48,6 +48,11 @@ def test_a_ripple_shows_its_order(recording: Recording) -> None:
     assert order["order"] == pytest.approx(30.0, abs=1.5) and order["over_median"] > 5
 
 
+def test_a_joint_without_rows_has_no_period(recording: Recording) -> None:
+    order = diagnose(Model(recording), np.empty(0), select_rows(recording, ()), 1)["order"]
+    assert order == {"order": 0.0, "amplitude": 0.0, "over_median": 0.0}
+
+
 def test_lags_of_filtered_noise_stay_inside_their_bounds_and_those_of_a_tone_do_not(
     recording: Recording,
 ) -> None:
