@@ -242,7 +242,10 @@ class _Child:
         try:
             while chunk := os.read(descriptor, CHUNK):
                 *lines, self._said = (self._said + chunk).split(b"\n")
-                finished += [done for line in lines if (done := self._heard(line))]
+                # One by one: what came before a line that is none has left `open`, and counts.
+                for line in lines:
+                    if done := self._heard(line):
+                        finished.append(done)
         except (LookupError, TypeError, ValueError):
             return False
         except (BlockingIOError, ConnectionError):

@@ -155,10 +155,14 @@ def test_signals_to_the_whole_group_do_not_interrupt_an_instance(pool: Pool) -> 
     assert pool._idle == [child]
 
 
-def bundled(pool: Pool, *models: str) -> list[tuple[int, str]]:
-    """Return (ticket, outcome) in the order in which one bundle's instances are done."""
+def bundled(pool: Pool, *models: str, unread: float = 0.0) -> list[tuple[int, str]]:
+    """Return (ticket, outcome) in the order in which one bundle's instances are done.
+
+    Nobody reads what the child writes in its first `unread` seconds.
+    """
     pool.start_bundle([(instance(model, x), x) for x, model in enumerate(models)])
     assert pool.running == len(models)
+    time.sleep(unread)
     done: list[Finished] = []
     deadline = time.monotonic() + 40.0
     while len(done) < len(models) and time.monotonic() < deadline:
@@ -200,8 +204,11 @@ def test_the_first_results_of_a_bundle_are_there_while_a_later_one_hangs(pool: P
     assert (pool.running, pool.free) == (1, 0)
 
 
-def test_a_second_answer_is_no_other_instance_s(pool: Pool) -> None:
-    outcomes = bundled(pool, "double", "twins", "double", "double", "double")
+@pytest.mark.parametrize("unread", [0.0, 0.3], ids=["read at once", "read together"])
+def test_a_second_answer_is_no_other_instance_s(pool: Pool, unread: float) -> None:
+    compute(pool, "double")
+    outcomes = bundled(pool, "double", "twins", "double", "double", "double", unread=unread)
+    assert sorted(ticket for ticket, _ in outcomes) == [0, 1, 2, 3, 4]
     assert outcomes[0] == (0, "ok")
     assert {o for _, o in outcomes} <= {"ok", "crashed"}
 

@@ -14,6 +14,7 @@ from fastapi.testclient import TestClient
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis.errors import Unsatisfiable
 from pydantic import SecretStr
+from schemathesis.python.asgi import shutdown_lifespans
 
 from server.app import create_app
 from server.errors import BadFileError
@@ -64,6 +65,9 @@ def apps(
             study = {"name": "s", "model": "ishigami", "method": "morris", "rows": 3}
             assert client.post("/v1/studies", json=study).status_code == 201
         yield apps
+        # It would keep every coordinator, and its sweeping of a database that other tests share, to
+        # the end of the process.
+        shutdown_lifespans()
 
 
 @pytest.mark.parametrize("mode", list(schemathesis.GenerationMode), ids=lambda mode: mode.value)
