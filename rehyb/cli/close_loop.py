@@ -176,9 +176,10 @@ def _lines(report: Json, out: Path) -> Iterator[str]:
         if effect["indistinguishable_from"]:
             yield f"    looks like {', '.join(effect['indistinguishable_from'])}"
     for joint, error in report["error"]["holdout"].items():
+        floor = "no floor" if error["floor"] is None else f"floor {error['floor']:.4g}"
         yield (
             f"  held-out error of {joint}: {error['before']:.4g} -> {error['after']:.4g} "
-            f"{error['unit']} (floor {error['floor']:.4g})"
+            f"{error['unit']} ({floor})"
         )
     for joint, values in report["impedance"].items():
         k = values["stiffness"]

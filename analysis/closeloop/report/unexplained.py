@@ -119,9 +119,9 @@ def far_from_floor(outcome: Outcome) -> list[str]:
         unit = recording.device.unit(name)
         if ratio is None:
             lines.append(
-                f"{name} has no floor: no movement is repeated, nothing but what a low-pass leaves "
-                "is recorded above the band of the movement, and no noise is declared under "
-                "sensors; the size of its error says nothing"
+                f"{name} has no floor: no movement is repeated, the noise above the band of the "
+                "movement cannot be told (the rate is too low, or a low-pass took it), and none is "
+                "declared under sensors; the size of its error says nothing"
             )
         elif ratio > AT_FLOOR:
             floor = outcome.floors[joint]

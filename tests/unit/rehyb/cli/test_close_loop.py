@@ -1,0 +1,23 @@
+"""What closing a loop prints."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rehyb.cli.close_loop import _lines
+
+
+@pytest.mark.parametrize(("floor", "said"), [(0.02, "floor 0.02"), (None, "no floor")])
+def test_a_channel_without_a_floor_is_printed_as_one(floor: float | None, said: str) -> None:
+    error = {"before": 0.5, "after": 0.1, "floor": floor, "unit": "Nm"}
+    report: dict[str, Any] = {
+        "verdict": "unexplained",
+        "effects": [],
+        "error": {"holdout": {"elbow": error}},
+        "impedance": {},
+        "unexplained": {},
+        "advice": [],
+        "warnings": [],
+    }
+    assert f"  held-out error of elbow: 0.5 -> 0.1 Nm ({said})" in [*_lines(report, Path("out"))]
