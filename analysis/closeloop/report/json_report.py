@@ -18,6 +18,7 @@ from analysis.closeloop.report.named import (
     declared_entries,
     effect_entries,
     refused_values,
+    undetermined,
     without_value,
 )
 from analysis.closeloop.report.plain import CONVENTION, finite, session_entry
@@ -71,6 +72,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             *without_value(declared),
             *undetermined_places(declared),
             *refused_values(effects),
+            *undetermined(effects),
             *of_unnamed_loads(recording, outcome.loads),
         ],
         "session": session_entry(recording),

@@ -159,6 +159,20 @@ def refused_values(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
+def undetermined(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a warning for every found effect of which no parameter is surely other than zero."""
+    return [
+        f"{entry['name']} of {entry['joint']}: the 90 % interval of each of its parameters holds "
+        "zero; it lowers the error, but these trials do not show how large it is"
+        for entry in entries
+        if entry["parameters"]
+        and all(
+            parameter["ci90"] is None or parameter["ci90"][0] <= 0.0 <= parameter["ci90"][1]
+            for parameter in entry["parameters"].values()
+        )
+    ]
+
+
 def _part(model: Model, candidate: Candidate) -> Term | Channel:
     """Return the part of a model that a found effect is."""
     parts: list[Term | Channel] = [*model.terms, *model.channels]

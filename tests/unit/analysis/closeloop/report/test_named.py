@@ -6,7 +6,12 @@ import mujoco
 import pytest
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.report.named import _if_it_can_be, refused_values, spans_nonsense
+from analysis.closeloop.report.named import (
+    _if_it_can_be,
+    refused_values,
+    spans_nonsense,
+    undetermined,
+)
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.session.device import Device
 from tests.testbed.sessions.effects import Arm
@@ -58,3 +63,16 @@ def test_a_refused_mass_has_no_value_and_is_not_in_the_model() -> None:
     assert "lacks payload of elbow" in warnings[0] and elements[0].startswith("none")
     model = mujoco.MjModel.from_xml_string(xml)
     assert model.body("forearm").mass[0] == pytest.approx(device.model.body("forearm").mass[0])
+
+
+@pytest.mark.parametrize(
+    ("cosine", "warned"), [([-0.14, 0.19], True), (None, True), ([0.05, 0.19], False)]
+)
+def test_an_effect_of_which_nothing_is_surely_other_than_zero_is_told(
+    cosine: list[float] | None, warned: bool
+) -> None:
+    parameters = {"cosine": {"ci90": cosine}, "order": {"ci90": [-24.0, 37.0]}}
+    found = {"name": "torque_ripple", "joint": "elbow", "parameters": parameters}
+    said = undetermined([found])
+    assert bool(said) is warned
+    assert all(line.startswith("torque_ripple of elbow: ") for line in said)
