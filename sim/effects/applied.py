@@ -32,10 +32,13 @@ class AppliedEffects:
         self._model = model
         #: Actuator of every effect, and the torque that the joint feels.
         self.torques: list[tuple[int, Torque]] = []
+        rest = mujoco.MjData(model)
+        mujoco.mj_forward(model, rest)
         for number in range(model.ntext):
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, number)
             if name.startswith(PREFIX):
-                self.torques.append((model.actuator(name).id, _torque(model, _text(model, number))))
+                torque = _torque(model, _text(model, number), rest)
+                self.torques.append((model.actuator(name).id, torque))
 
     def apply(self, data: mujoco.MjData) -> None:
         """Set the controls of the effects' actuators for the step that comes."""
@@ -49,7 +52,7 @@ def _text(model: mujoco.MjModel, number: int) -> str:
     return bytes(model.text_data[start : start + size - 1]).decode()
 
 
-def _torque(model: mujoco.MjModel, text: str) -> Torque:
+def _torque(model: mujoco.MjModel, text: str, rest: mujoco.MjData) -> Torque:
     content = json.loads(text.replace("'", '"'))
     step, joint = float(model.opt.timestep), model.joint(content["joint"])
     qpos, dof = int(joint.qposadr[0]), int(joint.dofadr[0])
@@ -57,7 +60,7 @@ def _torque(model: mujoco.MjModel, text: str) -> Torque:
         effect = BY_NAME[content["effect"]]
         assert isinstance(effect, AppliedEffect)
         # One try at rest: which parameters an effect asks for is seen when it is computed.
-        effect.simulated(content["parameters"], step)(SimulatedMotion(_at_rest(model), qpos, dof))
+        effect.simulated(content["parameters"], step)(SimulatedMotion(rest, qpos, dof))
     except KeyError as missing:
         raise ValueError(
             f"{content['effect']} of {content['joint']} was written by another version of rehyb, "
@@ -65,9 +68,3 @@ def _torque(model: mujoco.MjModel, text: str) -> Torque:
         ) from None
     needed = effect.simulated(content["parameters"], step)
     return lambda data: -needed(SimulatedMotion(data, qpos, dof))
-
-
-def _at_rest(model: mujoco.MjModel) -> mujoco.MjData:
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    return data

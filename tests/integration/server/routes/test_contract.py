@@ -23,7 +23,7 @@ from server.settings import Settings
 
 TOKEN = "contract"
 #: Requests per route and mode; more in `make soak`.
-EXAMPLES = int(os.environ.get("REHYB_CONTRACT", "10"))
+EXAMPLES = int(os.environ.get("REHYB_CONTRACT", "15"))
 HEADERS = {"Authorization": f"Bearer {TOKEN}"}
 
 

@@ -1,10 +1,14 @@
 """Leasing from the database: handing out, taking back, counting."""
 
 from collections.abc import Callable
+from contextlib import suppress
+from math import inf
 from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError, NotFoundError
@@ -16,6 +20,8 @@ from server.operations.fleet.leasing import Grant
 from server.operations.study import studies
 from server.records import Plan, Study
 from server.store.database.engine import reading, writing
+from server.store.database.schema import instances as instances_table
+from server.store.database.schema import results as results_table
 from server.store.database.schema import studies as study_table
 from server.store.fleet import workers
 from tests.testbed.coordinators import exchanges
@@ -57,6 +63,37 @@ def post(engine: Engine, grant: Grant, reports: list[Report], now: float = 0.0) 
 
 def ids(grant: Grant) -> list[str]:
     return [instance_id(grant.study.id, *place) for place in grant.lease.instances]
+
+
+def recount(engine: Engine, study_id: str) -> dict[str, Any]:
+    """Count a study's instances and results one by one."""
+    with reading(engine) as connection:
+        slots = connection.execute(
+            sa.select(instances_table).where(instances_table.c.study_id == study_id)
+        ).all()
+        log = connection.execute(
+            sa.select(results_table).where(results_table.c.study_id == study_id)
+        ).all()
+    done = [slot for slot in slots if slot.state == "done"]
+    width = studies.get(engine, study_id).plan.width
+    assert sorted(result.seq for result in log) == list(range(1, len(log) + 1))
+    assert {(r.row, r.position) for r in log} == {(s.row, s.position) for s in done}
+    return {
+        "handed_out": len(slots),
+        "leased": sum(slot.state == "leased" for slot in slots),
+        "result_count": len(log),
+        "ok_count": sum(result.outcome == "ok" for result in log),
+        "rows_complete": sum(
+            [slot.row for slot in done].count(row) == width for row in {s.row for s in done}
+        ),
+    }
+
+
+def counted(study: Study) -> dict[str, Any]:
+    return {name: getattr(study, name) for name in COUNTERS}
+
+
+COUNTERS = ["handed_out", "leased", "result_count", "ok_count", "rows_complete"]
 
 
 def test_leases_sort_by_age_and_no_two_are_the_same(engine: Engine, plan: Drawing) -> None:
@@ -236,6 +273,68 @@ def test_workers_are_remembered_with_what_they_did(
 def test_a_study_that_is_not_there_is_not_found(engine: Engine) -> None:
     with pytest.raises(NotFoundError, match="there is no study 'nothing'"):
         studies.get(engine, "nothing")
+
+
+ACTIONS = st.lists(
+    st.tuples(
+        st.sampled_from(["lease", "post", "post", "post", "release", "renew", "wait"]),
+        st.integers(0, 5),
+        st.sampled_from(["ok", "ok", "other", "diverged", "crashed", "timed_out", "nonsense"]),
+    ),
+    max_size=40,
+)
+
+
+@settings(
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(actions=ACTIONS)
+def test_whatever_workers_do_nothing_is_lost_or_counted_twice(
+    engine: Engine, plan: Drawing, report: Reporting, actions: list[tuple[str, int, str]]
+) -> None:
+    study = create(engine, plan(rows=2))
+    grants: list[Grant] = []
+    filled: dict[tuple[int, int], str] = {}
+    now = 0.0
+    for action, number, outcome in actions:
+        if action == "lease":
+            leases.reap(engine, now=now)
+            if grant := lease(engine, n=number + 1, now=now):
+                grants.append(grant)
+        elif action == "wait":
+            now += 25.0 * number
+        elif grants:
+            grant = grants[number % len(grants)]
+            held = grant.lease
+            if action == "release":
+                leases.release(engine, held.id, fence=held.fence, now=now)
+            elif action == "renew":
+                with suppress(ConflictError):
+                    leases.renew(engine, held.id, fence=held.fence, now=now, ttl=TTL)
+            else:
+                said = {
+                    "ok": {},
+                    "other": {"outputs": {"y": 2.5}},
+                    "nonsense": {"outputs": {"y": inf}},
+                }.get(outcome, {"outcome": outcome, "outputs": {}})
+                post(engine, grant, [report(i, **said) for i in ids(grant)], now=now)
+        standing = studies.get(engine, study.id)
+        assert counted(standing) == recount(engine, study.id)
+        stored = {(r.row, r.position): r.outcome for r, _ in results.in_order(engine, standing)}
+        assert filled.items() <= stored.items(), "a final result was changed"
+        filled = stored
+    # Whatever happened, one diligent worker brings the study to its end.
+    for _ in range(3):
+        now += TTL
+        leases.reap(engine, now=now)
+        while grant := lease(engine, n=8, now=now):
+            post(engine, grant, [report(i) for i in ids(grant)], now=now)
+    done = studies.get(engine, study.id)
+    assert done.state == "complete"
+    assert (done.result_count, done.rows_complete, done.leased) == (8, 2, 0)
+    assert done.ok_count + sum(done.failures.values()) == 8
 
 
 def test_the_last_row_of_the_largest_study_is_leased_and_done(
