@@ -32,8 +32,8 @@ class AppliedEffects:
         self._model = model
         #: Actuator of every effect, and the torque that the joint feels.
         self.torques: list[tuple[int, Torque]] = []
+        # Never stepped: the engine's callback would show a film what never happens.
         rest = mujoco.MjData(model)
-        mujoco.mj_forward(model, rest)
         for number in range(model.ntext):
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, number)
             if name.startswith(PREFIX):

@@ -20,12 +20,15 @@ def filmed(values: dict[str, float], fidelity: str = "bushing") -> tuple[Film, A
     return film, assess(values, fidelity=fidelity, watch=film.watch)
 
 
-@pytest.mark.parametrize(("fidelity", "seconds"), [("bushing", 6.0), ("screening", 7.5)])
+@pytest.mark.parametrize(
+    ("values", "fidelity", "seconds"),
+    [({}, "bushing", 6.0), ({"reflex_gain": 0.2}, "bushing", 6.0), ({}, "screening", 7.5)],
+)
 def test_watching_changes_nothing_and_sees_the_whole_assessment(
-    fidelity: str, seconds: float
+    values: dict[str, float], fidelity: str, seconds: float
 ) -> None:
-    film, assessment = filmed({}, fidelity)
-    assert assessment.outputs == assess({}, fidelity=fidelity).outputs
+    film, assessment = filmed(values, fidelity)
+    assert assessment.outputs == assess(values, fidelity=fidelity).outputs
     assert len(film) == seconds * RATE
 
 
