@@ -21,8 +21,9 @@ from analysis.interpretation.bank.bank import Bank, Samples, load_bank
 from analysis.interpretation.inference.interpreter import Interpreter
 from analysis.interpretation.inference.posterior import TARGETS
 from analysis.interpretation.inference.rows import JOINTS, targets_of
-from analysis.interpretation.plan import half_width_after, shortest_plan, steps
+from analysis.interpretation.plan import half_width_after, steps
 from benchmarks.interpretation.judging import Judged, judge, subgroups
+from benchmarks.interpretation.plans import print_plans, print_rows
 from benchmarks.interpretation.wearers import Wearers, simulated
 from benchmarks.machine import describe_machine
 
@@ -61,7 +62,8 @@ def main() -> None:
     _ways(bank, fresh, judged, known)
     _strange(bank, interpreter, wearers, judged, asked)
     _next(interpreter, fresh, zero)
-    _plans(interpreter, fresh, zero)
+    print_plans(interpreter, fresh, zero)
+    print_rows(bank, interpreter, fresh, zero)
     _speed(interpreter, fresh)
 
 
@@ -227,33 +229,6 @@ def _next(interpreter: Interpreter, fresh: Samples, zero: np.ndarray, count: int
         f"\nhalf width after the best step over what was said, {len(ratios)} wearers: within 25 % "
         f"in {100 * good:.1f} %, 5 to 95 %: {low:.2f}-{high:.2f}"
     )
-
-
-def _plans(interpreter: Interpreter, fresh: Samples, zero: np.ndarray, count: int = 30) -> None:
-    """Print how often a plan is found where measuring everything reaches, and what comes of it."""
-    recorded = fresh.curves(zero)[:count]
-    print(
-        f"\nplans, {len(recorded)} wearers: reached by everything measured, by a plan; its minutes"
-    )
-    for tolerance in (0.25, 0.4, 0.5, 0.6):
-        reached, planned, minutes, held = 0, 0, [], []
-        for row, values in enumerate(recorded):
-            view, offered = interpreter.look(values), steps(interpreter, ())
-            reached += half_width_after(interpreter, view, (), tuple(offered)) <= tolerance
-            plan = shortest_plan(interpreter, view, (), offered, tolerance)
-            if plan is None:
-                continue
-            planned += 1
-            minutes.append(sum(step.minutes for step in plan[0]))
-            one = fresh.some(np.array([row]))
-            measured = {step.factor: step.to for step in plan[0]}
-            came = judge(interpreter, one, zero[[row]], measured, seed=row)
-            held.append(came.coverage(np.ones(1, bool)))
-        said = ""
-        if planned:
-            share = 100 * np.mean(held)
-            said = f", median {np.median(minutes):.0f} min, then 90 % hold {share:.0f} %"
-        print(f"  {tolerance:.2f} Nm/rad: {reached:3}{planned:5}{said}")
 
 
 def _speed(interpreter: Interpreter, fresh: Samples) -> None:

@@ -1,15 +1,15 @@
 """Gaussian process regression of several outputs with one kernel (Rasmussen and Williams 2006).
 
-scikit-learn finds the kernel's parameters on some of the rows; all rows then share it. What is
-predicted later needs NumPy alone, so a bank is read and used without scikit-learn.
+The kernel's parameters are found on some of the rows; all rows then share it.
 """
 
 from dataclasses import dataclass
-from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri
+
+from analysis.interpretation.inference.marginal_likelihood import tuned as tuned_on
 
 #: Rows on which the kernel's parameters are found: the time grows with their cube.
 TUNING_ROWS = 400
@@ -50,7 +50,7 @@ class GaussianProcess:
         y = (outputs - scale[0]) / scale[1]
         rng = np.random.default_rng(seed)
         some = rng.permutation(len(inputs))[:TUNING_ROWS]
-        lengths, variances = _tuned(inputs[some], y[some, :tuned])
+        lengths, variances = tuned_on(inputs[some], y[some, :tuned])
         covariance = _covariance(inputs, inputs, lengths, variances)
         weights, residuals = np.zeros_like(y), np.full_like(y, np.inf)
         for times in NOISES:
@@ -84,24 +84,3 @@ def _covariance(
     squared = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2.0 * a @ b.T
     smooth = np.exp(-0.5 * np.maximum(squared, 0.0))
     return np.asarray(variances[0] * smooth + variances[1] * (1.0 + one @ other.T))
-
-
-def _tuned(inputs: np.ndarray, outputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return lengths and variances of the greatest marginal likelihood."""
-    from sklearn.exceptions import ConvergenceWarning
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, DotProduct, WhiteKernel
-
-    kernel = (
-        ConstantKernel(1.0, (1e-3, 1e3)) * RBF(np.full(inputs.shape[1], 6.0), (0.3, 1e3))
-        + ConstantKernel(0.1, (1e-5, 1e2)) * DotProduct(1.0, "fixed")
-        + WhiteKernel(0.05, (1e-5, 2.0))
-    )
-    with catch_warnings():
-        # A length that ends at its bound says that the input does not matter.
-        simplefilter("ignore", ConvergenceWarning)
-        model = GaussianProcessRegressor(kernel, alpha=1e-8).fit(inputs, outputs)
-    found = model.kernel_
-    smooth, linear, noise = found.k1.k1, found.k1.k2, found.k2
-    variances = (smooth.k1.constant_value, linear.k1.constant_value, noise.noise_level + 1e-8)
-    return np.asarray(smooth.k2.length_scale), np.array(variances)

@@ -67,7 +67,7 @@ class LocalErrors:
 
         The covariances are of targets and `columns`, shape (rows, both, both).
         """
-        noise = np.random.default_rng(0).standard_normal((len(self.errors), len(columns))) * sds
+        noise = self.noise[:, columns] * sds
         chosen = np.concatenate([np.arange(len(TARGETS)), columns]).astype(int)
         spread, together = self._spreads[:, chosen], self._together[np.ix_(chosen, chosen)]
         # What is measured is off by what it is measured to: so are the differences to its mean.
@@ -98,6 +98,14 @@ class LocalErrors:
         return np.asarray(
             np.sqrt(LOCAL_WEIGHT * local + (1.0 - LOCAL_WEIGHT) * squared.mean(axis=0))
         )
+
+    @cached_property
+    def noise(self) -> np.ndarray:
+        """Errors of measuring each row, over their standard deviation, shape (rows, both).
+
+        The same whatever else is measured: plans are compared by what they measure alone.
+        """
+        return np.random.default_rng(0).standard_normal(self.errors.shape)
 
     @cached_property
     def _spreads(self) -> np.ndarray:

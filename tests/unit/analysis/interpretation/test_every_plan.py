@@ -1,0 +1,77 @@
+"""Every set of steps is looked at, and each as if it were the only one."""
+
+import pytest
+
+from analysis.interpretation import plan
+from analysis.interpretation.every_plan import every_plan
+from analysis.interpretation.inference.features import RECORDED
+from analysis.interpretation.inference.interpreter import Interpreter, Known
+from analysis.interpretation.inference.posterior import View
+from analysis.interpretation.plan import Step, half_width_after, shortest_plan, steps
+from tests.testbed.bank import bank, samples
+
+#: One that both can be measured better than, one that length cannot, and one that stays.
+KNOWN = (
+    (),
+    (Known(name="forearm_length", value=0.3, sd=0.006),),
+    (
+        Known(name="forearm_length", value=0.3, sd=0.001),
+        Known(name="forearm_mass", value=0.9, sd=0.1),
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def interpreter() -> Interpreter:
+    return Interpreter.read(bank())
+
+
+@pytest.fixture(scope="module")
+def view(interpreter: Interpreter) -> View:
+    return interpreter.look(samples(2, 1).of(*RECORDED)[0])
+
+
+@pytest.mark.parametrize("known", KNOWN)
+def test_each_set_is_as_wide_as_it_is_by_itself(
+    interpreter: Interpreter, view: View, known: tuple[Known, ...]
+) -> None:
+    offered = steps(interpreter, known)
+    found = dict(every_plan(interpreter, view, known, {s.factor: s.to for s in offered}))
+    assert len(found) == 2 ** len(offered)
+    for names, width in found.items():
+        done = tuple(step for step in offered if step.factor in names)
+        assert set(names) == {step.factor for step in done}
+        assert width == pytest.approx(half_width_after(interpreter, view, known, done))
+
+
+def test_no_set_of_steps_is_shorter_and_none_that_reaches_is_passed_over(
+    interpreter: Interpreter, view: View
+) -> None:
+    offered = steps(interpreter, ())
+    sets = dict(every_plan(interpreter, view, (), {s.factor: s.to for s in offered}))
+    minutes = {step.factor: step.minutes for step in offered}
+    for tolerance in (width + 1e-9 for width in sets.values()):
+        found = shortest_plan(interpreter, view, (), offered, tolerance)
+        enough = [names for names, width in sets.items() if names and width <= tolerance]
+        if not enough:
+            assert found is None
+            continue
+        assert found is not None
+        assert found[1] <= tolerance
+        least = min(sum(minutes[name] for name in names) for names in enough)
+        assert sum(step.minutes for step in found[0]) == least
+
+
+def test_of_too_many_steps_those_that_narrow_most_are_combined(
+    interpreter: Interpreter, view: View, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    offered: list[Step] = steps(interpreter, ())
+    everything = half_width_after(interpreter, view, (), tuple(offered))
+    monkeypatch.setattr(plan, "MOST", 1)
+    found = shortest_plan(interpreter, view, (), offered, 0.4)
+    assert found is not None
+    assert [step.factor for step in found[0]] == ["forearm_length"]
+    found = shortest_plan(interpreter, view, (), offered, everything)
+    assert found is not None
+    assert found[1] <= everything
+    assert shortest_plan(interpreter, view, (), [], 9.0) is None
