@@ -69,7 +69,8 @@ class SaltelliEstimator(Estimator):
         chance = 1.0 - share(0.5 * sums.mean("between_squared"), variance)
         firsts, totals = sums.count("product"), sums.count("difference_squared")
         kurtosis = self.kurtosis()[:, None]
-        apart, sides = FLOOR * heaviness(kurtosis), longer(kurtosis)
+        apart = FLOOR * heaviness(kurtosis)
+        sides = longer(kurtosis, sums.count("between_squared")[0][:, None])
         return {
             "first_order": Index(
                 weighted=first,

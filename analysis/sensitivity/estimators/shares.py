@@ -6,14 +6,16 @@ log part - beta log whole, has Satterthwaite's interval, with what the part's ow
 (`analysis.sensitivity.estimators.tails`). The rest, (1 - beta) log whole, is the error of a
 variance, which under a heavy tail is too small far more often than it is too large: of squares
 without a variance of their own, Student's t of eight blocks of log variance has a 5 % quantile of
--3.5 instead of -1.9, whatever the number of rows. So below it is taken up to `LOW` times as long
-(`longer`: not at all of an output whose tail is no heavier than a normal one's). (Both parts are
-independent by construction, so their lengths add as the sides of a right angle: Zou and Donner
+-3.5 instead of -1.9, whatever the number of rows. So on that side it is taken up to `LOW` times as
+long (`longer`: not at all of an output whose tail is no heavier than a normal one's). (Both parts
+are independent by construction, so their lengths add as the sides of a right angle: Zou and Donner
 2008, Construction of confidence limits about effect measures.)
 
-A variance that lacks its tail makes the shares of other factors too large and that of the tail's
-own factor too small. For first-order indices, which are differences of means and no means of
-squares, Fieller's interval is made longer on that side by as much (`allowing_for_tails`).
+A variance that lacks its tail makes the shares of other factors too large, whose beta is below 1,
+and that of the tail's own factor too small, whose beta is above 1: the longer side is the lower of
+the former and the upper of the latter. For first-order indices, which are differences of means and
+no means of squares, Fieller's interval is made longer on that side by as much
+(`allowing_for_tails`).
 
 Of a rare event balanced blocks have equal counts, and look free of error. So where the output has a
 heavy tail neither end of a share is nearer than `tails.FLOOR` of what rows drawn independently
@@ -41,13 +43,19 @@ LOW = 3.5 / 1.895
 _NORMAL = 3.0
 
 
-def longer(kurtosis: Array) -> Array:
+def longer(kurtosis: Array, runs: NDArray[np.int64]) -> Array:
     """Return how much longer a side is for a variance that lacks its tail, from 1 to `LOW`.
 
-    In proportion to the excess kurtosis of the output (Kendall and Stuart 1977, chapter 3) up to 1;
-    `LOW` where it is unknown.
+    In proportion to the excess kurtosis of the output up to 1; `LOW` where it is unknown. It may be
+    more than it seems by its standard error in as many values of a normal distribution (Kendall and
+    Stuart 1977, chapter 3: the square root of 24 / n).
+
+    Args:
+        kurtosis: of the output.
+        runs: from how many differences it is known; broadcasts to it.
     """
-    excess = np.where(np.isnan(kurtosis), 1.0, kurtosis - _NORMAL)
+    unsure = np.sqrt(24.0 / np.maximum(runs, 1))
+    excess = np.where(np.isnan(kurtosis), 1.0, kurtosis + unsure - _NORMAL)
     return 1.0 + (LOW - 1.0) * np.clip(excess, 0.0, 1.0)
 
 
@@ -60,7 +68,7 @@ def share_of_squares(
     whole: Array,
     weighted_whole: Array,
     stretch: Array | float,
-    low_side: Array | float = LOW,
+    times: Array | float = LOW,
 ) -> Estimate:
     """Return a share that is a mean of squares over a variance, with its interval (Zou 2008).
 
@@ -70,7 +78,8 @@ def share_of_squares(
         whole: the variance, in the sample and without each block; broadcasts to (1 + blocks, ...).
         weighted_whole: the same in the sample and its replicates.
         stretch: as `analysis.sensitivity.estimators.intervals.satterthwaite`.
-        low_side: how much longer the lower side is for the error of the whole (`longer`).
+        times: how much longer the side is on which the share is if the whole lacks its tail
+            (`longer`): the lower one, of a part that grows more than the whole the upper one.
 
     Raises:
         ValueError: the level is not between 0 and 1.
@@ -79,16 +88,16 @@ def share_of_squares(
     with np.errstate(divide="ignore", invalid="ignore"):
         of_share = np.log(weighted[1:])
         of_whole = np.broadcast_to(np.log(weighted_whole[1:]), of_share.shape)
-        slope = _slope(of_share + of_whole, of_whole)
+        steep = _slope(of_share + of_whole, of_whole, np.maximum(1.0 / value, 1.0))
         whole, relative = np.broadcast_to(whole[0], value.shape), whole[1:] / whole[0]
         # part / whole^beta is the share times whole^(1 - beta), relative to the sample's own.
-        left = np.broadcast_to(relative, without.shape) ** (1.0 - slope)
+        left = np.broadcast_to(relative, without.shape) ** np.maximum(1.0 - steep, 0.0)
         stretched = np.broadcast_to(np.asarray(stretch, dtype=np.float64), value.shape)
         own = satterthwaite(value, without * left, present, level, 1, stretched)
         error = jackknife_error(np.log(np.broadcast_to(relative, without.shape)), present)
-        common = (1.0 - slope) * error * students_quantile(present, level)
-        down = np.hypot(np.log(value / own.low), low_side * common)
-        up = np.hypot(np.log(own.high / value), common)
+        common = (1.0 - steep) * error * students_quantile(present, level)
+        down = np.hypot(np.log(value / own.low), times * np.maximum(common, 0.0))
+        up = np.hypot(np.log(own.high / value), np.where(common < 0.0, times, 1.0) * common)
         moves = (value > 0.0) & ~np.isnan(common) & (whole > 0.0)
         low = np.where(moves, value * np.exp(-down), own.low)
         high = np.where(moves, value * np.exp(up), own.high)
@@ -122,7 +131,7 @@ def allowing_for_tails(
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.broadcast_to(whole[1:] / whole[0], without.shape)
-        slope = _slope(without * relative, relative)
+        slope = _slope(without * relative, relative, 1.0)
         quantile = students_quantile(present, level)
         own = quantile * jackknife_error((without - slope) * relative, present)
         common = (slope - found.value) * quantile * jackknife_error(np.log(relative), present)
@@ -156,12 +165,12 @@ def kept_apart(found: Estimate, weighted: Array, apart: Array, level: float) -> 
     )
 
 
-def _slope(part: Array, whole: Array) -> Array:
-    """Return the slope of `part` on `whole` over the first axis, 0 to 1; 0 where there is none."""
+def _slope(part: Array, whole: Array, most: Array | float) -> Array:
+    """Return the slope of `part` on `whole` over the first axis, 0 to `most`; 0 of no slope."""
     there = np.isfinite(part) & np.isfinite(whole)
     n = np.maximum(there.sum(axis=0), 1)
     x, y = (np.where(there, one, 0.0) for one in (whole, part))
     x, y = (np.where(there, one - one.sum(axis=0) / n, 0.0) for one in (x, y))
     squares = (x * x).sum(axis=0)
     slope = np.where(squares > 0.0, (x * y).sum(axis=0) / squares, 0.0)
-    return np.clip(slope, 0.0, 1.0)
+    return np.clip(slope, 0.0, most)

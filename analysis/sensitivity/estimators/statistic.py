@@ -100,7 +100,7 @@ class Statistic:
                 whole=self.whole,
                 weighted_whole=self.weighted_whole,
                 stretch=1.0 if self.tail is None else self.tail.stretch,
-                low_side=LOW if self.longer is None else self.longer,
+                times=LOW if self.longer is None else self.longer,
             )
         found = estimate(
             self.weighted[0],
