@@ -177,8 +177,7 @@ def _lines(found: Statistic, level: float) -> list[dict[str, Any]]:
     lines = []
     for f in range(found.n.shape[-1]):
         one = _only(found, f)
-        blocks = int(one.present.sum(axis=0).max(initial=0))
-        band = one.estimate(band_level(one.weighted[..., 0], blocks, level))
+        band = one.estimate(band_level(one.without[..., 0], one.present[..., 0], level))
         top = band.high[:, 0]
         if found.whole is not None:
             # No share is truly above 1 (Sobol 1993), whatever few rows cannot rule out.
