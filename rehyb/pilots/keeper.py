@@ -2,6 +2,7 @@
 
 import logging
 import os
+import secrets
 import shlex
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -13,6 +14,7 @@ from rehyb.errors import FleetError, ServerError, Unreachable
 from rehyb.pilots.engines import Engine, JobState
 from rehyb.pilots.scaling import Work, head_start, may_start, step
 from rehyb.pilots.settings import Settings
+from rehyb.whole_files import whole_file
 
 log = logging.getLogger(__name__)
 
@@ -24,25 +26,27 @@ FAREWELL_SECONDS = 30.0
 SHORT_LIFE_SECONDS, SHORT_LIVES = 10.0, 5
 #: After a batch system has refused a pilot, none is submitted for so long.
 REFUSED_SECONDS = 30.0
-#: Files of a keeper's folder. Each keeper of it has a script and a stop of its own: jobs of one
-#: that was killed must not read the script of the next.
-ENVIRONMENT, STOP, JOB = "environment", "stop-{}", "pilot-{}.sh"
+#: Files of a keeper's folder; KEEPER names the one that wants its pilots to stay.
+ENVIRONMENT, KEEPER, JOB = "environment", "keeper", "pilot.sh"
 
 #: What a job runs. A worker is asked to drain by a file that jobs see, in every batch system alike:
 #: not each of them passes signals on, and some kill soon after.
 _JOB = """#!/bin/sh
-# Written by rehyb pilots. $1: seconds to wait; the rest: what the worker is told besides.
+# Written by rehyb pilots.
+# $1: its keeper; $2: seconds to wait; the rest: what the worker is told besides.
 cd {folder} || exit 1
 . ./{environment}
-sleep "$1"
-shift
-[ ! -e {stop} ] || exit 0
+mine=$1
+sleep "$2"
+shift 2
+wanted() {{ read -r keeper < {keeper} && [ "$keeper" = "$mine" ]; }} 2>/dev/null
+wanted || exit 0
 {worker} "$@" &
 worker=$!
 leave() {{ trap '' TERM INT; kill -TERM "$worker" 2>/dev/null; wait "$worker"; exit; }}
 trap leave TERM INT
 while kill -0 "$worker" 2>/dev/null; do
-    [ ! -e {stop} ] || leave
+    wanted || leave
     sleep 1
 done
 wait "$worker"
@@ -76,8 +80,8 @@ class Keeper:
     folder: Path
     jobs: dict[str, JobState] = field(default_factory=dict)
     submitted: int = 0
-    #: Which keeper of the folder this is.
-    number: int = 1
+    #: What its pilots know it by; a new one by each `prepare`.
+    name: str = ""
     _standing: set[str] = field(default_factory=set)
     _starts: deque[float] = field(default_factory=lambda: deque(maxlen=10_000))
     _started_at: dict[str, float] = field(default_factory=dict)
@@ -95,24 +99,18 @@ class Keeper:
         finish and leave: nobody counts them any more.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
-        while (self.folder / JOB.format(self.number)).exists():
-            self._stop.touch()
-            self.number += 1
+        self.name = secrets.token_hex(4)
         told = {"REHYB_URL": self.client.url, "REHYB_TOKEN": self.token}
         text = "".join(f"export {name}={shlex.quote(value)}\n" for name, value in told.items())
         path = self.folder / ENVIRONMENT
         path.unlink(missing_ok=True)
         with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
             file.write(text)
-        self._job.write_text(self._script())
-
-    @property
-    def _job(self) -> Path:
-        return self.folder / JOB.format(self.number)
-
-    @property
-    def _stop(self) -> Path:
-        return self.folder / STOP.format(self.number)
+        # Shells read a script as they go on: what they have begun must stay what it was.
+        with whole_file(self.folder / JOB) as draft:
+            draft.write_text(self._script())
+        with whole_file(self.folder / KEEPER) as draft:
+            draft.write_text(f"{self.name}\n")
 
     def look(self, now: float) -> Status:
         """Look at work and jobs, and do what follows.
@@ -157,7 +155,7 @@ class Keeper:
             wait: waits so many seconds.
             on_status: is told how things stand after each wait.
         """
-        self._stop.touch()
+        (self.folder / KEEPER).unlink(missing_ok=True)
         left = self.settings.instance + FAREWELL_SECONDS
         while True:
             try:
@@ -179,8 +177,9 @@ class Keeper:
     def _submit(self, number: int, now: float) -> None:
         standing = len(self._standing) < self.settings.minimum
         idle = "" if standing else f" --max-idle {self.settings.idle:g}"
-        script = shlex.quote(str(self._job))
-        job = self.engine.submit(f"sh {script} {head_start(number):g}{idle}", "rehyb-pilot")
+        script = shlex.quote(str(self.folder / JOB))
+        command = f"sh {script} {self.name} {head_start(number):g}{idle}"
+        job = self.engine.submit(command, "rehyb-pilot")
         self.jobs[job] = JobState.WAITING
         self.submitted += 1
         self._starts.append(now)
@@ -195,9 +194,7 @@ class Keeper:
             f"--instance-seconds {settings.instance:g}"
         )
         folder = shlex.quote(str(self.folder))
-        return _JOB.format(
-            folder=folder, environment=ENVIRONMENT, stop=self._stop.name, worker=worker
-        )
+        return _JOB.format(folder=folder, environment=ENVIRONMENT, keeper=KEEPER, worker=worker)
 
     def _cancel(self, jobs: Iterable[str]) -> None:
         chosen = list(jobs)

@@ -1,5 +1,7 @@
 """How many pilots there are, and what a pilots file may say."""
 
+import os
+import subprocess
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,7 @@ from rehyb.client import Client
 from rehyb.durations import seconds
 from rehyb.errors import FleetError, Invalid
 from rehyb.pilots.engines import JobState, ParslEngine
-from rehyb.pilots.keeper import JOB, SHORT_LIVES, STOP, Keeper
+from rehyb.pilots.keeper import JOB, KEEPER, SHORT_LIVES, Keeper
 from rehyb.pilots.scaling import Work, may_start, step
 from rehyb.pilots.settings import checked, read
 from tests.testbed.command import Run
@@ -197,7 +199,7 @@ def test_pilots_come_with_work_and_those_that_wait_go_with_it(site: Site) -> Non
     site.work = {"waiting": 8, "under_way": 0}
     status = site.keeper.look(0.0)
     assert (status.submitted, status.pilots_waiting) == (2, 2)
-    starts = [command.split()[2] for command in site.batch.commands]
+    starts = [command.split()[3] for command in site.batch.commands]
     assert starts == ["0", "0.2"], "they do not ask in the same moment"
     site.work = {"waiting": 0, "under_way": 0}
     assert site.keeper.look(1.0).pilots_waiting == 0
@@ -249,7 +251,7 @@ def test_draining_lets_those_that_run_finish_and_cancels_who_stays(site: Site) -
 
     def wait(seconds: float) -> None:
         waits.append(seconds)
-        assert (site.keeper.folder / STOP.format(1)).exists()
+        assert not (site.keeper.folder / KEEPER).exists()
         if len(waits) == 5:
             site.batch.jobs["0"] = ENDED
 
@@ -258,28 +260,59 @@ def test_draining_lets_those_that_run_finish_and_cancels_who_stays(site: Site) -
     assert set(site.batch.jobs.values()) == {ENDED}
 
 
-def test_the_next_keeper_of_a_folder_has_pilots_of_a_killed_one_leave(
-    tmp_path: Path,
+def test_the_next_keeper_of_a_folder_has_pilots_of_a_killed_one_leave(tmp_path: Path) -> None:
+    killed, restarted = Site(tmp_path), Site(tmp_path)
+    for site in (killed, restarted):
+        site.work = {"waiting": 4, "under_way": 0}
+        site.keeper.look(0.0)
+    (old,), (new,) = killed.batch.commands, restarted.batch.commands
+    assert (tmp_path / KEEPER).read_text().split() == [new.split()[2]] != [old.split()[2]]
+
+
+def test_a_pilot_leaves_unless_its_keeper_wants_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    killed = Site(tmp_path)
-    killed.work = {"waiting": 8, "under_way": 0}
-    killed.keeper.look(0.0)
-    script = (tmp_path / JOB.format(1)).read_text()
-    restarted = Site(tmp_path, cores=2)
-    assert STOP.format(1) in script and (tmp_path / STOP.format(1)).exists()
-    # Shells read a script as they go on: it stays what it was.
-    assert (tmp_path / JOB.format(1)).read_text() == script
-    restarted.work = {"waiting": 8, "under_way": 0}
-    restarted.keeper.look(0.0)
-    assert all(JOB.format(2) in command for command in restarted.batch.commands)
-    assert not (tmp_path / STOP.format(2)).exists()
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin" / "sleep").symlink_to("/bin/true")
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:{os.environ['PATH']}")
+    site = Site(tmp_path / "site", worker="touch worked; echo")
+
+    def worked(keeper: str) -> bool:
+        mark = site.keeper.folder / "worked"
+        mark.unlink(missing_ok=True)
+        job = ["sh", str(site.keeper.folder / JOB), keeper, "0"]
+        assert subprocess.run(job, check=True, capture_output=True).stderr == b""
+        return mark.exists()
+
+    assert not worked("another")
+    assert worked(site.keeper.name)
+    site.keeper.drain(lambda _: None, lambda _: None)
+    assert not worked(site.keeper.name)
+
+
+def test_a_keeper_leaves_the_script_that_shells_read_as_it_is(tmp_path: Path) -> None:
+    Site(tmp_path)
+    with (tmp_path / JOB).open() as begun:
+        script = begun.read()
+        Site(tmp_path, cores=2)
+        begun.seek(0)
+        assert begun.read() == script != (tmp_path / JOB).read_text()
+
+
+def test_the_folder_of_a_keeper_grows_with_no_start(tmp_path: Path) -> None:
+    Site(tmp_path)
+    before = sorted(path.name for path in tmp_path.iterdir())
+    for _ in range(3):
+        Site(tmp_path).keeper.drain(lambda _: None, lambda _: None)
+        Site(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
 def test_the_token_is_for_its_owners_eyes_only(site: Site) -> None:
     path = site.keeper.folder / "environment"
     assert path.stat().st_mode & 0o777 == 0o600
     assert "export REHYB_TOKEN=t\n" in path.read_text()
-    assert "REHYB_TOKEN" not in (site.keeper.folder / JOB.format(1)).read_text()
+    assert "REHYB_TOKEN" not in (site.keeper.folder / JOB).read_text()
 
 
 def test_a_status_is_one_line(site: Site) -> None:
