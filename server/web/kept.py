@@ -15,12 +15,16 @@ class Kept(Generic[T]):
         self._found: dict[Hashable, T] = {}
         self._lock = Lock()
 
-    def of(self, key: Hashable, find: Callable[[], T]) -> T:
-        """Return the answer to `key`, which `find` finds if it is not known."""
+    def of(
+        self, key: Hashable, find: Callable[[], T], stays: Callable[[T], bool] = lambda _: True
+    ) -> T:
+        """Return the answer to `key`, which `find` finds if it is not known; kept if it `stays`."""
         with self._lock:
             if key in self._found:
                 return self._found[key]
         found = find()
+        if not stays(found):
+            return found
         with self._lock:
             self._found[key] = found
             while len(self._found) > self._most:

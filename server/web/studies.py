@@ -1,6 +1,7 @@
 """All studies: how far each is, how fast, and how precise."""
 
 from collections.abc import Callable, Mapping
+from operator import itemgetter
 from typing import Any
 
 from sqlalchemy.engine import Engine
@@ -13,6 +14,7 @@ from server.operations.study import precision_goals, studies
 from server.operations.study.result_log import StoreResultLog
 from server.records import PrecisionGoal, Study
 from server.states import StudyState
+from server.web.kept import Kept
 from server.web.page import Look, Page
 
 #: Studies that one page shows; a filter finds the others.
@@ -26,7 +28,8 @@ SORTS: Mapping[str, Callable[[dict[str, Any]], Any]] = {
     "failed": lambda row: row["failed_share"],
     "priority": lambda row: row["study"].priority,
 }
-_PRECISION: dict[tuple[str, int, int, str], Advice | None] = {}
+#: What is said of a study's precision, and whether its snapshot holds all rows that are complete.
+PRECISION: Kept[tuple[Advice | None, bool]] = Kept(1000)
 
 
 def look(asked: Look) -> dict[str, Any]:
@@ -85,19 +88,17 @@ def precision(engine: Engine, study: Study, goal: PrecisionGoal | None) -> Advic
         return None
     output = goal.output if goal else names_of(study.plan.outputs, study.plan.curves)[0]
     target = goal.target if goal else None
-    key = (study.id, study.edition, study.rows_complete, f"{output} {target}")
-    if key not in _PRECISION:
+
+    def find() -> tuple[Advice | None, bool]:
         snapshot = StoreResultLog(engine).snapshot(study.id)
         if snapshot is None or not said_of(snapshot, output):
-            return None
+            return None, False
         found = advise({"sampling": study.plan.sampling, **snapshot}, output, target)
-        if snapshot["rows_complete"] != study.rows_complete:
-            # The analysis is not through yet: a moment later there is more to say.
-            return found
-        while len(_PRECISION) > 1000:
-            _PRECISION.pop(next(iter(_PRECISION)), None)
-        _PRECISION[key] = found
-    return _PRECISION[key]
+        return found, snapshot["rows_complete"] == study.rows_complete
+
+    key = (study.id, study.edition, study.rows_complete, output, target)
+    # Until the analysis is through there is more to say a moment later.
+    return PRECISION.of(key, find, stays=itemgetter(1))[0]
 
 
 def _failed_share(study: Study) -> float:
