@@ -59,8 +59,10 @@ def test_up_serves_a_study_to_whoever_has_its_token_until_it_is_told_to_stop(
     try:
         assert up.stdout is not None
         printed = ""
-        while not printed.endswith("}\n"):
-            printed += up.stdout.readline()
+        for line in up.stdout:
+            printed += line
+            if line == "}\n":
+                break
         place = json.loads(printed)
         with Client(place["url"], place["token"]) as client:
             study = client.submit(

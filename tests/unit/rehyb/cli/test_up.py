@@ -14,6 +14,14 @@ from rehyb.errors import FleetError
 
 def where(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> tuple[Any, Any]:
     """Return host and port that `rehyb up` asks for."""
+    asked = start_nothing(monkeypatch)
+    found = CliRunner().invoke(app, ["up", "--directory", str(folder), *arguments])
+    assert isinstance(found.exception, FleetError), found.output
+    return asked["host"], asked["port"]
+
+
+def start_nothing(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Have `rehyb up` end where it would start a fleet; returns what it asks for, once it has."""
     asked: dict[str, Any] = {}
 
     def refuse(directory: Path, **options: Any) -> None:
@@ -21,9 +29,7 @@ def where(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> tup
         raise FleetError("enough")
 
     monkeypatch.setattr(fleet, "LocalFleet", refuse)
-    found = CliRunner().invoke(app, ["up", "--directory", str(folder), *arguments])
-    assert isinstance(found.exception, FleetError), found.output
-    return asked["host"], asked["port"]
+    return asked
 
 
 def test_the_environment_says_where_to_listen(
@@ -48,18 +54,18 @@ def test_a_port_that_is_none_is_refused_with_the_name_of_its_variable(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("REHYB_PORT", "high")
+    start_nothing(monkeypatch)
     found = CliRunner().invoke(app, ["up", "--directory", str(tmp_path)])
     assert found.exit_code == 2
     assert "REHYB_PORT" in found.output
 
 
-def test_without_the_extra_server_it_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_without_the_extra_server_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "rehyb.cli.operate.services.find_spec", lambda name: None if name == "uvicorn" else object()
     )
     monkeypatch.setitem(sys.modules, "uvicorn", None)
+    start_nothing(monkeypatch)
     for command in ("up", "coordinator"):
         # What this process has imported before would be found.
         monkeypatch.delitem(sys.modules, "server.run", raising=False)
