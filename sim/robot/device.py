@@ -11,7 +11,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from sim.robot.control import Gains
 from sim.robot.cuff import Cuff
@@ -209,12 +208,22 @@ def _cuff(model: mujoco.MjModel, name: str, joint: tuple[float, float], place: n
 
 def _start(model: mujoco.MjModel, angles: np.ndarray) -> Start:
     """Return a start; the human joints turn about left, up and the arm's own axis in turn."""
-    orientation = Rotation.from_matrix(_limb_axes(_posed(model, angles)))
-    flexion, abduction, rotation = _exact(orientation.as_euler("YZX"))
+    flexion, abduction, rotation = _exact(_turns(_limb_axes(_posed(model, angles))))
     return Start(
         angles=tuple(float(angle) for angle in angles),
         human_shoulder=(abduction, flexion - np.pi / 2, rotation),
     )
+
+
+def _turns(axes: np.ndarray) -> np.ndarray:
+    """Return the angles (rad) of turns about y, the new z and the new x that make these axes."""
+    across = np.hypot(axes[0, 0], axes[2, 0])
+    if across < 1e-7:
+        # The first and the last turn are about one axis: all of them is the first.
+        first, last = np.arctan2(axes[0, 2], axes[2, 2]), 0.0
+    else:
+        first, last = np.arctan2(-axes[2, 0], axes[0, 0]), np.arctan2(-axes[1, 2], axes[1, 1])
+    return np.array([first, np.arctan2(axes[1, 0], across), last])
 
 
 def _posed(model: mujoco.MjModel, angles: np.ndarray) -> mujoco.MjData:

@@ -22,7 +22,10 @@ HEAVY = {"mujoco", "numpy", "scipy", "sqlalchemy", "fastapi", "pydantic", "matpl
             {"mujoco", "sim", "matplotlib", "worker", "pandas", "scipy.stats"},
         ),
         ("analysis.closeloop.code", {"mujoco", "numpy"}),
-        ("sim.assessment.assess", {"httpx2", "fastapi", "sqlalchemy", "analysis", "matplotlib"}),
+        (
+            "sim.assessment.assess, sim.evaluation",
+            {"httpx2", "fastapi", "sqlalchemy", "analysis", "matplotlib", "scipy"},
+        ),
     ],
 )
 def test_importing_a_room_does_not_load_what_it_must_not_know(

@@ -5,6 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from sim.assessment.assess import assess
 from sim.assessment.nominal import nominal_model
@@ -12,7 +13,7 @@ from sim.models import ASSESSMENTS
 from sim.parameters.target import TARGETS
 from sim.parameters.wearer import NOMINAL_WEARER
 from sim.robot.control import Gains
-from sim.robot.device import DEVICES, FOLDER, JOINTS, NESM, load_device
+from sim.robot.device import DEVICES, FOLDER, JOINTS, NESM, _turns, load_device
 from sim.system.build import build_system
 from sim.system.start import reset_to_start
 
@@ -52,6 +53,19 @@ def test_the_upper_arm_lies_in_its_cuff_at_every_start_of_every_device(name: str
         assert humerus.xmat.reshape(3, 3) == pytest.approx(in_world, abs=1e-9)
         centre = data.body(cuff.link).xpos + frame @ cuff.centre
         assert in_world.T @ (centre - humerus.xpos) == pytest.approx(cuff.limb_place, abs=1e-9)
+
+
+@pytest.mark.parametrize("abduction", [-np.pi / 2, -1.2, 0.0, 1.5, np.pi / 2])
+@pytest.mark.parametrize("flexion", [-2.5, 0.0, 0.4])
+@pytest.mark.parametrize("rotation", [-1.0, 0.0, 3.0])
+def test_the_human_joints_turns_make_the_axes_of_any_posture(
+    flexion: float, abduction: float, rotation: float
+) -> None:
+    def axes(angles: tuple[float, ...]) -> np.ndarray:
+        return Rotation.from_euler("YZX", angles).as_matrix()
+
+    wanted = axes((flexion, abduction, rotation))
+    assert axes(tuple(_turns(wanted))) == pytest.approx(wanted, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", DEVICES)
