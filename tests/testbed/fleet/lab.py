@@ -13,6 +13,7 @@ from rehyb import Client
 from tests.testbed.fleet import warm
 
 TOKEN = "token-of-the-worker-tests"
+WORKER = Path(__file__).with_name("quick_worker.py")
 
 
 def until(ask: Callable[[], object], seconds: float = 30.0) -> None:
@@ -58,7 +59,7 @@ class Lab:
         log = self.folder / f"worker-{len(self.processes)}.log"
         with log.open("wb") as file:
             process = subprocess.Popen(
-                [sys.executable, "-m", "worker", "--spool", spool, "--processes", "1", *options],
+                [sys.executable, WORKER, "--spool", spool, "--processes", "1", *options],
                 env=self.environment,
                 stdout=file,
                 stderr=subprocess.STDOUT,
