@@ -9,8 +9,9 @@ from analysis.designs import unit_rows
 from analysis.designs.radial import legs
 from analysis.sensitivity.estimators.estimator import Estimator, Terms
 from analysis.sensitivity.estimators.intervals import jackknife_error
+from analysis.sensitivity.estimators.shares import LOW
 from analysis.sensitivity.estimators.statistic import Index
-from analysis.sensitivity.estimators.tails import LARGEST_FOURTH, tail
+from analysis.sensitivity.estimators.tails import LARGEST_FOURTH, heaviness, tail
 from analysis.sensitivity.estimators.weightings import FIRST, Weighted
 
 #: From so many rows on the eight blocks alone say how far an effect may be off; of fewer, ends of
@@ -38,13 +39,15 @@ class MorrisEstimator(Estimator):
     def kurtosis(self) -> NDArray[np.float64]:
         """Return E e^4 / E(e^2)^2 of the effects e of each output's leading factor, (outputs,).
 
-        Of the one with the largest mu* (Campolongo et al. 2007); nan where nothing moves.
+        Of the one with the largest mean square, which a heavy tail makes up (Sobol and Kucherenko
+        2009, Derivative based global sensitivity measures, rank by it); nan where nothing moves.
         """
         sums = self._weighted(1)
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             fourth = self._weighted_sample().mean("effect_fourth")[0]
-            kurtosis = fourth / sums.mean("effect_squared")[0] ** 2
-        leading = np.argmax(np.nan_to_num(sums.mean("magnitude")[0]), axis=-1)
+            squared = sums.mean("effect_squared")[0]
+            kurtosis = fourth / squared**2
+        leading = np.argmax(np.nan_to_num(squared), axis=-1)
         found: NDArray[np.float64] = np.take_along_axis(kurtosis, leading[:, None], axis=-1)[:, 0]
         return np.where(np.isfinite(found), found, np.nan)
 
@@ -63,6 +66,14 @@ class MorrisEstimator(Estimator):
         scale = np.where(np.isfinite(unbiased), np.sqrt(np.maximum(unbiased, 0.0)), 1.0)
         # Blocks of two or three rows tell little of their spread.
         apart = np.maximum(1.0 - counts[0] / ROWS_ENOUGH, 0.0)
+        of_squares = tail(
+            half=sample.mean("effect_root")[0],
+            first=sums.mean("magnitude")[0],
+            second=sums.mean("effect_squared")[0],
+            fourth=sample.mean("effect_fourth")[0],
+            n=counts[0],
+        )
+        heavy = heaviness(counts[0] / of_squares.rows, self.heavy_kurtosis)
         return {
             "mu": Index(weighted=mean, count=counts, apart=apart),
             "mu_star": Index(weighted=sums.mean("magnitude"), count=counts, power=1, apart=apart),
@@ -72,13 +83,8 @@ class MorrisEstimator(Estimator):
                 power=2,
                 apart=apart,
                 scale=scale,
-                tail=tail(
-                    half=sample.mean("effect_root")[0],
-                    first=sums.mean("magnitude")[0],
-                    second=sums.mean("effect_squared")[0],
-                    fourth=sample.mean("effect_fourth")[0],
-                    n=counts[0],
-                ),
+                tail=of_squares,
+                longer=1.0 + (LOW - 1.0) * heavy,
             ),
         }
 

@@ -144,6 +144,37 @@ def allowing_for_tails(
     )
 
 
+def lacking_a_tail(
+    found: Estimate,
+    without: Array,
+    present: NDArray[np.bool_],
+    level: float,
+    *,
+    times: Array,
+) -> Estimate:
+    """Return a mean of squares, or its root, whose upper side allows for a tail that it lacks.
+
+    As of a variance that is a whole, the error of its logarithm is taken `times` as long above
+    (Zou and Donner 2008).
+
+    Args:
+        found: the mean, with an interval that has this error once.
+        without, present, level: as `analysis.sensitivity.estimators.intervals.student`.
+        times: broadcasts to (...), 1 or more.
+
+    Raises:
+        ValueError: the level is not between 0 and 1.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        own = np.log(found.high / found.value)
+        error = jackknife_error(np.log(without / found.value), present)
+        more = np.sqrt(times**2 - 1.0) * error * students_quantile(present, level)
+        high = found.value * np.exp(np.hypot(own, more))
+    return Estimate(
+        value=found.value, low=found.low, high=np.where(np.isfinite(high), high, found.high)
+    )
+
+
 def kept_apart(found: Estimate, weighted: Array, apart: Array, level: float) -> Estimate:
     """Return an interval whose ends keep a share of what independent rows err (Hanley 2006).
 

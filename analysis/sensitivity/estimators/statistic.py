@@ -14,6 +14,7 @@ from analysis.sensitivity.estimators.shares import (
     LOW,
     allowing_for_tails,
     kept_apart,
+    lacking_a_tail,
     share_of_squares,
 )
 from analysis.sensitivity.estimators.tails import Tail
@@ -64,7 +65,8 @@ class Statistic:
     apart: NDArray[np.float64] | None = None
     #: By what it must be multiplied to be unbiased, which its ends are.
     scale: NDArray[np.float64] | None = None
-    #: How much longer a side is where the whole may lack its tail; broadcasts to (outputs, ...).
+    #: How much longer a side is where the whole, or the mean of squares that has none, may lack its
+    #: tail; broadcasts to (outputs, ...).
     longer: NDArray[np.float64] | None = None
 
     @classmethod
@@ -111,8 +113,10 @@ class Statistic:
             stretch=None if self.tail is None else self.tail.stretch,
             whole=self.whole,
         )
-        if self.longer is None or self.whole is None:
+        if self.longer is None:
             return found
+        if self.whole is None:
+            return lacking_a_tail(*(found, self.without, self.present, level), times=self.longer)
         return allowing_for_tails(
             *(found, self.without, self.present, level), whole=self.whole, times=self.longer
         )

@@ -68,9 +68,9 @@ def tail(*, half: Array, first: Array, second: Array, fourth: Array, n: NDArray[
     return Tail(stretch=stretch, rows=np.where(np.isfinite(rows), rows, np.nan))
 
 
-def heaviness(kurtosis: Array) -> Array:
-    """Return how heavy a tail is, from 0 up to `HEAVY_KURTOSIS` to 1 from twice that on.
+def heaviness(kurtosis: Array, heavy: float = HEAVY_KURTOSIS) -> Array:
+    """Return how heavy a tail is, from 0 up to a kurtosis of `heavy` to 1 from twice that on.
 
     Kurtosis as in Kendall and Stuart 1977, chapter 3; 0 where it is unknown.
     """
-    return np.clip(np.nan_to_num(kurtosis) / HEAVY_KURTOSIS - 1.0, 0.0, 1.0)
+    return np.clip(np.nan_to_num(kurtosis) / heavy - 1.0, 0.0, 1.0)

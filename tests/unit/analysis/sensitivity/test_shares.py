@@ -10,6 +10,7 @@ from analysis.sensitivity.estimators.shares import (
     LOW,
     allowing_for_tails,
     kept_apart,
+    lacking_a_tail,
     longer,
     share_of_squares,
 )
@@ -172,3 +173,28 @@ def test_an_unknown_share_stays_unknown_whatever_its_tail() -> None:
     with np.errstate(invalid="ignore", divide="ignore"):
         plain, found = signed(np.zeros((64, 1)), np.zeros((64, 1)), LOW)
     assert np.isnan([plain.low[0], found.low[0], found.high[0]]).all()
+
+
+def test_the_root_of_a_mean_of_heavy_squares_may_be_larger_by_its_logarithms_error() -> None:
+    rng = np.random.default_rng(9)
+    squares = (rng.random((256, 1500)) ** -0.3 - 1.0 / 0.7) ** 2
+    truth = np.sqrt(1.0 / 0.4 - 1.0 / 0.49)
+    without, _ = parts_of(squares, 1)
+    value, there = np.sqrt(squares.mean(axis=0)), np.ones(without.shape, dtype=np.bool_)
+    plain = satterthwaite(value, np.sqrt(without), there, 0.9, 2, np.ones(1500))
+    once = lacking_a_tail(plain, np.sqrt(without), there, 0.9, times=np.ones(1500))
+    found = lacking_a_tail(plain, np.sqrt(without), there, 0.9, times=np.full(1500, LOW))
+    np.testing.assert_allclose(once.high, plain.high)
+    assert np.array_equal(found.low, plain.low)
+    held = [np.mean((one.low <= truth) & (truth <= one.high)) for one in (plain, found)]
+    assert held[0] < 0.76 and held[1] > held[0] + 0.1
+    error = np.sqrt(7.0 * np.var(np.log(np.sqrt(without)), axis=0))
+    more = np.log(found.high / value) ** 2 - np.log(plain.high / value) ** 2
+    np.testing.assert_allclose(more, (LOW**2 - 1.0) * (stats.t.ppf(0.95, 7) * error) ** 2)
+
+
+def test_a_root_of_nothing_stays_nothing_whatever_its_tail() -> None:
+    nothing, there = np.zeros((8, 1)), np.ones((8, 1), dtype=np.bool_)
+    plain = Estimate(value=np.zeros(1), low=np.zeros(1), high=np.zeros(1))
+    found = lacking_a_tail(plain, nothing, there, 0.9, times=np.array([LOW]))
+    assert (found.low[0], found.high[0]) == (0.0, 0.0)

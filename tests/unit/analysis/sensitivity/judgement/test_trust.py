@@ -8,6 +8,7 @@ import pytest
 
 from analysis.designs import unit_row
 from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
+from analysis.sensitivity.estimators.shares import LOW
 from analysis.sensitivity.judgement.stopping import Goal, next_step
 from analysis.sensitivity.judgement.trust import judge
 from analysis.sensitivity.records import StudyPlan
@@ -136,6 +137,19 @@ def test_effects_that_few_rows_make_up_are_not_to_be_trusted() -> None:
     assert judge(kind, kind.statistics(), 0, "y").trusted is True
     few = screened("exp-sum", 64, seed=5)
     assert judge(few, few.statistics(), 0, "y").trusted is None
+
+
+def test_a_tail_beside_a_larger_mean_effect_is_seen_and_lengthens_sigma() -> None:
+    """mu* of x1 is larger, but the squares of x0's effects are: with mu* none of 200 warned."""
+    heavy = screened("Pareto 0.2", 1024, seed=60_001)
+    found = heavy.indices()
+    assert np.argmax(found["mu_star"].value[0]) == 1
+    assert judge(heavy, heavy.statistics(), 0, "y").trusted is False
+    sigma = heavy.statistics()["sigma"]
+    assert sigma.longer is not None
+    assert sigma.longer[0, 0] == pytest.approx(LOW) and np.all(sigma.longer[0, 1:] == 1.0)
+    kind = screened("ishigami", 1024, seed=60_001).statistics()["sigma"]
+    assert kind.longer is not None and np.all(kind.longer == 1.0)
 
 
 def test_of_few_rows_an_effects_interval_keeps_most_of_what_independent_rows_err() -> None:
