@@ -138,10 +138,11 @@ def roll_out(
     """
     first = np.empty(mujoco.mj_stateSize(system.model, _STATE))
     mujoco.mj_getState(system.model, data, first, _STATE)
+    states = np.empty((len(control) + 1, len(first)))
+    states[0] = first
     if forces:
-        ahead, sensed = _stepped(system, data, forces, control)
+        states[1:], sensed = _stepped(system, data, forces, control)
     else:
-        ahead = np.empty((len(control), len(first)))
         sensed = np.empty((len(control), system.model.nsensordata))
         # With a reflex a movement is dozens of calls, and checking shapes took a third of each.
         rollout.rollout(
@@ -152,19 +153,18 @@ def roll_out(
             skip_checks=True,
             nstep=len(control),
             initial_warmstart=data.qacc_warmstart[None].copy(),
-            state=ahead[None],
+            state=states[None, 1:],
             sensordata=sensed[None],
         )
-    states = np.vstack([first, ahead])
     mujoco.mj_setState(system.model, data, states[-1], _STATE)
     return states, sensed, _divergence(data, states)
 
 
 def _divergence(data: mujoco.MjData, states: np.ndarray) -> tuple[int, Failure] | None:
     """Return the number of good steps and the failure, if states diverged."""
-    warnings, finite = data.warning.number, np.isfinite(states).all(axis=1)
-    if not warnings.any() and finite.all():
+    if not data.warning.number.any() and np.isfinite(states).all():
         return None
+    finite = np.isfinite(states).all(axis=1)
     # A rollout that diverged repeats its last state, and with it the time.
     good = finite[1:] & (np.diff(states[:, 0]) > 0.0)
     steps = len(good) if good.all() else int(np.argmin(good))

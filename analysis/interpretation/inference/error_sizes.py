@@ -16,6 +16,8 @@ PENALTY = 0.1
 FOLDS = 10
 #: Most steps of the regression.
 STEPS = 200
+#: Of how many times a size an error can be in a step that goes too far.
+LARGEST_LOGARITHM = 500.0
 #: Least square of an error, as a share of the mean: an error of none has no logarithm.
 LEAST = 1e-4
 
@@ -75,17 +77,34 @@ def _regressed(inputs: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return weights of gamma regressions of values (n, m) on inputs (n, k), shape (1 + k, m).
 
     Fisher scoring: under a logarithmic link the information does not depend on the weights, so all
-    columns share one matrix. The steps are halved, since the first may go too far.
+    columns share one matrix. A column whose deviance a step would raise, as a few large values do
+    that lie far out, takes half of it next time; the deviance is convex, so this ends at its least.
     """
     size = values.mean(axis=0)
     design = np.column_stack([np.ones(len(inputs)), inputs])
     penalty = PENALTY * np.diag([0.0, *np.ones(inputs.shape[1])])
     information = np.linalg.inv(design.T @ design / len(design) + penalty)
+
+    def looked_at(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the deviance of each column, and what each row is over what is expected."""
+        logarithm = design @ weights
+        # What a step too far would have underflow is as bad as what it would have overflow.
+        over = values / size * np.exp(np.minimum(-logarithm, LARGEST_LOGARITHM))
+        return (logarithm + over).mean(axis=0) + 0.5 * (weights * (penalty @ weights)).sum(
+            axis=0
+        ), over
+
     weights = np.zeros((design.shape[1], values.shape[1]))
+    deviance, over = looked_at(weights)
+    rate = np.full(values.shape[1], 0.5)
     for _ in range(STEPS):
-        excess = values / size * np.exp(-design @ weights) - 1.0
-        step = information @ (design.T @ excess / len(design) - penalty @ weights)
-        weights += 0.5 * step
+        step = information @ (design.T @ (over - 1.0) / len(design) - penalty @ weights)
+        tried = weights + rate * step
+        then, over_then = looked_at(tried)
+        better = then <= deviance
+        weights[:, better], over[:, better] = tried[:, better], over_then[:, better]
+        deviance[better] = then[better]
+        rate = np.where(better, np.minimum(1.5 * rate, 0.5), 0.5 * rate)
         if np.abs(step).max() < 1e-6:
             break
     weights[0] += np.log(size)

@@ -78,3 +78,21 @@ def test_intervals_hold_as_often_for_stiff_as_for_compliant_wearers(
     ends = belief.quantiles(np.array([0.05, 0.95]))[:, 0]
     score = off[chosen, 0] / spreads
     assert np.mean((score > ends[0]) & (score < ends[1])) == pytest.approx(0.9, abs=0.06)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_few_large_errors_far_out_do_not_keep_the_regression_from_its_end() -> None:
+    _, predicted, errors = rows(5, 4000)
+    # As of a bank of bushings alone: an error of twenty times the usual where hardly anybody is.
+    predicted[0], errors[0] = 60.0, 20.0 * errors.std(axis=0)
+    predicted[1], errors[1] = -30.0, -10.0 * errors.std(axis=0)
+    found = ErrorSizes.fit(predicted, errors)
+    unit = np.sqrt((predicted**2).mean(axis=0))
+    both = np.hstack([predicted / unit, np.log1p(np.abs(predicted) / unit)])
+    inputs = (both - both.mean(axis=0)) / both.std(axis=0)
+    squared = np.maximum(errors**2, LEAST * (errors**2).mean(axis=0))
+    design = np.column_stack([np.ones(len(inputs)), inputs])
+    over = squared * np.exp(-design @ found.weights) - 1.0
+    left = design.T @ over / len(design)
+    left[1:] -= PENALTY * found.weights[1:]
+    assert left == pytest.approx(np.zeros_like(left), abs=1e-5)
