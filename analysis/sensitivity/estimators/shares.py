@@ -97,7 +97,8 @@ def share_of_squares(
         error = jackknife_error(np.log(np.broadcast_to(relative, without.shape)), present)
         common = (1.0 - steep) * error * students_quantile(present, level)
         down = np.hypot(np.log(value / own.low), times * np.maximum(common, 0.0))
-        up = np.hypot(np.log(own.high / value), np.where(common < 0.0, times, 1.0) * common)
+        above = np.where(common < 0.0, times, 1.0) * common * np.minimum(1.0 / error, 1.0)
+        up = np.hypot(np.log(own.high / value), above)
         moves = (value > 0.0) & ~np.isnan(common) & (whole > 0.0)
         low = np.where(moves, value * np.exp(-down), own.low)
         high = np.where(moves, value * np.exp(up), own.high)
@@ -117,8 +118,8 @@ def allowing_for_tails(
 
     Of a part that grows by b where the whole grows by 1 (its slope over the blocks left out), the
     share s grows by (b - s) where the whole does by as much of itself. On that side the error of
-    the whole is taken `times` as long; it adds to the part's own as the sides of a right angle
-    (Zou and Donner 2008).
+    the whole, of 1 at most, is taken `times` as long; it adds to the part's own as the sides of a
+    right angle (Zou and Donner 2008).
 
     Args:
         found: the share with an interval that has equal sides for this.
@@ -134,7 +135,8 @@ def allowing_for_tails(
         slope = _slope(without * relative, relative, 1.0)
         quantile = students_quantile(present, level)
         own = quantile * jackknife_error((without - slope) * relative, present)
-        common = (slope - found.value) * quantile * jackknife_error(np.log(relative), present)
+        error = np.minimum(jackknife_error(np.log(relative), present), 1.0)
+        common = (slope - found.value) * quantile * error
         more = np.hypot(own, times * common) - np.hypot(own, common)
         more = np.where(np.isfinite(more), more, 0.0)
     return Estimate(
@@ -150,16 +152,18 @@ def lacking_a_tail(
     present: NDArray[np.bool_],
     level: float,
     *,
+    power: int,
     times: Array,
 ) -> Estimate:
     """Return a mean of squares, or its root, whose upper side allows for a tail that it lacks.
 
     As of a variance that is a whole, the error of its logarithm is taken `times` as long above
-    (Zou and Donner 2008).
+    (Zou and Donner 2008). It is 1 at most, as a variation in `satterthwaite`.
 
     Args:
         found: the mean, with an interval that has this error once.
         without, present, level: as `analysis.sensitivity.estimators.intervals.student`.
+        power: 2 of a root mean square, 1 of a mean.
         times: broadcasts to (...), 1 or more.
 
     Raises:
@@ -168,6 +172,7 @@ def lacking_a_tail(
     with np.errstate(divide="ignore", invalid="ignore"):
         own = np.log(found.high / found.value)
         error = jackknife_error(np.log(without / found.value), present)
+        error = np.minimum(error, 1.0 / power)
         more = np.sqrt(times**2 - 1.0) * error * students_quantile(present, level)
         high = found.value * np.exp(np.hypot(own, more))
     return Estimate(

@@ -115,11 +115,12 @@ class Statistic:
         )
         if self.longer is None:
             return found
-        if self.whole is None:
-            return lacking_a_tail(*(found, self.without, self.present, level), times=self.longer)
-        return allowing_for_tails(
-            *(found, self.without, self.present, level), whole=self.whole, times=self.longer
-        )
+        blocks = (self.without, self.present, level)
+        if self.power is not None:
+            return lacking_a_tail(found, *blocks, power=self.power, times=self.longer)
+        if self.whole is not None:
+            return allowing_for_tails(found, *blocks, whole=self.whole, times=self.longer)
+        return found
 
 
 def interaction(first: Statistic, total: Statistic) -> Statistic:

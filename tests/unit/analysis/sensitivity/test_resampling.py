@@ -133,7 +133,7 @@ def test_an_interval_is_made_of_what_the_index_is_without_each_block(
             scale = np.sqrt(squares) / np.where(moves, found.value, 1.0)
             assert statistic.longer is not None
             expected = lacking_a_tail(
-                *(expected, np.stack(slow), present, 0.8), times=statistic.longer
+                *(expected, np.stack(slow), present, 0.8), power=2, times=statistic.longer
             )
             expected = without_bias(expected, np.where(moves, scale, 1.0))
     elif name == "mu":

@@ -182,19 +182,45 @@ def test_the_root_of_a_mean_of_heavy_squares_may_be_larger_by_its_logarithms_err
     without, _ = parts_of(squares, 1)
     value, there = np.sqrt(squares.mean(axis=0)), np.ones(without.shape, dtype=np.bool_)
     plain = satterthwaite(value, np.sqrt(without), there, 0.9, 2, np.ones(1500))
-    once = lacking_a_tail(plain, np.sqrt(without), there, 0.9, times=np.ones(1500))
-    found = lacking_a_tail(plain, np.sqrt(without), there, 0.9, times=np.full(1500, LOW))
+    once = lacking_a_tail(plain, np.sqrt(without), there, 0.9, power=2, times=np.ones(1500))
+    found = lacking_a_tail(plain, np.sqrt(without), there, 0.9, power=2, times=np.full(1500, LOW))
     np.testing.assert_allclose(once.high, plain.high)
     assert np.array_equal(found.low, plain.low)
     held = [np.mean((one.low <= truth) & (truth <= one.high)) for one in (plain, found)]
     assert held[0] < 0.76 and held[1] > held[0] + 0.1
-    error = np.sqrt(7.0 * np.var(np.log(np.sqrt(without)), axis=0))
+    error = np.minimum(np.sqrt(7.0 * np.var(np.log(np.sqrt(without)), axis=0)), 0.5)
     more = np.log(found.high / value) ** 2 - np.log(plain.high / value) ** 2
     np.testing.assert_allclose(more, (LOW**2 - 1.0) * (stats.t.ppf(0.95, 7) * error) ** 2)
+
+
+def test_a_mean_that_one_block_makes_up_has_an_upper_end_of_its_own_size() -> None:
+    """The error of its logarithm is then hundreds, which no end can show."""
+    blocks = np.array([1.0, *[1e-200] * 7])[:, None]
+    mean = blocks.mean(axis=0)
+    without = np.array([np.delete(blocks, block, axis=0).mean(axis=0) for block in range(BLOCKS)])
+    there, times = np.ones((8, 1), dtype=np.bool_), np.array([LOW])
+    plain = satterthwaite(np.sqrt(mean), np.sqrt(without), there, 0.9, 2, np.ones(1))
+    found = lacking_a_tail(plain, np.sqrt(without), there, 0.9, power=2, times=times)
+    assert 1.0 < found.high[0] / plain.high[0] < 10.0
+    weighted = np.random.default_rng(1).lognormal(size=(1 + REPLICATES, 1))
+    share = share_of_squares(
+        weighted / mean,
+        np.full((8, 1), weighted[0]) / without,
+        there,
+        0.9,
+        whole=np.concatenate([mean[None], without]),
+        weighted_whole=np.tile(mean, (1 + REPLICATES, 1)),
+        stretch=1.0,
+    )
+    assert 1.0 < share.high[0] / share.value[0] < 200.0
+    signed = Estimate(value=np.full(1, 2.0), low=np.full(1, 1.9), high=np.full(1, 2.1))
+    both = np.concatenate([mean[None], without])
+    found = allowing_for_tails(signed, np.full((8, 1), 2.0), there, 0.9, whole=both, times=times)
+    assert -8.0 < found.low[0] < 1.9
 
 
 def test_a_root_of_nothing_stays_nothing_whatever_its_tail() -> None:
     nothing, there = np.zeros((8, 1)), np.ones((8, 1), dtype=np.bool_)
     plain = Estimate(value=np.zeros(1), low=np.zeros(1), high=np.zeros(1))
-    found = lacking_a_tail(plain, nothing, there, 0.9, times=np.array([LOW]))
+    found = lacking_a_tail(plain, nothing, there, 0.9, power=2, times=np.array([LOW]))
     assert (found.low[0], found.high[0]) == (0.0, 0.0)
