@@ -56,6 +56,8 @@ class Effect(ABC):
     coefficients: tuple[str, ...] = ()
     #: Lower bound of every coefficient (the last repeats); -inf if either sign is physical.
     lower: tuple[float, ...] = (-np.inf,)
+    #: Columns that are left out where a fit with them is beyond what is physical.
+    undetermined: tuple[int, ...] = ()
     #: Parameters that the columns are not linear in (`Theta`).
     nonlinear: tuple[Nonlinear, ...] = ()
     #: Whether the columns depend on the estimate so far.

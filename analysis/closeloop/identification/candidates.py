@@ -24,19 +24,14 @@ from analysis.closeloop.identification.balance.regression import (
     score,
 )
 from analysis.closeloop.identification.findings import Option
+from analysis.closeloop.identification.nameable import refusal
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Theta
 from sim.effects.motion import Estimate, RecordedJoint
 
-#: An effect whose torque the declared unknowns imitate to this share cannot be named.
-MIN_UNIQUE = 0.02
 #: A little of what a Dahl spring stores comes back; more than this share is a drive.
 MAX_GIVEN = 0.25
-ONE_WAY = (
-    "the only trial moves in one direction: friction, damping, stiffness and neutral angle cannot "
-    "be told apart"
-)
 REFINEMENTS = (1.0, 0.5, 0.25, 0.12)
 #: Non-linear parameters of how friction passes through zero.
 TURNING = ("smooth",)
@@ -81,6 +76,20 @@ def options_beside(
             options.append(replace(option, replaced=frozenset(replaced)))
     options.sort(key=lambda option: -option.gain)
     return _sharpened(options, rows, current)
+
+
+def tried_alone(model: Model, rows: Rows, candidate: Candidate) -> tuple[Model, Score] | None:
+    """Return the model with an effect of the parameters that fit best; None if it cannot be.
+
+    Args:
+        model: without the effect.
+        rows: the samples to fit.
+        candidate: the effect and its joint.
+    """
+    current = evaluate(model, rows)
+    estimate = estimate_of(model, current.coefficients)
+    option = _try(model, rows, candidate, estimate, current, _simpler(model, candidate))
+    return None if option is None else refined(option, rows)
 
 
 def has_ground(candidate: Candidate, present: set[tuple[str, int]]) -> bool:
@@ -164,6 +173,7 @@ def _try(
     estimate: Estimate,
     current: Score,
     simpler: Theta | None = None,
+    left_out: tuple[int, ...] = (),
 ) -> Option | None:
     effect = candidate.effect
     joint = RecordedJoint(model.recording, candidate.joint, estimate)
@@ -171,13 +181,10 @@ def _try(
     if simpler:
         thetas = [*thetas, *({**theta, **simpler} for theta in thetas)]
         thetas = [dict(once) for once in dict.fromkeys(tuple(t.items()) for t in thetas)]
-    found = _best(model, rows, candidate, thetas, joint)
+    found = _best(model, rows, candidate, thetas, joint, left_out)
     if found is None:
         return None
     tried, scored = found
-    rubs = effect.rubs and not _corrects(model, candidate)
-    if rubs and _drives(tried, scored, candidate):
-        return None
     gain, error = compare(current.losses, scored.losses)
     option = Option(
         candidate=candidate,
@@ -185,9 +192,15 @@ def _try(
         score=scored,
         gain=gain,
         z=gain / error,
-        refused=_refusal(model, rows, candidate, scored),
+        refused=refusal(model, rows, candidate, scored, current),
     )
-    return None if beyond_physics(option) else option
+    rubs = effect.rubs and not _corrects(model, candidate)
+    if not (rubs and _drives(tried, scored, candidate)) and not beyond_physics(option):
+        return option
+    if left_out or not effect.undetermined:
+        return None
+    # What leaves the physical range may be a column that these trials hardly determine.
+    return _try(model, rows, candidate, estimate, current, simpler, effect.undetermined)
 
 
 def _corrects(model: Model, candidate: Candidate) -> bool:
@@ -210,16 +223,24 @@ def _drives(model: Model, scored: Score, candidate: Candidate) -> bool:
 
 
 def _best(
-    model: Model, rows: Rows, candidate: Candidate, thetas: list[Theta], joint: RecordedJoint
+    model: Model,
+    rows: Rows,
+    candidate: Candidate,
+    thetas: list[Theta],
+    joint: RecordedJoint,
+    left_out: tuple[int, ...] = (),
 ) -> tuple[Model, Score] | None:
-    """Return the model with the best variant of an effect, or None if there is none."""
+    """Return the model with the best variant of an effect, or None if there is none.
+
+    Without the columns that are left out.
+    """
     if candidate.effect.channel:
         return _best_channel(model, rows, candidate, thetas)
     effect = candidate.effect
     base, base_lower = model.base(rows)
     variants = []
     for theta, stacked in _stacked(model, rows, candidate, thetas, joint):
-        stacked, kept = keep_independent(base, stacked)
+        stacked, kept = _determined(base, stacked, left_out)
         if kept:
             variants.append(Variant(theta=theta, columns=stacked, kept=kept))
     if not variants:
@@ -237,6 +258,15 @@ def _best(
         candidate=candidate,
     )
     return model.with_term(term), scored
+
+
+def _determined(
+    base: np.ndarray, columns: np.ndarray, left_out: tuple[int, ...]
+) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Return the columns that are not left out and that nothing before explains, and which."""
+    numbers = [number for number in range(columns.shape[1]) if number not in left_out]
+    found, kept = keep_independent(base, columns[:, numbers])
+    return found, tuple(numbers[place] for place in kept)
 
 
 def _stacked(
@@ -287,18 +317,21 @@ def refined(option: Option, rows: Rows, rounds: int = 4) -> tuple[Model, Score]:
     own = next((term for term in model.terms if term.candidate == candidate), None)
     rest, theta = model.without(candidate), option.theta
     turning = turning_with(rest, candidate)
+    left_out = candidate.effect.undetermined
+    if own is None or set(left_out) & set(own.kept):
+        left_out = ()
     for scale in REFINEMENTS[:rounds]:
         estimate = _estimate_beside(model, current, own)
         joint = RecordedJoint(model.recording, candidate.joint, estimate)
         if candidate.effect.uses_estimate and own is not None:
             grid = _turning_alike(candidate.effect.thetas(joint), turning)
-            again = _best(rest, rows, candidate, [theta, *grid], joint)
+            again = _best(rest, rows, candidate, [theta, *grid], joint, left_out)
             if again is not None and again[1].sse < current.sse:
                 (model, current), theta = again, again[1].variant.theta
         for near in _turning_alike(candidate.effect.neighbours(theta, scale), turning):
             if near == theta or candidate.effect.beyond(joint, near, {}):
                 continue
-            found = _best(rest, rows, candidate, [near], joint)
+            found = _best(rest, rows, candidate, [near], joint, left_out)
             if found is not None and found[1].sse < current.sse:
                 (model, current), theta = found, near
     # Coefficients must follow the order of the model's terms.
@@ -312,33 +345,3 @@ def _estimate_beside(model: Model, current: Score, own: Term | None) -> Estimate
         if own is not None and term.candidate is not None and term.candidate == own.candidate:
             part[:] = 0.0
     return estimate_of(model, coefficients)
-
-
-def _refusal(model: Model, rows: Rows, candidate: Candidate, scored: Score) -> str:
-    """Say why these trials cannot name the effect, or return nothing."""
-    if not rows.grouped and one_way(rows, candidate.joint):
-        return ONE_WAY
-    base, _ = model.base(rows)
-    width = scored.variant.columns.shape[1] if scored.variant.columns.size else 0
-    if not width or not base.shape[1]:
-        return ""
-    columns, own = scored.variant.columns, scored.coefficients[-width:]
-    left = columns - base @ np.linalg.lstsq(base, columns, rcond=None)[0]
-    here = {t.effect.name for t in model.terms if t.effect and t.joint == candidate.joint}
-    if here.intersection(candidate.effect.includes):
-        # The part that is there already does not count: only what goes beyond it has to show.
-        beyond = (left**2).sum(axis=0) > MIN_UNIQUE * (columns**2).sum(axis=0)
-        if beyond.any():
-            columns, left, own = columns[:, beyond], left[:, beyond], own[beyond]
-    unique = float(((left @ own) ** 2).sum() / max(float(((columns @ own) ** 2).sum()), 1e-300))
-    if unique < MIN_UNIQUE:
-        return f"what is declared imitates {100 * (1 - unique):.1f} % of its torque in these trials"
-    return ""
-
-
-def one_way(rows: Rows, joint: int) -> bool:
-    """Whether the joint moves in one direction only."""
-    velocity = rows.recording.velocity[rows.samples[joint], joint]
-    forward = float(np.maximum(velocity, 0).sum())
-    backward = float(np.maximum(-velocity, 0).sum())
-    return min(forward, backward) < 0.05 * max(forward, backward)

@@ -15,6 +15,7 @@ from analysis.closeloop.identification.balance.regression import (
     Variant,
     compare,
     rank_z,
+    scattered_folds,
     score,
 )
 from analysis.closeloop.identification.findings import Explainable
@@ -22,8 +23,6 @@ from analysis.closeloop.identification.hat_basis import hat_basis
 from analysis.closeloop.identification.presliding import with_free_presliding
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
-
-FOLDS = 5
 
 
 def signal_groups(rows: Rows, joint: int) -> dict[str, np.ndarray]:
@@ -91,11 +90,6 @@ def phase_groups(recording: Recording, joint: int) -> dict[str, np.ndarray]:
         "time since reversal": after * np.sign(turned)[:, None],
         f"{name}.effort": np.column_stack([hat_basis(load, 8), pull, rate, np.abs(rate)]),
     }
-
-
-def scattered_folds(rows: Rows) -> list[np.ndarray]:
-    """Return folds of whole blocks, dealt out in turn."""
-    return [np.flatnonzero(rows.block % FOLDS == number) for number in range(FOLDS)]
 
 
 def explainable(model: Model, rows: Rows) -> Explainable:

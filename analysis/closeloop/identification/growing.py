@@ -11,13 +11,22 @@ from analysis.closeloop.identification.balance.regression import (
     compare,
     rank_z,
 )
-from analysis.closeloop.identification.candidates import candidates, options_beside, refined
+from analysis.closeloop.identification.candidates import (
+    candidates,
+    options_beside,
+    refined,
+    tried_alone,
+)
 from analysis.closeloop.identification.findings import Option, Step
+from analysis.closeloop.identification.freed import freed, held
+from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.selection import (
     ALONE_Z,
+    LARGE_GAIN,
     MIN_GAIN,
     MIN_LATER_GAIN,
     MIN_Z,
+    PAIR_Z,
     carries_more,
     choose,
     more_than_luck,
@@ -25,8 +34,13 @@ from analysis.closeloop.identification.selection import (
 
 #: Effects that are looked for at a time.
 MAX_EFFECTS = 3
-#: Beside `MIN_LATER_GAIN`, a later effect takes this share of what the declared model left.
+#: A later effect that takes less of what the declared model left may be an error of form only.
 MIN_LATER_SHARE = 0.005
+#: Passes that choose the parameters of all effects again, and the least share of the misfit that a
+#: further one has to take away.
+ROUNDS, SETTLED = 2, 0.01
+#: Foremost options that a pair may begin with.
+FIRST_OF_PAIR = 3
 
 
 @dataclass(frozen=True)
@@ -62,14 +76,15 @@ def grow(
     stands = {step.key for step in begun.steps}
     while len(_added(grown, stands)) < MAX_EFFECTS:
         progress(f"candidates for effect {len(grown.steps) + 1}")
-        least = MIN_GAIN * grown.score.loss
-        if stands:
-            least = max(least, MIN_LATER_SHARE * before.loss)
-        if _added(grown, stands):
-            least = _least_later(grown.score, before)
-        step = _next_step(grown.model, grown.score, rows, least, tried)
+        later = MIN_LATER_GAIN if _added(grown, stands) else MIN_GAIN
+        of_form = MIN_LATER_SHARE * before.loss if grown.steps else 0.0
+        options, step = _next_step(grown.model, grown.score, rows, tried, later, of_form)
         if step is None:
-            break
+            pair = None if grown.steps else _pair(options, grown, rows, before, tried)
+            if pair is None:
+                break
+            grown = pair
+            continue
         if step.taken.refused:
             if not grown.steps:
                 return begun, step
@@ -86,17 +101,102 @@ def _added(grown: Grown, stands: Collection[tuple[str, int]]) -> list[Step]:
     return [step for step in grown.steps if step.key not in stands]
 
 
+def _pair(
+    options: Sequence[Option],
+    grown: Grown,
+    rows: Rows,
+    before: Score,
+    tried: Collection[Candidate],
+) -> Grown | None:
+    """Return the model with two effects of which neither alone can be told from luck, or None.
+
+    While one is missing, what it does may hide the gain of the other in most seconds. The pair
+    exceeds the chance that the best of all pairs may have, and each is tried again beside the
+    other, as any effect is.
+    """
+    folds, pairs = rows.fold_of_block, []
+    for option in options[:FIRST_OF_PAIR]:
+        if option.refused or option.gain <= LARGE_GAIN * grown.score.loss:
+            continue
+        of_form = MIN_LATER_SHARE * before.loss
+        _, step = _next_step(option.model, option.score, rows, tried, MIN_LATER_GAIN, of_form)
+        if step is None or step.taken.refused:
+            continue
+        if more_than_luck(grown.score.losses, step.taken.score.losses, folds, PAIR_Z):
+            first = Step(taken=option, equals=(), options=tuple(options), before=grown.score.loss)
+            pairs.append(_with_steps((first, step), step))
+    return min(pairs, key=lambda pair: pair.score.loss, default=None)
+
+
 def _next_step(
-    model: Model, current: Score, rows: Rows, least: float, tried: Collection[Candidate]
-) -> Step | None:
-    """Return the effect to add to a model, refined unless it may not be named; None for none."""
-    step = choose(options_beside(model, rows, current, tried), model, current, rows, least)
-    if step is None or step.taken.refused:
-        return step
+    model: Model,
+    current: Score,
+    rows: Rows,
+    tried: Collection[Candidate],
+    least: float,
+    of_form: float,
+) -> tuple[list[Option], Step | None]:
+    """Return every option, and the one to add to a model, refined unless it may not be named.
+
+    Args:
+        model: what is there.
+        current: its score.
+        rows: the samples that are fitted.
+        tried: which effects to try.
+        least: share of the held-out loss that an effect has to take away.
+        of_form: what takes away less has to be more than an error of form of what is there.
+    """
+    beside = freed(model, current, rows)
+    score = current if beside is model else evaluate(beside, rows)
+    options = options_beside(beside, rows, score, tried)
+    step = choose(options, beside, score, rows, least * score.loss, of_form)
+    if step is None:
+        return options, None
+    if beside is not model:
+        taken, *equals = _as_held([step.taken, *step.equals], model, current, rows)
+        step = replace(step, taken=taken, equals=tuple(equals), before=current.loss)
+    if step.taken.refused:
+        return options, step
     refitted, score = refined(step.taken, rows)
     refitted = declared_again(refitted, rows)
+    if len(refitted.effects) > 1:
+        refitted, score = _settled(refitted, rows, step.taken.candidate)
     score = evaluate(refitted, rows)
-    return replace(step, taken=replace(step.taken, model=refitted, score=score))
+    return options, replace(step, taken=replace(step.taken, model=refitted, score=score))
+
+
+def _settled(model: Model, rows: Rows, last: Candidate) -> tuple[Model, Score]:
+    """Choose the non-linear parameters of all effects again, beside each other.
+
+    Args:
+        model: with all effects.
+        rows: the samples to fit.
+        last: the effect that was added last; the others are chosen first.
+    """
+    score = evaluate(model, rows)
+    order = sorted(model.effects, key=lambda candidate: candidate == last)
+    for _ in range(ROUNDS):
+        begun = score.sse
+        for candidate in order:
+            if not candidate.effect.nonlinear:
+                continue
+            again = tried_alone(model.without(candidate), rows, candidate)
+            if again is not None and again[1].sse < score.sse:
+                model, score = again
+        if score.sse > (1.0 - SETTLED) * begun:
+            break
+    return model, score
+
+
+def _as_held(options: Sequence[Option], before: Model, current: Score, rows: Rows) -> list[Option]:
+    """Return options that were tried beside a freed model, beside the model itself."""
+    found = []
+    for option in options:
+        model = held(option.model, before)
+        score = evaluate(model, rows)
+        gain, error = compare(current.losses, score.losses)
+        found.append(replace(option, model=model, score=score, gain=gain, z=gain / error))
+    return found
 
 
 def _with_steps(steps: Sequence[Step], last: Step) -> Grown:
@@ -122,14 +222,22 @@ def _retested(
         missed = without.loss - grown.score.loss
         folds = rows.fold_of_block
         real = more_than_luck(without.losses, grown.score.losses, folds, ALONE_Z)
-        if not real or missed < MIN_GAIN * without.loss:
+        candidate = step.taken.candidate
+        if (
+            not real
+            or missed < MIN_GAIN * without.loss
+            # What was found since may have another form of friction.
+            or only_presliding(candidate, grown.model, rest, rows)
+        ):
             grown = Grown(rest, without, tuple(s for s in grown.steps if s is not step))
             continue
-        again = _next_step(rest, without, rows, _least_later(without, before), tried)
+        of_form = MIN_LATER_SHARE * before.loss
+        _, again = _next_step(rest, without, rows, tried, MIN_LATER_GAIN, of_form)
         if again is None or again.taken.refused:
             continue
+        told_apart = step.key not in {option.candidate.key for option in again.equals}
         equal = again.key == step.key or carries_more(again.taken, step.taken)
-        if equal or again.taken.score.loss < grown.score.loss:
+        if equal or not told_apart or again.taken.score.loss < grown.score.loss:
             grown = _with_steps([again if s is step else s for s in grown.steps], again)
     return grown
 
@@ -169,8 +277,3 @@ def better(again: Grown, grown: Grown) -> bool:
         return gain > error
     sure = gain > MIN_Z * error or rank_z(grown.score.losses, again.score.losses) > MIN_Z
     return sure and gain > MIN_LATER_GAIN * grown.score.loss
-
-
-def _least_later(current: Score, before: Score) -> float:
-    """Return the held-out loss that a second or third effect has to take away."""
-    return max(MIN_LATER_GAIN * current.loss, MIN_LATER_SHARE * before.loss)

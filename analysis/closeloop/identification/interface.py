@@ -17,9 +17,9 @@ import numpy as np
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.balance.model import Model, evaluate, kept_columns
 from analysis.closeloop.identification.balance.regression import Rows
-from analysis.closeloop.identification.candidates import ONE_WAY
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Step, Trace
+from analysis.closeloop.identification.nameable import ONE_WAY
 from analysis.closeloop.session.contents import NOMINAL
 
 #: Torque of an effect beyond what stiffness, damping and neutral angle absorb, Nm where it acts, up

@@ -12,6 +12,7 @@ from analysis.closeloop.identification.balance.regression import (
     takes_all,
 )
 from analysis.closeloop.identification.findings import Option, Step
+from analysis.closeloop.identification.forms import only_form
 from analysis.closeloop.identification.presliding import only_presliding
 from sim.effects.catalogue import BY_NAME
 
@@ -20,6 +21,8 @@ MIN_Z = 4.0
 #: The same chance where one effect alone is asked about, not the best of `TRIED` (Bonferroni 1936).
 TRIED = 30
 ALONE_Z = float(norm.isf(TRIED * norm.sf(MIN_Z)))
+#: The same where the best pair of many is asked about.
+PAIR_Z = float(norm.isf(norm.sf(MIN_Z) / TRIED))
 #: Fewer seconds of motion show nothing: their spread says little of a gain's error.
 LEAST_BLOCKS = 6
 #: Least share of the held-out loss that a gain takes, below which no number in a report changes.
@@ -40,11 +43,28 @@ LARGE_GAIN, LARGE_Z, LARGE_FOLDS, LARGE_LOST = 0.25, 2.5, 3, 0.05
 
 
 def choose(
-    options: list[Option], model: Model, current: Score, rows: Rows, least: float
+    options: list[Option],
+    model: Model,
+    current: Score,
+    rows: Rows,
+    least: float,
+    of_form: float = 0.0,
 ) -> Step | None:
-    """Return the simplest option that is as good as the best, or None if none is worth adding."""
+    """Return the simplest option that is as good as the best, or None if none is worth adding.
+
+    Args:
+        options: tried beside the model, best first.
+        model: what is there.
+        current: its score.
+        rows: the samples that are fitted.
+        least: held-out loss that an option has to take away.
+        of_form: what takes away less has to be more than an error of form of what is there.
+    """
     worth = [o for o in options if _worth(o, current, rows, least)]
     worth = [o for o in worth if not only_presliding(o.candidate, o.model, model, rows)]
+    worth = [
+        o for o in worth if o.gain > of_form or not only_form(o.candidate, o.model, model, rows)
+    ]
     if not worth:
         return None
     best = worth[0]
@@ -54,6 +74,8 @@ def choose(
         if lost <= error or lost <= EQUAL_SHARE * best.gain:
             equals.append(option)
     taken = min(equals, key=lambda o: (_new_parameters(o), -o.gain))
+    rivals = [o for o in equals if not _nested(o, taken)]
+    taken = min(rivals, key=_information)
     for twin in equals:
         # A twin with one parameter more fits at least as well; by luck, or because it is the one?
         if taken.candidate.effect.name in twin.candidate.effect.twins:
@@ -84,6 +106,18 @@ def carries_more(option: Option, taken: Option) -> bool:
         and any(effect.adds_mass for effect in beside)
         and not option.refused
     )
+
+
+def _information(option: Option) -> float:
+    """Return Schwarz's criterion of an option's fit, each second of motion being one observation.
+
+    Forms that predict left-out groups alike may differ in how well they fit: one that curves over
+    the angle has to extrapolate to a group that goes further. Source: Schwarz 1978, Estimating the
+    dimension of a model.
+    """
+    seconds = len(option.score.losses)
+    misfit = np.log(max(option.score.sse, 1e-300))
+    return float(seconds * misfit + _new_parameters(option) * np.log(seconds))
 
 
 def _new_parameters(option: Option) -> int:

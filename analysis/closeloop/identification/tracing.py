@@ -17,7 +17,6 @@ from analysis.closeloop.identification.arms.robot import completed, traced_robot
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
-from analysis.closeloop.identification.candidates import ONE_WAY, one_way
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Option, Step, Trace
 from analysis.closeloop.identification.growing import (
@@ -27,6 +26,7 @@ from analysis.closeloop.identification.growing import (
     simpler_starts,
 )
 from analysis.closeloop.identification.holding import held_in_octaves
+from analysis.closeloop.identification.nameable import ONE_WAY, one_way
 from analysis.closeloop.identification.selection import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME

@@ -23,12 +23,8 @@ from analysis.closeloop.identification.balance.model import (
     kept_columns,
     prediction,
 )
-from analysis.closeloop.identification.balance.regression import Rows, select_rows
-from analysis.closeloop.identification.explainable import (
-    FOLDS,
-    phase_groups,
-    signal_groups,
-)
+from analysis.closeloop.identification.balance.regression import SCATTERED, Rows, select_rows
+from analysis.closeloop.identification.explainable import phase_groups, signal_groups
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.holds import rest_events, spread
 from analysis.closeloop.session.recording import Recording
@@ -130,7 +126,7 @@ def beyond_splines(model: Model, rows: Rows, joint: int) -> tuple[np.ndarray, np
     table = table[:, kept] / scale[kept]
     target = model.target(rows)[part]
     both = np.column_stack([table, target])
-    folds = [np.flatnonzero(rows.block[part] % FOLDS == k) for k in range(FOLDS)]
+    folds = [np.flatnonzero(rows.block[part] % SCATTERED == k) for k in range(SCATTERED)]
     weight = np.ones(len(target))
     left = sure = target
     for _ in range(ROUNDS):
@@ -187,7 +183,7 @@ def _predicted(
 def _moving(model: Model, rows: Rows, joint: int) -> Iterator[Event]:
     """Yield what stands out of a moving joint's residual and is not there in other passes."""
     recording, samples = rows.recording, rows.samples[joint]
-    if len(np.unique(rows.block[rows.parts[joint]])) < FOLDS:
+    if len(np.unique(rows.block[rows.parts[joint]])) < SCATTERED:
         return
     left, residual = beyond_splines(model, rows, joint)
     step = float(np.median(np.diff(recording.time[samples])))

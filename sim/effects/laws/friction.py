@@ -156,6 +156,7 @@ class Asymmetric(Friction):
         ),
     )
     lower = (0.0, -np.inf, -np.inf)
+    undetermined = (1,)
     nonlinear = (SMOOTH, Nonlinear("viscous", (0.0, 1.0)))
 
     def level(self, parameters: Values, motion: Motion) -> Signal:

@@ -1,8 +1,9 @@
 """What a living limb adds: reflexes, stiffness after rest, and torque passed between joints.
 
-Stretch reflex after Lance 1980 and the threshold models of Koo and Mak 2006; thixotropy after
-Proske, Morgan and Gregory 1993, with a structure that moving breaks and rest builds after Moore
-1959 and Lakie and Robson 1988; coupling by two-joint muscles after Hogan 1985.
+Stretch reflex after Lance 1980 and the threshold models of Koo and Mak 2006, its latency after
+Pruszynski and Scott 2012 (Optimal feedback control and the long-latency stretch response);
+thixotropy after Proske, Morgan and Gregory 1993, with a structure that moving breaks and rest
+builds after Moore 1959 and Lakie and Robson 1988; coupling by two-joint muscles after Hogan 1985.
 """
 
 from collections import deque
@@ -18,6 +19,9 @@ from sim.effects.laws.transmission import EXPONENT, Hysteresis
 from sim.effects.motion import PRESLIDING_SHARE, Motion, RecordedJoint, Recording
 from sim.effects.parameter import RELATIVE, SECONDS, Nonlinear, Parameter, Values, named, size
 
+#: No reflex is faster, s: the short-latency response of an arm's muscles begins 20 to 50 ms after a
+#: stretch (Pruszynski and Scott 2012), in the biceps 20 to 25 ms, and torque later still.
+LATENCY = 0.02
 #: Beyond any angle: the reflex has no threshold angle.
 NO_ANGLE = -100.0
 
@@ -68,7 +72,7 @@ class StretchReflex(AppliedEffect):
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
         grid: list[Theta] = []
         for side in (-1.0, 1.0):
-            for delay in (0.0, 0.03, 0.06, 0.1):
+            for delay in (LATENCY, 0.035, 0.06, 0.1):
                 for speed in (0.0, 0.15, 0.35, 0.6):
                     grid.append({"side": side, "delay": delay, "speed": speed, "angle": -2.0})
                 for angle in (-0.5, -0.2, 0.1, 0.4, 0.7):
@@ -77,8 +81,12 @@ class StretchReflex(AppliedEffect):
 
     def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
         every = super().neighbours(theta, scale)
-        delays = [{**near, "delay": max(0.0, near["delay"])} for near in every[:2]]
+        delays = [{**near, "delay": max(LATENCY, near["delay"])} for near in every[:2]]
         return delays + (every[4:] if theta["angle"] > -1.0 else every[2:4])
+
+    def limits(self, joint: RecordedJoint) -> Limits:
+        limits = super().limits(joint)
+        return {**limits, "delay": (LATENCY, limits["delay"][1])}
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
         middle, half = joint.travel

@@ -54,9 +54,9 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
 }
 
 
-def rich_recording() -> Recording:
-    """Both joints of the arm in rich motion, 5 s at 200 Hz."""
-    t = np.arange(1000) / 200.0
+def rich_recording(seconds: int = 5) -> Recording:
+    """Both joints of the arm in rich motion, 5 s at 200 Hz unless more is wanted."""
+    t = np.arange(200 * seconds) / 200.0
     w = 2 * np.pi * np.array([0.7, 0.4])
     q = np.array([-0.5, 1.0]) + 0.4 * np.sin(t[:, None] * w)
     v = 0.4 * w * np.cos(t[:, None] * w)

@@ -20,6 +20,8 @@ from analysis.closeloop.session.recording import Recording
 BLOCK_SECONDS = 1.0
 #: Folds when all fit trials share one group: stretches of time instead of groups.
 TIME_FOLDS = 6
+#: Folds of blocks that are dealt out in turn, for what may not be asked to extrapolate.
+SCATTERED = 5
 #: What takes this share of all that is lost on rows it was not fitted to is no luck, though one
 #: quick second should hold nearly all of it; it only has to win blocks by so many errors of their
 #: ranks. Set on one delay of the unkind bench (tuning seeds): 0.98 of the loss, 1.3 errors.
@@ -225,6 +227,11 @@ def _halves(recording: Recording, trials: tuple[int, ...]) -> dict[int, float]:
         for number in trials
         if recording.session.trials[number].group in alone
     }
+
+
+def scattered_folds(rows: Rows) -> list[np.ndarray]:
+    """Return folds of whole blocks, dealt out in turn."""
+    return [np.flatnonzero(rows.block % SCATTERED == number) for number in range(SCATTERED)]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,7 +28,7 @@ same fits. How far that step goes for all rows is the error of the grid they wer
 interval holds both ends of it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -234,6 +234,28 @@ def _slopes(
 ) -> tuple[list[np.ndarray], list[tuple[tuple[str, int, str], float]]]:
     """Return the prediction's slope over every non-linear parameter, stacked over rows."""
     slopes, keys = [], []
+    for part, name, slope in slopes_of(model, coefficients):
+        column = rows.stack({j: slope[:, [j]] for j in rows.samples}, 1)[:, 0]
+        if float(column @ column) > 1e-12 * len(column):
+            slopes.append(column)
+            assert part.candidate is not None
+            keys.append(((*part.candidate.key, name), part.theta[name]))
+    return slopes, keys
+
+
+def slopes_of(
+    model: Model, coefficients: np.ndarray
+) -> Iterator[tuple[Term | Channel, str, np.ndarray]]:
+    """Yield every non-linear parameter of an added effect with the prediction's slope over it.
+
+    Args:
+        model: fitted.
+        coefficients: of its columns.
+
+    Yields:
+        The part of the model, the parameter's name, and the slope, (n, joints); NaN where a joint
+        has no effort. Choices, which have no slope, are left out.
+    """
     parts: list[Term | Channel] = [*model.terms, *model.channels]
     for part in parts:
         if part.candidate is None:
@@ -244,19 +266,14 @@ def _slopes(
             name, value = parameter.name, part.theta[parameter.name]
             step = parameter.step[0] + parameter.step[1] * abs(value)
             up, down = (
-                prediction(_moved(model, part, name, value + sign * step), coefficients)
+                prediction(moved(model, part, name, value + sign * step), coefficients)
                 for sign in (1.0, -1.0)
             )
-            slope = (up - down) / (2 * step)
-            column = rows.stack({j: slope[:, [j]] for j in rows.samples}, 1)[:, 0]
-            if float(column @ column) > 1e-12 * len(column):
-                slopes.append(column)
-                keys.append(((part.candidate.effect.name, part.candidate.joint, name), value))
-    return slopes, keys
+            yield part, name, (up - down) / (2 * step)
 
 
-def _moved(model: Model, part: Term | Channel, name: str, value: float) -> Model:
-    """Return the model with one non-linear parameter moved."""
+def moved(model: Model, part: Term | Channel, name: str, value: float) -> Model:
+    """Return the model with one non-linear parameter of an added effect moved."""
     theta = {**part.theta, name: value}
     if isinstance(part, Channel):
         moved = replace(part, theta=theta)

@@ -1,0 +1,36 @@
+"""What was found, free to move while another effect is tried beside it.
+
+Where a first effect was fitted alone, its non-linear parameters have taken over some of what the
+second does: a load hangs in another place. So they are free to first order while a second one is
+tried, by the slope of the prediction over each (Gauss-Newton, as for intervals), and each is chosen
+once more when it is there (backfitting; Friedman and Stuetzle 1981, Projection pursuit regression).
+"""
+
+from dataclasses import replace
+
+from analysis.closeloop.identification.balance.model import Model, Term, with_independent
+from analysis.closeloop.identification.balance.regression import Rows, Score
+from analysis.closeloop.identification.balance.uncertainty import slopes_of
+
+
+def freed(model: Model, score: Score, rows: Rows) -> Model:
+    """Return the model with the non-linear parameters of its effects free to first order."""
+    found = model
+    for part, _, slope in slopes_of(model, score.coefficients):
+        columns = {joint: slope[:, [joint]] for joint in rows.joints}
+        assert part.candidate is not None
+        term = Term(joint=part.candidate.joint, columns=columns)
+        found = with_independent(found, term, rows)
+    return found
+
+
+def held(model: Model, before: Model) -> Model:
+    """Return a model, found beside a freed one, without what was free.
+
+    Args:
+        model: with one effect more, or another.
+        before: what was freed.
+    """
+    own = {id(term) for term in before.terms}
+    terms = tuple(t for t in model.terms if id(t) in own or t.candidate is not None)
+    return replace(model, terms=terms)

@@ -1,0 +1,193 @@
+"""Two effects at a joint: both are named, and nothing that only corrects the first."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification import growing
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    Term,
+    evaluate,
+    unfitted,
+)
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.candidates import options_beside
+from analysis.closeloop.identification.forms import only_form
+from analysis.closeloop.identification.freed import freed, held
+from analysis.closeloop.identification.growing import Grown, grow
+from analysis.closeloop.identification.selection import choose
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.rich import ELBOW, rich_recording
+
+NOISE = 0.005
+
+
+@pytest.fixture(scope="module")
+def elbow() -> Recording:
+    return replace(rich_recording(14), joints=(ELBOW,), cache={})
+
+
+def candidate(name: str) -> Candidate:
+    return Candidate(effect=BY_NAME[name], joint=ELBOW)
+
+
+def torque(elbow: Recording, name: str, theta: Mapping[str, float], *size: float) -> np.ndarray:
+    return BY_NAME[name].columns(unfitted(elbow, ELBOW), theta)[ELBOW] @ np.array(size)
+
+
+def rows_with(elbow: Recording, extra: np.ndarray) -> Rows:
+    """Return the rows of a recording whose elbow needs a further torque, weighted by its noise."""
+    effort = np.array(elbow.inverse)
+    effort[:, ELBOW] += extra + NOISE * np.random.default_rng(5).standard_normal(len(effort))
+    loud = replace(elbow, effort=elbow.filtered(effort), cache={})
+    return select_rows(loud, (0,)).reweighted({ELBOW: NOISE})
+
+
+def names(rows: Rows, *tried: str) -> list[str]:
+    model = Model(rows.recording)
+    score = evaluate(model, rows)
+    wanted = [candidate(name) for name in tried]
+    grown, _ = grow(Grown(model, score), rows, score, lambda _: None, wanted)
+    return sorted(step.key[0] for step in grown.steps)
+
+
+def term(rows: Rows, name: str, theta: Mapping[str, float]) -> Term:
+    columns = BY_NAME[name].columns(unfitted(rows.recording, ELBOW), theta)
+    kept = tuple(range(columns[ELBOW].shape[1]))
+    return Term(
+        joint=ELBOW,
+        columns=columns,
+        lower=BY_NAME[name].lower,
+        kept=kept,
+        theta=theta,
+        effect=BY_NAME[name],
+        candidate=candidate(name),
+    )
+
+
+def test_a_load_moves_to_its_place_when_the_other_effect_is_found(elbow: Recording) -> None:
+    """Alone it hangs where it does some of what the spring does, and inertia seems to lack."""
+    load = torque(elbow, "payload", {"distance": 1.6}, 0.4)
+    spring = torque(elbow, "nonlinear_stiffness", {"centre": 1.0}, 20.0)
+    rows = rows_with(elbow, load + spring)
+    found = names(rows, "added_inertia", "payload", "nonlinear_stiffness")
+    assert found == ["nonlinear_stiffness", "payload"]
+
+
+def test_what_is_free_while_another_is_tried_is_held_again(elbow: Recording) -> None:
+    load = torque(elbow, "payload", {"distance": 1.6}, 0.4)
+    rows = rows_with(elbow, load)
+    model = Model(rows.recording, terms=(term(rows, "payload", {"distance": 1.2}),))
+    score = evaluate(model, rows)
+    loose = freed(model, score, rows)
+    # Mass and place are all that such a load has: the slope over its place makes up for it.
+    assert evaluate(loose, rows).sse < 0.05 * score.sse
+    assert held(loose, model) == model
+
+
+def test_a_small_second_effect_has_to_be_more_than_the_form_of_the_first(
+    elbow: Recording,
+) -> None:
+    """The true spring is a little other than the cubic; a ripple would correct it."""
+    angle = elbow.position[:, ELBOW]
+    spring = 40.0 * (angle - 1.0) ** 3
+    bent = spring * (1.0 + 0.1 * angle)
+    late = elbow.shifted(spring[:, None], 0.01)[:, 0]
+    for effort, name, wanted in ((bent, "torque_ripple", True), (late, "viscous_friction", False)):
+        rows = rows_with(elbow, effort)
+        model = Model(rows.recording, terms=(term(rows, "nonlinear_stiffness", {"centre": 1.0}),))
+        theta = {"order": 6.0} if name == "torque_ripple" else {}
+        beside = model.with_term(term(rows, name, theta))
+        assert evaluate(beside, rows).loss < evaluate(model, rows).loss
+        assert only_form(candidate(name), beside, model, rows) is wanted
+
+
+def test_two_effects_that_hide_each_other_are_found_together(
+    elbow: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither alone is more than luck; both together take everything."""
+    rows = rows_with(elbow, torque(elbow, "added_inertia", {}, 0.1) + 0.5 * elbow.velocity[:, 1])
+    real = growing.choose
+
+    def shy(options: Any, model: Model, *rest: Any, **more: Any) -> Any:
+        return real(options, model, *rest, **more) if model.effects else None
+
+    monkeypatch.setattr(growing, "choose", shy)
+    assert names(rows, "added_inertia", "viscous_friction", "drift") == [
+        "added_inertia",
+        "viscous_friction",
+    ]
+
+
+def test_friction_found_later_may_explain_what_was_found_before(
+    elbow: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = rows_with(elbow, torque(elbow, "added_inertia", {}, 0.1) + 0.5 * elbow.velocity[:, 1])
+    tried = ("added_inertia", "viscous_friction")
+    assert names(rows, *tried) == [*tried]
+    monkeypatch.setattr(
+        growing, "only_presliding", lambda own, *rest: own.effect.name == "added_inertia"
+    )
+    assert names(rows, *tried) == ["viscous_friction"]
+
+
+def test_one_direction_s_friction_is_symmetric_where_the_difference_is_not_determined(
+    elbow: Recording,
+) -> None:
+    """The best difference would make friction drive in one direction, which none does."""
+    sign = np.tanh(elbow.velocity[:, ELBOW] / (0.06 * elbow.top_speed[ELBOW]))
+    speed = np.abs(elbow.velocity[:, ELBOW])
+    rows = rows_with(elbow, 0.4 * sign + 0.45 * np.abs(sign) + 0.3 * speed)
+    offset = replace(term(rows, "torque_offset", {}), candidate=None)
+    model = Model(rows.recording, terms=(offset,))
+    score = evaluate(model, rows)
+    (option,) = options_beside(model, rows, score, [candidate("asymmetric_friction")])
+    assert option.model.terms[1].kept == (0, 2)
+
+
+def test_of_forms_that_predict_alike_the_one_that_fits_is_taken() -> None:
+    """The curve has to extrapolate to a group that goes further; it fits twice as well."""
+    losses = np.linspace(0.9, 1.1, 40)
+
+    def option(name: str, sse: float) -> Any:
+        return SimpleNamespace(
+            candidate=Candidate(effect=BY_NAME[name], joint=0),
+            model=None,
+            score=SimpleNamespace(losses=losses, sse=sse),
+            gain=1000.0,
+            refused="",
+            replaced=frozenset(),
+        )
+
+    def taken(sse: float) -> str:
+        options = [
+            option("load_dependent_friction", 80.0),
+            option("position_dependent_friction", sse),
+        ]
+        current: Any = SimpleNamespace(losses=26 * losses, loss=26 * losses.sum())
+        rows: Any = SimpleNamespace(
+            effort_power=lambda joint: 1.0,
+            smoothing_power=lambda joint: 1.0,
+            fold_of_block=np.arange(40) % 4,
+        )
+        model: Any = None
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(
+                "analysis.closeloop.identification.selection.only_presliding", lambda *_: False
+            )
+            patch.setattr(
+                "analysis.closeloop.identification.selection.carries_more", lambda *_: False
+            )
+            step = choose(options, model, current, rows, 1.0, 0.0)
+        assert step is not None
+        return step.taken.candidate.effect.name
+
+    assert taken(40.0) == "position_dependent_friction"
+    assert taken(78.0) == "load_dependent_friction"
