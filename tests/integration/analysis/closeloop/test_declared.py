@@ -7,10 +7,12 @@ from typing import Any
 import mujoco
 import pytest
 
-from analysis.closeloop.loop import close_loop
+from tests.testbed.sessions.closed import closed_without_page
 from tests.testbed.sessions.synthetic import write_session
 
 SEED = 3
+#: Hz: half of what measurements of the method record; the bounds are the same.
+RATE = 250.0
 
 
 def closed(
@@ -18,11 +20,11 @@ def closed(
 ) -> tuple[dict[str, Any], mujoco.MjModel]:
     """Close the loop on a session of an arm with `effects`, whose user declares some."""
     folder = tmp_path / "session"
-    write_session(folder, SEED, effects, declared=False, speeds=(0.35, 0.8, 1.6))
+    write_session(folder, SEED, effects, declared=False, speeds=(0.35, 0.8, 1.6), rate=RATE)
     session = json.loads((folder / "session.json").read_text())
     session["declared_effects"] = [{"effect": name, "joint": "elbow"} for name in declared]
     (folder / "session.json").write_text(json.dumps(session))
-    report = close_loop(folder, tmp_path / "out")
+    report = closed_without_page(folder, tmp_path / "out")
     return report, mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model_after.xml"))
 
 

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.closeloop.loop import analyse, close_loop
+from analysis.closeloop.loop import analyse
 from sim.assessment.nominal import nominal_model, nominal_spec
 from sim.robot.control import DURATION, extension_reference
 from sim.robot.device import JOINTS
+from tests.testbed.sessions.closed import closed_without_page
 
 STIFFNESS, DAMPING, NEUTRAL = 5.0, 0.5, 1.0
 
@@ -50,7 +51,7 @@ def test_friction_in_the_exoskeletons_elbow_is_traced_with_the_nominal_arm(tmp_p
             )
         )
     write(tmp_path, motions, friction)
-    report = close_loop(tmp_path, tmp_path / "out")
+    report = closed_without_page(tmp_path, tmp_path / "out")
     assert [effect["name"] for effect in report["effects"]] == ["coulomb_friction"]
     found = report["effects"][0]["parameters"]["torque"]["value"]
     assert found == pytest.approx(friction, rel=0.03)

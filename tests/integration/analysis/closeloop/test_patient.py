@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.interface import REMARK
-from analysis.closeloop.loop import analyse, close_loop
+from analysis.closeloop.loop import analyse
 from rehyb.client import Client
 from rehyb.fleet import LocalFleet
 from sim.assessment.assess import assess
+from tests.testbed.sessions.closed import closed_without_page
 from tests.testbed.sessions.patient import (
     EXERCISES,
     Exercise,
@@ -42,7 +43,7 @@ def rubbing(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float, dict
     """A robot whose elbow rubs: folder, true damping and report."""
     folder = tmp_path_factory.mktemp("rubbing")
     damping = recorded(folder / "session", FRICTION)
-    return folder, damping, close_loop(folder / "session", folder / "out")
+    return folder, damping, closed_without_page(folder / "session", folder / "out")
 
 
 def test_friction_of_the_robot_is_found_through_soft_tissue_and_muscles(

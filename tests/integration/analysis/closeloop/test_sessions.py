@@ -14,6 +14,7 @@ import pytest
 from analysis.closeloop.contract import REPORT_FILES
 from analysis.closeloop.loop import analyse, close_loop
 from sim.effects.applied import AppliedEffects
+from tests.testbed.sessions.closed import closed_without_page
 from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.synthetic import write_session
 
@@ -125,7 +126,8 @@ def test_what_a_reflex_adds_is_not_taken_for_an_asymmetry_of_friction(tmp_path: 
 
 
 def test_an_effect_without_a_native_element_runs_as_an_applied_torque(tmp_path: Path) -> None:
-    report, _ = closed(tmp_path, "torque_ripple")
+    write_session(tmp_path / "session", SEED, ("torque_ripple",), rate=RATE)
+    report = closed_without_page(tmp_path / "session", tmp_path / "out")
     assert report["effects"][0]["name"] == "torque_ripple"
     assert report["effects"][0]["parameters"]["order"]["value"] == pytest.approx(14.0, rel=0.01)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model_after.xml"))
@@ -196,7 +198,7 @@ def test_slow_sweeps_in_one_direction_do_not_identify_a_stiffness_and_say_what_h
         position = np.array([float(line.split(",")[2]) for line in lines[1:]])
         turn = int(np.argmax(position > position.max() - 0.2))
         path.write_text("\n".join(lines[:turn]) + "\n")
-    report = close_loop(folder, tmp_path / "out")
+    report = closed_without_page(folder, tmp_path / "out")
     assert report["verdict"] == "not_identifiable"
     entry = report["identified"]["elbow"]
     assert not entry["stiffness"] and "do not identify the stiffness" in " ".join(
@@ -238,5 +240,5 @@ def test_what_was_left_out_stands_among_the_warnings(tmp_path: Path) -> None:
     write_session(tmp_path / "s", 3, speeds=(0.8, 1.6), postures=(0.1,))
     path = tmp_path / "s" / "p0_v0.csv"
     path.write_text(path.read_text() + "7.0,0.1")
-    report = close_loop(tmp_path / "s", tmp_path / "out")
+    report = closed_without_page(tmp_path / "s", tmp_path / "out")
     assert any(w.startswith("p0_v0.csv: line") and "cut off" in w for w in report["warnings"])
