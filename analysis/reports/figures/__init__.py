@@ -12,7 +12,7 @@ from analysis.reports.figures.convergence import convergence
 from analysis.reports.figures.curves import components, curve
 from analysis.reports.figures.distribution import distribution
 from analysis.reports.figures.failures import failures
-from analysis.reports.figures.interactions import interactions
+from analysis.reports.figures.interactions import interactions, together
 from analysis.reports.figures.pairs import pair, pairs
 from analysis.reports.figures.parallel import parallel
 from analysis.reports.figures.plane import plane
@@ -20,7 +20,6 @@ from analysis.reports.figures.precision import precision
 from analysis.reports.figures.scatter import against, scatter
 from analysis.reports.figures.shared import Figure
 from analysis.reports.figures.shares import bars
-from analysis.reports.figures.together import together
 
 __all__ = [
     "Figure",
