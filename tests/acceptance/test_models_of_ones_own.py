@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from rehyb.cli import app
 from rehyb.client import Client
-from rehyb.fleet import LocalFleet
+from tests.testbed.fleet.warm import WarmFleet
 from tests.testbed.models import EXAMPLES, edited, laid_out
 from tests.testbed.sessions.synthetic import write_session
 
@@ -24,15 +24,15 @@ ROWS = 128
 
 
 @pytest.fixture(scope="module")
-def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LocalFleet]:
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WarmFleet]:
     """A coordinator with its analysis, and no worker."""
-    with LocalFleet(tmp_path_factory.mktemp("fleet"), workers=0) as fleet:
+    with WarmFleet(tmp_path_factory.mktemp("fleet"), workers=0) as fleet:
         yield fleet
 
 
 @pytest.fixture(scope="module")
 def environment(
-    fleet: LocalFleet, tmp_path_factory: pytest.TempPathFactory
+    fleet: WarmFleet, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[dict[str, str]]:
     """What a terminal has in which the fleet's address was pasted, and a package installed."""
     packages = str(laid_out(tmp_path_factory.mktemp("packages")))
@@ -101,7 +101,7 @@ def ran(environment: dict[str, str], *arguments: str) -> str:
 
 
 @pytest.fixture
-def client(fleet: LocalFleet) -> Iterator[Client]:
+def client(fleet: WarmFleet) -> Iterator[Client]:
     with Client(fleet.url, fleet.token) as client:
         yield client
 

@@ -11,7 +11,7 @@ import pytest
 
 from rehyb import Client, Unreachable
 from rehyb.client import Json
-from rehyb.fleet import LocalFleet
+from tests.testbed.fleet.warm import WarmFleet
 from tests.testbed.studies import computed_in_one_go
 
 #: Takes a few seconds, so that every blow falls in its midst.
@@ -31,7 +31,7 @@ def test_killed_workers_coordinators_and_analyses_leave_no_trace_in_the_indices(
     # What a killed worker held is given to others after this time.
     monkeypatch.setenv("REHYB_LEASE_SECONDS", "2")
     blows = [(0.1, "worker-1"), (0.25, "coordinator"), (0.45, "analysis"), (0.6, "coordinator")]
-    with LocalFleet(tmp_path, workers=2) as fleet, Client(fleet.url, fleet.token) as client:
+    with WarmFleet(tmp_path, workers=2) as fleet, Client(fleet.url, fleet.token) as client:
         study = client.submit(STUDY)
         instances = study["instances"]
         assert instances == STUDY["rows"] * WIDTH

@@ -12,24 +12,24 @@ from axe_playwright_python.sync_playwright import Axe
 
 from rehyb.client import Client
 from rehyb.errors import Unreachable
-from rehyb.fleet import LocalFleet
 from server.operations import tokens
 from server.store import create_engine, upgrade
 from tests.testbed.browser import launched, needs_browser, watched
 from tests.testbed.coordinators.full_house import House, furnish
+from tests.testbed.fleet.warm import WarmFleet
 
 pytestmark = needs_browser
 
 
 @pytest.fixture(scope="module")
-def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LocalFleet]:
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WarmFleet]:
     """A coordinator, its analysis and one worker."""
-    with LocalFleet(tmp_path_factory.mktemp("fleet"), workers=1) as fleet:
+    with WarmFleet(tmp_path_factory.mktemp("fleet"), workers=1) as fleet:
         yield fleet
 
 
 @pytest.fixture(scope="module")
-def client(fleet: LocalFleet) -> Iterator[Client]:
+def client(fleet: WarmFleet) -> Iterator[Client]:
     with Client(fleet.url, fleet.token) as client:
         yield client
 
@@ -53,7 +53,7 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Furnished]:
     house = furnish(engine, rows=64)
     _, secret = tokens.create(engine, name="guest", scopes=["read"], now=1.0)
     engine.dispose()
-    with LocalFleet(folder, workers=0) as fleet, Client(fleet.url, fleet.token) as client:
+    with WarmFleet(folder, workers=0) as fleet, Client(fleet.url, fleet.token) as client:
         yield Furnished(client, house, secret)
 
 
@@ -200,7 +200,7 @@ def test_a_study_that_is_submitted_by_the_form_finishes_while_the_page_is_open(
 
 
 def test_a_coordinator_that_is_killed_is_missed_and_caught_up_with(
-    page: Any, client: Client, fleet: LocalFleet
+    page: Any, client: Client, fleet: WarmFleet
 ) -> None:
     live(page)
     page.evaluate("window.same = true")
@@ -217,7 +217,7 @@ def test_a_coordinator_that_is_killed_is_missed_and_caught_up_with(
 
 
 def test_a_coordinator_that_hangs_is_missed_and_a_button_says_that_nothing_came_of_it(
-    page: Any, client: Client, fleet: LocalFleet
+    page: Any, client: Client, fleet: WarmFleet
 ) -> None:
     client.submit({"name": "hanging", "model": "ishigami", "method": "saltelli", "rows": 400_000})
     # The page misses beats, and a button its answer, without our waiting for it.

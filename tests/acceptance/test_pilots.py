@@ -20,10 +20,10 @@ import pytest
 from rehyb import Client
 from rehyb.cli.models import added
 from rehyb.client import Json
-from rehyb.fleet import LocalFleet
 from rehyb.pilots.engines import JobState, ParslEngine
 from rehyb.pilots.keeper import Keeper, Status
 from rehyb.pilots.settings import checked
+from tests.testbed.fleet.warm import WarmFleet
 from tests.testbed.models import EXAMPLES
 from tests.testbed.studies import computed_in_one_go
 
@@ -41,7 +41,7 @@ STUDY_SECONDS = 400.0
 class Site:
     """A coordinator and a batch system."""
 
-    fleet: LocalFleet
+    fleet: WarmFleet
     client: Client
     keeper: Keeper
     #: The Ishigami function, slowly: what a study samples.
@@ -114,7 +114,7 @@ def site(
     folder = tmp_path / "pilots"
     # What a killed pilot held is given to others after this time.
     monkeypatch.setenv("REHYB_LEASE_SECONDS", str(LEASE_SECONDS))
-    with LocalFleet(tmp_path / "fleet", workers=0) as fleet:
+    with WarmFleet(tmp_path / "fleet", workers=0) as fleet:
         engine = ParslEngine(
             settings.provider,
             folder=folder,

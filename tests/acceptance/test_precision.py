@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from rehyb import Client
-from rehyb.fleet import LocalFleet
+from tests.testbed.fleet.warm import WarmFleet
 
 #: Runs the command where no extra is installed, as on the machine of a reader of a paper.
 BASE_ONLY = """
@@ -21,7 +21,7 @@ main()
 
 
 def test_a_study_grows_to_its_precision_and_its_bundle_holds(tmp_path: Path) -> None:
-    with LocalFleet(tmp_path / "fleet", workers=2) as fleet:
+    with WarmFleet(tmp_path / "fleet", workers=2) as fleet:
         environment = {**os.environ, "REHYB_URL": fleet.url, "REHYB_TOKEN": fleet.token}
 
         def run(*arguments: str) -> "subprocess.CompletedProcess[str]":

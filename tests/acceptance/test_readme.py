@@ -13,24 +13,24 @@ import httpx2
 import pytest
 
 from rehyb.client import Client
-from rehyb.fleet import LocalFleet
 from sim.models import ELBOW
+from tests.testbed.fleet.warm import WarmFleet
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
 
 
 @pytest.fixture(scope="module")
-def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LocalFleet]:
-    with LocalFleet(tmp_path_factory.mktemp("fleet"), workers=2) as fleet:
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WarmFleet]:
+    with WarmFleet(tmp_path_factory.mktemp("fleet"), workers=2) as fleet:
         yield fleet
 
 
-def environment(fleet: LocalFleet) -> dict[str, str]:
+def environment(fleet: WarmFleet) -> dict[str, str]:
     return os.environ | {"REHYB_URL": fleet.url, "REHYB_TOKEN": fleet.token}
 
 
-def test_the_python_example_runs_to_its_last_line(fleet: LocalFleet) -> None:
+def test_the_python_example_runs_to_its_last_line(fleet: WarmFleet) -> None:
     block = re.search(r"```python\n(.*?)```", README, re.DOTALL)
     assert block is not None and block[1].count('"rows": 16') == 1
     # As written, with a quarter of its assessments, each of which takes most of a second.
@@ -49,7 +49,7 @@ def test_the_python_example_runs_to_its_last_line(fleet: LocalFleet) -> None:
     assert any(line.endswith("of 16") for line in lines)
 
 
-def test_the_curl_lines_are_requests_the_coordinator_takes(fleet: LocalFleet) -> None:
+def test_the_curl_lines_are_requests_the_coordinator_takes(fleet: WarmFleet) -> None:
     block = next(b for b in re.findall(r"```sh\n(.*?)```", README, re.DOTALL) if "curl" in b)
     commands = [line for line in block.replace("\\\n", " ").splitlines() if line]
     with Client(fleet.url, fleet.token) as client:

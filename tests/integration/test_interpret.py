@@ -13,8 +13,8 @@ from rehyb import Client
 from rehyb.cli import app
 from rehyb.client.packing import packed
 from rehyb.errors import Invalid
-from rehyb.fleet import LocalFleet
 from sim.assessment.assess import assess
+from tests.testbed.fleet.warm import WarmFleet
 from tests.testbed.interpretation import written_session
 from worker.banks import usable_bank
 from worker.close_loop.child import work
@@ -132,7 +132,7 @@ def test_a_known_value_without_its_accuracy_is_one_sentence(known: str, sentence
 def test_a_fleet_samples_a_bank_and_goes_on_where_it_was(tmp_path: Path) -> None:
     path = tmp_path / "bank.npz"
     with (
-        LocalFleet(tmp_path / "fleet", workers=2) as fleet,
+        WarmFleet(tmp_path / "fleet", workers=2) as fleet,
         Client(fleet.url, fleet.token) as client,
     ):
         there = ("--submit", "--url", fleet.url, "--token", fleet.token, "--out", str(path))

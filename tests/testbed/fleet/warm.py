@@ -13,6 +13,8 @@ from collections.abc import Mapping
 from multiprocessing import get_context
 from pathlib import Path
 
+from rehyb import fleet
+
 _CONTEXT = get_context("forkserver")
 _CONTEXT.set_forkserver_preload(
     [
@@ -70,6 +72,26 @@ class Process:
 
     def kill(self) -> None:
         self.send_signal(signal.SIGKILL)
+
+
+class WarmFleet(fleet.LocalFleet):
+    """A LocalFleet whose coordinator and analysis are forked; its workers are started as ever."""
+
+    def _add(self, name: str, module: str, *arguments: str) -> fleet._Process:
+        if module != "rehyb":
+            return super()._add(name, module, *arguments)
+        log = self.directory / "logs" / f"{name}.log"
+        process = _Forked(name, [module, *arguments], self._environment, log)
+        self._processes.append(process)
+        return process
+
+
+class _Forked(fleet._Process):
+    def _started(self) -> Process:  # type: ignore[override]
+        self._log.parent.mkdir(exist_ok=True)
+        self._log.touch()
+        self._log_start = self._log.stat().st_size
+        return Process(*self._command, environment=self._environment, out=self._log)
 
 
 def _run(command: tuple[str, ...], environment: dict[str, str], out: Path, err: Path) -> None:

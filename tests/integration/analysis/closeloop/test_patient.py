@@ -12,8 +12,8 @@ import pytest
 from analysis.closeloop.identification.interface import REMARK
 from analysis.closeloop.loop import analyse
 from rehyb.client import Client
-from rehyb.fleet import LocalFleet
 from sim.assessment.assess import assess
+from tests.testbed.fleet.warm import WarmFleet
 from tests.testbed.sessions.closed import closed_without_page
 from tests.testbed.sessions.patient import (
     EXERCISES,
@@ -86,7 +86,7 @@ def test_the_found_effect_becomes_an_uncertain_factor_of_a_ranking(
     rubbing: tuple[Path, float, dict[str, Any]], tmp_path: Path
 ) -> None:
     folder, _, _ = rubbing
-    with LocalFleet(tmp_path, workers=1) as fleet:
+    with WarmFleet(tmp_path, workers=1) as fleet:
         submitted = subprocess.run(
             [
                 *(sys.executable, "-m", "rehyb", "study", "with-effect"),
