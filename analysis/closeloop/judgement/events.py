@@ -9,11 +9,11 @@ way. Thresholds were set on the synthetic sessions of `tests/testbed` (seeds bel
 recordings of a UR10e (`still_hold` has none, `pushed_while_still` five pushes).
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.ndimage import maximum_filter1d, median_filter, uniform_filter1d
 from scipy.spatial import cKDTree
 
 from analysis.closeloop.identification.balance.least_squares import gram_matrices
@@ -55,6 +55,8 @@ AROUND = 0.1
 NEAR, ALIKE = 0.3, 0.4
 #: How many neighbouring rows noise makes alike, which a fit takes for as many less.
 COLOUR = 10.0
+#: Share of the rows that tell what is usual where a fit is about as sure.
+LIKE = 0.25
 #: Rounds of the robust fit, and its bisquare's width.
 ROUNDS, WIDTH = 5, 4.7
 
@@ -108,13 +110,43 @@ def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
     return replace(recording, disturbed=disturbed)
 
 
-def beyond_splines(model: Model, rows: Rows, joint: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return what splines beside the model leave of a joint, Nm or N, low-passed, (r,) each.
+@dataclass(frozen=True, kw_only=True)
+class Beyond:
+    """What is left of a joint by the model alone, and with splines beside it; arrays (r,)."""
 
-    Every second is predicted from others, without outliers; where the model without splines leaves
-    less, by that. The second array is the same divided by how much surer the fit is elsewhere: no
-    event is made of a place where the joint was once.
-    """
+    #: By the model, fitted without outliers, Nm or N, low-passed.
+    alone: np.ndarray
+    #: With splines, every second predicted from others, Nm or N, low-passed.
+    left: np.ndarray
+    #: The variance of that prediction, over that of a row's own noise.
+    doubt: np.ndarray
+
+    @property
+    def least(self) -> np.ndarray:
+        """The smaller of both: where the model is right, what splines miss is their own."""
+        return np.where(np.abs(self.alone) < np.abs(self.left), self.alone, self.left)
+
+    @property
+    def sure(self) -> np.ndarray:
+        """What splines leave, made smaller by their doubt, Nm or N.
+
+        No event is made of a place where the joint was once.
+        """
+        return np.asarray(self.left / np.sqrt(1.0 + COLOUR * self.doubt))
+
+    @property
+    def relative(self) -> np.ndarray:
+        """The same over what is usual of it where splines are about as sure."""
+        sure = self.sure
+        order = np.argsort(self.doubt, kind="stable")
+        width = min(max(LEAST_ROWS, int(LIKE * len(order))), len(order))
+        usual = np.empty_like(sure)
+        usual[order] = 1.4826 * median_filter(np.abs(sure[order]), width)
+        return np.asarray(sure / np.maximum(usual, 1e-12))
+
+
+def beyond_splines(model: Model, rows: Rows, joint: int) -> Beyond:
+    """Return what the model leaves of a joint, alone and with splines on all signals beside it."""
     part, recording = rows.parts[joint], rows.recording
     groups = signal_groups(rows, joint) | phase_groups(recording, joint)
     splines = np.concatenate(list(groups.values()), axis=1)
@@ -127,22 +159,20 @@ def beyond_splines(model: Model, rows: Rows, joint: int) -> tuple[np.ndarray, np
     target = model.target(rows)[part]
     both = np.column_stack([table, target])
     folds = [np.flatnonzero(rows.block[part] % SCATTERED == k) for k in range(SCATTERED)]
-    weight = np.ones(len(target))
-    left = sure = target
+    weight, left, doubt = np.ones(len(target)), target, np.zeros(len(target))
     for _ in range(ROUNDS):
         grams = gram_matrices(both * np.sqrt(weight)[:, None], folds)
         total = grams.sum(axis=0)
-        left, sure = np.empty_like(target), np.empty_like(target)
+        left, doubt = np.empty_like(target), np.empty_like(target)
         for own, gram in zip(folds, grams, strict=True):
-            left[own], sure[own] = _predicted(total - gram, table[own], target[own])
+            left[own], doubt[own] = _predicted(total - gram, table[own], target[own])
+        sure = left / np.sqrt(1.0 + COLOUR * doubt)
         size = np.abs(sure) / (WIDTH * max(spread(sure), 1e-12))
         weight = np.where(size < 1, (1 - size**2) ** 2, 0.0)
-    # Where the model alone is right, what splines miss is their own: they were there but once.
     few = np.concatenate([np.ones((len(base), 1)), base], axis=1)[part]
     root = np.sqrt(weight)
     alone = target - few @ np.linalg.lstsq(few * root[:, None], target * root, rcond=None)[0]
-    left = np.where(np.abs(alone) < np.abs(left), alone, left)
-    return left, np.where(np.abs(alone) < np.abs(sure), alone, sure)
+    return Beyond(alone=alone, left=left, doubt=doubt)
 
 
 def friction_of(model: Model, rows: Rows, joint: int) -> float:
@@ -171,13 +201,12 @@ def friction_of(model: Model, rows: Rows, joint: int) -> float:
 def _predicted(
     gram: np.ndarray, table: np.ndarray, target: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residual of rows that were not fitted, and the same made smaller by doubt."""
+    """Return the residual of rows that were not fitted, and the variance of their prediction."""
     size = len(gram) - 1
     matrix = gram[:size, :size] + 1e-5 * float(np.trace(gram[:size, :size])) / size * np.eye(size)
     inverse = np.linalg.inv(matrix)
     left = target - table @ (inverse @ gram[:size, size])
-    leverage = ((table @ inverse) * table).sum(axis=1)
-    return left, left / np.sqrt(1.0 + COLOUR * leverage)
+    return left, ((table @ inverse) * table).sum(axis=1)
 
 
 def _moving(model: Model, rows: Rows, joint: int) -> Iterator[Event]:
@@ -185,7 +214,8 @@ def _moving(model: Model, rows: Rows, joint: int) -> Iterator[Event]:
     recording, samples = rows.recording, rows.samples[joint]
     if len(np.unique(rows.block[rows.parts[joint]])) < SCATTERED:
         return
-    left, residual = beyond_splines(model, rows, joint)
+    beyond = beyond_splines(model, rows, joint)
+    left = beyond.least
     step = float(np.median(np.diff(recording.time[samples])))
     pieces = np.split(
         np.arange(len(samples)), np.flatnonzero(np.diff(samples) > 2 * samples_step(samples)) + 1
@@ -196,20 +226,24 @@ def _moving(model: Model, rows: Rows, joint: int) -> Iterator[Event]:
     ways = [_Way(recording.time[samples], [place, *motion]) for place in places]
     abrupt = ABRUPT * upper_octave(recording, joint)[samples]
     for seconds in SCALES:
-        smooth, excused = np.array(residual), np.array(abrupt)
-        for piece in pieces:
-            width = max(1, round(seconds / step))
-            smooth[piece] = uniform_filter1d(residual[piece], width)
-            excused[piece] = uniform_filter1d(abrupt[piece], width)
-        usual = spread(smooth)
-        outlying = np.abs(smooth) > FLANK * usual
-        if np.mean(np.abs(smooth) > PEAK * usual) > LOCAL:
+        width = max(1, round(seconds / step))
+        relative, sure, alone, predicted, excused = (
+            _averaged(signal, pieces, width)
+            for signal in (beyond.relative, beyond.sure, beyond.alone, beyond.left, abrupt)
+        )
+        # What a right model leaves is noise; of a wrong one splines take what is usual.
+        usual = max(min(spread(alone), spread(predicted)), 1e-12)
+        size = np.abs(relative) / max(spread(relative), 1e-12)
+        size = np.minimum(size, np.abs(alone) / usual)
+        smooth = np.sign(predicted) * size
+        if np.mean(size > PEAK) > LOCAL:
             continue
         for piece in pieces:
-            for run in runs(outlying[piece]):
+            for run in runs(size[piece] > FLANK):
                 own = piece[run]
-                top = own[np.argmax(np.abs(smooth[own]))]
-                if abs(smooth[top]) <= max(PEAK * usual, excused[top]):
+                top = own[np.argmax(size[own])]
+                least = min(abs(sure[top]), abs(alone[top]))
+                if size[top] <= PEAK or least <= excused[top]:
                     continue
                 if any(way.comes_back(smooth, int(top)) for way in ways):
                     continue
@@ -221,6 +255,14 @@ def _moving(model: Model, rows: Rows, joint: int) -> Iterator[Event]:
                     end=float(recording.time[samples[own[-1]]]),
                     peak=float(left[peak]),
                 )
+
+
+def _averaged(signal: np.ndarray, pieces: Sequence[np.ndarray], width: int) -> np.ndarray:
+    """Return the means over `width` rows around each, piece by piece."""
+    found = np.array(signal)
+    for piece in pieces:
+        found[piece] = uniform_filter1d(signal[piece], width)
+    return found
 
 
 def upper_octave(recording: Recording, joint: int) -> np.ndarray:
