@@ -46,6 +46,33 @@ def swinging(recording: Recording) -> Recording:
     )
 
 
+def test_noise_is_no_event_where_splines_shrink_the_rest_of_it(recording: Recording) -> None:
+    """Judged by what splines make smaller elsewhere, its peak of 3 deviations was an event."""
+    rng, time = np.random.default_rng(119), np.arange(1000) / RATE
+    waves = zip((0.35, 0.2), rng.uniform(0.2, 0.9, 2), rng.uniform(0, 6, 2), strict=True)
+    elbow = 1.0 + sum(a * np.sin(2 * np.pi * f * time + p) for a, f, p in waves)
+    velocity, zero = np.gradient(elbow, 1 / RATE), np.zeros(len(time))
+    moved = replace(
+        recording,
+        sampling=replace(recording.sampling, recorded=RATE, working=RATE, cutoff=10.0),
+        slices=[slice(0, len(time))],
+        trial=np.zeros(len(time), dtype=int),
+        time=time,
+        position=np.column_stack([zero, elbow]),
+        velocity=np.column_stack([zero, velocity]),
+        acceleration=np.column_stack([zero, np.gradient(velocity, 1 / RATE)]),
+        measured=np.ones(len(time)),
+        extra=np.empty((len(time), 0)),
+        joints=(1,),
+        cache={},
+    )
+    effort = np.full_like(moved.position, np.nan)
+    effort[:, 1] = moved.inverse[:, 1] + NOISE * rng.standard_normal(len(time))
+    effort[:, 1] = moved.filtered(effort[:, [1]])[:, 0]
+    quiet = replace(moved, effort=effort, cache={})
+    assert find_events(Model(quiet), quiet) == ()
+
+
 def with_effort(recording: Recording, beyond: np.ndarray) -> Recording:
     """Return the recording with an effort of the model's own torque, noise and more."""
     rng = np.random.default_rng(4)

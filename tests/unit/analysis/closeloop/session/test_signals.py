@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.closeloop.session.signals import lagged, shifted, slope
+from analysis.closeloop.session.signals import derivatives, lagged, sampling_at, shifted, slope
 
 
 def test_a_delay_and_its_opposite_cancel() -> None:
@@ -28,3 +28,17 @@ def test_a_slope_is_right_up_to_a_tenth_of_the_sampling_rate() -> None:
     w = 2 * np.pi * 10.0
     found = slope(np.sin(w * t)[:, None], 100.0)[20:-20, 0]
     assert found == pytest.approx(w * np.cos(w * t)[20:-20], abs=0.002 * w)
+
+
+@pytest.mark.parametrize("cutoff", [5.0, 10.0])
+def test_a_recording_cut_in_motion_keeps_its_acceleration_to_the_ends(cutoff: float) -> None:
+    time = np.arange(600) / 100.0
+    phase = 2 * np.pi * 0.7 * time + 0.4
+    position = np.column_stack([np.sin(phase), 0.2 * np.cos(phase)])
+    needed = -((2 * np.pi * 0.7) ** 2) * position
+    off = np.abs(derivatives(position, sampling_at(cutoff, 100.0, "session.json"))[2] - needed)
+    off /= np.abs(needed).max(axis=0)
+    # An extension without curvature is wrong by all of it at the end, and by 5 % a period away.
+    period = int(100.0 / cutoff)
+    assert off[:2].max() < 0.12 and off[-2:].max() < 0.12
+    assert off[period:-period].max() < 0.006
