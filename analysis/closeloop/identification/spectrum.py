@@ -12,6 +12,8 @@ from scipy.signal import welch
 #: A line or a band is this many times its surroundings.
 RATIO = 12.0
 WINDOW_SECONDS = 4.0
+#: The first of a spectrum's lines that taking the mean away leaves as it was.
+LOWEST = 2
 #: A band spans so many times its lowest frequency, and its feet lie so many times beyond.
 WIDTH, FOOT = 2.0, 4.0
 #: A band's least root mean square over that of the joint's effort.
@@ -53,12 +55,15 @@ def peaks(
 
 
 def _lines(frequency: np.ndarray, power: np.ndarray) -> list[Peak]:
+    """Return what stands out on both sides: without one below, a line is a slope's upper end."""
     lines = []
-    for i in range(4, len(power) - 4):
-        near = np.concatenate([power[max(0, i - 24) : i - 3], power[i + 4 : i + 25]])
+    for i in range(LOWEST + 4, len(power) - 4):
+        sides = power[max(LOWEST, i - 24) : i - 3], power[i + 4 : i + 25]
         # Beside the line's height it must rise above everything near, or it is a slope's end.
-        highest = power[i] == power[i - 3 : i + 4].max() and power[i] > 3.0 * near.max()
-        if highest and power[i] > RATIO * np.median(near):
+        highest = power[i] == power[i - 3 : i + 4].max()
+        highest = highest and power[i] > 3.0 * max(side.max(initial=0.0) for side in sides)
+        around = max(float(np.median(side)) for side in sides if len(side))
+        if highest and power[i] > RATIO * around:
             rms = float(np.sqrt(power[i - 2 : i + 3].sum() * frequency[1]))
             at = float(frequency[i])
             lines.append(Peak(low_hz=0.9 * at, high_hz=1.1 * at, rms=rms))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 
 from analysis.closeloop.identification.spectrum import peaks
 
@@ -29,6 +29,27 @@ def test_white_noise_has_no_peaks() -> None:
 @pytest.mark.parametrize("colour", [0.8, 0.95, 0.99])
 def test_coloured_noise_has_no_peaks(colour: float) -> None:
     assert peaks(stretches(colour=colour), RATE, effort_rms=3.0, highest_hz=10.0) == []
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_slow_noise_is_no_line_for_want_of_anything_below_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    slow = butter(2, 1.1, fs=RATE)
+    found = [
+        lfilter(*slow, rng.standard_normal(1200)) + 0.005 * rng.standard_normal(1200)
+        for _ in range(5)
+    ]
+    assert peaks(found, RATE, effort_rms=3.0, highest_hz=10.0) == []
+
+
+def test_a_slow_oscillation_is_a_line() -> None:
+    (line,) = peaks(
+        stretches(lambda t: 0.2 * np.sin(2 * np.pi * 2.0 * t)),
+        RATE,
+        effort_rms=3.0,
+        highest_hz=10.0,
+    )
+    assert line.low_hz < 2.0 < line.high_hz
 
 
 def test_the_mains_are_a_line() -> None:
