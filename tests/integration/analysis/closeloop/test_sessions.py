@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -59,7 +60,9 @@ def test_coulomb_friction_is_found_added_and_the_error_falls(tmp_path: Path) -> 
     assert looked["before"]["depends_on"]["velocity sign"] > 0.6
     assert looked["after"]["depends_on"]["velocity sign"] < 0.2
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "coulomb_friction" in page and "data:image/png;base64," in page and "http" not in page
+    assert "coulomb_friction" in page and "data:image/png;base64," in page
+    # The pictures' own letters may spell anything.
+    assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)
     assert json.loads((tmp_path / "out" / "report.json").read_text()) == report
 
 
