@@ -1,5 +1,6 @@
 """The model as declared: the rigid chain, the declared effects, and the loads that hang from it."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,8 @@ from sim.effects.laws.inertia import PLACE, PlacedPayload, load_columns
 PLACED = PlacedPayload()
 #: Gauss-Newton steps that bring payloads to their places, and when that is done, m.
 PLACE_STEPS, PLACE_TOLERANCE = 12, 1e-4
+#: Masses of a load that are tried beside the one that those steps lead to, over that.
+MASSES = (4.0, 2.0, 0.5, 0.25, 0.125, 1.0 / 16.0, 1.0 / 32.0, 1.0 / 64.0)
 
 
 def declared_model(recording: Recording, rows: Rows) -> Model:
@@ -50,7 +53,10 @@ def declared_model(recording: Recording, rows: Rows) -> Model:
                 models = [_joined(recording, [*before, o, *after], rows) for o in options]
                 misfits = [evaluate(model, rows).sse for model in models]
                 taken[number] = options[int(np.argmin(misfits))]
-    return placed(_joined(recording, [*taken, *_loads(recording)], rows), rows)
+    model = placed(_joined(recording, taken, rows), rows)
+    for load in dict.fromkeys(t.payload for t in recording.session.trials if t.payload is not None):
+        model = with_load(model, rows, load)
+    return model
 
 
 def declared_again(model: Model, rows: Rows) -> Model:
@@ -105,14 +111,9 @@ def _joined(recording: Recording, terms: list[Term], rows: Rows) -> Model:
     return model
 
 
-def _loads(recording: Recording) -> list[Term]:
-    """Return a term for every load that trials of the session name."""
-    loads = dict.fromkeys(t.payload for t in recording.session.trials if t.payload is not None)
-    return [_load(recording, load) for load in loads]
-
-
-def _load(recording: Recording, load: HungLoad) -> Term:
-    theta, chain = dict.fromkeys(PLACE, 0.0), recording.device.model
+def _load(recording: Recording, load: HungLoad, place: np.ndarray) -> Term:
+    """Return a term for a load that trials of the session name, about `place`, m, (3,)."""
+    theta, chain = dict(zip(PLACE, place.tolist(), strict=True)), recording.device.model
     return Term(
         effect=PLACED,
         joint=carriers(chain, chain.body(load.body).id)[0],
@@ -126,9 +127,36 @@ def _load(recording: Recording, load: HungLoad) -> Term:
 def with_load(model: Model, rows: Rows, load: HungLoad) -> Model:
     """Return a model with a load that trials of its recording name, where the fit says it hangs.
 
-    Its term is the last, unless the others explain its torque.
+    Its term is the last, unless the others explain its torque. Gravity shows its moments, and only
+    inertia, which is quadratic in the place, may show its mass. So steps that begin at the link's
+    origin can end at a heavy load near it; other masses with the same moments are tried too.
     """
-    return placed(with_independent(model, _load(model.recording, load), rows), rows)
+
+    def at(place: np.ndarray) -> Model:
+        return with_independent(model, _load(model.recording, load, place), rows)
+
+    found = placed(at(np.zeros(3)), rows)
+    if len(found.terms) == len(model.terms):
+        return found
+    left = evaluate(found, rows).sse
+    tried = [(evaluate(one, rows).sse, one) for one in map(at, _other_places(found, rows))]
+    least, nearest = min(tried, key=lambda pair: pair[0], default=(left, found))
+    if least < left:
+        moved = placed(nearest, rows)
+        if evaluate(moved, rows).sse < left:
+            return moved
+    return found
+
+
+def _other_places(model: Model, rows: Rows) -> Iterator[np.ndarray]:
+    """Yield where the last load of a model would hang with other masses and the same moments."""
+    *_, (term, own) = model.split(evaluate(model, rows).coefficients)
+    values = dict(zip(term.kept, own.tolist(), strict=True))
+    reach = model.recording.reach(term.joint)
+    place = np.array([term.theta[name] for name in PLACE]) + PLACED.way(values)
+    for factor in MASSES:
+        if 0.0 < float(np.linalg.norm(place)) / factor <= reach:
+            yield place / factor
 
 
 def placed(model: Model, rows: Rows) -> Model:
