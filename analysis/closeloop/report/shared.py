@@ -1,7 +1,6 @@
 """What joints share, in the contract's words: links other than declared, and declared payloads.
 
-An interval is the wider of two jackknifes: by parts of time, and by joints, since what a model
-lacks at one joint does not average out over time. The links are fitted anew each time.
+Intervals are those of `identification.arms.spread`.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -9,58 +8,22 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import t
 
 from analysis.closeloop.identification.arms.links import links_of
+from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_and_place
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import PLACED
-from analysis.closeloop.identification.balance.model import Model, Term, unfitted
+from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows
-from analysis.closeloop.identification.balance.uncertainty import CONFIDENCE
 from analysis.closeloop.identification.findings import Carried
 from analysis.closeloop.session.recording import Recording
 from sim.effects.laws.inertia import PLACE
 
-#: Parts of every trial that are left out in turn.
-PARTS = 10
-#: A load of no more is none, kg: its place is a quotient by it.
-NO_MASS = 1e-9
 INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
 GAINS = (
     "the mass scales with the gains that turned currents into efforts: gains that are 1 % too "
     "large make it 1 % too large; its place does not change"
 )
-
-
-class Spread:
-    """The fits of a whole model without each part of time, and without each joint, in turn."""
-
-    def __init__(self, model: Model, rows: Rows) -> None:
-        self.links = links_of(model.recording)
-        fit = WholeFit(replace(model, given=None), rows, self.links)
-        self.owner = fit.owner
-        free = model.given is not None
-        partitions = [_times(rows), rows.joint_of_block[rows.block]]
-        self.fits = [
-            fit.left_out(clusters, links=free)
-            for clusters in partitions
-            if len(np.unique(clusters)) > 1
-        ]
-
-    def half_width(self, found: np.ndarray, every: list[np.ndarray]) -> np.ndarray:
-        """Return half of the 90 % interval of some quantities.
-
-        Args:
-            found: the quantities, any shape.
-            every: what they are without each cluster, one array of (clusters, ...) a partition.
-        """
-        half = np.zeros_like(found)
-        for without in every:
-            count = len(without)
-            variance = (count - 1) / count * ((without - found) ** 2).sum(axis=0)
-            quantile = float(t.ppf((1 + CONFIDENCE) / 2, count - 1))
-            half = np.maximum(half, quantile * np.sqrt(variance))
-        return half
 
 
 def link_parameters(model: Model, rows: Rows) -> dict[str, Any]:
@@ -70,8 +33,8 @@ def link_parameters(model: Model, rows: Rows) -> dict[str, Any]:
     near its axis they say little of the mass (Khalil and Dombre 2002, Modeling, identification and
     control of robots, chapter 9, on base parameters). `repaired` has what was fitted all the same.
     """
-    spread = Spread(model, rows)
-    links = spread.links
+    links = links_of(model.recording)
+    spread = Spread(WholeFit(replace(model, given=None), rows, links), links=True)
     assert model.given is not None
     found = _described(np.array([model.given.links[name] for name in links.names]))
     every = [_described(links.declared + changes) for _, changes in spread.fits]
@@ -106,19 +69,6 @@ def _described(parameters: np.ndarray) -> np.ndarray:
     """Return mass and centre of mass of inertial parameters, (..., 4)."""
     mass = parameters[..., :1]
     return np.concatenate([mass, parameters[..., 1:4] / mass], axis=-1)
-
-
-def _times(rows: Rows) -> np.ndarray:
-    """Return each row's part of its trial, (r,)."""
-    recording = rows.recording
-    clock = np.concatenate([recording.time[own] for own in rows.samples.values()])
-    found = np.zeros(len(clock), dtype=int)
-    for number in np.unique(rows.trial):
-        own = rows.trial == number
-        low, high = clock[own].min(), clock[own].max()
-        part = (clock[own] - low) / max(high - low, 1e-300) * PARTS
-        found[own] = np.minimum(part.astype(int), PARTS - 1)
-    return found
 
 
 def link_values(model: Model) -> dict[str, Any]:
@@ -187,14 +137,15 @@ def payload_entries(
 def _payloads(
     model: Model, coefficients: np.ndarray, rows: Rows
 ) -> dict[tuple[str, str], dict[str, Any]]:
-    spread = Spread(model, rows)
+    fit = WholeFit(replace(model, given=None), rows, links_of(model.recording))
+    spread = Spread(fit, links=model.given is not None)
     found = {}
     for number, (term, own) in enumerate(model.split(coefficients)):
         if term.load is None:
             continue
-        value = _mass_and_place(model, term, own[None])[0]
+        value = mass_and_place(model, term, own[None])[0]
         columns = spread.owner == number
-        every = [_mass_and_place(model, term, fits[:, columns]) for fits, _ in spread.fits]
+        every = [mass_and_place(model, term, fits[:, columns]) for fits, _ in spread.fits]
         half = spread.half_width(value, every)
         low, high = value - half, value + half
         found[term.load.name, term.load.body] = {
@@ -251,12 +202,3 @@ def undetermined_places(entries: Sequence[Mapping[str, Any]]) -> list[str]:
         for entry in entries
         if (why := entry["parameters"].get("position", {}).get("refused"))
     ]
-
-
-def _mass_and_place(model: Model, term: Term, own: np.ndarray) -> np.ndarray:
-    """Return mass and place of a payload from some fits of its columns, (fits, 4)."""
-    values = dict(zip(term.kept, own.T, strict=True))
-    values = {number: values.get(number, np.zeros(len(own))) for number in range(4)}
-    values[0] = np.maximum(values[0], NO_MASS)
-    readings = PLACED.readings(unfitted(model.recording, term.joint), term.theta)
-    return np.column_stack([np.asarray(reading.of(values)) for reading in readings.values()])

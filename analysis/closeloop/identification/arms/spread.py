@@ -1,0 +1,69 @@
+"""Intervals of what joints share: the wider of two jackknifes, by parts of time and by joints.
+
+What a model lacks at one joint does not average out over time. The links are fitted anew each time.
+"""
+
+import numpy as np
+from scipy.stats import t
+
+from analysis.closeloop.identification.arms.whole_fit import WholeFit
+from analysis.closeloop.identification.balance.declared import PLACED
+from analysis.closeloop.identification.balance.model import Model, Term, unfitted
+from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.uncertainty import CONFIDENCE
+
+#: Parts of every trial that are left out in turn.
+PARTS = 10
+#: A load of no more is none, kg: its place is a quotient by it.
+NO_MASS = 1e-9
+
+
+class Spread:
+    """The fits of a whole model without each part of time, and without each joint, in turn."""
+
+    def __init__(self, fit: WholeFit, *, links: bool) -> None:
+        """Fit again without each part; `links`: whether the links are free."""
+        self.owner = fit.owner
+        partitions = [_times(fit.rows), fit.rows.joint_of_block[fit.rows.block]]
+        self.fits = [
+            fit.left_out(clusters, links=links)
+            for clusters in partitions
+            if len(np.unique(clusters)) > 1
+        ]
+
+    def half_width(self, found: np.ndarray, every: list[np.ndarray]) -> np.ndarray:
+        """Return half of the 90 % interval of some quantities.
+
+        Args:
+            found: the quantities, any shape.
+            every: what they are without each cluster, one array of (clusters, ...) a partition.
+        """
+        half = np.zeros_like(found)
+        for without in every:
+            count = len(without)
+            variance = (count - 1) / count * ((without - found) ** 2).sum(axis=0)
+            quantile = float(t.ppf((1 + CONFIDENCE) / 2, count - 1))
+            half = np.maximum(half, quantile * np.sqrt(variance))
+        return half
+
+
+def mass_and_place(model: Model, term: Term, own: np.ndarray) -> np.ndarray:
+    """Return mass and place of a payload from some fits of its columns, (fits, 4)."""
+    values = dict(zip(term.kept, own.T, strict=True))
+    values = {number: values.get(number, np.zeros(len(own))) for number in range(4)}
+    values[0] = np.maximum(values[0], NO_MASS)
+    readings = PLACED.readings(unfitted(model.recording, term.joint), term.theta)
+    return np.column_stack([np.asarray(reading.of(values)) for reading in readings.values()])
+
+
+def _times(rows: Rows) -> np.ndarray:
+    """Return each row's part of its trial, (r,)."""
+    recording = rows.recording
+    clock = np.concatenate([recording.time[own] for own in rows.samples.values()])
+    found = np.zeros(len(clock), dtype=int)
+    for number in np.unique(rows.trial):
+        own = rows.trial == number
+        low, high = clock[own].min(), clock[own].max()
+        part = (clock[own] - low) / max(high - low, 1e-300) * PARTS
+        found[own] = np.minimum(part.astype(int), PARTS - 1)
+    return found
