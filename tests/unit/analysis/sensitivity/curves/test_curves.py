@@ -197,6 +197,14 @@ def test_a_band_holds_every_interval(method: str) -> None:
             assert np.all(np.array(line["band_high"]) >= np.array(line["high"]))
 
 
+def test_an_effect_that_is_the_same_in_every_run_has_an_interval_of_rounding_only() -> None:
+    # Of the third and the fourth factor of the waves; measurements count them apart.
+    said = found(filled(waves(24), 128, "morris"))["factors"]
+    for line in (said["c"][index] for index in ("mu", "mu_star", "sigma")):
+        width = np.array(line["band_high"]) - np.array(line["band_low"])
+        assert np.all((width >= 0.0) & (width < 1e-12))
+
+
 def test_an_idle_factor_has_exactly_nothing_along_the_whole_curve() -> None:
     said = found(filled(waves(24), 64))
     assert said["whole"]["factors"]["e"]["total_order"] == {"value": 0.0, "low": 0.0, "high": 0.0}
