@@ -26,6 +26,7 @@ def test_a_tag_is_quoted_as_http_has_it_and_weak_where_said() -> None:
         ('W/"a"', True),
         ('"b", W/"a" , "c"', True),
         ('"b","c"', False),
+        ('"b",W/"a","c"', True),
         ("*", True),
         ('"ab"', False),
     ],

@@ -63,6 +63,26 @@ def test_each_lease_has_a_greater_fence_than_all_before_even_if_those_were_given
     assert [attempt.lease for attempt in job.attempts] == ["l1", "l2"]
 
 
+def test_a_lease_that_is_given_back_takes_no_earlier_attempt_with_it() -> None:
+    job = after_attempt(running(lease="l1"), cause="lost", reason="silent", now=2.0)
+    back = released(running(job, "l2"))
+    assert [(one.lease, one.ended) for one in back.attempts] == [("l1", "lost")]
+
+
+def test_a_job_that_fails_while_it_waits_leaves_its_attempts_as_they_ended() -> None:
+    waiting = after_attempt(running(lease="l1"), cause="lost", reason="silent", now=2.0)
+    for job in (WAITING, waiting):
+        assert failed(job, outcome="withdrawn", detail="why", now=3.0).attempts == job.attempts
+    ended = failed(running(waiting, "l2"), outcome="bad", detail="why", now=3.0).attempts
+    assert [(one.ended, one.reason) for one in ended] == [("lost", "silent"), ("bad", "why")]
+
+
+def test_a_report_that_comes_late_takes_back_why_its_attempt_was_given_up() -> None:
+    silent = after_attempt(running(lease="l1"), cause="lost", reason="silent", now=2.0)
+    done = finished(running(silent, "l2"), "l1", code="c", verdict="adequate", now=3.0)
+    assert [(one.ended, one.reason) for one in done.attempts] == [("done", ""), ("late", "")]
+
+
 @pytest.mark.parametrize("cause", BUDGETS)
 def test_a_cause_ends_a_job_when_its_own_budget_is_spent(cause: str) -> None:
     job = after_attempt(running(), cause="lost" if cause != "lost" else "crashed", reason="", now=2)
@@ -142,6 +162,18 @@ def test_what_is_no_report_is_told_so_in_a_sentence(report: bytes) -> None:
     with pytest.raises(ValueError, match=r"report\.json") as caught:
         verdict_of(report)
     assert type(caught.value) is ValueError
+
+
+def test_a_report_may_have_just_as_many_bytes_as_are_taken() -> None:
+    report = b'{"schema": 1, "verdict": "adequate"}'.ljust(MAX_REPORT_BYTES)
+    assert verdict_of(report) == "adequate"
+    with pytest.raises(ValueError, match=rf"^report\.json has more than {MAX_REPORT_BYTES} bytes$"):
+        verdict_of(report + b" ")
+
+
+def test_a_report_of_another_verdict_is_told_which_there_are() -> None:
+    with pytest.raises(ValueError, match=f"a verdict of {', '.join(Verdict)}$"):
+        verdict_of(b'{"schema": 1, "verdict": "good"}')
 
 
 @pytest.mark.parametrize(("workers", "seconds"), [(0, 2), (1, 2), (10, 2), (50, 10), (1000, 15)])

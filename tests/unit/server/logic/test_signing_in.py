@@ -38,9 +38,22 @@ def test_a_cookie_that_was_changed_or_is_another_coordinators_is_none() -> None:
     assert Seal("other").cookie != seal.cookie
 
 
+def test_a_later_version_knows_the_browsers_that_an_earlier_one_signed_in() -> None:
+    seal = Seal("token")
+    assert seal.cookie == "rehyb_7585cb58"
+    mark = "23a58bc62cd378819fb21189a8410bca855344b5f23e12e53c2202b23ae4a849"
+    assert seal.open(f"3fb1c2a4.100.{mark}", now=99.0) == "3fb1c2a4"
+
+
+def test_a_name_may_hold_dots() -> None:
+    seal = Seal("token")
+    assert seal.open(seal.close("a.b", until=100.0), now=1.0) == "a.b"
+
+
 def test_a_code_signs_in_once_and_within_the_hour() -> None:
     codes = Codes()
     code = codes.new("anna", now=0.0)
+    assert len(code) == 22, "of 128 random bits"
     assert codes.take(code, now=1.0) == "anna"
     assert codes.take(code, now=1.0) is None
     assert codes.take(codes.new("anna", now=0.0), now=CODE_SECONDS) is None

@@ -62,7 +62,7 @@ def test_a_choice_is_fixed_by_its_name_and_sampled_as_one_of_its_values(plan: Dr
         "values": [0.0, 1.0, 2.0],
         "probabilities": pytest.approx([1 / 3] * 3),
     }
-    with pytest.raises(InvalidStudyError, match="muscles is a choice"):
+    with pytest.raises(InvalidStudyError, match=r"muscles is a choice \(paper, holzbaur2005, phys"):
         plan(model="elbow", factors=[FactorChoice(name="muscles", range=(0.0, 1.0))])
     with pytest.raises(InvalidStudyError, match="muscles must be paper, holzbaur2005 or phys"):
         plan(model="elbow", fixed={"muscles": "mine"})
@@ -241,6 +241,47 @@ def test_what_no_function_is_fitted_to_is_refused(
     with pytest.raises(InvalidStudyError, match=sentence) as caught:
         plan(**{"method": "surrogate", "rows": 256, **asked})
     assert caught.value.pointer == pointer
+
+
+@pytest.mark.parametrize(
+    ("asked", "pointer", "sentence"),
+    [
+        (
+            {"method": "saltelli"},
+            "/method",
+            "saltelli moves one factor and leaves the others alone, which dependent factors do not "
+            "allow: with correlations the method is shapley or sample",
+        ),
+        (
+            {"correlation_kind": "copula"},
+            "/correlation_kind",
+            "unknown correlation_kind 'copula': expected one of rank, linear",
+        ),
+        *(
+            (
+                {"correlations": [["x1", "x2", 0.5], wrong]},
+                "/correlations/1",
+                'a correlation is two factors and a number: ["a", "b", 0.6]',
+            )
+            for wrong in (
+                ["x1", "x3"],
+                ["x1", "x3", 0.5, 0.5],
+                [1, "x3", 0.5],
+                ["x1", 3, 0.5],
+                ["x1", "x3", "0.5"],
+                ["x1", "x3", None],
+                ["x1", "x3", float("nan")],
+                [],
+            )
+        ),
+    ],
+)
+def test_how_factors_depend_is_said_by_two_names_and_a_number(
+    plan: Drawing, asked: dict[str, Any], pointer: str, sentence: str
+) -> None:
+    with pytest.raises(InvalidStudyError) as refused:
+        plan(**{"method": "sample", "correlations": [["x1", "x2", 0.5]], **asked})
+    assert (refused.value.pointer, str(refused.value)) == (pointer, sentence)
 
 
 @pytest.mark.parametrize("method", ["surrogate", "shapley", "sample"])

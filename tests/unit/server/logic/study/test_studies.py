@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from analysis.sensitivity.fewer_runs.limits import MOST_RUNS
 from server.errors import ConflictError
 from server.logic.study import studies
 from server.logic.study.plans import MAX_ROWS
@@ -46,6 +47,17 @@ def result(position: int, outcome: str = "ok", row: int = 0) -> Result:
         state=None,
         wall_seconds=None,
     )
+
+
+def test_a_study_of_a_fitted_function_has_no_more_runs_than_it_can_be_fitted_to(
+    study: Making,
+) -> None:
+    running = study()
+    fitted = replace(running, plan=replace(running.plan, method="surrogate"))
+    assert studies.extended(fitted, MOST_RUNS).plan.rows == MOST_RUNS
+    with pytest.raises(ConflictError, match=f"a function is fitted to {MOST_RUNS} runs at most$"):
+        studies.extended(fitted, MOST_RUNS + 1)
+    assert studies.extended(running, MOST_RUNS + 1).plan.rows == MOST_RUNS + 1
 
 
 @pytest.mark.parametrize(

@@ -32,3 +32,9 @@ def test_a_line_holds_place_point_outcome_outputs_time_and_worker(
         [1, 0, *points[2].values(), "ok", 3.0, 0.5, "c"],
     ]
     assert list(points[0]) == list(drawn.distributions)
+
+
+def test_a_table_may_begin_with_any_row(plan: Callable[..., Plan]) -> None:
+    drawn = plan()
+    (line,) = lines(drawn, [(result(1, 2, "ok", 2.0), "a")])
+    assert line == [1, 2, *parameters(drawn, 1)[2].values(), "ok", 2.0, 0.5, "a"]
