@@ -284,6 +284,45 @@ def test_how_factors_depend_is_said_by_two_names_and_a_number(
     assert (refused.value.pointer, str(refused.value)) == (pointer, sentence)
 
 
+@pytest.mark.parametrize(
+    ("correlations", "pointer", "sentence"),
+    [
+        ([["x1", "x2", 0.5], ["x1", "y", 0.5]], "/correlations/1", "y is not sampled"),
+        (
+            [["x1", "x2", 0.9], ["x2", "x3", 0.9], ["x1", "x3", -0.9]],
+            "/correlations",
+            "^these correlations contradict each other",
+        ),
+    ],
+)
+def test_correlations_that_cannot_be_are_pointed_at_one_by_one_or_together(
+    plan: Drawing, correlations: list[Any], pointer: str, sentence: str
+) -> None:
+    with pytest.raises(InvalidStudyError, match=sentence) as refused:
+        plan(method="sample", correlations=correlations)
+    assert refused.value.pointer == pointer
+
+
+def test_a_study_keeps_which_correlation_was_meant(plan: Drawing) -> None:
+    for kind in ("rank", "linear"):
+        asked = {"correlations": [["x1", "x2", 0.5]], "correlation_kind": kind}
+        dependence = plan(method="sample", **asked).dependence
+        assert dependence is not None and dependence.kind == kind
+
+
+def test_shapley_effects_of_groups_are_refused(plan: Drawing) -> None:
+    with pytest.raises(InvalidStudyError, match=r"^shapley looks at single factors") as refused:
+        plan(method="shapley", groups={"g": ["x1", "x3"]})
+    assert refused.value.pointer == "/groups"
+
+
+def test_a_factor_that_nobody_named_is_pointed_at_with_all_others(plan: Drawing) -> None:
+    drawn = plan(model="elbow", factors=[FactorChoice(name="forearm_length", distribution=TALL)])
+    with pytest.raises(InvalidStudyError, match=r"^forearm_length is") as refused:
+        refuse_outside_range(drawn, ELBOW, [])
+    assert refused.value.pointer == "/factors"
+
+
 @pytest.mark.parametrize("method", ["surrogate", "shapley", "sample"])
 def test_of_curves_alone_no_study_of_numbers_is_made(method: str) -> None:
     (whole,) = (one for one in ELBOW.results if one.name == "torque_over_phase")
