@@ -8,20 +8,30 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-ROWS = ("--screening-rows", "30", "--variance-rows", "500")
+ROWS = ("--screening-rows", "128", "--variance-rows", "500")
+
+
+@contextmanager
+def ending(directory: Path) -> Iterator[Path]:
+    """Have a campaign's directory; whatever a failed test leaves running there is ended."""
+    try:
+        yield directory
+    finally:
+        for pid in processes_of(directory):
+            os.kill(pid, signal.SIGKILL)
 
 
 @pytest.fixture
 def directory(tmp_path: Path) -> Iterator[Path]:
-    """A campaign's directory; whatever a failed test leaves running there is ended."""
-    yield tmp_path / "campaign"
-    for pid in processes_of(tmp_path / "campaign"):
-        os.kill(pid, signal.SIGKILL)
+    with ending(tmp_path / "campaign") as directory:
+        yield directory
 
 
 def start(directory: Path, *options: str) -> "subprocess.Popen[str]":
@@ -70,41 +80,56 @@ def database_of(directory: Path) -> sqlite3.Connection:
     return sqlite3.connect(f"file:{directory}/rehyb.sqlite3?mode=rw", uri=True)
 
 
+@dataclass(frozen=True)
+class Resumed:
+    """A campaign that Ctrl-C interrupted in phase 2 and the same command finished."""
+
+    directory: Path
+    #: What was decided and written when it was interrupted.
+    decision: dict[str, Any]
+    phase1: bytes
+    #: What the second command printed and said.
+    report: dict[str, Any]
+    words: str
+
+
+@pytest.fixture(scope="module")
+def resumed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Resumed]:
+    with ending(tmp_path_factory.mktemp("resumed") / "campaign") as directory:
+        first = start(directory, *ROWS)
+        wait_for_results(directory, phase=2)
+        assert processes_of(directory)
+        first.send_signal(signal.SIGINT)
+        _, words = first.communicate(timeout=40)
+        assert first.returncode == 130
+        assert "run the same command again" in words
+        assert "Traceback" not in words
+        assert processes_of(directory) == []
+        decision = json.loads((directory / "campaign.json").read_text())["decision"]
+        phase1 = (directory / "phase1.csv").read_bytes()
+
+        second = start(directory, *ROWS, "--json")
+        out, words = second.communicate(timeout=90)
+        assert second.returncode == 0, words
+        assert processes_of(directory) == []
+        yield Resumed(directory, decision, phase1, json.loads(out), words)
+
+
 def test_an_interrupted_campaign_leaves_nothing_running_and_resumes_to_the_same_end(
-    directory: Path,
+    resumed: Resumed,
 ) -> None:
-    first = start(directory, *ROWS)
-    wait_for_results(directory, phase=2)
-    assert processes_of(directory)
-    first.send_signal(signal.SIGINT)
-    _, words = first.communicate(timeout=40)
-    assert first.returncode == 130
-    assert "run the same command again" in words
-    assert "Traceback" not in words
-    assert processes_of(directory) == []
-    decision = json.loads((directory / "campaign.json").read_text())["decision"]
-    phase1 = (directory / "phase1.csv").read_bytes()
-
-    second = start(directory, *ROWS, "--json")
-    out, words = second.communicate(timeout=90)
-    assert second.returncode == 0, words
-    assert processes_of(directory) == []
-    report = json.loads(out)
-    assert (directory / "phase1.csv").read_bytes() == phase1
-    assert {key: report[key] for key in decision} == decision
-    with closing(database_of(directory)) as database:
+    assert (resumed.directory / "phase1.csv").read_bytes() == resumed.phase1
+    assert {key: resumed.report[key] for key in resumed.decision} == resumed.decision
+    with closing(database_of(resumed.directory)) as database:
         studies = database.execute("SELECT state, instances, result_count FROM studies").fetchall()
-    assert sorted(studies) == [("complete", 210, 210), ("complete", 3500, 3500)]
+    assert sorted(studies) == [("complete", 896, 896), ("complete", 3500, 3500)]
 
 
-def test_a_campaign_finds_what_matters_and_says_where_it_is_written(directory: Path) -> None:
-    campaign = start(directory, "--screening-rows", "128", "--variance-rows", "64", "--json")
-    out, words = campaign.communicate(timeout=90)
-    assert campaign.returncode == 0, words
-    report = json.loads(out)
+def test_a_campaign_finds_what_matters_and_says_where_it_is_written(resumed: Resumed) -> None:
+    directory, report = resumed.directory, resumed.report
     assert report["fixed"] in ("x5", "x6")
     assert report["separated"] is True
-    assert (report["failures"], report["instances"]) == ({}, 128 * 7 + 64 * 7)
+    assert (report["failures"], report["instances"]) == ({}, 128 * 7 + 500 * 7)
     factors = report["phase2"]["outputs"]["y"]["factors"]
     assert report["fixed"] not in factors
     totals = {name: entry["total_order"]["value"] for name, entry in factors.items()}
@@ -119,7 +144,7 @@ def test_a_campaign_finds_what_matters_and_says_where_it_is_written(directory: P
     assert [name.split("-")[1] for name in figures] == ["morris"] * 5 + ["saltelli"] * 5
     assert all((directory / "figures" / name).read_bytes()[:4] == b"\x89PNG" for name in figures)
     assert (directory / "token").stat().st_mode & 0o777 == 0o600
-    assert "failures: none" in words
+    assert "failures: none" in resumed.words
 
 
 def test_sigkill_of_the_command_leaves_nothing_running(directory: Path) -> None:
