@@ -1,0 +1,83 @@
+"""A bank is one file; what is none, or cannot grow, is one sentence."""
+
+import json
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.interpretation.bank.bank import load_bank
+from analysis.interpretation.build import empty_bank, grow
+from analysis.interpretation.errors import InterpretationError
+from analysis.interpretation.inference.features import RECORDED
+from analysis.interpretation.inference.interpreter import Interpreter
+from tests.testbed.bank import bank, samples
+from tests.testbed.spoiling import encrypted
+
+
+def test_a_damaged_bank_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "bank.npz"
+    bank().save(path)
+    with np.load(path) as file:
+        own = {name: file[name] for name in file.files}
+
+    def sentence(arrays: dict[str, np.ndarray]) -> str:
+        np.savez(path, **arrays)  # type: ignore[arg-type]
+        with pytest.raises(InterpretationError) as raised:
+            Interpreter.read(load_bank(path))
+        assert "\n" not in str(raised.value)
+        return str(raised.value)
+
+    for name, array in own.items():
+        said = sentence({n: a for n, a in own.items() if n != name})
+        assert name.partition(".")[2] in said
+        if name.startswith("fitted."):
+            assert "`rehyb bank build --extend --rows 240 --contact-rows 0` learns again" in said
+        if array.dtype.kind == "f" and array.size:
+            assert f"{name} has values that are not" in sentence({**own, name: np.nan * array})
+    short = {**own, "bushing.factors": own["bushing.factors"][:-1]}
+    assert "of bushing do not fit" in sentence(short)
+
+
+def test_a_bank_is_one_file(tmp_path: Path) -> None:
+    made = bank()
+    made.save(tmp_path / "bank.npz")
+    read = load_bank(tmp_path / "bank.npz")
+    assert read.id == made.id
+    (recording,) = samples(2, 1).of(*RECORDED)
+    view = Interpreter.read(read).look(recording)
+    assert np.array_equal(view.mean, Interpreter.read(made).look(recording).mean)
+
+
+PLAIN = BytesIO()
+np.save(PLAIN, np.zeros(3))
+
+
+def test_what_is_no_bank_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "bank.npz"
+    with pytest.raises(InterpretationError, match="there is no bank"):
+        load_bank(path)
+    for content in (b"", b"a bank", PLAIN.getvalue()):
+        path.write_bytes(content)
+        with pytest.raises(InterpretationError, match="is no bank"):
+            load_bank(path)
+    np.savez(path, a=np.zeros(2))
+    with pytest.raises(InterpretationError, match="is no bank"):
+        load_bank(path)
+    path.write_bytes(encrypted(path.read_bytes()))
+    with pytest.raises(InterpretationError, match="is no bank"):
+        load_bank(path)
+    np.savez(path, meta=np.array(json.dumps({"schema": 99})))
+    with pytest.raises(InterpretationError, match="another version"):
+        load_bank(path)
+
+
+def test_too_few_rows_are_refused_before_anything_is_simulated() -> None:
+    with pytest.raises(InterpretationError, match="3 rows without contact are too few"):
+        grow(empty_bank(bank().population, 1), rows=3, contact_rows=100000, processes=1)
+
+
+def test_a_bank_of_other_versions_is_not_extended() -> None:
+    with pytest.raises(InterpretationError, match="other versions"):
+        grow(bank(), rows=400, contact_rows=0, processes=1)
