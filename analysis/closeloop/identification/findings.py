@@ -155,13 +155,20 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True)
 class Carried:
-    """A load that one trial seems to carry though it names none."""
+    """A load that one trial seems to carry though it names none; with halves of 90 % intervals."""
 
     trial: int
     body: str
-    #: kg, and m in the body's frame; None where no joint feels it.
-    mass: float
-    position: tuple[float | None, float | None, float | None]
+    #: Number of the joint that moves it.
+    joint: int
+    #: Mass, kg, then place in the body's frame, m; (4,) each.
+    value: np.ndarray
+    half: np.ndarray
+    #: Mass times place, kg m; (3,) each.
+    moments: np.ndarray
+    half_moments: np.ndarray
+    #: Numbers of mass and coordinates that some joint feels.
+    felt: tuple[int, ...]
     #: Of what is left of the trial without it, the part that it takes.
     share: float
 

@@ -12,9 +12,10 @@ import numpy as np
 
 from analysis.closeloop.identification.arms.links import links_of
 from analysis.closeloop.identification.arms.shared import sure
+from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_and_place
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
-from analysis.closeloop.identification.balance.declared import PLACED, with_load
-from analysis.closeloop.identification.balance.model import Model, unfitted
+from analysis.closeloop.identification.balance.declared import with_load
+from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.findings import Carried, Trace
 from analysis.closeloop.identification.selection import LEAST_BLOCKS
@@ -137,21 +138,32 @@ def _weighed(
     model = replace(model, recording=recording)
     for _, load in seen.values():
         model = with_load(model, rows, load)
+    free = model.given is not None
     fit = WholeFit(replace(model, given=None), rows, links_of(recording))
     every = range(len(model.terms))
-    scored = fit.with_links(every) if model.given is not None else fit.alone(every)
+    scored = fit.with_links(every) if free else fit.alone(every)
+    spread = Spread(fit, links=free)
     found = {load.name: (number, share) for number, (share, load) in seen.items()}
-    for term, own in model.split(scored.coefficients):
+    for place, (term, own) in enumerate(model.split(scored.coefficients)):
         if term.load is None or term.load.name not in found:
             continue
-        columns = dict.fromkeys(range(MOMENTS), 0.0)
-        columns |= dict(zip(term.kept, own.tolist(), strict=True))
-        if columns[0] <= 0.0:
+        value = mass_and_place(model, term, own[None])[0]
+        if value[0] <= NO_MASS:
             continue
-        readings = PLACED.readings(unfitted(recording, term.joint), term.theta).values()
-        mass, *place = (float(reading.of(columns)) for reading in readings)
-        if float(np.linalg.norm(place)) > recording.reach(term.joint):
-            continue
-        x, y, z = (way if n in term.kept else None for n, way in enumerate(place, start=1))
-        number, share = found[term.load.name]
-        yield Carried(trial=number, body=term.load.body, mass=mass, position=(x, y, z), share=share)
+        columns = spread.owner == place
+        others = [mass_and_place(model, term, fits[:, columns]) for fits, _ in spread.fits]
+        moments = [fits[:, :1] * fits[:, 1:] for fits in others]
+        carried = Carried(
+            trial=found[term.load.name][0],
+            body=term.load.body,
+            joint=term.joint,
+            value=value,
+            half=spread.half_width(value, others),
+            moments=value[0] * value[1:],
+            half_moments=spread.half_width(value[0] * value[1:], moments),
+            felt=term.kept,
+            share=found[term.load.name][1],
+        )
+        far = float(np.linalg.norm(value[1:])) > recording.reach(term.joint)
+        if not far or carried.half[0] >= value[0]:
+            yield carried

@@ -39,6 +39,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
     effects, impedance = effect_entries(found), impedance_entries(found)
     declared = declared_entries(found) + payload_entries(found.fits, found.rows)
     identified = identified_entries(outcome)
+    unnamed = unnamed_load_entries(recording, outcome.loads)
     warnings = list(found.notes)
     if outcome.left_out:
         warnings.append(
@@ -57,7 +58,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
         "impedance": impedance,
         "identified": identified,
         "declared": declared,
-        "unnamed_loads": unnamed_load_entries(recording, outcome.loads),
+        "unnamed_loads": unnamed,
         "links": link_values(found.fit_of_steps[0]),
         "unexplained": unexplained(outcome),
         "floor": floor_entries(recording, outcome.floors),
@@ -73,7 +74,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             *undetermined_places(declared),
             *refused_values(effects),
             *undetermined(effects),
-            *of_unnamed_loads(recording, outcome.loads),
+            *of_unnamed_loads(unnamed),
         ],
         "session": session_entry(recording),
         "ladder": _options(found),

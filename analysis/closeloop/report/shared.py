@@ -90,29 +90,68 @@ def unnamed_load_entries(recording: Recording, loads: Sequence[Carried]) -> list
     entries = []
     for load in loads:
         trial = recording.session.trials[load.trial]
+        reach = recording.reach(load.joint)
         entries.append(
             {
                 "file": trial.file,
                 "from": float(trial.time[0]),
                 "to": float(trial.time[-1]),
                 "body": load.body,
-                "mass": {"value": load.mass, "unit": "kg"},
-                "position": {"value": list(load.position), "unit": "m"},
+                "mass": mass_entry(load.value[0], load.half[0]),
+                "position": place_entry(load.value, load.half, load.felt, reach),
+                "moments": moments_entry(load),
                 "takes": load.share,
             }
         )
     return entries
 
 
-def of_unnamed_loads(recording: Recording, loads: Sequence[Carried]) -> list[str]:
+def mass_entry(mass: float, half: float) -> dict[str, Any]:
+    """Return the entry of a mass; without a value where the load may have none."""
+    low, high = mass - half, mass + half
+    if low > 0.0:
+        return {"value": float(mass), "ci90": [float(low), float(high)], "unit": "kg"}
+    why = (
+        f"its 90 % interval ends at {high:.3g} kg and holds a load without mass: only its moments "
+        "are known"
+    )
+    return {"value": None, "ci90": None, "unit": "kg", "refused": why}
+
+
+def moments_entry(load: Carried) -> dict[str, Any]:
+    """Return the entry of a load's first moments: null where no joint feels them."""
+    known = [number in load.felt for number in (1, 2, 3)]
+    both = zip(known, load.moments.tolist(), load.half_moments.tolist(), strict=True)
+    intervals = [[value - half, value + half] if felt else None for felt, value, half in both]
+    return {
+        "value": [
+            value if felt else None
+            for felt, value in zip(known, load.moments.tolist(), strict=True)
+        ],
+        "ci90": intervals,
+        "unit": "kg m",
+    }
+
+
+def of_unnamed_loads(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a warning for every load that a trial seems to carry, with what to declare."""
     return [
-        f"{recording.session.trials[load.trial].file}: it looks as if some {load.mass:.2g} kg hung "
-        f"at {load.body} that other trials do not carry; if so, give the trial "
-        f'"payload": {{"name": "load", "body": "{load.body}"}} and close the loop again: until '
-        "then its errors, and where it was fitted the links too, are wrong"
-        for load in loads
+        f"{entry['file']}: it looks as if {_weight(entry)} hung at {entry['body']} that other "
+        f'trials do not carry; if so, give the trial "payload": {{"name": "load", "body": '
+        f'"{entry["body"]}"}} and close the loop again: until then its errors, and where it was '
+        "fitted the links too, are wrong"
+        for entry in entries
     ]
+
+
+def _weight(entry: Mapping[str, Any]) -> str:
+    """Say how heavy a load is, or what is known instead."""
+    mass = entry["mass"]
+    if mass["value"] is not None:
+        low, high = mass["ci90"]
+        return f"some {mass['value']:.2g} kg ({low:.2g} to {high:.2g})"
+    felt = [value for value in entry["moments"]["value"] if value is not None]
+    return f"a load of {np.linalg.norm(felt):.2g} kg m, of unknown mass,"
 
 
 def payload_entries(

@@ -14,6 +14,9 @@ from analysis.closeloop.identification.balance.uncertainty import CONFIDENCE
 
 #: Parts of every trial that are left out in turn.
 PARTS = 10
+#: Joints that are left out in turn, at least: one of two knows a load by half, and a spread of two
+#: fits says next to nothing (one degree of freedom).
+FEWEST_JOINTS = 3
 #: A load of no more is none, kg: its place is a quotient by it.
 NO_MASS = 1e-9
 
@@ -24,12 +27,10 @@ class Spread:
     def __init__(self, fit: WholeFit, *, links: bool) -> None:
         """Fit again without each part; `links`: whether the links are free."""
         self.owner = fit.owner
-        partitions = [_times(fit.rows), fit.rows.joint_of_block[fit.rows.block]]
-        self.fits = [
-            fit.left_out(clusters, links=links)
-            for clusters in partitions
-            if len(np.unique(clusters)) > 1
-        ]
+        partitions = [_times(fit.rows)]
+        if len(fit.rows.joints) >= FEWEST_JOINTS:
+            partitions.append(fit.rows.joint_of_block[fit.rows.block])
+        self.fits = [fit.left_out(clusters, links=links) for clusters in partitions]
 
     def half_width(self, found: np.ndarray, every: list[np.ndarray]) -> np.ndarray:
         """Return half of the 90 % interval of some quantities.

@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification.findings import Carried
 from analysis.closeloop.report.named import refused_values
-from analysis.closeloop.report.shared import _link, place_entry, undetermined_places
+from analysis.closeloop.report.shared import (
+    _link,
+    mass_entry,
+    moments_entry,
+    of_unnamed_loads,
+    place_entry,
+    undetermined_places,
+)
 
 
 def test_a_mass_that_could_be_none_has_no_value_nor_has_its_centre() -> None:
@@ -46,3 +54,29 @@ def test_a_payload_has_a_place_only_where_the_trials_say_one(
     entry = {"name": "tool", "parameters": {"position": found}}
     said = undetermined_places([entry, {"name": "friction", "parameters": {}}])
     assert len(said) == bool(why) and why in " ".join(said)
+
+
+@pytest.mark.parametrize(("half", "said"), [(0.02, "0.6 kg (0.58 to 0.62)"), (0.7, "0.12 kg m")])
+def test_an_unnamed_load_has_an_interval_or_else_its_moments_alone(half: float, said: str) -> None:
+    load = Carried(
+        trial=0,
+        body="fore",
+        joint=1,
+        value=np.array([0.6, 0.2, 0.0, 0.0]),
+        half=np.array([half, 0.01, 0.0, 0.01]),
+        moments=np.array([0.12, 0.0, 0.0]),
+        half_moments=np.array([0.002, 0.0, 0.003]),
+        felt=(0, 1, 3),
+        share=0.9,
+    )
+    entry = {
+        "file": "t.csv",
+        "body": "fore",
+        "mass": mass_entry(load.value[0], load.half[0]),
+        "moments": moments_entry(load),
+    }
+    assert (entry["mass"]["value"] is None) is (half > 0.6)
+    assert entry["moments"]["value"] == [0.12, None, 0.0]
+    assert entry["moments"]["ci90"][0] == pytest.approx([0.118, 0.122])
+    (line,) = of_unnamed_loads([entry])
+    assert said in line and '"payload"' in line
