@@ -1,9 +1,10 @@
 """The model as declared: the rigid chain, the declared effects, and the loads that hang from it."""
 
-from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
+from scipy.optimize import minimize
 
 from analysis.closeloop.identification.balance.model import (
     Model,
@@ -19,12 +20,13 @@ from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Columns, Effect, Theta
 from sim.effects.laws.inertia import PLACE, PlacedPayload, load_columns
+from sim.effects.rigid import point_mass
 
 PLACED = PlacedPayload()
 #: Gauss-Newton steps that bring payloads to their places, and when that is done, m.
 PLACE_STEPS, PLACE_TOLERANCE = 12, 1e-4
-#: Masses of a load that are tried beside the one that those steps lead to, over that.
-MASSES = (4.0, 2.0, 0.5, 0.25, 0.125, 1.0 / 16.0, 1.0 / 32.0, 1.0 / 64.0)
+#: How far from its link's origin a load is tried first, over its reach.
+DISTANCES = tuple(2.0**-n for n in range(8))
 
 
 def declared_model(recording: Recording, rows: Rows) -> Model:
@@ -129,7 +131,7 @@ def with_load(model: Model, rows: Rows, load: HungLoad) -> Model:
 
     Its term is the last, unless the others explain its torque. Gravity shows its moments, and only
     inertia, which is quadratic in the place, may show its mass. So steps that begin at the link's
-    origin can end at a heavy load near it; other masses with the same moments are tried too.
+    origin can end at a heavy load near it, and others begin where a point mass explains most.
     """
 
     def at(place: np.ndarray) -> Model:
@@ -138,25 +140,47 @@ def with_load(model: Model, rows: Rows, load: HungLoad) -> Model:
     found = placed(at(np.zeros(3)), rows)
     if len(found.terms) == len(model.terms):
         return found
-    left = evaluate(found, rows).sse
-    tried = [(evaluate(one, rows).sse, one) for one in map(at, _other_places(found, rows))]
-    least, nearest = min(tried, key=lambda pair: pair[0], default=(left, found))
-    if least < left:
-        moved = placed(nearest, rows)
-        if evaluate(moved, rows).sse < left:
-            return moved
-    return found
+    moved = placed(at(_likeliest(model, rows, load, found.terms[-1].joint)), rows)
+    return min(found, moved, key=lambda one: _misfit(one, rows))
 
 
-def _other_places(model: Model, rows: Rows) -> Iterator[np.ndarray]:
-    """Yield where the last load of a model would hang with other masses and the same moments."""
-    *_, (term, own) = model.split(evaluate(model, rows).coefficients)
-    values = dict(zip(term.kept, own.tolist(), strict=True))
-    reach = model.recording.reach(term.joint)
-    place = np.array([term.theta[name] for name in PLACE]) + PLACED.way(values)
-    for factor in MASSES:
-        if 0.0 < float(np.linalg.norm(place)) / factor <= reach:
-            yield place / factor
+def _misfit(model: Model, rows: Rows) -> float:
+    """Return what a model leaves whose last load hangs where it is, and not a way from there."""
+    *others, load = model.terms
+    there = replace(load, kept=load.kept[:1]) if load.kept[:1] == (0,) else load
+    return evaluate(replace(model, terms=(*others, there)), rows).sse
+
+
+def _likeliest(model: Model, rows: Rows, load: HungLoad, joint: int) -> np.ndarray:
+    """Return where a point mass beside a model leaves least, of places all around, m, (3,).
+
+    All of them come out of one matrix: that of the ten inertial parameters of the load's link, less
+    what the model's columns take.
+    """
+    recording = model.recording
+    body = recording.device.model.body(load.body).id
+    carried = _carried(recording, load)
+    torque = recording.link_torque(body)
+    columns = {joint: torque[:, joint] * carried for joint in recording.joints}
+    base, _ = model.base(rows)
+    both = np.column_stack(
+        [rows.stack(model.transformed(columns), torque.shape[2]), model.target(rows)]
+    )
+    if base.shape[1]:
+        both = both - base @ np.linalg.lstsq(base, both, rcond=None)[0]
+    gram = both.T @ both
+    directions = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if any(way)])
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    shares = recording.reach(joint) * np.array(DISTANCES)
+    places = (shares[:, None, None] * directions).reshape(-1, 3)
+
+    def left(place: np.ndarray) -> float:
+        """Return by how much a mass there changes what is left: down, so never above zero."""
+        unit = point_mass(place)
+        felt = float(unit @ gram[:-1, :-1] @ unit)
+        return -(max(float(unit @ gram[:-1, -1]), 0.0) ** 2) / max(felt, 1e-300)
+
+    return np.asarray(minimize(left, min(places, key=left), method="Nelder-Mead").x)
 
 
 def placed(model: Model, rows: Rows) -> Model:
@@ -189,7 +213,12 @@ def _moved_by(recording: Recording, term: Term, step: np.ndarray) -> Term:
 def _hung(recording: Recording, load: HungLoad, theta: Theta) -> Columns:
     """Return the columns of a declared load: nothing in the trials that do not name it."""
     body = recording.device.model.body(load.body).id
-    carried = [trial.payload == load for trial in recording.session.trials]
-    there = np.array(carried)[recording.trial][:, None]
+    there = _carried(recording, load)
     place = np.array([theta[name] for name in PLACE])
     return {joint: own * there for joint, own in load_columns(recording, body, place).items()}
+
+
+def _carried(recording: Recording, load: HungLoad) -> np.ndarray:
+    """Return where the trials name a load, (n, 1)."""
+    carried = [trial.payload == load for trial in recording.session.trials]
+    return np.asarray(np.array(carried)[recording.trial][:, None])
