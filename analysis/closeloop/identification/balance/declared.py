@@ -172,7 +172,7 @@ def _likeliest(model: Model, rows: Rows, load: HungLoad, joint: int) -> np.ndarr
     directions = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if any(way)])
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     shares = recording.reach(joint) * np.array(DISTANCES)
-    places = (shares[:, None, None] * directions).reshape(-1, 3)
+    places = shares[:, None, None] * directions
 
     def left(place: np.ndarray) -> float:
         """Return by how much a mass there changes what is left: down, so never above zero."""
@@ -180,7 +180,9 @@ def _likeliest(model: Model, rows: Rows, load: HungLoad, joint: int) -> np.ndarr
         felt = float(unit @ gram[:-1, :-1] @ unit)
         return -(max(float(unit @ gram[:-1, -1]), 0.0) ** 2) / max(felt, 1e-300)
 
-    return np.asarray(minimize(left, min(places, key=left), method="Nelder-Mead").x)
+    begun = [min(ring, key=left) for ring in places]
+    ends = [minimize(left, place, method="Nelder-Mead") for place in begun]
+    return np.asarray(min(ends, key=lambda end: float(end.fun)).x)
 
 
 def placed(model: Model, rows: Rows) -> Model:

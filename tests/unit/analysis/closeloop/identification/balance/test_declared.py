@@ -7,8 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.declared import PLACED, declared_model
-from analysis.closeloop.identification.balance.model import evaluate, unfitted
+from analysis.closeloop.identification.arms.spread import mass_and_place
+from analysis.closeloop.identification.balance.declared import declared_model
+from analysis.closeloop.identification.balance.model import evaluate
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.load import load_session
 
@@ -70,8 +71,6 @@ def test_a_load_that_only_inertia_weighs_is_not_a_heavy_one_near_its_joint(sessi
     model = declared_model(recording, rows)
     (term,) = model.terms
     own = evaluate(model, rows).coefficients
-    values = dict(zip(term.kept, own.tolist(), strict=True))
-    readings = PLACED.readings(unfitted(recording, term.joint), term.theta)
-    mass, *place = (float(reading.of(values)) for reading in readings.values())
+    mass, *place = mass_and_place(model, term, own[None])[0].tolist()
     assert mass == pytest.approx(MASS, rel=0.05)
     assert place == pytest.approx(PLACE.tolist(), abs=0.01)
