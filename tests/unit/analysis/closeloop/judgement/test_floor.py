@@ -96,8 +96,20 @@ def test_with_another_load_no_movement_is_repeated(repeated: Recording) -> None:
         slices=slices,
         session=replace(repeated.session, trials=(bare,) * 4),
     )
-    alike = {"body": "fore", "position": (0.0, 0.0, 0.0), "share": 0.9}
-    carried = [Carried(trial=number, mass=float(number), **alike) for number in (1, 3)]
+    carried = [
+        Carried(
+            trial=number,
+            body="fore",
+            joint=1,
+            value=np.array([float(number), 0.0, 0.0, 0.0]),
+            half=np.full(4, 0.01),
+            moments=np.zeros(3),
+            half_moments=np.zeros(3),
+            felt=(0, 1, 2, 3),
+            share=0.9,
+        )
+        for number in (1, 3)
+    ]
     whole = error(apart, 5.0 * trial * (trial % 2))
     errors = [
         replace(
