@@ -69,8 +69,7 @@ class SaltelliEstimator(Estimator):
         chance = 1.0 - share(0.5 * sums.mean("between_squared"), variance)
         firsts, totals = sums.count("product"), sums.count("difference_squared")
         kurtosis = self.kurtosis()[:, None]
-        apart = FLOOR * heaviness(kurtosis)
-        sides = longer(kurtosis, sums.count("between_squared")[0][:, None])
+        apart, sides = FLOOR * heaviness(kurtosis), longer(kurtosis)
         return {
             "first_order": Index(
                 weighted=first,

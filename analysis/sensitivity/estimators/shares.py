@@ -43,19 +43,13 @@ LOW = 3.5 / 1.895
 _NORMAL = 3.0
 
 
-def longer(kurtosis: Array, runs: NDArray[np.int64]) -> Array:
+def longer(kurtosis: Array) -> Array:
     """Return how much longer a side is for a variance that lacks its tail, from 1 to `LOW`.
 
-    In proportion to the excess kurtosis of the output up to 1; `LOW` where it is unknown. It may be
-    more than it seems by its standard error in as many values of a normal distribution (Kendall and
-    Stuart 1977, chapter 3: the square root of 24 / n).
-
-    Args:
-        kurtosis: of the output.
-        runs: from how many differences it is known; broadcasts to it.
+    In proportion to the excess kurtosis of the output (Kendall and Stuart 1977, chapter 3) up to 1;
+    `LOW` where it is unknown.
     """
-    unsure = np.sqrt(24.0 / np.maximum(runs, 1))
-    excess = np.where(np.isnan(kurtosis), 1.0, kurtosis + unsure - _NORMAL)
+    excess = np.where(np.isnan(kurtosis), 1.0, kurtosis - _NORMAL)
     return 1.0 + (LOW - 1.0) * np.clip(excess, 0.0, 1.0)
 
 

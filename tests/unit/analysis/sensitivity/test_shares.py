@@ -134,16 +134,8 @@ def test_a_part_that_is_nothing_is_nothing_and_an_unknown_whole_has_no_interval(
 
 
 def test_a_side_is_longer_as_far_as_the_tail_is_heavier_than_a_normal_one() -> None:
-    many = np.array([10**9])
-    found = longer(np.array([1.8, 3.0, 3.5, 4.0, 40.0, np.nan]), many)
-    half = 0.5 * (1.0 + LOW)
-    np.testing.assert_allclose(found, [1.0, 1.0, half, LOW, LOW, LOW], atol=1e-3)
-
-
-def test_few_rows_may_have_missed_what_makes_a_tail_heavy() -> None:
-    """By the standard error of a normal kurtosis: 0.5 of 96 rows, 0.15 of 1067."""
-    found = longer(np.full(4, 3.0), np.array([0, 24, 96, 2400]))
-    np.testing.assert_allclose((found - 1.0) / (LOW - 1.0), [1.0, 1.0, 0.5, 0.1])
+    found = longer(np.array([1.8, 3.0, 3.5, 4.0, 40.0, np.nan]))
+    np.testing.assert_allclose(found, [1.0, 1.0, 0.5 * (1.0 + LOW), LOW, LOW, LOW])
 
 
 def signed(part: Array, whole: Array, times: float) -> tuple[Estimate, Estimate]:
