@@ -24,8 +24,8 @@ from server.app import create_app
 from server.logic.fleet.verdicts import Report
 from server.logic.study.plans import draw_up
 from server.logic.study.points import parameters
-from server.operations.fleet import leasing, results
-from server.operations.fleet.leasing import LeaseRequest
+from server.operations.fleet.exchange import Exchange, LeaseRequest, Post
+from server.operations.fleet.turns import serve_within
 from server.operations.study import studies
 from server.records import Introduction
 from server.settings import Settings
@@ -81,7 +81,8 @@ async def transactions(app: FastAPI) -> float:
     worker = Introduction(id="w", host="here", versions={})
     request = LeaseRequest(worker=worker, models=["ishigami"], max_instances=BATCH)
     with begin() as connection:
-        held: Any = leasing.grant(connection, request, now=time.time(), ttl=60.0)
+        first = Exchange(request=request, now=time.time(), ttl=60.0)
+        _, held = serve_within(connection, first)
 
     async def cycle() -> None:
         nonlocal held
@@ -96,7 +97,7 @@ async def transactions(app: FastAPI) -> float:
             )
             for row, position in held.lease.instances
         ]
-        posted = results.Post(
+        posted = Post(
             reports=reports,
             lease=held.lease.id,
             fence=held.lease.fence,
@@ -105,7 +106,9 @@ async def transactions(app: FastAPI) -> float:
             tolerance=1e-3,
         )
         with begin() as connection:
-            _, held = results.exchange(connection, posted, request, now=time.time(), ttl=60.0)
+            now = time.time()
+            both = Exchange(posted=posted, request=request, now=now, ttl=60.0)
+            _, held = serve_within(connection, both)
 
     spent = await quickest(cycle)
     begin.close()

@@ -1,9 +1,10 @@
 """Models and their zip files."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, BinaryIO
 
 import sqlalchemy as sa
+from pydantic_core import from_json
 from sqlalchemy.engine import Connection, Engine
 
 from models.description import Description
@@ -12,7 +13,13 @@ from server.records import ModelVersion
 from server.states import StudyState
 from server.store.database import parts
 from server.store.database.engine import insert
+from server.store.database.prepared import Prepared, text
 from server.store.database.schema import model_parts, models, studies
+
+#: Of a version, as `description_of` takes it.
+DESCRIPTION = Prepared(
+    sa.select(text(models.c.description)).where(models.c.version == sa.bindparam("version"))
+)
 
 
 def put(connection: Connection, model: ModelVersion) -> bool:
@@ -73,6 +80,11 @@ def archive(engine: Engine, model: ModelVersion) -> Iterator[bytes]:
 
 
 _LATEST_FIRST = (models.c.announced_at.desc(), models.c.version)
+
+
+def description_of(row: Sequence[Any]) -> Description:
+    """Return the description that a row of `DESCRIPTION` holds."""
+    return Description.from_json(from_json(row[0]), kept=True)
 
 
 def _model(row: sa.Row[Any]) -> ModelVersion:

@@ -4,81 +4,61 @@ Whoever changes a study's comparisons has locked the study.
 """
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from sqlalchemy.engine import Connection, Engine
 
-from server.logic.fleet.comparisons import Reputation, concluded, is_chosen, is_comparable, put_back
+from server.logic.fleet.comparisons import Reputation, concluded, is_comparable, put_back
 from server.logic.fleet.verdicts import Judgement, Report, as_result, fault_in
 from server.logic.study.points import instance_id
-from server.records import Lease, Result, Study
+from server.records import Comparison, Lease, Place, Result, Study
 from server.states import ComparisonState, Verdict
-from server.store import models
 from server.store.database.engine import reading, writing
-from server.store.fleet import comparisons, results
+from server.store.fleet import comparisons
 from server.store.study import studies
 
 log = logging.getLogger(__name__)
 
 
-def ask(
-    connection: Connection,
-    study: Study,
-    found: Iterable[Result],
-    lease: Lease,
-    *,
-    share: float,
-    now: float,
-) -> None:
-    """Ask for second opinions on those new final results of a lease that are chosen for it.
-
-    None is asked for on a model that is not deterministic: two of its numbers may differ.
-    """
-    chosen = [
-        (result.row, result.position)
-        for result in found
-        if is_comparable(result) and is_chosen(study.plan.seed, result.row, result.position, share)
-    ]
-    if chosen and "@" in study.plan.model:
-        model = models.find(connection, study.plan.model)
-        if model is not None and not model.description.deterministic:
-            return
-    comparisons.add(connection, study.id, chosen, host=lease.host, worker=lease.worker, now=now)
-
-
 def judge(
-    connection: Connection,
     study: Study,
     reports: Sequence[Report],
     *,
+    asked: Iterable[Comparison],
+    stored: Mapping[Place, Result],
     lease: Lease,
     tolerance: float,
     now: float,
-) -> tuple[list[Judgement], bool]:
+) -> tuple[list[Judgement], list[Comparison], bool]:
     """Compare reports with the results that they were asked to be second opinions on.
 
-    `tolerance`: largest relative difference of an output at which both agree.
+    Args:
+        study: the study.
+        reports: of which some may be about anything.
+        asked: what the lease was given.
+        stored: the results in question, as far as they are still there.
+        lease: under which they are reported.
+        tolerance: largest relative difference of an output at which both agree.
+        now: when.
 
     Returns:
-        A judgement of each report, in order, and whether the lease still holds anything.
+        A judgement of each report, in order; the comparisons that changed; and whether the lease
+        still holds anything.
     """
-    stored = results.at(connection, study.id, lease.instances)
-    asked = {
-        instance_id(study.id, one.row, one.position): one
-        for one in comparisons.of_lease(connection, lease.id)
-    }
-    open_ones = {name for name, one in asked.items() if one.state == ComparisonState.LEASED}
-    judgements = []
+    given = {instance_id(study.id, one.row, one.position): one for one in asked}
+    open_ones = {name for name, one in given.items() if one.state == ComparisonState.LEASED}
+    judgements: list[Judgement] = []
+    changed: list[Comparison] = []
     for report in reports:
         # Each counts once, also within one request.
-        one = asked.pop(report.instance, None)
+        one = given.pop(report.instance, None)
         if one is None:
             verdict, detail = Verdict.UNKNOWN, "the lease does not hold this instance"
         elif report.instance not in open_ones:
             verdict, detail = Verdict.DUPLICATE, ""
         elif (fault := fault_in(report, study.plan.outputs, study.plan.curves)) is not None:
             verdict, detail = Verdict.INVALID, fault
-            comparisons.save(connection, put_back(one))
+            changed.append(put_back(one))
         else:
             verdict, detail = Verdict.ACCEPTED, "a second opinion"
             second = as_result(report, one.row, one.position, study.plan.outputs, study.plan.curves)
@@ -87,14 +67,14 @@ def judge(
                 after = put_back(one)
             else:
                 after = concluded(one, first, second, lease, tolerance=tolerance, now=now)
-            comparisons.save(connection, after)
+            changed.append(after)
             if after.state == ComparisonState.DISAGREED:
                 about = {"study": study.id, "instance": report.instance, "worker": lease.worker}
                 hosts = one.first_host, lease.host
                 log.warning("hosts %s and %s disagree on an instance", *hosts, extra=about)
         open_ones.discard(report.instance)
         judgements.append(Judgement(about=report.instance, verdict=verdict, detail=detail))
-    return judgements, bool(open_ones)
+    return judgements, changed, bool(open_ones)
 
 
 def let_go(connection: Connection, lease: Lease, *, counted: bool) -> None:

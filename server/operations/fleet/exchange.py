@@ -1,20 +1,41 @@
 """What a worker brings and asks for in one request, and what it is told."""
 
 import re
+from collections.abc import Sequence
 
-from sqlalchemy.engine import Connection
-
-from server.logic.fleet.verdicts import Judgement
-from server.operations.fleet import leasing, results
-from server.operations.fleet.leasing import Deferred, Grant, Ineligible, LeaseRequest
-from server.operations.fleet.results import Post
-from server.records import record
-
-#: What a worker is told: a judgement of each result, and its next lease or why there is none.
-Answer = tuple[list[Judgement], Grant | Ineligible | Deferred | None]
-
+from server.logic.fleet.hosts import host_class
+from server.logic.fleet.verdicts import Judgement, Report
+from server.records import Introduction, Lease, Study, record
 
 _STUDY = re.compile(r"[0-9a-f]{1,32}")
+
+
+@record
+class Post:
+    """Results as a worker posts them, and what they are judged by."""
+
+    reports: Sequence[Report]
+    #: The lease it says they belong to, and the lease's fence to prove it.
+    lease: str
+    fence: int
+    worker: str
+    #: Of the results, how many another host computes again.
+    share: float = 0.0
+    #: Relative difference of an output at which two hosts still agree.
+    tolerance: float = 0.0
+
+
+@record
+class LeaseRequest:
+    """Who asks for instances, and for which."""
+
+    worker: Introduction
+    models: Sequence[str]
+    max_instances: int
+
+    def host_class(self, model: str = "") -> str:
+        """The kind of machine that asks, as far as it matters to a model, "name@digest"."""
+        return host_class(self.worker.versions, self.worker.models.get(model, ""))
 
 
 @record
@@ -25,12 +46,15 @@ class Exchange:
     ttl: float
     posted: Post | None = None
     request: LeaseRequest | None = None
+    #: Id of the study in whose turn it is to be served, and of those that have nothing for it.
+    first: str = ""
+    passed: frozenset[str] = frozenset()
 
     @property
     def study(self) -> str:
-        """Id of the study that its results are about, as they say; empty if it brings none."""
-        if self.posted is None:
-            return ""
+        """Id of the study that it is about, as far as can be told without looking, or empty."""
+        if self.first or self.posted is None:
+            return self.first
         named = self.posted.reports[0].instance.partition(":")[0]
         # Anybody may call an instance anything.
         return named if _STUDY.fullmatch(named) else ""
@@ -41,12 +65,30 @@ class Exchange:
         brought = 0 if self.posted is None else len(self.posted.reports)
         return brought + (0 if self.request is None else self.request.max_instances)
 
-    def alone(self, connection: Connection) -> Answer:
-        """Deal with it in a transaction of its own."""
-        now, ttl = self.now, self.ttl
-        if self.posted is None:
-            assert self.request is not None
-            return [], leasing.grant(connection, self.request, now=now, ttl=ttl)
-        if self.request is None:
-            return results.take(connection, self.posted, now=now, ttl=ttl), None
-        return results.exchange(connection, self.posted, self.request, now=now, ttl=ttl)
+
+@record
+class Grant:
+    """A new lease and the study its instances belong to."""
+
+    lease: Lease
+    study: Study
+
+
+@record
+class Ineligible:
+    """There is work, but none that the worker may have."""
+
+    why: str
+
+
+@record
+class Deferred:
+    """The rest of an exchange, which is to be served in the turn of another study."""
+
+    rest: Exchange
+
+
+#: What a worker is told: a judgement of each result, and its next lease or why there is none.
+Answer = tuple[list[Judgement], Grant | Ineligible | None]
+#: The same of one turn.
+Served = tuple[list[Judgement], Grant | Ineligible | Deferred | None]

@@ -3,11 +3,12 @@
 import asyncio
 import logging
 from collections.abc import Sequence
+from functools import partial
 
 from sqlalchemy.engine import Engine
 
-from server.operations.fleet.exchange import Answer, Exchange
-from server.operations.fleet.turns import Turn, take_turn
+from server.operations.fleet.exchange import Answer, Deferred, Exchange, Served
+from server.operations.fleet.turns import serve_within, take_turn
 from server.store.database.write_batching import WriteBatches
 from server.store.fleet.turns import TurnConnection
 
@@ -18,13 +19,14 @@ log = logging.getLogger(__name__)
 MOST = 100
 MOST_INSTANCES = 500
 
-Waiting = tuple[Exchange, "asyncio.Future[Answer | None]"]
+Waiting = tuple[Exchange, "asyncio.Future[Served | None]"]
 
 
 class Exchanges:
     """Serves workers, for an event loop that must not be kept waiting.
 
-    On SQLite the transactions of `WriteBatches` do; on PostgreSQL one turn after the other.
+    On SQLite each has a turn, in the transactions of `WriteBatches`; on PostgreSQL all who wait
+    share one turn after the other.
     """
 
     def __init__(self, engine: Engine, write: WriteBatches) -> None:
@@ -36,15 +38,22 @@ class Exchanges:
 
     async def __call__(self, exchange: Exchange) -> Answer:
         """Serve one exchange; when this returns it is committed."""
+        judgements, found = await self._served(exchange)
+        while isinstance(found, Deferred):
+            more, found = await self._served(found.rest)
+            judgements += more
+        return judgements, found
+
+    async def _served(self, exchange: Exchange) -> Served:
         if self._turns is not None:
-            done: asyncio.Future[Answer | None] = asyncio.get_running_loop().create_future()
+            done: asyncio.Future[Served | None] = asyncio.get_running_loop().create_future()
             self._waiting.append((exchange, done))
             if self._at_work is None or self._at_work.done():
                 self._at_work = asyncio.create_task(self._serve(self._turns))
             answer = await done
             if answer is not None:
                 return answer
-        return await self._write(exchange.alone)
+        return await self._write(partial(serve_within, exchange=exchange))
 
     async def close(self) -> None:
         """Wait for what is under way; nothing can be done afterwards."""
@@ -64,14 +73,17 @@ class Exchanges:
                 taken += found
                 return [exchange for exchange, _ in taken]
 
+            answers: Sequence[Served | None]
             try:
-                turn = await take_turn(turns, study, collect)
+                async with turns.turn() as turn:
+                    found = await take_turn(turn, study, collect)
+                answers, self._next_study = found.answers, found.next_study
             except Exception:
                 # What comes of it by itself each is told; perhaps the server is away.
                 log.warning("a turn failed: each gets a transaction of its own", exc_info=True)
-                turn = Turn(answers=[(exchange, None) for exchange in collect()])
-            self._next_study = turn.next_study
-            for (_, done), (_, answer) in zip(taken, turn.answers, strict=True):
+                answers = [None for _ in collect()]
+                self._next_study = ""
+            for (_, done), answer in zip(taken, answers, strict=True):
                 if not done.cancelled():
                     done.set_result(answer)
 

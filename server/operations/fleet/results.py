@@ -1,146 +1,202 @@
 """Results: taking them in, and reading them out in order."""
 
-from collections.abc import Iterator, Sequence
-from functools import cache
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 
-from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.engine import Engine
 
-from server.errors import NotFoundError
+from server.logic.fleet.comparisons import is_chosen, is_comparable
 from server.logic.fleet.leases import expiry, objection_to_results
 from server.logic.fleet.verdicts import Judgement, Report, judge_all
-from server.logic.study.instances import held
+from server.logic.study import studies as life
 from server.logic.study.points import instance_id
-from server.operations.fleet import comparisons, leasing
-from server.operations.fleet.leasing import Deferred, Grant, Ineligible, LeaseRequest
-from server.operations.study.instances import settle
-from server.records import Lease, Result, Study, record
-from server.states import InstanceState, LeaseState, Verdict
+from server.operations.fleet import comparisons
+from server.operations.fleet.exchange import Deferred, Exchange, Post
+from server.operations.fleet.served import ServedStudy
+from server.records import Instance, Lease, Place, Result, Study, record
+from server.states import InstanceState, Verdict
 from server.store.database.engine import reading
-from server.store.fleet import leases, results, workers
-from server.store.study import instances, studies
+from server.store.fleet import results
 
 #: Results read out per transaction, so that a slow reader keeps nobody waiting.
 PAGE = 1000
 
 
 @record
-class Post:
-    """Results as a worker posts them, and what they are judged by."""
-
-    reports: Sequence[Report]
-    #: The lease it says they belong to, and the lease's fence to prove it.
-    lease: str
-    fence: int
-    worker: str
-    #: Of the results, how many another host computes again.
-    share: float = 0.0
-    #: Relative difference of an output at which two hosts still agree.
-    tolerance: float = 0.0
-
-
-def take(connection: Connection, posted: Post, *, now: float, ttl: float) -> list[Judgement]:
-    """Judge and file reports, the good ones whatever is said of the others.
-
-    The transaction has locked no study.
-
-    Returns:
-        A judgement of each report, in order.
-    """
-    taken = _take(connection, posted, now, ttl)
-    if taken.study is not None:
-        workers.heard_from(connection, posted.worker, done=taken.done, now=now)
-    return taken.judgements
-
-
-def exchange(
-    connection: Connection, posted: Post, request: LeaseRequest, *, now: float, ttl: float
-) -> tuple[list[Judgement], Grant | Ineligible | Deferred | None]:
-    """Take in results and lease the next instances: `take` and `leasing.grant` at once."""
-    taken = _take(connection, posted, now, ttl)
-    same = request.worker.id == posted.worker
-    if taken.study is not None and not same:
-        workers.heard_from(connection, posted.worker, done=taken.done, now=now)
-    done = taken.done if same else 0
-    found = leasing.grant(connection, request, now=now, ttl=ttl, locked=taken.study, done=done)
-    return taken.judgements, found
-
-
-@record
-class _Taken:
+class Taken:
     """What was made of results."""
 
     judgements: list[Judgement]
-    #: The study that is locked, as it is now; None if the lease is not the worker's.
-    study: Study | None = None
-    #: How many of the results are final.
-    done: int = 0
+    #: How many of the results are final; None if the lease is not the worker's.
+    done: int | None = None
 
 
-def _take(connection: Connection, posted: Post, now: float, ttl: float) -> _Taken:
-    """Do what `take` does but for noting that the worker was in touch."""
-    reports = posted.reports
-    lease = leases.find(connection, posted.lease)
+class _HostsWantedError(Exception):
+    """To judge a result one must know which hosts are at work."""
+
+
+async def take(served: ServedStudy, exchange: Exchange, posted: Post) -> Taken | Deferred:
+    """Judge and file reports, the good ones whatever is said of the others.
+
+    Returns:
+        A judgement of each report, in order; Deferred if the lease is of another study.
+    """
+    reports, study = posted.reports, served.study
+    lease = served.seen.leases.get(posted.lease)
     if lease is None:
         return _to_all(reports, Verdict.UNKNOWN, "there is no such lease")
     objection = objection_to_results(lease, fence=posted.fence, worker=posted.worker)
     if objection is not None:
         return _to_all(reports, Verdict.INVALID, objection)
-    try:
-        study = studies.find(connection, lease.study, lock=True)
-    except NotFoundError:
-        # Deleted since its lease was read, which took no lock.
-        return _to_all(reports, Verdict.UNKNOWN, "the study was deleted")
+    if study is None or lease.study != study.id:
+        if lease.study == exchange.first:
+            # Deleted since its lease was read.
+            return _to_all(reports, Verdict.UNKNOWN, "the study was deleted")
+        return Deferred(rest=replace(exchange, first=lease.study))
     if not lease.compares:
-        return _file(connection, posted, study, lease, now, ttl)
-    judgements, holds = comparisons.judge(
-        connection, study, reports, lease=lease, tolerance=posted.tolerance, now=now
+        return await _file(served, study, exchange, posted, lease)
+    await served.write()
+    judgements, compared, holds = comparisons.judge(
+        study,
+        reports,
+        asked=await served.turn.opinions_of(lease),
+        stored=await served.turn.results_at(study, lease.instances),
+        lease=lease,
+        tolerance=posted.tolerance,
+        now=exchange.now,
     )
-    _keep_or_end(connection, lease, holds, now, ttl)
-    return _Taken(judgements=judgements, study=study)
+    served.changes.compared += compared
+    # What failed is to be asked for again.
+    served.stale = True
+    _keep_or_end(served, lease, holds, exchange)
+    return Taken(judgements=judgements, done=0)
 
 
-def _file(
-    connection: Connection, posted: Post, study: Study, lease: Lease, now: float, ttl: float
-) -> _Taken:
-    """Judge reports on instances of a study and write what follows."""
+async def _file(
+    served: ServedStudy, study: Study, exchange: Exchange, posted: Post, lease: Lease
+) -> Taken:
+    """Judge reports on instances of the study and note what follows."""
     places = {instance_id(study.id, *place): place for place in lease.instances}
     named = [places[report.instance] for report in posted.reports if report.instance in places]
-    before = instances.in_rows(connection, study.id, named)
-
-    @cache
-    def at_work() -> set[str]:
-        """Return the hosts of the lease's class that work on the study, asked for once."""
-        return workers.hosts_at_work(connection, study.id, host_class=lease.host_class, now=now)
-
-    done = {
-        place for place in named if place in before and before[place].state == InstanceState.DONE
-    }
-    judgements = judge_all(
-        posted.reports,
-        places=places,
-        instances=before,
-        stored=results.at(connection, study.id, done),
-        lease=lease,
-        outputs=study.plan.outputs,
-        curves=study.plan.curves,
-        at_work=at_work,
-    )
-    final = [j.result for j in judgements if j.result is not None]
+    before = served.in_rows(named)
+    judgements = await _judged(served, study, exchange, posted, lease, places, before)
     changed = [j.instance for j in judgements if j.instance is not None]
     after = {(one.row, one.position): one for one in changed}
-    study = settle(
-        connection, study, before=before, after=after, filed=final, worker=posted.worker, now=now
-    )
-    conflicts = [j.conflict for j in judgements if j.conflict is not None]
-    results.add_conflicts(connection, study.id, conflicts, worker=posted.worker, now=now)
-    comparisons.ask(connection, study, final, lease, share=posted.share, now=now)
-    known = {**before, **after}
-    others = [place for place in lease.instances if place not in known]
-    holds = bool(held(known, lease=lease.id)) or instances.are_held(
-        connection, study.id, others, lease=lease.id
-    )
-    _keep_or_end(connection, lease, holds, now, ttl)
-    return _Taken(judgements=judgements, study=study, done=len(final))
+    final = [j.result for j in judgements if j.result is not None]
+    if any(before[place].lease != lease.id for place in after):
+        # Late: somebody else may have got it in this turn, or be about to.
+        served.stale = True
+        await served.write()
+    if any(one.state != InstanceState.DONE for one in changed):
+        served.stale = True
+    changes = served.changes
+    if after:
+        served.study = life.with_changes(
+            study, before=before, after=after, filed=final, now=exchange.now
+        )
+        for one in after.values():
+            served.note(one)
+    holds = served.holds(lease)
+    _note_changes(served, lease, before, after, holds=holds)
+    changes.filed += [(posted.worker, result) for result in final]
+    changes.conflicts += [(posted.worker, j.conflict) for j in judgements if j.conflict is not None]
+    changes.asked += [
+        (lease.host, lease.worker, place)
+        for place in await _compared(served, study, final, posted.share)
+    ]
+    _keep_or_end(served, lease, holds, exchange)
+    return Taken(judgements=judgements, done=len(final))
+
+
+async def _judged(
+    served: ServedStudy,
+    study: Study,
+    exchange: Exchange,
+    posted: Post,
+    lease: Lease,
+    places: Mapping[str, Place],
+    before: Mapping[Place, Instance],
+) -> list[Judgement]:
+    """Judge reports; what is rarely needed for that is asked for."""
+    done = {
+        place
+        for report in posted.reports
+        if (place := places.get(report.instance)) in before
+        and place is not None
+        and before[place].state == InstanceState.DONE
+    }
+    stored: Mapping[Place, Result] = {}
+    if done:
+        await served.write()
+        stored = await served.turn.results_at(study, done)
+    hosts: Collection[str] | None = None
+
+    def at_work() -> Collection[str]:
+        if hosts is None:
+            raise _HostsWantedError
+        return hosts
+
+    def judged() -> list[Judgement]:
+        return judge_all(
+            posted.reports,
+            places=places,
+            instances=before,
+            stored=stored,
+            lease=lease,
+            outputs=study.plan.outputs,
+            curves=study.plan.curves,
+            at_work=at_work,
+        )
+
+    try:
+        return judged()
+    except _HostsWantedError:
+        await served.write()
+        hosts = await served.turn.hosts_at_work(study, lease.host_class, now=exchange.now)
+        return judged()
+
+
+def _note_changes(
+    served: ServedStudy,
+    lease: Lease,
+    before: Mapping[Place, Instance],
+    after: Mapping[Place, Instance],
+    *,
+    holds: bool,
+) -> None:
+    """Note how instances are to be written: what is done of a lease that held no other, by it."""
+    if not after:
+        return
+    changes = served.changes
+    done = [place for place, one in after.items() if one.attempts == before[place].attempts]
+    changes.rewritten += [one for place, one in after.items() if place not in done]
+    rows = [*changes.emptied_rows, *(row for row, _ in after)]
+    whole = not holds and len(done) == len(after)
+    # What is late may be far away, and everything in between would be looked at.
+    near = max(rows) - min(rows) <= 4 * len(rows)
+    if whole and near and all(before[place].lease == lease.id for place in after):
+        changes.emptied.append(lease.id)
+        changes.emptied_rows = rows
+    else:
+        changes.done += done
+
+
+async def _compared(
+    served: ServedStudy, study: Study, found: Sequence[Result], share: float
+) -> list[Place]:
+    """Return for which new final results second opinions are asked for.
+
+    None is asked for on a model that is not deterministic: two of its numbers may differ.
+    """
+    chosen = [
+        (result.row, result.position)
+        for result in found
+        if is_comparable(result) and is_chosen(study.plan.seed, result.row, result.position, share)
+    ]
+    model = study.plan.model
+    if chosen and "@" in model and not await served.turn.is_deterministic(model):
+        return []
+    return chosen
 
 
 def in_order(engine: Engine, study: Study) -> Iterator[tuple[Result, str]]:
@@ -156,15 +212,16 @@ def in_order(engine: Engine, study: Study) -> Iterator[tuple[Result, str]]:
         at = (last.row, last.position)
 
 
-def _keep_or_end(connection: Connection, lease: Lease, holds: bool, now: float, ttl: float) -> None:
+def _keep_or_end(served: ServedStudy, lease: Lease, holds: bool, exchange: Exchange) -> None:
     """Let a lease last on that still holds something; end it if it does not."""
     if holds:
-        leases.extend(connection, lease, now=now, until=expiry(now, ttl))
+        until = expiry(exchange.now, exchange.ttl)
+        served.changes.extended.setdefault(until, []).append(lease.id)
     else:
-        leases.end(connection, lease, LeaseState.FINISHED)
+        served.changes.finished.append(lease.id)
 
 
-def _to_all(reports: Sequence[Report], verdict: Verdict, detail: str) -> _Taken:
-    return _Taken(
+def _to_all(reports: Sequence[Report], verdict: Verdict, detail: str) -> Taken:
+    return Taken(
         judgements=[Judgement(about=r.instance, verdict=verdict, detail=detail) for r in reports]
     )

@@ -1,71 +1,99 @@
-"""A turn: results and requests of many workers, about one study, in one transaction.
+"""A turn: results and requests of workers, about one study, in one transaction.
 
 On PostgreSQL a transaction waits for the server most of the time, and all that change one study
-wait for each other. So those who wait share one, which reads and writes sets of rows. It serves
-what workers do nearly always. Whatever is unusual it leaves to `results` and `leasing`,
-which decide in the same way one by one.
+wait for each other. So those who wait share one, which reads and writes sets of rows.
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Sequence
+
+from sqlalchemy.engine import Connection
 
 from server.logic.fleet.comparisons import GATHER_SECONDS
-from server.operations.fleet.exchange import Answer, Exchange
-from server.operations.fleet.leasing import Grant
-from server.operations.fleet.results import Post
+from server.logic.fleet.verdicts import Judgement
+from server.operations.fleet import leasing, results
+from server.operations.fleet.exchange import Deferred, Exchange, Post, Served
 from server.operations.fleet.served import ServedStudy
 from server.records import record
-from server.store.fleet.turns import TurnConnection
+from server.store.fleet.turns import Turn, at_once, turn_within
 
 #: A row as instances are called by it.
 _ROW = re.compile(r"0|[1-9][0-9]{0,9}")
 
 
 @record
-class Turn:
+class Taken:
     """What came of a turn."""
 
-    #: What everybody is answered; None: it needs a transaction of its own.
-    answers: Sequence[tuple[Exchange, Answer | None]]
+    #: What each is answered, in order.
+    answers: Sequence[Served]
     #: The study to serve next whoever brings no results; empty: there is none.
     next_study: str = ""
 
 
-async def take_turn(
-    store: TurnConnection, study_id: str, waiting: Callable[[], Sequence[Exchange]]
-) -> Turn:
-    """Serve all who wait.
+async def take_turn(turn: Turn, study_id: str, waiting: Callable[[], Sequence[Exchange]]) -> Taken:
+    """Serve all who wait, one after the other.
 
     Args:
+        turn: the transaction.
         study_id: the study that is locked; empty: none.
         waiting: returns who waits, once it is: the longer that takes, the more there are.
     """
-    async with store.turn() as turn:
-        study = await turn.lock(study_id)
-        exchanges = waiting()
-        posts = [one.posted for one in exchanges if one.posted is not None]
-        hosts = {one.request.worker.host for one in exchanges if one.request is not None}
-        named = set() if study is None else _rows_named(study.id, posts)
-        seen, slots = await turn.look(
-            study,
-            leases_of=[post.lease for post in posts],
-            hosts=hosts,
-            asked_by=max((one.now for one in exchanges), default=0.0) - GATHER_SECONDS,
-            rows=named,
-            wanted={} if study is None else _wanted(exchanges, study.plan.model),
-        )
-        served = ServedStudy(study, seen, slots)
-        # A lease may hold more than what is posted.
-        if study is not None and (more := served.rows_of(posts) - named):
-            served.fill(await turn.rows(study, more))
-        answers = [(one, served.serve(one)) for one in exchanges]
-        changes = served.changes()
-        fences = {} if changes is None else await turn.write(changes)
-    return Turn(
-        answers=[(one, _with_fence(answer, fences)) for one, answer in answers],
-        next_study=next((first for first, _ in seen.work), ""),
+    study = await turn.lock(study_id)
+    exchanges = waiting()
+    posts = [one.posted for one in exchanges if one.posted is not None]
+    hosts = {one.request.worker.host for one in exchanges if one.request is not None}
+    named = set() if study is None else _rows_named(study.id, posts)
+    seen, slots = await turn.look(
+        study,
+        leases_of=[post.lease for post in posts],
+        hosts=hosts,
+        asked_by=max((one.now for one in exchanges), default=0.0) - GATHER_SECONDS,
+        rows=named,
+        wanted={} if study is None else _wanted(exchanges, study.plan.model),
     )
+    served = ServedStudy(turn, study, seen, slots)
+    # A lease may hold more than what is posted.
+    if study is not None and (more := served.rows_of(posts) - named):
+        served.fill(await turn.rows(study, more))
+    answers = [await _serve(served, one) for one in exchanges]
+    await served.write(end=True)
+    # Only now every lease has its fence.
+    answers = [served.with_fence(answer) for answer in answers]
+    return Taken(answers=answers, next_study=next((first for first, _ in seen.work), ""))
+
+
+async def _serve(served: ServedStudy, exchange: Exchange) -> Served:
+    """Take in what a worker brings, give it what it asks for, and remember it."""
+    served.begin(exchange.now)
+    judgements: list[Judgement] = []
+    posted, request = exchange.posted, exchange.request
+    done = None
+    if posted is not None:
+        taken = await results.take(served, exchange, posted)
+        if isinstance(taken, Deferred):
+            return [], taken
+        judgements, done = taken.judgements, taken.done
+        if done is not None and (request is None or request.worker.id != posted.worker):
+            heard = served.changes.heard
+            heard[posted.worker] = heard.get(posted.worker, 0) + done
+            done = 0
+    if request is None:
+        return judgements, None
+    found = await leasing.grant(served, exchange, request)
+    served.changes.workers.append((request.worker, request.host_class(), done or 0))
+    return judgements, found
+
+
+def serve_within(connection: Connection, exchange: Exchange) -> Served:
+    """Serve one, in a turn of its own within a transaction that others begin and end."""
+    turn = turn_within(connection)
+    study, request = exchange.study, exchange.request
+    if not study and request is not None:
+        work, _ = at_once(turn.wanted((), asked_by=0.0))
+        study = next((first for first, model in work if model in request.models), "")
+    (answer,) = at_once(take_turn(turn, study, lambda: [exchange])).answers
+    return answer
 
 
 def _rows_named(study_id: str, posts: Iterable[Post]) -> set[int]:
@@ -86,13 +114,3 @@ def _wanted(exchanges: Iterable[Exchange], model: str) -> dict[str, int]:
             kind = one.request.host_class(model)
             found[kind] = found.get(kind, 0) + one.request.max_instances
     return found
-
-
-def _with_fence(answer: Answer | None, fences: Mapping[str, int]) -> Answer | None:
-    if answer is None:
-        return None
-    judgements, found = answer
-    if isinstance(found, Grant):
-        lease = replace(found.lease, fence=fences[found.lease.id])
-        found = Grant(lease=lease, study=found.study)
-    return judgements, found

@@ -17,8 +17,7 @@ from starlette.datastructures import State
 from server.errors import ConflictError
 from server.logic.study.points import instance_id, parameters, point
 from server.operations.fleet import leases
-from server.operations.fleet.exchange import Exchange
-from server.operations.fleet.leasing import Grant, Ineligible, LeaseRequest
+from server.operations.fleet.exchange import Exchange, Grant, Ineligible, LeaseRequest
 from server.records import Introduction
 from server.routes.common import (
     MAX_INTEGER,

@@ -5,7 +5,6 @@ import io
 import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
 from http import HTTPStatus
 from importlib.util import find_spec
 from itertools import chain, islice
@@ -20,10 +19,8 @@ from analysis.files.results_csv import columns
 from server.logic.fleet.verdicts import Judgement, Report
 from server.logic.study.table import lines
 from server.metrics import Metrics
-from server.operations.fleet import leasing, results
-from server.operations.fleet.exchange import Exchange
-from server.operations.fleet.leasing import Deferred, Grant, Ineligible
-from server.operations.fleet.results import Post
+from server.operations.fleet import results
+from server.operations.fleet.exchange import Exchange, Grant, Ineligible, Post
 from server.operations.study import studies
 from server.routes.common import Body, Direct, Id, Name, Store, as_json, example
 from server.routes.fleet.leases import Fence, LeaseBody, granted, requested
@@ -107,9 +104,6 @@ async def post(body: ResultsBody, request: Request) -> Response:
         with measures.lease_seconds.time():
             both = Exchange(posted=posted, request=asked, now=now, ttl=ttl)
             judgements, found = await state.exchange(both)
-            if isinstance(found, Deferred):
-                grant = partial(leasing.grant, request=asked, now=now, ttl=ttl)
-                found = await state.write(grant)
         misfit = found.why if isinstance(found, Ineligible) else None
         measures.misfits.inc(misfit is not None)
         answer["misfit"] = misfit

@@ -39,6 +39,10 @@ class _Compiled:
     arrange: Callable[[tuple[Any, ...]], tuple[Any, ...]]
 
 
+#: A statement as a driver takes it, and the values in their places.
+Words = tuple[str, Sequence[Any]]
+
+
 class Prepared:
     """A statement to be executed often.
 
@@ -73,7 +77,7 @@ class Prepared:
         try:
             return driver.execute(known.text, arranged)
         except connection.dialect.loaded_dbapi.Error as error:
-            raise _failure(error, connection.dialect, known.text, arranged) from error
+            raise failure(error, connection.dialect, known.text, arranged) from error
 
     def execute_many(self, connection: Connection, rows: Sequence[tuple[Any, ...]]) -> None:
         """Execute it with each of `rows`: values of the parameters in their order."""
@@ -85,9 +89,9 @@ class Prepared:
         try:
             driver.cursor().executemany(known.text, arranged)
         except connection.dialect.loaded_dbapi.Error as error:
-            raise _failure(error, connection.dialect, known.text, arranged) from error
+            raise failure(error, connection.dialect, known.text, arranged) from error
 
-    def words(self, dialect: Dialect, *values: Any) -> tuple[str, tuple[Any, ...]]:
+    def words(self, dialect: Dialect, *values: Any) -> Words:
         """Return it as the driver takes it, with the values in their places."""
         known = self._in_words_of(dialect)
         return known.text, known.arrange(values)
@@ -150,6 +154,10 @@ class Rows:
             some = rows[start : start + ROWS]
             self._of(len(some)).execute(connection, *same, *chain.from_iterable(some))
 
+    def words_for_one(self, dialect: Dialect, same: tuple[Any, ...], row: tuple[Any, ...]) -> Words:
+        """Return what adds one row, as the driver takes it."""
+        return self._of(1).words(dialect, *same, *row)
+
     def _insert(self, count: int) -> Prepared:
         """Return what adds so many rows."""
         same = {name: name for name in self._same}
@@ -179,7 +187,7 @@ def as_text(value: Any) -> str:
     return to_json(value).decode()
 
 
-def _failure(error: Exception, dialect: Dialect, text: str, values: Sequence[Any]) -> Exception:
+def failure(error: Exception, dialect: Dialect, text: str, values: Sequence[Any]) -> Exception:
     """Return a driver's error as SQLAlchemy has it."""
     kind = dialect.loaded_dbapi.Error
     return DBAPIError.instance(text, values, error, kind, dialect=dialect)

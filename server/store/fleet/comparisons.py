@@ -5,13 +5,16 @@ Whoever changes a study's comparisons has locked the study.
 
 from collections.abc import Collection, Sequence
 from dataclasses import fields
+from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.engine import Connection
+from pydantic_core import from_json
+from sqlalchemy.engine import Connection, Dialect
 
+from models.curves import packed, unpacked
 from server.records import Comparison, Place
 from server.states import ComparisonState, StudyState
-from server.store.database.prepared import Prepared, Rows
+from server.store.database.prepared import Prepared, Words, as_text, text
 from server.store.database.schema import comparisons, studies
 
 #: What came of one.
@@ -21,69 +24,65 @@ _OF_OTHERS = sa.or_(
     comparisons.c.first_host < sa.bindparam("host"), comparisons.c.first_host > sa.bindparam("host")
 )
 _WAITING = comparisons.c.state == ComparisonState.WAITING
-#: Built once: every worker that asks for work asks this.
-_STUDIES_WAITING = Prepared(
+# Built once: every worker that asks for work may ask this.
+STUDIES_WAITING = Prepared(
     sa.select(comparisons.c.study_id)
     .where(_WAITING, _OF_OTHERS, comparisons.c.asked_at <= sa.bindparam("asked_by"))
-    .distinct()
+    .distinct(),
+    "host",
+    "asked_by",
 )
-_ADD = Rows(
-    comparisons,
-    same=("study_id", "state", "attempts", "asked_at", "first_host", "first_worker_id"),
-    each=("row", "position"),
+_NAMES = [field.name for field in fields(Comparison)]
+#: What `comparison_of` takes.
+_EVERY = sa.select(
+    *(text(comparisons.c[name]) if name == "outputs" else comparisons.c[name] for name in _NAMES)
 )
-_EVERY = sa.select(*(comparisons.c[field.name] for field in fields(Comparison)))
-
-
-def add(
-    connection: Connection,
-    study_id: str,
-    places: Sequence[Place],
-    *,
-    host: str,
-    worker: str,
-    now: float,
-) -> None:
-    """Ask for second opinions on a host's results at `places`."""
-    _ADD.add(connection, (study_id, ComparisonState.WAITING, 0, now, host, worker), places)
-
-
-def studies_waiting(connection: Connection, *, host: str, asked_by: float) -> list[str]:
-    """Return the studies in which a second opinion of `host` was asked for by then."""
-    found = _STUDIES_WAITING.execute(connection, host, asked_by).fetchall()
-    return [study_id for (study_id,) in found]
-
-
-def hand_out(
-    connection: Connection, study_id: str, *, host: str, lease: str, limit: int
-) -> list[Place]:
-    """Give up to `limit` results of other hosts to a lease of `host`; return their places."""
-    query = _EVERY.where(comparisons.c.study_id == study_id, _WAITING, _OF_OTHERS)
-    query = query.order_by(comparisons.c.id).limit(limit)
-    found = connection.execute(query, {"host": host}).all()
-    if found:
-        connection.execute(
-            sa.update(comparisons)
-            .where(comparisons.c.id.in_([row.id for row in found]))
-            .values(state=ComparisonState.LEASED, lease_id=lease)
-        )
-    return [(row.row, row.position) for row in found]
+#: Of a study the first ones for a host, and so many at most.
+WAITING_FOR = Prepared(
+    _EVERY.where(comparisons.c.study_id == sa.bindparam("of_study"), _WAITING, _OF_OTHERS)
+    .order_by(comparisons.c.id)
+    .limit(sa.bindparam("most")),
+    "of_study",
+    "host",
+    "most",
+)
+OF_LEASE = Prepared(_EVERY.where(comparisons.c.lease_id == sa.bindparam("of_lease")))
+_SAVE = Prepared(
+    sa.update(comparisons)
+    .where(comparisons.c.id == sa.bindparam("of_comparison"))
+    .values({name: sa.bindparam(f"to_{name}") for name in _NAMES[1:]}),
+    "of_comparison",
+    *(f"to_{name}" for name in _NAMES[1:]),
+)
 
 
 def of_lease(connection: Connection, lease: str) -> list[Comparison]:
     """Return what a lease was given."""
-    query = _EVERY.where(comparisons.c.lease_id == lease)
-    return [
-        Comparison(**{**row._mapping, "state": ComparisonState(row.state)})
-        for row in connection.execute(query)
-    ]
+    return [comparison_of(row) for row in OF_LEASE.execute(connection, lease).fetchall()]
 
 
 def save(connection: Connection, comparison: Comparison) -> None:
     """Write back a comparison that was read in the same transaction."""
-    connection.execute(
-        sa.update(comparisons).where(comparisons.c.id == comparison.id).values(vars(comparison))
-    )
+    _SAVE.execute(connection, *_values(comparison))
+
+
+def saving(dialect: Dialect, comparison: Comparison) -> Words:
+    """Return what `save` executes."""
+    return _SAVE.words(dialect, *_values(comparison))
+
+
+def comparison_of(row: Sequence[Any]) -> Comparison:
+    """Return the comparison that a row of `_EVERY` holds."""
+    found = dict(zip(_NAMES, row, strict=True))
+    outputs = found["outputs"]
+    found["outputs"] = None if outputs is None else unpacked(from_json(outputs))
+    return Comparison(**found | {"state": ComparisonState(found["state"])})
+
+
+def _values(comparison: Comparison) -> list[Any]:
+    found = vars(comparison)
+    outputs = comparison.outputs
+    return [*(found | {"outputs": None if outputs is None else as_text(packed(outputs))}).values()]
 
 
 def forget(connection: Connection, study_id: str, places: Collection[Place]) -> None:

@@ -1,7 +1,6 @@
 """Leases: every one ever granted, so that late results can still be told from forged ones."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import sqlalchemy as sa
@@ -11,14 +10,12 @@ from sqlalchemy.engine import Connection
 
 from server.records import Lease
 from server.states import LeaseState
-from server.store.database.prepared import Prepared, as_text, text
+from server.store.database.prepared import Prepared, text
 from server.store.database.schema import leases, workers
 
 _STATES = {state.value: state for state in LeaseState}
 
 # Built once: see `server.store.study.studies`.
-_ADDED = ("id", "worker_id", "study_id", "state", "granted_at", "expires_at", "instances")
-_ADD = Prepared(sa.insert(leases).returning(leases.c.fence), *_ADDED, "host_class", "compares")
 _EVERY = sa.select(
     *(leases.c[name] for name in ("id", "fence", "worker_id", "study_id", "state", "expires_at")),
     text(leases.c.instances),
@@ -28,12 +25,16 @@ _EVERY = sa.select(
 ).join(workers, workers.c.id == leases.c.worker_id)
 _ONE = _EVERY.where(leases.c.id == sa.bindparam("of_lease"))
 _FIND = Prepared(_ONE)
-#: Those of several ids, on PostgreSQL.
-FIND_ANY = Prepared(
-    _EVERY.where(
-        leases.c.id == sa.any_(sa.cast(sa.bindparam("ids", type_=sa.Text), ARRAY(sa.Text)))
-    )
-)
+_IDS = sa.bindparam("ids", type_=sa.Text)
+#: Those of several ids, by kind of database.
+FIND_ANY = {
+    "postgresql": Prepared(_EVERY.where(leases.c.id == sa.any_(sa.cast(_IDS, ARRAY(sa.Text))))),
+    "sqlite": Prepared(
+        _EVERY.where(
+            leases.c.id.in_(sa.select(sa.func.json_each(_IDS).table_valued("value").c.value))
+        )
+    ),
+}
 _FIND_LOCKED = Prepared(_ONE.with_for_update(of=leases))
 _IS_OPEN = leases.c.state == LeaseState.OPEN
 _EXTEND = Prepared(
@@ -53,23 +54,6 @@ _WITH_EXPIRED = (
     .where(_IS_OPEN, leases.c.expires_at <= sa.bindparam("now"))
     .distinct()
 )
-
-
-def add(connection: Connection, lease: Lease, now: float) -> Lease:
-    """Store a new lease and return it with its fence."""
-    (fence,) = _ADD.execute(
-        connection,
-        lease.id,
-        lease.worker,
-        lease.study,
-        lease.state,
-        now,
-        lease.expires_at,
-        as_text(lease.instances),
-        lease.host_class,
-        lease.compares,
-    ).fetchone()
-    return replace(lease, fence=int(fence))
 
 
 def find(connection: Connection, lease_id: str, *, lock: bool = False) -> Lease | None:

@@ -5,11 +5,12 @@ from dataclasses import fields
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.engine import Connection
+from pydantic_core import from_json
+from sqlalchemy.engine import Connection, Dialect
 
-from models.curves import packed
+from models.curves import packed, unpacked
 from server.records import Place, Result
-from server.store.database.prepared import Rows, as_text
+from server.store.database.prepared import Prepared, Rows, Words, as_text, text
 from server.store.database.schema import conflicts, results, workers
 
 #: What a result is made of.
@@ -18,6 +19,18 @@ _APPEND = Rows(
     results,
     same=("study_id", "worker_id", "received_at"),
     each=("seq", "row", "position", "outcome", "outputs", "reason", "state", "wall_seconds"),
+)
+#: The results of one row, as `result_of` takes them.
+OF_ROW = Prepared(
+    sa.select(
+        *(text(results.c[n]) if n in ("outputs", "state") else results.c[n] for n in _RESULT)
+    ).where(
+        results.c.study_id == sa.bindparam("of_study"), results.c.row == sa.bindparam("at_row")
+    ),
+)
+_CONFLICT = Prepared(
+    sa.insert(conflicts).inline(),
+    *("study_id", "worker_id", "received_at", "row", "position", "outcome", "outputs", "reason"),
 )
 
 
@@ -50,18 +63,37 @@ def append(
     )
 
 
-def add_conflicts(
-    connection: Connection, study_id: str, found: Sequence[Result], *, worker: str, now: float
-) -> None:
-    """Keep results that contradict final ones."""
-    if not found:
-        return
-    names = ("row", "position", "outcome", "outputs", "reason")
-    about = {"study_id": study_id, "worker_id": worker, "received_at": now}
-    connection.execute(
-        sa.insert(conflicts),
-        [{**{name: getattr(result, name) for name in names}, **about} for result in found],
-    )
+def one(dialect: Dialect, about: tuple[str, float], row: tuple[Any, ...]) -> Words:
+    """Return what appends one final result.
+
+    Args:
+        dialect: of the database.
+        about: study and when it came.
+        row: worker, and the values of the other columns of `append`, JSON not yet as text.
+    """
+    study_id, now = about
+    worker, seq, number, position, outcome, outputs, reason, state, wall_seconds = row
+    given = (None if outputs is None else as_text(outputs)), reason, (state and as_text(state))
+    row = (seq, number, position, outcome, *given, wall_seconds)
+    return _APPEND.words_for_one(dialect, (study_id, worker, now), row)
+
+
+def conflict(dialect: Dialect, study_id: str, worker: str, now: float, found: Result) -> Words:
+    """Return what keeps a result that contradicts a final one."""
+    outputs = None if found.outputs is None else as_text(packed(found.outputs))
+    told = (found.row, found.position, found.outcome, outputs, found.reason)
+    return _CONFLICT.words(dialect, study_id, worker, now, *told)
+
+
+def result_of(row: Sequence[Any]) -> Result:
+    """Return the result that a row of `OF_ROW` holds."""
+    found = dict(zip(_RESULT, row, strict=True))
+    for name in ("outputs", "state"):
+        if found[name] is not None:
+            found[name] = from_json(found[name])
+    if found["outputs"] is not None:
+        found["outputs"] = unpacked(found["outputs"])
+    return Result(**found)
 
 
 def at(connection: Connection, study_id: str, places: Collection[Place]) -> dict[Place, Result]:

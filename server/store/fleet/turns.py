@@ -1,28 +1,42 @@
-"""Turns on PostgreSQL: one transaction for all who wait, in statements over sets of rows.
+"""Turns: what happens to one study in one transaction, however many have asked for it.
 
-Waiting for the server dominates there, so a turn is three trips, each a pipeline, however many
-requests it serves. Rows go there as one text of JSON: to write arrays takes the driver a third of
-the time of a turn. Joins to them are planned without statistics; on the connection of the turns
-only look-ups by index are allowed, or a plan made on an empty table would read the whole study.
-Each statement is planned once, since to plan takes longer than to execute.
+A turn is three trips to the database, each some statements over sets of rows, however many requests
+it serves; it makes others where something rare is asked. On PostgreSQL, where waiting for the
+server dominates, a trip is a pipeline. Joins to sets are planned without statistics there; on the
+connection of the turns only look-ups by index are allowed, or a plan made on an empty table would
+read the whole study. Each statement is planned once, since to plan takes longer than to execute.
 """
 
-from collections.abc import AsyncIterator, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import (
+    AsyncIterator,
+    Awaitable,
+    Callable,
+    Collection,
+    Coroutine,
+    Mapping,
+    Sequence,
+)
 from contextlib import asynccontextmanager, suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from sqlalchemy.engine import Engine
+from sqlalchemy.engine import Connection, Dialect, Engine
 
-from server.records import Instance, Introduction, Lease, Place, Result, Study, record
-from server.states import InstanceState, LeaseState
-from server.store.database.prepared import as_text
-from server.store.fleet import leases
+from server.records import Comparison, Instance, Lease, Place, Result, Study, record
+from server.store import models
+from server.store.database.prepared import Words, failure
+from server.store.fleet import comparisons, leases, results, workers
 from server.store.fleet import turn_statements as sql
+from server.store.fleet.turn_changes import Changes
+from server.store.fleet.turn_statements import as_set
 from server.store.study import instances, studies
 from server.threads import in_thread
 
 if TYPE_CHECKING:
-    from server.store.database.pipeline import Pipeline, Rows, Statement
+    from server.store.database.pipeline import Pipeline
+
+T = TypeVar("T")
+
+Rows = list[tuple[Any, ...]]
 
 _SETTINGS = {
     "enable_hashjoin": "off",
@@ -60,40 +74,8 @@ class Slots:
     unbound: bool
 
 
-@record
-class Changes:
-    """What a turn writes. Everything is of its one study."""
-
-    #: None: nothing of it changes.
-    study: Study | None
-    #: Whether nothing of the study has changed but how many of its instances are where.
-    counted: bool
-    now: float
-    #: Who asked, with the kind of machine and final results brought; the last word of each counts.
-    workers: Sequence[tuple[Introduction, str, int]]
-    #: Who only brought results, and how many final ones.
-    heard: Mapping[str, int]
-    #: Leases to last until then, by moment; and those that hold nothing any more.
-    extended: Mapping[float, Sequence[str]]
-    finished: Sequence[str]
-    #: Of these everything that they hold is done; all in these rows.
-    emptied: Sequence[str]
-    emptied_rows: tuple[int, int]
-    #: Other instances that are done, and instances of begun rows handed out: with their lease.
-    done: Sequence[Place]
-    handed_out: Sequence[tuple[Place, str]]
-    #: Instances of new rows: lease or None, kind of machine.
-    begun: Mapping[Place, tuple[str | None, str]]
-    granted: Sequence[Lease]
-    #: Final results in the order of their numbers, the first of them, and who brought each.
-    filed: Sequence[tuple[str, Result]]
-    first: int
-    #: Second opinions to ask for: first host, its worker, place.
-    asked: Sequence[tuple[str, str, Place]]
-
-
 class TurnConnection:
-    """The connection of the turns; for one event loop, and one turn at a time."""
+    """The connection of the turns on PostgreSQL; for one event loop, and one turn at a time."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
@@ -109,7 +91,13 @@ class TurnConnection:
         try:
             if self._pipeline is None:
                 self._pipeline = await in_thread(self._open)
-            turn = Turn(self._pipeline, self._engine, self._first_pending)
+            turn = Turn(
+                self._pipeline.trip,
+                self._engine.dialect,
+                self._first_pending,
+                begin=[("BEGIN", ())],
+                end=[("COMMIT", ())],
+            )
             yield turn
             if not turn.committed:
                 await turn.trip([("ROLLBACK", ())])
@@ -143,20 +131,36 @@ class TurnConnection:
 
 
 class Turn:
-    """One transaction."""
+    """One transaction.
+
+    Args:
+        trip: executes statements, and returns the rows of each.
+        dialect: of the database.
+        first_pending: as `TurnConnection` has it; it is kept up.
+        begin: what begins the transaction, and
+        end: what ends it; nothing if others do.
+    """
 
     def __init__(
-        self, pipeline: "Pipeline", engine: Engine, first_pending: dict[tuple[str, str], int]
+        self,
+        trip: Callable[[Sequence[Words]], Awaitable[list[Rows]]],
+        dialect: Dialect,
+        first_pending: dict[tuple[str, str], int],
+        *,
+        begin: Sequence[Words] = (),
+        end: Sequence[Words] = (),
     ) -> None:
-        self.trip = pipeline.trip
-        self._dialect = engine.dialect
+        self.trip = trip
+        self._dialect = dialect
+        self._kind = dialect.name
         self._first_pending = first_pending
+        self._begin, self._end = begin, end
         self.committed = False
 
     async def lock(self, study_id: str) -> Study | None:
         """Begin, and lock a study; None if there is none of that id."""
-        _, found = await self.trip(
-            [("BEGIN", ()), studies.FIND_LOCKED.words(self._dialect, study_id)]
+        *_, found = await self.trip(
+            [*self._begin, studies.FIND_LOCKED.words(self._dialect, study_id)]
         )
         return studies.study_of(found[0]) if found else None
 
@@ -183,160 +187,160 @@ class Turn:
         asks = wanted if study is not None and study.returned else {}
         id_ = "" if study is None else study.id
         hints = {kind: self._first_pending.get((id_, kind), 0) for kind in asks}
-        statements: list[Statement] = [
-            leases.FIND_ANY.words(self._dialect, _array(leases_of)),
-            (sql.WORK, ()),
-            (sql.OPINIONS, (_array(hosts), asked_by)),
-            _in_rows(id_, rows),
+        statements = [
+            leases.FIND_ANY[self._kind].words(self._dialect, as_set(self._kind, leases_of)),
+            *self._wanted(hosts, asked_by),
+            self._in_rows(id_, rows),
         ]
         if asks:
-            statements.append((sql.UNBOUND, (id_,)))
-        statements += [(sql.PENDING, (id_, kind, hints[kind], most)) for kind, most in asks.items()]
+            statements.append(sql.UNBOUND.words(self._kind, id_))
+        statements += [self._pending(id_, kind, hints[kind], most) for kind, most in asks.items()]
         known, work, opinions, in_rows, *waiting = await self.trip(statements)
         pending = {}
         for (kind, most), here in zip(asks.items(), waiting[1:], strict=True):
             if len(here) < most and hints[kind]:
-                (here,) = await self.trip([(sql.PENDING, (id_, kind, 0, most))])
+                (here,) = await self.trip([self._pending(id_, kind, 0, most)])
             self._note(id_, kind, here)
             pending[kind] = [instances.from_row(row) for row in here]
+        first_served, due = _wanted(work, opinions)
         seen = Seen(
             leases={row[0]: leases.lease_of(row) for row in known},
-            work=[(study_id, model) for study_id, model in work],
-            opinions=dict(opinions),
+            work=first_served,
+            opinions=due,
         )
         slots = Slots(rows=_by_place(in_rows), pending=pending, unbound=bool(asks and waiting[0]))
         return seen, slots
 
     async def rows(self, study: Study, rows: Collection[int]) -> dict[Place, Instance]:
         """Return the instances of rows."""
-        (found,) = await self.trip([_in_rows(study.id, rows)])
+        (found,) = await self.trip([self._in_rows(study.id, rows)])
         return _by_place(found)
 
-    async def write(self, changes: Changes) -> dict[str, int]:
-        """Write changes and commit; returns the fences of the new leases."""
-        *found, _ = await self.trip([*self._statements(changes), ("COMMIT", ())])
-        self.committed = True
-        # Only the statement about leases returns anything.
-        return {lease: fence for rows in found for lease, fence in rows}
+    async def write(
+        self, changes: Changes, before: Study | None, study: Study | None, *, now: float, end: bool
+    ) -> dict[str, int]:
+        """Write changes, see `Changes.statements`; `end`: and commit.
 
-    def _note(self, study_id: str, kind: str, rows: "Rows") -> None:
+        Returns:
+            The fences of the new leases.
+        """
+        statements = changes.statements(self._dialect, before, study, now)
+        found = await self.trip([*statements, *(self._end if end else ())])
+        self.committed = end
+        # Only the statement about leases returns anything.
+        return {lease: int(fence) for rows in found for lease, fence in rows}
+
+    async def wanted(
+        self, hosts: Collection[str], *, asked_by: float
+    ) -> tuple[Sequence[tuple[str, str]], Mapping[str, bool]]:
+        """Return work and opinions as `Seen` has them."""
+        return _wanted(*await self.trip(self._wanted(hosts, asked_by)))
+
+    async def study(self, study_id: str) -> Study | None:
+        """Return a study that is not locked; None if it is gone."""
+        (found,) = await self.trip([studies.FIND.words(self._dialect, study_id)])
+        return studies.study_of(found[0]) if found else None
+
+    async def hosts_at_work(self, study: Study, kind: str | None, *, now: float) -> set[str]:
+        """Return the hosts of a kind of machine that work on a study now."""
+        asked = workers.HOSTS_AT_WORK.words(self._dialect, study.id, now, kind)
+        (found,) = await self.trip([asked])
+        return {host for (host,) in found}
+
+    async def returned(
+        self, study: Study, kind: str, host: str, *, tried: bool | None, limit: int
+    ) -> list[Instance]:
+        """Return instances that wait for a machine; see `instances.pending`."""
+        found = await self.trip(
+            instances.pending(self._dialect, study.id, kind, host, tried=tried, limit=limit)
+        )
+        rows = sorted((row for rows in found for row in rows), key=lambda row: row[:2])
+        return [instances.from_row(row) for row in rows[:limit]]
+
+    async def results_at(self, study: Study, places: Collection[Place]) -> dict[Place, Result]:
+        """Return the final results at places, leaving out those that have none."""
+        rows = sorted({row for row, _ in places})
+        found = await self.trip(
+            [results.OF_ROW.words(self._dialect, study.id, row) for row in rows]
+        )
+        stored = [results.result_of(row) for rows in found for row in rows]
+        by_place = {(result.row, result.position): result for result in stored}
+        return {place: by_place[place] for place in places if place in by_place}
+
+    async def is_deterministic(self, model: str) -> bool:
+        """Say whether another machine would compute the same; as far as is known it would."""
+        (found,) = await self.trip([models.DESCRIPTION.words(self._dialect, model)])
+        return not found or models.description_of(found[0]).deterministic
+
+    async def opinions_wanted(self, host: str, *, asked_by: float) -> list[str]:
+        """Return the studies in which a second opinion of `host` was asked for by then."""
+        (found,) = await self.trip(
+            [comparisons.STUDIES_WAITING.words(self._dialect, host, asked_by)]
+        )
+        return [study_id for (study_id,) in found]
+
+    async def opinions_for(self, study: Study, host: str, *, limit: int) -> list[Comparison]:
+        """Return up to so many second opinions of `host` that are asked for."""
+        (found,) = await self.trip(
+            [comparisons.WAITING_FOR.words(self._dialect, study.id, host, limit)]
+        )
+        return [comparisons.comparison_of(row) for row in found]
+
+    async def opinions_of(self, lease: Lease) -> list[Comparison]:
+        """Return what a lease was given."""
+        (found,) = await self.trip([comparisons.OF_LEASE.words(self._dialect, lease.id)])
+        return [comparisons.comparison_of(row) for row in found]
+
+    def _wanted(self, hosts: Collection[str], asked_by: float) -> list[Words]:
+        opinions = sql.OPINIONS.words(self._kind, as_set(self._kind, hosts), asked_by)
+        return [sql.WORK.words(self._kind), opinions]
+
+    def _in_rows(self, study_id: str, rows: Collection[int]) -> Words:
+        return sql.IN_ROWS.words(self._kind, as_set(self._kind, sorted(rows)), study_id)
+
+    def _pending(self, study_id: str, kind: str, first: int, most: int) -> Words:
+        return sql.PENDING.words(self._kind, study_id, kind, first, most)
+
+    def _note(self, study_id: str, kind: str, rows: Rows) -> None:
         if len(self._first_pending) > 1000:
             self._first_pending.clear()
         self._first_pending[study_id, kind] = rows[0][0] if rows else 0
 
-    def _statements(self, changes: Changes) -> "Iterator[Statement]":
-        """Yield what writes changes.
 
-        Old leases first, then workers by name, as renewals do: nobody waits in a circle. New leases
-        and results name workers, who must be there.
-        """
-        now = changes.now
-        for until, ids in changes.extended.items():
-            yield sql.EXTEND, (until, _array(ids), now)
-        if changes.finished:
-            yield sql.END, (LeaseState.FINISHED, _array(changes.finished))
-        if changes.workers:
-            yield sql.INTRODUCE, (now, as_text(_told(changes.workers)))
-        if changes.heard:
-            heard = [{"name": w, "done": changes.heard[w]} for w in sorted(changes.heard)]
-            yield sql.HEARD, (now, as_text(heard))
-        if changes.study is not None:
-            yield from self._of_study(changes, changes.study)
+def turn_within(connection: Connection) -> Turn:
+    """Return a turn within a transaction that others begin and end; see `at_once`."""
+    driver: Any = connection.connection.dbapi_connection
 
-    def _of_study(self, changes: Changes, study: Study) -> "Iterator[Statement]":
-        now = changes.now
-        if changes.emptied:
-            values = (InstanceState.DONE, study.id, *changes.emptied_rows, _array(changes.emptied))
-            yield sql.EMPTY, values
-        if changes.done:
-            done = [{"row": row, "position": position} for row, position in changes.done]
-            yield sql.MOVE, (InstanceState.DONE, as_text(done), study.id)
-        if changes.begun:
-            begun = [
-                {
-                    "row": row,
-                    "position": position,
-                    "state": InstanceState.PENDING if lease is None else InstanceState.LEASED,
-                    "lease_id": lease,
-                    "host_class": kind,
-                }
-                for (row, position), (lease, kind) in changes.begun.items()
-            ]
-            yield sql.BEGIN, (study.id, as_text(begun))
-        if changes.handed_out:
-            moved = [
-                {"row": row, "position": position, "lease_id": lease}
-                for (row, position), lease in changes.handed_out
-            ]
-            yield sql.MOVE, (InstanceState.LEASED, as_text(moved), study.id)
-        if changes.granted:
-            granted = [
-                {
-                    "id": one.id,
-                    "worker_id": one.worker,
-                    "expires_at": one.expires_at,
-                    "instances": one.instances,
-                    "host_class": one.host_class,
-                }
-                for one in changes.granted
-            ]
-            yield sql.LEASE, (study.id, now, as_text(granted))
-        if changes.filed:
-            yield sql.APPEND, (study.id, now, as_text(_numbered(changes)))
-        if changes.asked:
-            asked = [
-                {"host": host, "worker_id": worker, "row": row, "position": position}
-                for host, worker, (row, position) in changes.asked
-            ]
-            yield sql.ASK, (study.id, now, as_text(asked))
-        if changes.granted or changes.filed:
-            statement, given = studies.saving(study, counted=changes.counted)
-            yield statement.words(self._dialect, *given)
+    async def trip(statements: Sequence[Words]) -> list[Rows]:
+        found: list[Rows] = []
+        for text, values in statements:
+            try:
+                cursor = driver.execute(text, values)
+                found.append([] if cursor.description is None else cursor.fetchall())
+            except connection.dialect.loaded_dbapi.Error as error:
+                raise failure(error, connection.dialect, text, values) from error
+        return found
+
+    return Turn(trip, connection.dialect, {})
 
 
-def _in_rows(study_id: str, rows: Collection[int]) -> "Statement":
-    return sql.IN_ROWS, (_array(sorted(rows)), study_id)
+def at_once(turn: Coroutine[Any, Any, T]) -> T:
+    """Return what comes of a turn of `turn_within`, which waits for no event loop."""
+    try:
+        turn.send(None)
+    except StopIteration as end:
+        found: T = end.value
+        return found
+    turn.close()
+    raise RuntimeError("it waits for an event loop")
 
 
-def _by_place(found: "Rows") -> dict[Place, Instance]:
+def _wanted(work: Rows, opinions: Rows) -> tuple[Sequence[tuple[str, str]], Mapping[str, bool]]:
+    return (
+        [(study_id, model) for study_id, model in work],
+        {host: bool(due) for host, due in opinions},
+    )
+
+
+def _by_place(found: Rows) -> dict[Place, Instance]:
     return {(row[0], row[1]): instances.from_row(row) for row in found}
-
-
-def _told(found: Sequence[tuple[Introduction, str, int]]) -> list[dict[str, Any]]:
-    """Return what is known of each worker, however often it spoke."""
-    rows: dict[str, dict[str, Any]] = {}
-    for worker, kind, done in found:
-        before = rows[worker.id]["done"] if worker.id in rows else 0
-        rows[worker.id] = {
-            "id": worker.id,
-            "done": before + done,
-            "host": worker.host,
-            "versions": dict(worker.versions),
-            "host_class": kind,
-            "tags": list(worker.tags),
-            "models": dict(worker.models),
-        }
-    return [*rows.values()]
-
-
-def _numbered(changes: Changes) -> list[dict[str, Any]]:
-    return [
-        {
-            "worker_id": worker,
-            "seq": seq,
-            "row": result.row,
-            "position": result.position,
-            "outcome": result.outcome,
-            "outputs": result.outputs,
-            "reason": result.reason,
-            "state": result.state,
-            "wall_seconds": result.wall_seconds,
-        }
-        for seq, (worker, result) in enumerate(changes.filed, start=changes.first)
-    ]
-
-
-def _array(values: Iterable[object]) -> str:
-    """Return values as PostgreSQL writes an array, in a tenth of the time the driver takes."""
-    quoted = (str(one).replace("\\", "\\\\").replace('"', '\\"') for one in values)
-    return "{" + ",".join(f'"{one}"' for one in quoted) + "}"

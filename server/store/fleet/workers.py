@@ -13,7 +13,7 @@ from server.store.database.prepared import Prepared, as_text
 from server.store.database.schema import leases, loop_workers, studies, workers
 
 # Built once: see `server.store.study.studies`.
-_HOSTS_AT_WORK = Prepared(
+HOSTS_AT_WORK = Prepared(
     sa.select(workers.c.host)
     .select_from(leases.join(workers, workers.c.id == leases.c.worker_id))
     .where(
@@ -128,7 +128,7 @@ def hosts_at_work(
     connection: Connection, study_id: str, *, host_class: str | None, now: float
 ) -> set[str]:
     """Return the hosts of a class that work on a study now."""
-    found = _HOSTS_AT_WORK.execute(connection, study_id, now, host_class)
+    found = HOSTS_AT_WORK.execute(connection, study_id, now, host_class)
     return {host for (host,) in found}
 
 

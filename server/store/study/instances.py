@@ -3,25 +3,22 @@
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cache
-from operator import itemgetter
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.engine import Connection
+from sqlalchemy.engine import Connection, Dialect
 
 from server.records import Instance, Place
 from server.states import InstanceState
 from server.store.database.engine import JSON
-from server.store.database.prepared import Prepared, Rows, text
+from server.store.database.prepared import Prepared, Words, text
 from server.store.database.schema import instances
 
 #: Values in one IN list: well under what any SQLite takes.
 IN_LIST = 500
 
-#: Names of what `_to_row` returns.
+#: Names of what `to_row` returns.
 _COLUMNS = ("study_id", "row", "position", "state", "lease_id", "attempts", "host_class", "avoid")
-#: Those of them that many instances of rows that are begun share.
-_SHARED = tuple(name for name in _COLUMNS if name not in ("row", "position"))
 #: In a column of attempts, ends the names of lists of hosts.
 _ON = "_on"
 #: ... which holds this text if nothing has gone wrong.
@@ -35,11 +32,6 @@ EVERY = sa.select(
     *(text(instances.c[name]) if name == "attempts" else instances.c[name] for name in _COLUMNS[1:])
 )
 _OF_STUDY = instances.c.study_id == sa.bindparam("of_study")
-_ARE_HELD = sa.select(instances.c.row).where(
-    _OF_STUDY,
-    instances.c.row.in_(sa.bindparam("rows", expanding=True)),
-    instances.c.lease_id == sa.bindparam("of_lease"),
-)
 _TRIED_HERE = sa.and_(
     instances.c.avoid.is_not(None),
     sa.or_(
@@ -73,9 +65,8 @@ _UPDATE = sa.update(instances).where(
     instances.c.row == sa.bindparam("at_row"),
     instances.c.position == sa.bindparam("at_position"),
 )
-_BEGIN = Rows(instances, same=_SHARED, each=("row", "position"))
 #: Most of what workers post changes no more than this.
-_MOVE = Prepared(_UPDATE.values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")))
+MOVE = Prepared(_UPDATE.values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")))
 #: The same for all that a lease holds in rows without a gap: for ten in a quarter of the time.
 _EMPTY = Prepared(
     sa.update(instances)
@@ -86,20 +77,17 @@ _EMPTY = Prepared(
     )
     .values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease"))
 )
-_REWRITE = Prepared(
+REWRITE = Prepared(
     _UPDATE.values({name: sa.bindparam(f"to_{name}") for name in _COLUMNS[3:]}),
     "of_study",
     "at_row",
     "at_position",
     *(f"to_{name}" for name in _COLUMNS[3:]),
 )
-_BIND = (
+#: Leaves what of a row any kind of machine could have taken to one kind.
+BIND = Prepared(
     sa.update(instances)
-    .where(
-        _OF_STUDY,
-        instances.c.row.in_(sa.bindparam("rows", expanding=True)),
-        instances.c.host_class.is_(None),
-    )
+    .where(_OF_STUDY, instances.c.row == sa.bindparam("at_row"), instances.c.host_class.is_(None))
     .values(host_class=sa.bindparam("to_class"))
 )
 
@@ -123,64 +111,34 @@ def _of_rows(count: int) -> Prepared:
     return Prepared(EVERY.where(_OF_STUDY, here), "of_study", *names)
 
 
-def are_held(connection: Connection, study_id: str, places: Iterable[Place], *, lease: str) -> bool:
-    """Say whether a lease holds any of the instances in the rows in which `places` lie."""
-    for chunk in chunks({row for row, _ in places}):
-        asked = {"of_study": study_id, "rows": chunk, "of_lease": lease}
-        if connection.scalar(_ARE_HELD, asked) is not None:
-            return True
-    return False
-
-
 def pending(
-    connection: Connection,
-    study_id: str,
-    *,
-    host_class: str,
-    host: str,
-    tried: bool | None = None,
-    limit: int,
-) -> list[Instance]:
-    """Return up to `limit` instances of begun rows that wait for a machine, first rows first.
+    dialect: Dialect, study_id: str, host_class: str, host: str, *, tried: bool | None, limit: int
+) -> list[Words]:
+    """Return what finds instances of begun rows that wait for a machine.
+
+    Each of the statements finds the first `limit` by row and position; see `from_row`.
 
     Args:
+        dialect: of the database.
+        study_id: the study.
         host_class: a kind of machine; rows of another kind are left out.
         host: a machine of that kind.
         tried: only those that have gone wrong on `host`, or only those that have not; None: both.
+        limit: so many at most.
     """
     values = (study_id, host_class, limit, host, JSON.encode(host))
-    rows = [row for query in _PENDING[tried] for row in query.execute(connection, *values)]
-    return [from_row(row) for row in sorted(rows, key=itemgetter(0, 1))[:limit]]
-
-
-def begin(
-    connection: Connection,
-    study_id: str,
-    places: Sequence[Place],
-    *,
-    lease: str | None,
-    host_class: str,
-) -> None:
-    """Add instances of new rows; `lease`: what holds them, None: nothing."""
-    state = InstanceState.PENDING if lease is None else InstanceState.LEASED
-    _BEGIN.add(connection, (study_id, state, lease, _NONE, host_class, None), places)
-
-
-def bind(connection: Connection, study_id: str, rows: Collection[int], host_class: str) -> None:
-    """Leave rows that any kind of machine could have taken to one kind."""
-    for chunk in chunks(rows):
-        connection.execute(_BIND, {"of_study": study_id, "rows": chunk, "to_class": host_class})
+    return [query.words(dialect, *values) for query in _PENDING[tried]]
 
 
 def move(connection: Connection, study_id: str, moved: Iterable[Instance]) -> None:
     """Write states and leases of instances in which nothing else has changed."""
     rows = [(one.state, one.lease, study_id, one.row, one.position) for one in moved]
-    _MOVE.execute_many(connection, rows)
+    MOVE.execute_many(connection, rows)
 
 
 def update(connection: Connection, study_id: str, changed: Iterable[Instance]) -> None:
     """Write instances that exist already."""
-    _REWRITE.execute_many(connection, [_to_row(study_id, one) for one in changed])
+    REWRITE.execute_many(connection, [to_row(study_id, one) for one in changed])
 
 
 def write_changes(
@@ -239,8 +197,8 @@ def attempts_in(stored: Mapping[str, Any]) -> tuple[dict[str, int], dict[str, tu
     return counts, hosts
 
 
-def _to_row(study_id: str, one: Instance) -> tuple[Any, ...]:
-    """Return the values of `_COLUMNS` for an instance of a study."""
+def to_row(study_id: str, one: Instance) -> tuple[Any, ...]:
+    """Return the values of `REWRITE` for an instance of a study."""
     on = {f"{cause}{_ON}": list(hosts) for cause, hosts in one.hosts.items()}
     attempts = JSON.encode({**one.attempts, **on}) if one.attempts else _NONE
     where = (study_id, one.row, one.position)

@@ -1,7 +1,7 @@
 """Studies, and how far each has come."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from functools import lru_cache
 from operator import attrgetter
@@ -39,18 +39,8 @@ _EVERY = sa.select(
     )
 )
 _ONE = _EVERY.where(studies.c.id == sa.bindparam("of_study"))
-_FIND, FIND_LOCKED = Prepared(_ONE), Prepared(_ONE.with_for_update())
+FIND, FIND_LOCKED = Prepared(_ONE), Prepared(_ONE.with_for_update())
 _TAKEN = studies.c.result_count + studies.c.leased
-_WITH_WORK = Prepared(
-    sa.select(studies.c.id, studies.c.model)
-    .where(
-        sa.or_(
-            sa.and_(studies.c.state == StudyState.RUNNING, studies.c.instances > _TAKEN),
-            sa.and_(studies.c.state == StudyState.DRAINING, studies.c.handed_out > _TAKEN),
-        )
-    )
-    .order_by(studies.c.priority.desc(), studies.c.created_at, studies.c.id)
-)
 _WORK = sa.select(
     sa.func.sum(
         sa.case(
@@ -105,36 +95,11 @@ def find(connection: Connection, study_id: str, *, lock: bool = False) -> Study:
 
     `lock`: every other transaction that locks this study waits until this one ends.
     """
-    query = FIND_LOCKED if lock else _FIND
+    query = FIND_LOCKED if lock else FIND
     row = query.execute(connection, study_id).fetchone()
     if row is None:
         raise NotFoundError(f"there is no study {study_id!r}")
     return study_of(row)
-
-
-def locked(connection: Connection, study: Study) -> Study:
-    """Return a study read before in the same transaction, as it is now and stays until its end."""
-    if connection.dialect.name == "sqlite":
-        # Whoever writes is alone: nothing has changed since.
-        return study
-    return find(connection, study.id, lock=True)
-
-
-def with_work(
-    connection: Connection, models: Sequence[str], *, known: Study | None = None
-) -> Iterator[Study]:
-    """Yield the studies of `models` with something to hand out, first to serve first.
-
-    `known`: a study as it is now, if the transaction knows one.
-    """
-    for study_id, model in _WITH_WORK.execute(connection).fetchall():
-        if model not in models:
-            continue
-        if known is not None and known.id == study_id:
-            yield known
-        # Only what somebody looks at is read whole, and may be gone by then.
-        elif (row := _FIND.execute(connection, study_id).fetchone()) is not None:
-            yield study_of(row)
 
 
 def work(connection: Connection) -> tuple[int, int]:

@@ -12,7 +12,7 @@ from sqlalchemy.engine import Engine
 
 from server.app import create_app
 from server.logic.fleet.verdicts import Report
-from server.operations.fleet.leasing import Grant
+from server.operations.fleet.exchange import Grant
 from server.records import Plan
 from server.settings import Settings
 from server.store import create_engine, upgrade

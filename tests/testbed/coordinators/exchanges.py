@@ -6,10 +6,28 @@ from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError
 from server.logic.fleet.verdicts import Judgement, Report
-from server.operations.fleet import leasing, results
-from server.operations.fleet.leasing import Deferred, Grant, Ineligible, LeaseRequest
+from server.operations.fleet.exchange import (
+    Answer,
+    Deferred,
+    Exchange,
+    Grant,
+    Ineligible,
+    LeaseRequest,
+    Post,
+)
+from server.operations.fleet.turns import serve_within
 from server.records import Introduction, Lease
 from server.store.database.engine import writing
+
+
+def serve(engine: Engine, exchange: Exchange) -> Answer:
+    """Serve one, alone in as many turns as it takes."""
+    with writing(engine) as connection:
+        judgements, found = serve_within(connection, exchange)
+    if isinstance(found, Deferred):
+        more, found = serve(engine, found.rest)
+        judgements += more
+    return judgements, found
 
 
 def grant(
@@ -34,11 +52,9 @@ def grant(
         models=models,
         max_instances=max_instances,
     )
-    with writing(engine) as connection:
-        found = leasing.grant(connection, request, now=now, ttl=ttl)
+    _, found = serve(engine, Exchange(request=request, now=now, ttl=ttl))
     if isinstance(found, Ineligible):
         raise ConflictError(found.why)
-    assert not isinstance(found, Deferred)
     return found
 
 
@@ -55,7 +71,7 @@ def post(
     tolerance: float = 0.0,
 ) -> list[Judgement]:
     """Post results; returns a judgement of each."""
-    posted = results.Post(
+    posted = Post(
         reports=reports,
         lease=lease_id,
         fence=fence,
@@ -63,8 +79,8 @@ def post(
         share=share,
         tolerance=tolerance,
     )
-    with writing(engine) as connection:
-        return results.take(connection, posted, now=now, ttl=ttl)
+    judgements, _ = serve(engine, Exchange(posted=posted, now=now, ttl=ttl))
+    return judgements
 
 
 def hand_in(

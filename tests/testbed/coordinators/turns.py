@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy.engine import Engine
 
 from server.operations.fleet.exchange import Exchange
-from server.operations.fleet.turns import Turn, take_turn
+from server.operations.fleet.turns import Taken, take_turn
 from server.store.fleet.turns import TurnConnection
 
 
@@ -18,8 +18,12 @@ class Turns:
         self._runner = asyncio.Runner()
         self._store = TurnConnection(engine)
 
-    def take(self, study: str, waiting: Callable[[], Sequence[Exchange]]) -> Turn:
-        return self._runner.run(take_turn(self._store, study, waiting))
+    def take(self, study: str, waiting: Callable[[], Sequence[Exchange]]) -> Taken:
+        async def taken() -> Taken:
+            async with self._store.turn() as turn:
+                return await take_turn(turn, study, waiting)
+
+        return self._runner.run(taken())
 
     def ask(self, statement: str, values: Sequence[Any]) -> list[tuple[Any, ...]]:
         """Return what one statement finds in a turn that stores nothing."""

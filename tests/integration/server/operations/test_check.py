@@ -16,7 +16,7 @@ from server.instance_lock import instance_lock
 from server.logic.fleet.verdicts import Report
 from server.logic.study.points import instance_id
 from server.operations import check
-from server.operations.fleet.leasing import Grant
+from server.operations.fleet.exchange import Grant
 from server.operations.study import studies
 from server.records import Plan
 from server.store import create_engine, upgrade

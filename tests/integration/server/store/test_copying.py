@@ -15,7 +15,7 @@ from server.logic.fleet.verdicts import Report
 from server.logic.study.points import instance_id
 from server.operations import check
 from server.operations.fleet import leases
-from server.operations.fleet.leasing import Grant
+from server.operations.fleet.exchange import Grant
 from server.operations.study import studies
 from server.operations.study.result_log import StoreResultLog
 from server.records import Plan

@@ -12,9 +12,8 @@ import sqlalchemy as sa
 
 from server.logic.study.points import instance_id
 from server.operations import check
-from server.operations.fleet.exchange import Exchange
-from server.operations.fleet.leasing import Grant, LeaseRequest
-from server.operations.fleet.results import Post
+from server.operations.fleet.exchange import Exchange, Grant, LeaseRequest, Post
+from server.operations.fleet.turns import serve_within
 from server.operations.study import studies
 from server.records import Introduction, Study
 from server.settings import Settings
@@ -132,11 +131,9 @@ class Worker:
         exchange = Exchange(posted=posted, request=asked, now=now, ttl=1e6)
         if alone:
             with writing(self.engine) as connection:
-                answer = exchange.alone(connection)
+                answer = serve_within(connection, exchange)
         else:
-            ((_, served),) = self._turns.take(study.id, lambda: [exchange]).answers
-            assert served is not None, "a turn serves this"
-            answer = served
+            (answer,) = self._turns.take(study.id, lambda: [exchange]).answers
         judgements, found = answer
         assert {judgement.verdict for judgement in judgements} <= {"accepted"}
         held = found if isinstance(found, Grant) else None

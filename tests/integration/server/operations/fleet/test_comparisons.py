@@ -20,7 +20,7 @@ from server.logic.fleet.verdicts import Report
 from server.logic.study.points import instance_id
 from server.operations import check
 from server.operations.fleet import comparisons, leases, results
-from server.operations.fleet.leasing import Grant
+from server.operations.fleet.exchange import Grant
 from server.operations.study import instances, reruns, studies
 from server.records import Plan, Result
 from server.settings import Settings

@@ -11,7 +11,7 @@ from server.logic.fleet.hosts import host_class, identity
 from server.logic.fleet.verdicts import Report
 from server.logic.study.points import instance_id
 from server.operations.fleet import leases
-from server.operations.fleet.leasing import Grant
+from server.operations.fleet.exchange import Grant
 from server.operations.study import reruns, studies
 from server.records import Plan
 from tests.testbed.coordinators import exchanges

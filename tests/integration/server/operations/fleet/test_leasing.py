@@ -16,7 +16,7 @@ from server.logic.fleet.verdicts import Report, Verdict
 from server.logic.study.plans import MAX_ROWS
 from server.logic.study.points import instance_id, parameters
 from server.operations.fleet import leases, results
-from server.operations.fleet.leasing import Grant
+from server.operations.fleet.exchange import Grant
 from server.operations.study import studies
 from server.records import Plan, Study
 from server.store.database.engine import reading, writing

@@ -11,7 +11,7 @@ from server.logic.fleet.verdicts import Report
 from server.logic.study.instances import BUDGETS, PATIENCE, after_attempt, may_try
 from server.logic.study.points import instance_id
 from server.operations import check
-from server.operations.fleet.leasing import Grant
+from server.operations.fleet.exchange import Grant
 from server.operations.study import instances, studies
 from server.records import Instance, Plan
 from tests.testbed.coordinators import exchanges

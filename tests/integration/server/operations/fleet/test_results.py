@@ -11,7 +11,7 @@ from server.logic.fleet.verdicts import Report, Verdict
 from server.logic.study.points import instance_id, parameters
 from server.logic.study.table import lines
 from server.operations.fleet import leases, results
-from server.operations.fleet.leasing import Grant
+from server.operations.fleet.exchange import Grant
 from server.operations.study import studies
 from server.records import Plan
 from server.store.database.engine import reading

@@ -14,9 +14,16 @@ from sqlalchemy.engine import Engine
 from server.logic.study.points import instance_id
 from server.operations import check
 from server.operations.fleet import leases
-from server.operations.fleet.exchange import Answer, Exchange
-from server.operations.fleet.leasing import Deferred, Grant, LeaseRequest
-from server.operations.fleet.results import Post
+from server.operations.fleet.exchange import (
+    Answer,
+    Deferred,
+    Exchange,
+    Grant,
+    LeaseRequest,
+    Post,
+    Served,
+)
+from server.operations.fleet.turns import serve_within
 from server.operations.study import studies
 from server.records import Introduction, Plan
 from server.states import StudyState
@@ -41,22 +48,22 @@ class Twin:
         self.turns = turns
         self.held: dict[str, Grant] = {}
 
-    def served(self, exchanges: list[Exchange], study: str) -> list[Answer | None]:
-        """Serve all in a turn, or each by itself; None: left to a transaction of its own."""
+    def served(self, exchanges: list[Exchange], study: str) -> list[Served]:
+        """Serve all in a turn, or each in one of its own."""
         if self.turns is None:
             return [self.alone(one) for one in exchanges]
-        return [answer for _, answer in self.turns.take(study, lambda: exchanges).answers]
+        return [*self.turns.take(study, lambda: exchanges).answers]
 
-    def alone(self, exchange: Exchange) -> Answer:
+    def alone(self, exchange: Exchange) -> Served:
         with writing(self.engine) as connection:
-            judgements, found = exchange.alone(connection)
-        return self.granted(exchange, (judgements, found))
+            return serve_within(connection, exchange)
 
-    def granted(self, exchange: Exchange, answer: Answer) -> Answer:
-        """Return an answer with the lease for which another transaction has to look."""
+    def finished(self, answer: Served) -> Answer:
+        """Return an answer with what the turns of other studies have to add."""
         judgements, found = answer
-        if isinstance(found, Deferred):
-            _, found = self.alone(replace(exchange, posted=None))
+        while isinstance(found, Deferred):
+            ((more, found),) = self.served([found.rest], found.rest.study)
+            judgements = judgements + more
         return judgements, found
 
     def tables(self) -> dict[str, Any]:
@@ -145,7 +152,7 @@ def test_a_turn_stores_and_answers_what_single_transactions_do(
             said["share"] = 0.2 if len(company) == 1 else 0.0
             asked.append((f"w{worker}", rng.randint(1, 7), how, said, rng.random() < 0.9))
         outcomes = []
-        spared: list[int] = []
+        later: dict[int, Exchange] = {}
         for twin in twins:
             exchanges = []
             for worker, most, how, said, wants in asked:
@@ -160,30 +167,33 @@ def test_a_turn_stores_and_answers_what_single_transactions_do(
                     else Exchange(now=now, ttl=TTL, posted=posted)
                 )
             if twin.turns is not None:
-                answers = twin.served(exchanges, ids[0])
-                spared = [n for n, answer in enumerate(answers) if answer is None]
-                later = [n for n, a in enumerate(answers) if a and isinstance(a[1], Deferred)]
+                served = twin.served(exchanges, ids[0])
+                later = {n: a[1].rest for n, a in enumerate(served) if isinstance(a[1], Deferred)}
             else:
-                answers = [None] * len(exchanges)
-                for n, one in enumerate(exchanges):
-                    if n in spared:
-                        continue
-                    part = replace(one, request=None) if n in later else one
-                    answers[n] = twin.alone(part)
-                    if n in later:
-                        assert one.request is not None
-                        answers[n] = answers[n][0], Deferred()  # type: ignore[index]
-            for n, one in enumerate(exchanges):
-                answers[n] = twin.granted(one, answers[n] or twin.alone(one))
-            for one, answer in zip(exchanges, answers, strict=True):
-                assert answer is not None
-                if isinstance(answer[1], Grant) and one.request is not None:
-                    twin.held[one.request.worker.id] = answer[1]
-            outcomes.append([_told(answer, ids) for answer in answers if answer])
+                served = [
+                    twin.alone(one) if n not in later else _before(twin, one, later[n])
+                    for n, one in enumerate(exchanges)
+                ]
+            answers = [twin.finished(answer) for answer in served]
+            for one, (_, found) in zip(exchanges, answers, strict=True):
+                if isinstance(found, Grant) and one.request is not None:
+                    twin.held[one.request.worker.id] = found
+            outcomes.append([_told(answer, ids) for answer in answers])
         assert outcomes[0] == outcomes[1], (seed, step)
         assert twins[0].tables() == twins[1].tables(), (seed, step)
     for twin in twins:
         assert check.faults(twin.engine) == []
+
+
+def _before(twin: Twin, exchange: Exchange, later: Exchange) -> Served:
+    """Serve what of an exchange was served before the rest was left to another turn."""
+    if later.posted is not None:
+        return [], Deferred(rest=exchange)
+    rest = replace(exchange, posted=None)
+    if exchange.posted is None:
+        return [], Deferred(rest=rest)
+    judgements, _ = twin.alone(replace(exchange, request=None))
+    return judgements, Deferred(rest=rest)
 
 
 def _reports(rng: Random, held: Grant | None) -> list[tuple[int, dict[str, Any]]]:
@@ -204,27 +214,41 @@ def _told(answer: Answer, ids: list[str]) -> Any:
     return said, type(found).__name__
 
 
-def test_what_is_unusual_is_left_alone_and_changes_nothing(
-    engine: Engine, turns: Turns, plan: Callable[..., Plan]
+def test_what_is_unusual_is_served_in_the_midst_of_a_turn(
+    twins: list[Twin], plan: Callable[..., Plan], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    study, _ = studies.create(engine, plan(), key=None, digest="", now=0.0)
-    ((_, answer),) = turns.take(
-        study.id, lambda: [Exchange(now=0.0, ttl=TTL, request=asking("w", 4))]
-    ).answers
-    assert answer is not None and isinstance(answer[1], Grant)
-    grant = answer[1]
-    before = Twin(engine, None).tables()
-    odd = [
-        posting(grant, [(0, {"outcome": "crashed", "outputs": None})]),
-        posting(grant, [(0, {"outputs": {"y": float("nan")}})]),
-        posting(grant, [(0, {})], fence=99),
-        posting(grant, [(0, {}), (0, {})]),
-        posting(grant, [(0, {})], lease="no such lease"),
-        posting(grant, [(0, {"outcome": "slipped", "state": {"x": ["\0"]}})]),
+    monkeypatch.setattr("server.operations.study.studies.uuid4", lambda: UUID(int=1 << 100))
+    told, tables = [], []
+    for twin in twins:
+        study, _ = studies.create(twin.engine, plan(), key=None, digest="", now=0.0)
+        ((_, grant),) = twin.served([Exchange(now=0.0, ttl=TTL, request=asking("w", 6))], study.id)
+        assert isinstance(grant, Grant)
+        odd = [
+            posting(grant, [(0, {"outcome": "crashed", "outputs": None})]),
+            posting(grant, [(1, {"outputs": {"y": float("nan")}})]),
+            posting(grant, [(2, {})], fence=99),
+            posting(grant, [(2, {}), (2, {}), (2, {"outputs": {"y": 7.0}})]),
+            posting(grant, [(2, {}), (2, {"outputs": {"y": 7.0}})]),
+            posting(grant, [(3, {})], lease="no such lease"),
+            posting(grant, [(3, {"outcome": "slipped", "state": {"x": ["\0"]}})]),
+        ]
+        waiting = [Exchange(now=1.0, ttl=TTL, posted=post) for post in odd]
+        # Who asks in the same turn gets what has just come back.
+        waiting += [Exchange(now=1.0, ttl=TTL, request=asking("v", 1, host="h2"))] * 2
+        answers = twin.served(waiting, study.id)
+        told.append([_told(answer, [study.id]) for answer in answers])
+        tables.append(twin.tables())
+    assert [[verdict for _, verdict, _ in said] for said, *_ in told[0][:7]] == [
+        ["accepted"],
+        ["invalid"],
+        ["invalid"],
+        ["accepted", "duplicate", "conflict"],
+        ["duplicate", "conflict"],
+        ["unknown"],
+        ["accepted"],
     ]
-    waiting = [Exchange(now=1.0, ttl=TTL, posted=post) for post in odd]
-    assert {answer for _, answer in turns.take(study.id, lambda: waiting).answers} == {None}
-    assert Twin(engine, None).tables() == before
+    assert [places for _, _, places, _ in told[0][7:]] == [((0, 0),), ((0, 1),)]
+    assert told[0] == told[1] and tables[0] == tables[1]
 
 
 def test_an_instance_of_any_name_disturbs_no_turn(
@@ -233,7 +257,8 @@ def test_an_instance_of_any_name_disturbs_no_turn(
     post = Post(reports=[report("\0 ' or 1:0:0")], lease="l", fence=1, worker="w")
     exchange = Exchange(now=0.0, ttl=TTL, posted=post)
     assert exchange.study == ""
-    assert turns.take(exchange.study, lambda: [exchange]).answers == [(exchange, None)]
+    ((judgements, found),) = turns.take(exchange.study, lambda: [exchange]).answers
+    assert [judgement.verdict for judgement in judgements] == ["unknown"] and found is None
 
 
 def test_no_turn_reads_the_instances_of_other_rows_although_nothing_is_known_of_the_table(
@@ -245,14 +270,15 @@ def test_no_turn_reads_the_instances_of_other_rows_although_nothing_is_known_of_
         (sql.IN_ROWS, ("{1}", "s")),
         (sql.EMPTY, ("done", "s", 1, 2, "{l}")),
     ):
-        plan = [text for (text,) in turns.ask("EXPLAIN " + statement, values)]
+        text, given = statement.words("postgresql", *values)
+        plan = [line for (line,) in turns.ask("EXPLAIN " + text, given)]
         looks = [line for line in plan if "Index Cond" in line or "Seq Scan" in line]
         assert looks and all('"row"' in line for line in looks), plan
 
 
 def test_a_statement_of_a_turn_is_planned_once(turns: Turns) -> None:
     for _ in range(3):
-        turns.ask(sql.END, ("finished", "{l}"))
+        turns.ask(*sql.END.words("postgresql", "finished", "{l}"))
     # The connection may have been used for something else before.
     counted = (
         "SELECT sum(custom_plans)::int, max(generic_plans)::int FROM pg_prepared_statements "
@@ -268,13 +294,14 @@ def test_a_late_result_is_not_given_out_again_in_the_same_turn(
 ) -> None:
     study, _ = studies.create(engine, plan(rows=1), key=None, digest="", now=0.0)
     asked = Exchange(now=0.0, ttl=TTL, request=asking("w", 4))
-    ((_, answer),) = turns.take(study.id, lambda: [asked]).answers
-    assert answer is not None and isinstance(answer[1], Grant)
+    (answer,) = turns.take(study.id, lambda: [asked]).answers
+    assert isinstance(answer[1], Grant)
     leases.reap(engine, now=100.0)
     late = Exchange(now=101.0, ttl=TTL, posted=posting(answer[1], [(n, {}) for n in range(4)]))
     other = Exchange(now=101.0, ttl=TTL, request=asking("v", 4))
-    answers = [found for _, found in turns.take(study.id, lambda: [late, other]).answers]
-    assert answers == [None, None]
+    (said, _), (_, found) = turns.take(study.id, lambda: [late, other]).answers
+    assert {judgement.verdict for judgement in said} == {"accepted"} and found is None
+    assert studies.get(engine, study.id).state == "complete"
 
 
 def test_a_turn_whose_connection_is_lost_stores_nothing_and_the_next_one_has_another(
@@ -298,8 +325,8 @@ def test_a_turn_whose_connection_is_lost_stores_nothing_and_the_next_one_has_ano
         turns.take(study.id, cut)
     assert Twin(engine, None).tables() == before
     asked = Exchange(now=0.0, ttl=TTL, request=asking("w", 4))
-    ((_, answer),) = turns.take(study.id, lambda: [asked]).answers
-    assert answer is not None and isinstance(answer[1], Grant)
+    (answer,) = turns.take(study.id, lambda: [asked]).answers
+    assert isinstance(answer[1], Grant)
 
 
 def test_a_coordinator_that_stops_in_mid_turn_keeps_its_study_from_nobody(
@@ -309,13 +336,14 @@ def test_a_coordinator_that_stops_in_mid_turn_keeps_its_study_from_nobody(
     assert 0 < int(_SETTINGS[name]) <= 15_000, "others wait so long, 0 is for ever"
     monkeypatch.setitem(_SETTINGS, name, "100")
     study, _ = studies.create(engine, plan(), key=None, digest="", now=0.0)
-    others: list[Answer] = []
+    others: list[Served] = []
 
     def stopped() -> list[Exchange]:
         # The event loop stands still here, with the study locked.
         with writing(engine) as connection:
             connection.execute(sa.text("SET LOCAL lock_timeout = '10s'"))
-            others.append(Exchange(now=0.0, ttl=TTL, request=asking("other", 4)).alone(connection))
+            theirs = Exchange(now=0.0, ttl=TTL, request=asking("other", 4))
+            others.append(serve_within(connection, theirs))
         return [Exchange(now=0.0, ttl=TTL, request=asking("w", 4))]
 
     with pytest.raises(Exception, match="idle-in-transaction"):
@@ -324,6 +352,6 @@ def test_a_coordinator_that_stops_in_mid_turn_keeps_its_study_from_nobody(
     assert isinstance(theirs, Grant)
     # What it goes on with when it wakes up is what the others have left.
     asked = Exchange(now=0.0, ttl=TTL, request=asking("w", 4))
-    ((_, answer),) = turns.take(study.id, lambda: [asked]).answers
-    assert answer is not None and isinstance(answer[1], Grant)
+    (answer,) = turns.take(study.id, lambda: [asked]).answers
+    assert isinstance(answer[1], Grant)
     assert not {*answer[1].lease.instances} & {*theirs.lease.instances}

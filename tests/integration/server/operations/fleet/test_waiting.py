@@ -8,7 +8,7 @@ from sqlalchemy.engine import Engine
 
 from server.logic.fleet.verdicts import Report
 from server.logic.study.points import instance_id
-from server.operations.fleet.leasing import Grant
+from server.operations.fleet.exchange import Grant
 from server.operations.study import studies
 from server.records import Plan
 from server.store.database.prepared import Prepared

@@ -9,7 +9,7 @@ from analysis.sensitivity.service import ResultLog, analyse, catch_up
 from server.errors import NotFoundError
 from server.logic.fleet.verdicts import Report
 from server.logic.study.points import instance_id
-from server.operations.fleet.leasing import Grant
+from server.operations.fleet.exchange import Grant
 from server.operations.study import studies
 from server.operations.study.result_log import StoreResultLog
 from server.records import Plan, Study

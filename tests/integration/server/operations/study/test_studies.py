@@ -13,7 +13,7 @@ from server.errors import ConflictError, NotFoundError
 from server.logic.fleet.verdicts import Report
 from server.logic.study.points import for_analysis, instance_id
 from server.operations.fleet import leases, results
-from server.operations.fleet.leasing import Grant
+from server.operations.fleet.exchange import Grant
 from server.operations.study import reruns, studies
 from server.operations.study.result_log import StoreResultLog
 from server.records import Plan, Study

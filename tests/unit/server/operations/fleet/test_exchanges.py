@@ -2,10 +2,8 @@
 
 from typing import Any
 
-from server.operations.fleet.exchange import Exchange
+from server.operations.fleet.exchange import Exchange, LeaseRequest, Post
 from server.operations.fleet.exchanges import MOST, MOST_INSTANCES, next_turn
-from server.operations.fleet.leasing import LeaseRequest
-from server.operations.fleet.results import Post
 from server.records import Introduction
 from tests.testbed.coordinators.records import report
 
