@@ -5,7 +5,6 @@ from typing import Any
 
 import sqlalchemy as sa
 from pydantic_core import from_json
-from sqlalchemy.dialects.postgresql import ARRAY
 from sqlalchemy.engine import Connection
 
 from server.records import Lease
@@ -25,16 +24,6 @@ _EVERY = sa.select(
 ).join(workers, workers.c.id == leases.c.worker_id)
 _ONE = _EVERY.where(leases.c.id == sa.bindparam("of_lease"))
 _FIND = Prepared(_ONE)
-_IDS = sa.bindparam("ids", type_=sa.Text)
-#: Those of several ids, by kind of database.
-FIND_ANY = {
-    "postgresql": Prepared(_EVERY.where(leases.c.id == sa.any_(sa.cast(_IDS, ARRAY(sa.Text))))),
-    "sqlite": Prepared(
-        _EVERY.where(
-            leases.c.id.in_(sa.select(sa.func.json_each(_IDS).table_valued("value").c.value))
-        )
-    ),
-}
 _FIND_LOCKED = Prepared(_ONE.with_for_update(of=leases))
 _IS_OPEN = leases.c.state == LeaseState.OPEN
 _EXTEND = Prepared(

@@ -12,7 +12,6 @@ from server.states import InstanceState, LeaseState
 from server.store.database.prepared import Words
 from server.store.fleet import comparisons, results
 from server.store.fleet import turn_statements as sql
-from server.store.fleet.turn_statements import Sets, as_set
 from server.store.study import instances, studies
 
 #: How JSON writes a character that PostgreSQL keeps in JSON, but not where it takes JSON apart.
@@ -67,13 +66,13 @@ class Changes:
         """
         kind = dialect.name
         for until, ids in self.extended.items():
-            yield sql.EXTEND.words(kind, until, as_set(kind, ids), now)
+            yield from sql.EXTEND.words(kind, until, now, ids)
         if self.finished:
-            yield sql.END.words(kind, LeaseState.FINISHED, as_set(kind, self.finished))
+            yield from sql.END.words(kind, LeaseState.FINISHED, self.finished)
         if self.workers:
-            yield _told(sql.INTRODUCE, kind, _introduced(self.workers), now)
+            yield from sql.INTRODUCE.words(kind, now, _introduced(self.workers))
         if self.heard:
-            yield _told(sql.HEARD, kind, sorted(self.heard.items()), now)
+            yield from sql.HEARD.words(kind, now, sorted(self.heard.items()))
         if study is not None and before is not None:
             yield from self._of_instances(dialect, study)
             yield from self._of_results(dialect, study, before.result_count + 1, now)
@@ -90,7 +89,7 @@ class Changes:
         kind = dialect.name
         if self.emptied:
             where = study.id, min(self.emptied_rows), max(self.emptied_rows)
-            yield sql.EMPTY.words(kind, InstanceState.DONE, *where, as_set(kind, self.emptied))
+            yield from sql.EMPTY.words(kind, InstanceState.DONE, *where, self.emptied)
         yield from _moved(dialect, study, InstanceState.DONE, [(one, None) for one in self.done])
         for one in self.rewritten:
             yield instances.REWRITE.words(dialect, *instances.to_row(study.id, one))
@@ -105,7 +104,7 @@ class Changes:
                 )
                 for (row, position), (lease, host_class) in self.begun.items()
             ]
-            yield _told(sql.BEGIN, kind, begun, study.id)
+            yield from sql.BEGIN.words(kind, study.id, begun)
         yield from _moved(dialect, study, InstanceState.LEASED, self.handed_out)
         for row, host_class in self.bound:
             yield instances.BIND.words(dialect, host_class, study.id, row)
@@ -119,28 +118,22 @@ class Changes:
                 (one.id, one.worker, one.expires_at, one.instances, one.host_class, one.compares)
                 for one in self.granted
             ]
-            yield _told(sql.LEASE, kind, granted, study.id, now)
+            yield from sql.LEASE.words(kind, study.id, now, granted)
         if self.filed:
             filed = _numbered(self.filed, first)
-            about = study.id, now
-            told = _told(sql.APPEND, kind, filed, *about)
-            if kind == "sqlite" or _NUL not in told[1][-1]:
-                yield told
+            told = sql.APPEND.words(kind, study.id, now, filed)
+            if kind == "sqlite" or _NUL not in told[0][1][-1]:
+                yield from told
             else:
                 for row in filed:
-                    yield results.one(dialect, about, row)
+                    yield results.one(dialect, (study.id, now), row)
         for worker, result in self.conflicts:
             yield results.conflict(dialect, study.id, worker, now, result)
         if self.asked:
             asked = [(host, worker, *place) for host, worker, place in self.asked]
-            yield _told(sql.ASK, kind, asked, study.id, now)
+            yield from sql.ASK.words(kind, study.id, now, asked)
         for compared in self.compared:
             yield comparisons.saving(dialect, compared)
-
-
-def _told(statement: Sets, kind: str, rows: Iterable[Sequence[Any]], *values: Any) -> Words:
-    """Return a statement that takes rows after its other values."""
-    return statement.words(kind, *values, statement.as_rows(kind, rows))
 
 
 def _moved(
@@ -151,8 +144,8 @@ def _moved(
         for (row, position), lease in moved:
             yield instances.MOVE.words(dialect, state, lease, study.id, row, position)
     elif moved:
-        rows = sql.MOVE.as_rows(dialect.name, [(*place, lease) for place, lease in moved])
-        yield sql.MOVE.words(dialect.name, state, rows, study.id)
+        rows = [(*place, lease) for place, lease in moved]
+        yield from sql.MOVE.words(dialect.name, state, rows, study.id)
 
 
 def _introduced(found: Sequence[tuple[Introduction, str, int]]) -> list[tuple[Any, ...]]:

@@ -1,72 +1,127 @@
 """The statements of turns, over sets of rows, in the words of both kinds of database (see `turns`).
 
-A set of rows travels as one text of JSON: to write arrays takes PostgreSQL's driver a third of the
-time of a turn, and SQLite reads one as quickly as it is given values one by one.
+On PostgreSQL a set of rows travels as one text of JSON: to write arrays takes its driver a third of
+the time of a turn. SQLite takes twice as long over JSON as over values one by one.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+import re
+from collections.abc import Sequence
+from functools import cache
+from itertools import chain
 from typing import Any
 
-from server.store.database.prepared import Words, as_text
+from server.store.database.prepared import ROWS, Words, as_text
+
+#: Where values go.
+_MARK = re.compile(r"%s|\{any\}|\{each\}|\{told\}")
 
 
 class Sets:
     """A statement about sets.
 
     Args:
-        text: in which %s stands for a value, {any} for "is one of" a set of texts, {told} for a
-            table of rows that is called `told`; {index} for how SQLite finds instances that wait.
-        sqlite: the same where SQLite has no such words.
+        text: in which %s stands for a value, {any} for "is one of" a set, {told} for a table of
+            rows that is called `told`; {index} for how SQLite finds what waits.
+        sqlite: the same where SQLite has other words; {each} for a set as a table.
         columns: of `told`, with their types on PostgreSQL.
     """
 
     def __init__(self, text: str, *, sqlite: str | None = None, **columns: str) -> None:
         self._columns = tuple(columns)
+        self._json = {n for n, kind in enumerate(columns.values()) if kind == "json"}
         typed = ", ".join(f"{name} {kind}" for name, kind in columns.items())
-        picked = ", ".join(f"value ->> {n} AS {name}" for n, name in enumerate(columns))
-        postgresql = {
-            "{any}": "= ANY(%s::text[])",
-            "{told}": f"json_to_recordset(%s::json) AS told({typed})",
-            "{index}": "",
-        }
-        on_sqlite = {
-            "{any}": "IN (SELECT value FROM json_each(?))",
-            "{told}": f"(SELECT {picked} FROM json_each(?)) AS told",
-            # It keeps no statistics by itself, and may choose one that finds far too much.
-            "{index}": "INDEXED BY instances_returned",
-            "%s": "?",
-        }
-        self._words = {
-            "postgresql": _replaced(text, postgresql),
-            "sqlite": _replaced(sqlite or text, on_sqlite),
-        }
+        told = f"json_to_recordset(%s::json) AS told({typed})"
+        self._postgresql = (
+            text.replace("{any}", "= ANY(%s::text[])")
+            .replace("{told}", told)
+            .replace("{index}", "")
+        )
+        # It keeps no statistics by itself, and may choose one that finds far too much.
+        indexed = (sqlite or text).replace("{index}", "INDEXED BY instances_returned")
+        self._between = _MARK.split(indexed)
+        self._marks = _MARK.findall(indexed)
+        self._on_sqlite = cache(self._for_sqlite)
 
-    def words(self, dialect: str, *values: Any) -> Words:
-        """Return it as a driver takes it; of what goes to `any`, `as_set`, to `told`, `as_rows`."""
-        return self._words[dialect], values
+    def words(self, kind: str, *values: Any) -> list[Words]:
+        """Return what a driver takes: on SQLite so many rows at a time.
 
-    def as_rows(self, dialect: str, rows: Iterable[Sequence[Any]]) -> str:
-        """Return rows with values in the order of the columns."""
-        if dialect == "sqlite":
-            return as_text([*rows])
-        return as_text([dict(zip(self._columns, row, strict=True)) for row in rows])
+        Args:
+            kind: of database.
+            values: in their order, of sets and rows lists; of what is JSON, not yet as text.
+        """
+        if kind == "postgresql":
+            return [(self._postgresql, [self._as_text(one) for one in values])]
+        if not self._columns:
+            return [self._few(values)]
+        at = self._marks.index("{told}")
+        rows = values[at]
+        parts = [rows[start : start + ROWS] for start in range(0, len(rows), ROWS)]
+        return [self._few((*values[:at], part, *values[at + 1 :])) for part in parts]
+
+    def _as_text(self, value: Any) -> Any:
+        if not isinstance(value, list):
+            return value
+        if self._columns:
+            return as_text([dict(zip(self._columns, row, strict=True)) for row in value])
+        # As PostgreSQL writes an array, in a tenth of the time the driver takes.
+        quoted = (str(one).replace("\\", "\\\\").replace('"', '\\"') for one in value)
+        return "{" + ",".join(f'"{one}"' for one in quoted) + "}"
+
+    def _few(self, values: Sequence[Any]) -> Words:
+        given: list[Any] = []
+        counts = []
+        for mark, value in zip(self._marks, values, strict=True):
+            if mark == "%s":
+                given.append(value)
+            elif mark == "{any}":
+                # Some more than there are, so that there are not so many statements to know.
+                many = [*value, *value[-1:] * (_at_least(len(value)) - len(value))]
+                counts.append(len(many))
+                given += many
+            elif mark == "{each}":
+                given.append(as_text(value))
+            else:
+                counts.append(len(value))
+                given += (
+                    chain.from_iterable(map(self._row, value))
+                    if self._json
+                    else (chain.from_iterable(value))
+                )
+        return self._on_sqlite(*counts), given
+
+    def _row(self, row: Sequence[Any]) -> list[Any]:
+        return [
+            as_text(one) if n in self._json and one is not None else one
+            for n, one in enumerate(row)
+        ]
+
+    def _for_sqlite(self, *counts: int) -> str:
+        """Return the text for sets of so many."""
+        left = iter(counts)
+        found = self._between[0]
+        for mark, after in zip(self._marks, self._between[1:], strict=True):
+            if mark == "%s":
+                found += "?"
+            elif mark == "{each}":
+                found += "json_each(?)"
+            elif mark == "{any}":
+                found += f"IN ({_listed('?', next(left))})"
+            else:
+                row = f"({_listed('?', len(self._columns))})"
+                named = (f"column{n} AS {name}" for n, name in enumerate(self._columns, start=1))
+                values = f"VALUES {_listed(row, next(left))}"
+                found += f"(SELECT {', '.join(named)} FROM ({values})) AS told"
+            found += after
+        return found
 
 
-def as_set(dialect: str, values: Collection[object]) -> str:
-    """Return texts or numbers as `any` takes them.
-
-    On PostgreSQL as it writes an array, in a tenth of the time the driver takes.
-    """
-    if dialect == "sqlite":
-        return as_text([*values])
-    quoted = (str(one).replace("\\", "\\\\").replace('"', '\\"') for one in values)
-    return "{" + ",".join(f'"{one}"' for one in quoted) + "}"
+def _listed(one: str, count: int) -> str:
+    return ", ".join([one] * count)
 
 
-def _replaced(text: str, words: dict[str, str]) -> str:
-    for mark, word in words.items():
-        text = text.replace(mark, word)
-    return text
+def _at_least(count: int) -> int:
+    """Return the power of two that is no less."""
+    return 1 << (count - 1).bit_length() if count else 0
 
 
 _OPINIONS = """
@@ -82,6 +137,14 @@ WHERE EXISTS (SELECT 1 FROM comparisons WHERE state = 'waiting' AND first_host <
 _INSTANCE = "i.row, i.position, i.state, i.lease_id, {}, i.host_class, i.avoid"
 _HERE, _THERE = _INSTANCE.format("i.attempts"), _INSTANCE.format("i.attempts::text")
 
+_LEASES = """
+SELECT leases.id, fence, worker_id, study_id, state, expires_at, {}, leases.host_class, host,
+    compares
+FROM leases JOIN workers ON workers.id = worker_id WHERE leases.id {{any}}
+"""
+
+#: See `leases.lease_of`.
+LEASES = Sets(_LEASES.format("instances::text"), sqlite=_LEASES.format("instances"))
 WORK = Sets("""
 SELECT id, model FROM studies
 WHERE state = 'running' AND instances > result_count + leased
@@ -90,7 +153,7 @@ ORDER BY priority DESC, created_at, id
 """)
 OPINIONS = Sets(
     _OPINIONS.format("unnest(%s::text[]) AS asked(host)"),
-    sqlite=_OPINIONS.format("(SELECT value AS host FROM json_each(%s)) AS asked"),
+    sqlite=_OPINIONS.format("(SELECT value AS host FROM {each}) AS asked"),
 )
 # OFFSET 0 keeps the planner from turning the look-ups into one join.
 IN_ROWS = Sets(
@@ -98,10 +161,7 @@ IN_ROWS = Sets(
 SELECT {_THERE} FROM unnest(%s::bigint[]) AS asked(row) CROSS JOIN LATERAL
     (SELECT * FROM instances WHERE instances.row = asked.row AND study_id = %s OFFSET 0) AS i
 """,
-    sqlite=f"""
-SELECT {_HERE} FROM instances AS i
-WHERE i.row IN (SELECT value FROM json_each(%s)) AND i.study_id = %s
-""",
+    sqlite=f"SELECT {_HERE} FROM instances AS i WHERE i.row {{any}} AND i.study_id = %s",
 )
 _PENDING = """
 SELECT {} FROM instances AS i {{index}}
@@ -114,9 +174,9 @@ SELECT row FROM instances {index}
 WHERE study_id = %s AND state = 'pending' AND host_class IS NULL LIMIT 1
 """)
 EXTEND = Sets("""
-UPDATE leases SET expires_at = %s WHERE id {any} AND state = 'open' AND expires_at > %s
+UPDATE leases SET expires_at = %s WHERE state = 'open' AND expires_at > %s AND id {any}
 """)
-END = Sets("UPDATE leases SET state = %s WHERE id {any} AND state = 'open'")
+END = Sets("UPDATE leases SET state = %s WHERE state = 'open' AND id {any}")
 # SQLite takes the ON of ON CONFLICT for that of a join, if there is no WHERE.
 INTRODUCE = Sets(
     """

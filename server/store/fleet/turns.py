@@ -27,7 +27,6 @@ from server.store.database.prepared import Words, failure
 from server.store.fleet import comparisons, leases, results, workers
 from server.store.fleet import turn_statements as sql
 from server.store.fleet.turn_changes import Changes
-from server.store.fleet.turn_statements import as_set
 from server.store.study import instances, studies
 from server.threads import in_thread
 
@@ -188,18 +187,19 @@ class Turn:
         id_ = "" if study is None else study.id
         hints = {kind: self._first_pending.get((id_, kind), 0) for kind in asks}
         statements = [
-            leases.FIND_ANY[self._kind].words(self._dialect, as_set(self._kind, leases_of)),
+            *sql.LEASES.words(self._kind, [*leases_of]),
             *self._wanted(hosts, asked_by),
-            self._in_rows(id_, rows),
+            *self._in_rows(id_, rows),
         ]
         if asks:
-            statements.append(sql.UNBOUND.words(self._kind, id_))
-        statements += [self._pending(id_, kind, hints[kind], most) for kind, most in asks.items()]
+            statements += sql.UNBOUND.words(self._kind, id_)
+        for kind, most in asks.items():
+            statements += self._pending(id_, kind, hints[kind], most)
         known, work, opinions, in_rows, *waiting = await self.trip(statements)
         pending = {}
         for (kind, most), here in zip(asks.items(), waiting[1:], strict=True):
             if len(here) < most and hints[kind]:
-                (here,) = await self.trip([self._pending(id_, kind, 0, most)])
+                (here,) = await self.trip(self._pending(id_, kind, 0, most))
             self._note(id_, kind, here)
             pending[kind] = [instances.from_row(row) for row in here]
         first_served, due = _wanted(work, opinions)
@@ -213,7 +213,7 @@ class Turn:
 
     async def rows(self, study: Study, rows: Collection[int]) -> dict[Place, Instance]:
         """Return the instances of rows."""
-        (found,) = await self.trip([self._in_rows(study.id, rows)])
+        (found,) = await self.trip(self._in_rows(study.id, rows))
         return _by_place(found)
 
     async def write(
@@ -292,13 +292,13 @@ class Turn:
         return [comparisons.comparison_of(row) for row in found]
 
     def _wanted(self, hosts: Collection[str], asked_by: float) -> list[Words]:
-        opinions = sql.OPINIONS.words(self._kind, as_set(self._kind, hosts), asked_by)
-        return [sql.WORK.words(self._kind), opinions]
+        opinions = sql.OPINIONS.words(self._kind, [*hosts], asked_by)
+        return [*sql.WORK.words(self._kind), *opinions]
 
-    def _in_rows(self, study_id: str, rows: Collection[int]) -> Words:
-        return sql.IN_ROWS.words(self._kind, as_set(self._kind, sorted(rows)), study_id)
+    def _in_rows(self, study_id: str, rows: Collection[int]) -> list[Words]:
+        return sql.IN_ROWS.words(self._kind, sorted(rows), study_id)
 
-    def _pending(self, study_id: str, kind: str, first: int, most: int) -> Words:
+    def _pending(self, study_id: str, kind: str, first: int, most: int) -> list[Words]:
         return sql.PENDING.words(self._kind, study_id, kind, first, most)
 
     def _note(self, study_id: str, kind: str, rows: Rows) -> None:

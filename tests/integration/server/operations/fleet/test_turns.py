@@ -264,13 +264,12 @@ def test_an_instance_of_any_name_disturbs_no_turn(
 def test_no_turn_reads_the_instances_of_other_rows_although_nothing_is_known_of_the_table(
     turns: Turns,
 ) -> None:
-    place = '[{"row": 1, "position": 1}]'
     for statement, values in (
-        (sql.MOVE, ("done", place, "s")),
-        (sql.IN_ROWS, ("{1}", "s")),
-        (sql.EMPTY, ("done", "s", 1, 2, "{l}")),
+        (sql.MOVE, ("done", [(1, 1, None)], "s")),
+        (sql.IN_ROWS, ([1], "s")),
+        (sql.EMPTY, ("done", "s", 1, 2, ["l"])),
     ):
-        text, given = statement.words("postgresql", *values)
+        ((text, given),) = statement.words("postgresql", *values)
         plan = [line for (line,) in turns.ask("EXPLAIN " + text, given)]
         looks = [line for line in plan if "Index Cond" in line or "Seq Scan" in line]
         assert looks and all('"row"' in line for line in looks), plan
@@ -278,7 +277,7 @@ def test_no_turn_reads_the_instances_of_other_rows_although_nothing_is_known_of_
 
 def test_a_statement_of_a_turn_is_planned_once(turns: Turns) -> None:
     for _ in range(3):
-        turns.ask(*sql.END.words("postgresql", "finished", "{l}"))
+        turns.ask(*sql.END.words("postgresql", "finished", ["l"])[0])
     # The connection may have been used for something else before.
     counted = (
         "SELECT sum(custom_plans)::int, max(generic_plans)::int FROM pg_prepared_statements "
