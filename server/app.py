@@ -45,7 +45,6 @@ from server.sandbox import CHECKS
 from server.settings import Settings
 from server.store import create_engine, require_current
 from server.store.database.engine import server_time
-from server.store.database.write_batching import WriteBatches
 from server.threads import in_thread
 from server.web import assets, fleet, pages, sign_in
 from server.web.live import Hub
@@ -94,7 +93,6 @@ def create_app(settings: Settings) -> FastAPI:
         finally:
             # Also of what refuses to start.
             await app.state.exchange.close()
-            app.state.write.close()
             if traces is not None:
                 await in_thread(traces.close)
             engine.dispose()
@@ -119,8 +117,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.traces = traces
     app.state.settings = settings
     app.state.engine = create_engine(settings.database_url, durability=settings.durability)
-    app.state.write = WriteBatches(app.state.engine)
-    app.state.exchange = Exchanges(app.state.engine, app.state.write)
+    app.state.exchange = Exchanges(app.state.engine)
     app.state.clock = own_clock = steady()
     app.state.readiness = Readiness(app.state.engine)
     app.state.metrics = Metrics(app.state.engine, lambda: float(app.state.clock()))

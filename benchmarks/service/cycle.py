@@ -82,7 +82,7 @@ async def transactions(app: FastAPI) -> float:
     request = LeaseRequest(worker=worker, models=["ishigami"], max_instances=BATCH)
     with begin() as connection:
         first = Exchange(request=request, now=time.time(), ttl=60.0)
-        _, held = serve_within(connection, first)
+        ((_, held),) = serve_within(connection, [first])
 
     async def cycle() -> None:
         nonlocal held
@@ -108,7 +108,7 @@ async def transactions(app: FastAPI) -> float:
         with begin() as connection:
             now = time.time()
             both = Exchange(posted=posted, request=request, now=now, ttl=60.0)
-            _, held = serve_within(connection, both)
+            ((_, held),) = serve_within(connection, [both])
 
     spent = await quickest(cycle)
     begin.close()

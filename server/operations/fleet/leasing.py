@@ -108,7 +108,8 @@ async def _lease_instances(
             changes.begun[place] = lease_id, kind
         else:
             changes.handed_out.append((place, lease_id))
-        served.note(replace(one, state=InstanceState.LEASED, lease=lease_id, host_class=kind))
+        leased = replace(one, state=InstanceState.LEASED, lease=lease_id, host_class=kind)
+        served.note({place: leased})
     changes.bound += [(row, kind) for row in {one.row for one in again if one.host_class is None}]
     for number, place in enumerate(begun):
         changes.begun[place] = (lease_id if number < fresh else None), kind

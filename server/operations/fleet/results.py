@@ -83,21 +83,19 @@ async def _file(
     changed = [j.instance for j in judgements if j.instance is not None]
     after = {(one.row, one.position): one for one in changed}
     final = [j.result for j in judgements if j.result is not None]
-    if any(before[place].lease != lease.id for place in after):
-        # Late: somebody else may have got it in this turn, or be about to.
+    late = any(before[place].lease != lease.id for place in after)
+    if late:
+        # Somebody else may have got it in this turn, or be about to.
         served.stale = True
         await served.write()
-    if any(one.state != InstanceState.DONE for one in changed):
-        served.stale = True
-    changes = served.changes
     if after:
         served.study = life.with_changes(
             study, before=before, after=after, filed=final, now=exchange.now
         )
-        for one in after.values():
-            served.note(one)
+        served.note(after)
     holds = served.holds(lease)
-    _note_changes(served, lease, before, after, holds=holds)
+    _note_changes(served, lease, before, after, whole=not (late or holds))
+    changes = served.changes
     changes.filed += [(posted.worker, result) for result in final]
     changes.conflicts += [(posted.worker, j.conflict) for j in judgements if j.conflict is not None]
     changes.asked += [
@@ -118,13 +116,8 @@ async def _judged(
     before: Mapping[Place, Instance],
 ) -> list[Judgement]:
     """Judge reports; what is rarely needed for that is asked for."""
-    done = {
-        place
-        for report in posted.reports
-        if (place := places.get(report.instance)) in before
-        and place is not None
-        and before[place].state == InstanceState.DONE
-    }
+    done = {place for place, one in before.items() if one.state == InstanceState.DONE}
+    done &= {places[report.instance] for report in posted.reports if report.instance in places}
     stored: Mapping[Place, Result] = {}
     if done:
         await served.write()
@@ -162,23 +155,24 @@ def _note_changes(
     before: Mapping[Place, Instance],
     after: Mapping[Place, Instance],
     *,
-    holds: bool,
+    whole: bool,
 ) -> None:
-    """Note how instances are to be written: what is done of a lease that held no other, by it."""
-    if not after:
-        return
+    """Note how instances are to be written; `whole`: the lease held what is done, and no more."""
     changes = served.changes
-    done = [place for place, one in after.items() if one.attempts == before[place].attempts]
-    changes.rewritten += [one for place, one in after.items() if place not in done]
+    again = [one for place, one in after.items() if one.attempts != before[place].attempts]
+    changes.rewritten += again
+    # What came back waits for a machine.
+    served.stale = served.stale or any(one.state != InstanceState.DONE for one in again)
+    if again or not after:
+        whole = False
     rows = [*changes.emptied_rows, *(row for row, _ in after)]
-    whole = not holds and len(done) == len(after)
     # What is late may be far away, and everything in between would be looked at.
-    near = max(rows) - min(rows) <= 4 * len(rows)
-    if whole and near and all(before[place].lease == lease.id for place in after):
+    if whole and max(rows) - min(rows) <= 4 * len(rows):
         changes.emptied.append(lease.id)
         changes.emptied_rows = rows
     else:
-        changes.done += done
+        told = {(one.row, one.position) for one in again}
+        changes.done += [place for place in after if place not in told]
 
 
 async def _compared(

@@ -61,10 +61,11 @@ class ServedStudy:
             found |= self._rows.get(row, {})
         return found
 
-    def note(self, one: Instance) -> None:
-        """Take note of how an instance is now."""
-        if one.row in self._rows:
-            self._rows[one.row][one.row, one.position] = one
+    def note(self, changed: Mapping[Place, Instance]) -> None:
+        """Take note of how instances are now."""
+        for place, one in changed.items():
+            if place[0] in self._rows:
+                self._rows[place[0]][place] = one
 
     def holds(self, lease: Lease) -> bool:
         """Say whether a lease holds any of its instances now."""

@@ -6,6 +6,8 @@ wait for each other. So those who wait share one, which reads and writes sets of
 
 import re
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import TypeVar
 
 from sqlalchemy.engine import Connection
 
@@ -17,6 +19,12 @@ from server.operations.fleet.served import ServedStudy
 from server.records import record
 from server.store.fleet.turns import Turn, at_once, turn_within
 
+T = TypeVar("T")
+
+#: A turn serves so many at most, and others only while it is about fewer instances than these: who
+#: comes next should not wait long, and large requests gain nothing by company.
+MOST = 100
+MOST_INSTANCES = 500
 #: A row as instances are called by it.
 _ROW = re.compile(r"0|[1-9][0-9]{0,9}")
 
@@ -85,25 +93,47 @@ async def _serve(served: ServedStudy, exchange: Exchange) -> Served:
     return judgements, found
 
 
-def serve_within(connection: Connection, exchange: Exchange) -> Served:
-    """Serve one, in a turn of its own within a transaction that others begin and end."""
-    turn = turn_within(connection)
-    study, request = exchange.study, exchange.request
-    if not study and request is not None:
-        work, _ = at_once(turn.wanted((), asked_by=0.0))
-        study = next((first for first, model in work if model in request.models), "")
-    (answer,) = at_once(take_turn(turn, study, lambda: [exchange])).answers
-    return answer
+def serve_within(connection: Connection, exchanges: Sequence[Exchange]) -> list[Served]:
+    """Serve all in as many turns as it takes, in a transaction that others begin and end."""
+    served: dict[int, Served] = {}
+    waiting = [*enumerate(exchanges)]
+    while waiting:
+        turn = turn_within(connection)
+        first = waiting[0][1]
+        study = first.study
+        if not study and first.request is not None:
+            work, _ = at_once(turn.wanted((), asked_by=0.0))
+            study = next((one for one, model in work if model in first.request.models), "")
+        taken, waiting = next_turn(waiting, study)
+        together = [one for _, one in taken]
+        found = at_once(take_turn(turn, study, partial(list, together)))
+        served |= zip((number for number, _ in taken), found.answers, strict=True)
+    return [served[number] for number in range(len(exchanges))]
+
+
+def next_turn(
+    waiting: Sequence[tuple[T, Exchange]], study: str
+) -> tuple[list[tuple[T, Exchange]], list[tuple[T, Exchange]]]:
+    """Return whom the next turn serves, who bring results of a study or none; and who waits on."""
+    taken: list[tuple[T, Exchange]] = []
+    left: list[tuple[T, Exchange]] = []
+    instances = 0
+    for one in waiting:
+        full = len(taken) == MOST or instances >= MOST_INSTANCES
+        if full or one[1].study not in ("", study):
+            left.append(one)
+        else:
+            taken.append(one)
+            instances += one[1].size
+    return taken, left
 
 
 def _rows_named(study_id: str, posts: Iterable[Post]) -> set[int]:
     """Return the rows of a study that posts name, as far as they do as they should."""
-    named = (report.instance.split(":") for post in posts for report in post.reports)
-    return {
-        int(row[0])
-        for whose, *row in named
-        if whose == study_id and len(row) == 2 and _ROW.fullmatch(row[0])
-    }
+    begin = f"{study_id}:"
+    named = {report.instance.rpartition(":")[0] for post in posts for report in post.reports}
+    rows = {name.removeprefix(begin) for name in named if name.startswith(begin)}
+    return {int(row) for row in rows if _ROW.fullmatch(row)}
 
 
 def _wanted(exchanges: Iterable[Exchange], model: str) -> dict[str, int]:

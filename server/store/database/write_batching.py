@@ -1,4 +1,4 @@
-"""Write batching: the jobs of workers that wait at the same time share one transaction.
+"""Write batching: workers that wait at the same time share one transaction.
 
 A transaction on SQLite takes less time than handing it to another thread, where it would get back
 the interpreter's lock from the event loop at every statement. So the event loop does it itself,
@@ -9,49 +9,50 @@ PostgreSQL, where every transaction waits for the server most of the time, each 
 import asyncio
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Generic, TypeVar
 
 from sqlalchemy.engine import Connection, Engine
 
 from server.store.database.engine import ImmediateWriter, writing
 
-T = TypeVar("T")
+Q = TypeVar("Q")
+A = TypeVar("A")
 
-#: What a transaction does; done again in another one if that one fails.
-Job = Callable[[Connection], T]
-#: What a job returned, or what it raised.
-Outcome = tuple[Any, None] | tuple[None, Exception]
-#: A job and what waits for its outcome.
-Waiting = tuple[Job[Any], asyncio.Future[Any]]
+#: What a transaction does: it answers questions. Done again in another one if that one fails.
+Serve = Callable[[Connection, Sequence[Q]], Sequence[A]]
+#: What a question was answered, or what was raised.
+Outcome = tuple[A, None] | tuple[None, Exception]
 
 #: So often a transaction is one in which SQLite may copy its log into the file, which waits for the
 #: disk.
 UPKEEP = 100
 
 
-class WriteBatches:
-    """Does jobs in transactions that write, for an event loop that must not be kept waiting."""
+class WriteBatches(Generic[Q, A]):
+    """Answers in transactions that write, for an event loop that must not be kept waiting."""
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, serve: Serve[Q, A]) -> None:
         self._engine = engine
+        self._answer = serve
         self._shared = engine.dialect.name == "sqlite"
         self._threads = ThreadPoolExecutor(thread_name_prefix="writes")
         self._at_once = ImmediateWriter(engine)
-        self._waiting: list[Waiting] = []
+        #: Questions, and what waits for their answers.
+        self._waiting: list[tuple[Q, asyncio.Future[A]]] = []
         #: Whether somebody will see to what waits.
         self._seen_to = False
         self._count = 0
 
-    async def __call__(self, job: Job[T]) -> T:
-        """Do a job in a transaction; return what it returned, or raise what it raised.
+    async def __call__(self, question: Q) -> A:
+        """Return what a question is answered in a transaction, or raise what is raised.
 
         When this returns the transaction is committed.
         """
         loop = asyncio.get_running_loop()
         if not self._shared:
-            return await loop.run_in_executor(self._threads, _alone, self._engine, job)
-        done: asyncio.Future[T] = loop.create_future()
-        self._waiting.append((job, done))
+            return await loop.run_in_executor(self._threads, self._alone, question)
+        done: asyncio.Future[A] = loop.create_future()
+        self._waiting.append((question, done))
         if not self._seen_to:
             self._seen_to = True
             # After all requests that have arrived by now: it is between the two calls that the loop
@@ -67,57 +68,64 @@ class WriteBatches:
     def _serve(self, loop: asyncio.AbstractEventLoop) -> None:
         """Do what waits; in a thread if it does not work out at once, or may take long."""
         batch, self._waiting = self._waiting, []
-        jobs = [job for job, _ in batch]
+        questions = [question for question, _ in batch]
         self._count += 1
         if self._count % UPKEEP:
             try:
                 with self._at_once() as connection:
-                    outcomes: list[Outcome] = [(job(connection), None) for job in jobs]
+                    answers = self._answer(connection, questions)
+                outcomes: list[Outcome[A]] = [(answer, None) for answer in answers]
             except Exception:
-                # Somebody else writes, or a job fails: nothing of the batch is in the database.
+                # Somebody else writes, or a question is bad: nothing of it is in the database.
                 pass
             else:
                 self._seen_to = False
-                _answer(batch, outcomes)
+                _tell(batch, outcomes)
                 return
-        later = loop.run_in_executor(self._threads, run_batch, self._engine, jobs)
+        later = loop.run_in_executor(
+            self._threads, run_batch, self._engine, self._answer, questions
+        )
         later.add_done_callback(lambda done: self._resume(loop, batch, done.result()))
 
     def _resume(
-        self, loop: asyncio.AbstractEventLoop, batch: Sequence[Waiting], outcomes: Sequence[Outcome]
+        self,
+        loop: asyncio.AbstractEventLoop,
+        batch: Sequence[tuple[Q, asyncio.Future[A]]],
+        outcomes: Sequence[Outcome[A]],
     ) -> None:
         """Answer a batch that a thread has done, and see to what came meanwhile."""
-        _answer(batch, outcomes)
+        _tell(batch, outcomes)
         self._seen_to = bool(self._waiting)
         if self._waiting:
             loop.call_soon(self._serve, loop)
 
+    def _alone(self, question: Q) -> A:
+        with writing(self._engine) as connection:
+            (answer,) = self._answer(connection, [question])
+            return answer
 
-def run_batch(engine: Engine, jobs: Sequence[Job[Any]]) -> list[Outcome]:
-    """Do jobs in one transaction; if it fails, each in its own, so that none spoils the others.
+
+def run_batch(engine: Engine, serve: Serve[Q, A], questions: Sequence[Q]) -> list[Outcome[A]]:
+    """Answer in one transaction; if it fails, each in its own, so that none spoils the others.
 
     Returns:
-        What each returned, and what it raised.
+        What each is answered, and what was raised instead.
     """
     try:
         with writing(engine) as connection:
-            return [(job(connection), None) for job in jobs]
+            answers = serve(connection, questions)
+        return [(answer, None) for answer in answers]
     except Exception as error:
-        if len(jobs) == 1:
+        if len(questions) == 1:
             return [(None, error)]
-    return [outcome for job in jobs for outcome in run_batch(engine, [job])]
+    return [outcome for one in questions for outcome in run_batch(engine, serve, [one])]
 
 
-def _answer(batch: Sequence[Waiting], outcomes: Sequence[Outcome]) -> None:
-    for (_, done), (result, error) in zip(batch, outcomes, strict=True):
+def _tell(batch: Sequence[tuple[Q, asyncio.Future[A]]], outcomes: Sequence[Outcome[A]]) -> None:
+    for (_, done), (answer, error) in zip(batch, outcomes, strict=True):
         if done.cancelled():
             continue
         if error is None:
-            done.set_result(result)
+            done.set_result(answer)  # type: ignore[arg-type]
         else:
             done.set_exception(error)
-
-
-def _alone(engine: Engine, job: Job[T]) -> T:
-    with writing(engine) as connection:
-        return job(connection)

@@ -23,7 +23,7 @@ from server.store.database.engine import writing
 def serve(engine: Engine, exchange: Exchange) -> Answer:
     """Serve one, alone in as many turns as it takes."""
     with writing(engine) as connection:
-        judgements, found = serve_within(connection, exchange)
+        ((judgements, found),) = serve_within(connection, [exchange])
     if isinstance(found, Deferred):
         more, found = serve(engine, found.rest)
         judgements += more

@@ -131,7 +131,7 @@ class Worker:
         exchange = Exchange(posted=posted, request=asked, now=now, ttl=1e6)
         if alone:
             with writing(self.engine) as connection:
-                answer = serve_within(connection, exchange)
+                (answer,) = serve_within(connection, [exchange])
         else:
             (answer,) = self._turns.take(study.id, lambda: [exchange]).answers
         judgements, found = answer

@@ -2,7 +2,7 @@
 
 import asyncio
 import threading
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,9 @@ from sqlalchemy.engine import Connection, Engine
 
 from server.store.database.engine import create_engine, reading, writing
 from server.store.database.write_batching import WriteBatches, run_batch
+
+Job = Callable[[Connection], str]
+Batches = WriteBatches[Job, str]
 
 TABLE = sa.table("told", sa.column("word"))
 
@@ -48,16 +51,21 @@ def fail(connection: Connection) -> str:
     raise ZeroDivisionError
 
 
-def run(engine: Engine, ask: Callable[[WriteBatches], Coroutine[Any, Any, Any]]) -> Any:
+def serve(connection: Connection, jobs: Sequence[Job]) -> list[str]:
+    """Do what is asked, one after the other."""
+    return [job(connection) for job in jobs]
+
+
+def run(engine: Engine, ask: Callable[[Batches], Coroutine[Any, Any, Any]]) -> Any:
     """Return what a coroutine makes of batches on a database."""
-    batches = WriteBatches(engine)
+    batches = WriteBatches(engine, serve)
     try:
         return asyncio.run(ask(batches))
     finally:
         batches.close()
 
 
-async def all_at_once(batches: WriteBatches, jobs: list[Callable[[Connection], str]]) -> list[Any]:
+async def all_at_once(batches: Batches, jobs: list[Job]) -> list[Any]:
     return list(await asyncio.gather(*map(batches, jobs), return_exceptions=True))
 
 
@@ -66,7 +74,7 @@ def test_each_gets_its_own_answer_when_its_work_is_committed(
 ) -> None:
     words = [f"word {number:02d}" for number in range(20)]
 
-    async def ask(batches: WriteBatches) -> list[str]:
+    async def ask(batches: Batches) -> list[str]:
         async def one(word: str) -> str:
             said: str = await batches(tell(word))
             assert word in await asyncio.to_thread(told)
@@ -102,7 +110,7 @@ def test_on_sqlite_who_comes_while_a_turn_is_about_to_begin_shares_it(
     commits: list[Connection] = []
     event.listen(engine, "commit", commits.append)
 
-    async def ask(batches: WriteBatches) -> list[str]:
+    async def ask(batches: Batches) -> list[str]:
         async def later(word: str) -> str:
             await asyncio.sleep(0)
             return await batches(tell(word))
@@ -125,7 +133,7 @@ def test_nobody_is_told_that_it_is_done_if_the_commit_fails(engine: Engine, told
 
 
 def test_a_transaction_that_fails_is_tried_again_job_by_job(engine: Engine, told: Any) -> None:
-    outcomes = run_batch(engine, [tell("a"), fail, tell("b")])
+    outcomes = run_batch(engine, serve, [tell("a"), fail, tell("b")])
     assert [result for result, _ in outcomes] == ["A", None, "B"]
     assert isinstance(outcomes[1][1], ZeroDivisionError)
     assert told() == ["a", "b"]
@@ -134,7 +142,7 @@ def test_a_transaction_that_fails_is_tried_again_job_by_job(engine: Engine, told
 def test_who_stops_waiting_does_not_keep_the_others_from_their_answers(
     engine: Engine, told: Any
 ) -> None:
-    async def ask(batches: WriteBatches) -> list[Any]:
+    async def ask(batches: Batches) -> list[Any]:
         impatient = asyncio.ensure_future(batches(tell("impatient")))
         others = asyncio.ensure_future(all_at_once(batches, [tell("a"), tell("b")]))
         await asyncio.sleep(0)
@@ -155,7 +163,7 @@ def test_who_writes_for_long_keeps_no_event_loop_waiting(
             entered.set()
             leave.wait(20.0)
 
-    async def ask(batches: WriteBatches) -> str:
+    async def ask(batches: Batches) -> str:
         other = asyncio.create_task(asyncio.to_thread(write_for_long))
         await asyncio.to_thread(entered.wait, 20.0)
         mine = asyncio.create_task(batches(tell("mine")))
@@ -178,7 +186,7 @@ def test_sqlite_s_log_is_copied_into_the_file_now_and_then(
     with writing(engine) as connection:
         connection.exec_driver_sql("CREATE TABLE told (word TEXT)")
 
-    async def ask(batches: WriteBatches) -> None:
+    async def ask(batches: Batches) -> None:
         for _ in range(60):
             await batches(tell("x" * 4000))
 

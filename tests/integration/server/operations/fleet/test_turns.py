@@ -56,7 +56,8 @@ class Twin:
 
     def alone(self, exchange: Exchange) -> Served:
         with writing(self.engine) as connection:
-            return serve_within(connection, exchange)
+            (answer,) = serve_within(connection, [exchange])
+            return answer
 
     def finished(self, answer: Served) -> Answer:
         """Return an answer with what the turns of other studies have to add."""
@@ -342,7 +343,7 @@ def test_a_coordinator_that_stops_in_mid_turn_keeps_its_study_from_nobody(
         with writing(engine) as connection:
             connection.execute(sa.text("SET LOCAL lock_timeout = '10s'"))
             theirs = Exchange(now=0.0, ttl=TTL, request=asking("other", 4))
-            others.append(serve_within(connection, theirs))
+            others.extend(serve_within(connection, [theirs]))
         return [Exchange(now=0.0, ttl=TTL, request=asking("w", 4))]
 
     with pytest.raises(Exception, match="idle-in-transaction"):

@@ -3,7 +3,7 @@
 from typing import Any
 
 from server.operations.fleet.exchange import Exchange, LeaseRequest, Post
-from server.operations.fleet.exchanges import MOST, MOST_INSTANCES, next_turn
+from server.operations.fleet.turns import MOST, MOST_INSTANCES, next_turn
 from server.records import Introduction
 from tests.testbed.coordinators.records import report
 
@@ -13,9 +13,9 @@ def waits(study: str = "", brings: int = 0, asks: int = 0) -> Any:
     request = LeaseRequest(worker=worker, models=["ishigami"], max_instances=asks)
     reports = [report(f"{study}:{row}:0") for row in range(brings)]
     posted = Post(reports=reports, lease="l", fence=1, worker="w", share=0.0, tolerance=0.0)
-    return Exchange(
+    return None, Exchange(
         now=0.0, ttl=60.0, posted=posted if brings else None, request=request if asks else None
-    ), None
+    )
 
 
 def test_a_turn_serves_who_brings_results_of_its_study_or_none_first_come_first() -> None:
