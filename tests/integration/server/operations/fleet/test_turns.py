@@ -23,7 +23,7 @@ from server.operations.fleet.exchange import (
     Post,
     Served,
 )
-from server.operations.fleet.turns import serve_within
+from server.operations.fleet.turns import serve_within, take_turn
 from server.operations.study import studies
 from server.records import Introduction, Plan
 from server.states import StudyState
@@ -33,7 +33,7 @@ from server.store.database.schema import comparisons, instances, results, worker
 from server.store.database.schema import leases as lease_table
 from server.store.database.schema import studies as study_table
 from server.store.fleet import turn_statements as sql
-from server.store.fleet.turns import _SETTINGS
+from server.store.fleet.turns import _SETTINGS, at_once, turn_within
 from tests.testbed.coordinators.records import report
 from tests.testbed.coordinators.turns import Turns
 
@@ -52,6 +52,10 @@ class Twin:
         """Serve all in a turn, or each in one of its own."""
         if self.turns is None:
             return [self.alone(one) for one in exchanges]
+        if self.engine.dialect.name == "sqlite":
+            with writing(self.engine) as connection:
+                turn = take_turn(turn_within(connection), study, lambda: exchanges)
+                return [*at_once(turn).answers]
         return [*self.turns.take(study, lambda: exchanges).answers]
 
     def alone(self, exchange: Exchange) -> Served:
@@ -102,7 +106,7 @@ def turns(engine: Engine) -> Iterator[Turns]:
 
 @pytest.fixture
 def twins(engine: Engine, turns: Turns, upgraded_file: Path, tmp_path: Path) -> list[Twin]:
-    """The same coordinator on PostgreSQL, in turns, and on SQLite, one by one."""
+    """The same coordinator in turns, and on SQLite, one by one."""
     file = tmp_path / "twin.sqlite3"
     file.write_bytes(upgraded_file.read_bytes())
     return [Twin(engine, turns), Twin(create_engine(f"sqlite:///{file}"), None)]
@@ -123,6 +127,7 @@ def posting(grant: Grant, how: list[tuple[int, dict[str, Any]]], **said: Any) ->
     return Post(reports=[report(names[n], **change) for n, change in how], **about)
 
 
+@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
 @pytest.mark.parametrize("seed", range(4))
 def test_a_turn_stores_and_answers_what_single_transactions_do(
     twins: list[Twin], plan: Callable[..., Plan], seed: int, monkeypatch: pytest.MonkeyPatch
@@ -215,6 +220,7 @@ def _told(answer: Answer, ids: list[str]) -> Any:
     return said, type(found).__name__
 
 
+@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
 def test_what_is_unusual_is_served_in_the_midst_of_a_turn(
     twins: list[Twin], plan: Callable[..., Plan], monkeypatch: pytest.MonkeyPatch
 ) -> None:
