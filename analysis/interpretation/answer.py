@@ -24,7 +24,7 @@ from analysis.interpretation.plan import (
     steps,
 )
 from analysis.interpretation.recording import Recording
-from analysis.interpretation.sensors import posture
+from analysis.interpretation.sensors import misread, posture
 from analysis.interpretation.sensors import steps as steps_of
 from sim.models import WINDOWS
 from sim.robot.device import NESM, load_device
@@ -163,6 +163,8 @@ def unfamiliar(
         )
     device = load_device(NESM.name)
     if why := posture(recording.motion, device, contact=interpreter.correction is not None):
+        return why
+    if why := misread(recording.motion, device, bank.population):
         return why
     if why := _coarse(bank, interpreter, recording):
         return why

@@ -8,8 +8,10 @@ of their neighbours (Hampel 1974, The influence curve and its role in robust est
 from dataclasses import replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter, percentile_filter
 
+from analysis.interpretation.bank.population import Population
 from sim.assessment.summary import AFTER, BEFORE, Motion, half_way
 from sim.parameters.target import ELBOW_TARGET
 from sim.robot.device import Device
@@ -30,6 +32,8 @@ SPIKES = (
     ("velocity", "velocity", 0.2),
     ("torque", "torque", 1.0),
 )
+#: Factors that multiply the gains of a device's motors.
+GAINS = ("proportional_gain", "derivative_gain", "integral_gain")
 #: How far held joints are from where an assessment of the elbow in the NESM holds them, rad,
 #: without contact and with it, where J1 leans on the end of its range: in 96 (seed 7701) and in 84
 #: wearers (seeds 7702 and 7703) of the population their weight moves them one way. The axes of J1
@@ -38,7 +42,8 @@ STRAYS = {
     False: {"J1": (-0.032, 0.0), "J2": (-0.001, 0.046), "J3": (-0.032, 0.0), "apart": (0.0, 0.001)},
     True: {"J1": (-0.01, 0.0), "J2": (-0.001, 0.042), "J3": (-0.033, 0.0), "apart": (0.001, 0.023)},
 }
-#: What else they may stray, rad; ours, set while looking at these recordings.
+#: What else they may stray, rad; ours, set while looking at these recordings. So much, too, an
+#: angle may be off where its motor's torque says that it is held.
 MARGIN = 0.01
 
 
@@ -95,6 +100,41 @@ def posture(motion: Motion, device: Device, *, contact: bool) -> str | None:
             f"J1 is {apart:+.3f} rad farther than J3 from where an assessment holds them, and the "
             f"bank's recordings {low - MARGIN:+.3f} to {high + MARGIN:+.3f}: check both encoders"
         )
+    return None
+
+
+def misread(motion: Motion, device: Device, population: Population) -> str | None:
+    """Return which held joint is not where its own motor holds it, or None.
+
+    A motor under integral control (Astrom and Hagglund 1995, PID controllers, section 3.2) keeps a
+    sum: its torque with its other terms, and its gain times all that the joint was ever off by. An
+    angle that is recorded with an offset makes this sum rise, whatever the weight on the joint.
+
+    Args:
+        motion: what was recorded.
+        device: whose.
+        population: which may fix the gains of its motors at others; it says nothing if it draws
+            them.
+    """
+    if set(GAINS) & set(population.names):
+        return None
+    times = [population.fixed.get(name, 1.0) for name in GAINS]
+    kp, kv, ki = np.array(times) * (device.gains.kp, device.gains.kv, device.gains.ki)
+    if ki == 0.0:
+        return None
+    time = motion.time
+    middle = half_way(time, motion.theta[:, motion.joint])
+    during = (time > middle - BEFORE) & (time < middle + AFTER)
+    off = motion.theta - device.start(ELBOW_TARGET.name).angles
+    terms = motion.torque + kp * off + kv * motion.velocity
+    kept = terms / ki + cumulative_trapezoid(off, time, axis=0, initial=0.0)
+    rising = np.polyfit(time[during], kept[during], 1)[0]
+    for number, name in enumerate(device.joints):
+        if number != motion.joint and abs(rising[number]) > MARGIN:
+            return (
+                f"{name} is recorded {rising[number]:+.3f} rad from where its motor's torque says "
+                f"that it is held ({MARGIN:g} rad at most): check its encoder"
+            )
     return None
 
 

@@ -2,15 +2,17 @@
 
 `python -m benchmarks.interpretation.calibration BANK [--wearers 500] [--keep FOLDER]`
 
-Wearers are drawn with a seed of their own (7111), which neither the bank nor any choice has seen;
-those with friction (7112) and slack straps (7113) too. `--keep` keeps what was simulated and uses
-it again.
+Wearers are drawn with a seed of their own (7121), which neither the bank nor any choice has seen;
+those with slack straps (7123) too. Those with friction (7112), and those of seed 7111, whom
+`--earlier` adds, were reported on before, and nothing was chosen on them. `--keep` keeps what was
+simulated and uses it again.
 """
 
 import argparse
 import re
 import time
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +30,9 @@ from benchmarks.interpretation.wearers import Wearers, simulated
 from benchmarks.machine import describe_machine
 
 #: Seeds of wearers who are reported on, and what is changed in them.
-FRESH, FRICTION, SLACK = 7111, 7112, 7113
+FRESH, FRICTION, SLACK = 7121, 7112, 7123
+#: Who were reported on before.
+EARLIER = 7111
 STRANGE = (
     ("undeclared friction of 2.8 Nm", FRICTION, {"robot_friction": 2.8}),
     ("both straps slack, 4 N", SLACK, {"strap_tension": 4.0}),
@@ -42,7 +46,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("bank", type=Path)
     parser.add_argument("--wearers", type=int, default=500)
-    parser.add_argument("--strange", type=int, default=40)
+    parser.add_argument("--earlier", type=int, default=0, help=f"wearers of seed {EARLIER}, too")
+    parser.add_argument("--strange", type=int, nargs=2, default=(40, 120), help="of each kind")
     parser.add_argument("--keep", type=Path)
     asked = parser.parse_args()
     bank = load_bank(asked.bank)
@@ -56,11 +61,18 @@ def main() -> None:
     judged = judge(interpreter, fresh, zero)
     _widths(fresh, judged)
     _coverage(interpreter, fresh, judged)
+    if asked.earlier:
+        older = simulated(bank.population, EARLIER, range(asked.earlier), keep=asked.keep).samples
+        both = np.vstack([zero, bank.population.zero_errors(EARLIER, older.rows, JOINTS)])
+        together = fresh.joined(older)
+        print(f"\ntogether with {len(older)} of seed {EARLIER}")
+        _coverage(interpreter, together, judge(interpreter, together, both))
     known = judge(interpreter, fresh, zero, TAPE, seed=FRESH)
     print("\nwith both lengths to 5 mm and the forearm's mass to 0.1 kg")
     _coverage(interpreter, fresh, known, ("all",))
     _ways(bank, fresh, judged, known)
     _strange(bank, interpreter, wearers, judged, asked)
+    _encoders(bank, interpreter, wearers, zero)
     _next(interpreter, fresh, zero)
     print_plans(interpreter, fresh, zero)
     print_rows(bank, interpreter, fresh, zero)
@@ -176,9 +188,9 @@ def _strange(
     )
     zero = bank.population.zero_errors(FRESH, wearers.samples.rows, JOINTS)
     called("none: fresh wearers", bank, interpreter, wearers, zero, judged)
-    for name, seed, changed in STRANGE:
+    for (name, seed, changed), count in zip(STRANGE, asked.strange, strict=True):
         keep = asked.keep
-        other = simulated(bank.population, seed, range(asked.strange), changed=changed, keep=keep)
+        other = simulated(bank.population, seed, range(count), changed=changed, keep=keep)
         if not len(other):
             print(f"  {name}: every assessment failed")
             continue
@@ -208,6 +220,21 @@ def called(
     reasons = Counter(re.split(r"[-+]?\d|unlike", one)[0].strip() for one in why if one)
     for reason, count in reasons.most_common():
         print(f"    {count:4} of them: {reason} ...")
+
+
+def _encoders(bank: Bank, interpreter: Interpreter, wearers: Wearers, zero: np.ndarray) -> None:
+    """Print how many recordings are called strange whose held joint is read a degree wrong."""
+    some = wearers.some(np.arange(min(len(wearers), 40)))
+    for joint in range(JOINTS - 1):
+        strange = []
+        for by in (-np.radians(1.0), np.radians(1.0)):
+            for recording in some.recordings(zero):
+                motion = recording.motion
+                moved = replace(motion, theta=motion.theta + by * np.eye(JOINTS)[joint])
+                wrong = replace(recording, motion=moved)
+                strange.append(unfamiliar(bank, interpreter, wrong, wrong.values()) is not None)
+        name = f"J{joint + 1} read a degree off, either way"
+        print(f"  {name:33}{len(strange):5}{100 * np.mean(strange):15.1f}")
 
 
 def _next(interpreter: Interpreter, fresh: Samples, zero: np.ndarray, count: int = 200) -> None:

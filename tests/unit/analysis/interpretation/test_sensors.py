@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.interpretation.sensors import despiked, impossible, posture, steps
+from analysis.interpretation.bank.population import population_of
+from analysis.interpretation.sensors import despiked, impossible, misread, posture, steps
 from sim.assessment.summary import Motion
 from sim.robot.device import NESM, load_device
+from tests.testbed.bank import CONTENT, population
 
 DEVICE = load_device(NESM.name)
 #: Where an assessment of the elbow holds J1 to J3.
@@ -127,3 +129,46 @@ def test_a_single_sample_far_from_its_neighbours_is_replaced_and_counted(
 def test_noise_is_no_spike() -> None:
     # Of 3 Nm, white.
     assert despiked(movement())[1] == {}
+
+
+def held(by: float = 0.0, integral: float = 1.0, noise: float = 0.0) -> Motion:
+    """Return a movement whose J3 sinks under a weight, and J3's angle read with an offset."""
+    motion = movement()
+    gains, time = DEVICE.gains, motion.time
+    off = -0.03 * time / 3.0 * np.exp(1.0 - time / 3.0)
+    torque = 0.0 * motion.theta
+    velocity = np.gradient(off, time)
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (off[1:] + off[:-1]) * np.diff(time))])
+    torque[:, 2] = 4.0 - gains.kp * off - gains.kv * velocity - integral * gains.ki * total
+    torque += noise * np.random.default_rng(3).standard_normal(torque.shape)
+    theta, speed = motion.theta.copy(), motion.velocity.copy()
+    theta[:, 2] += off + by
+    speed[:, 2] += velocity
+    return replace(motion, theta=theta, velocity=speed, torque=torque)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_an_angle_that_its_motor_does_not_hold_is_read_wrong(noise: float) -> None:
+    assert misread(held(noise=noise), DEVICE, population()) is None
+    for by in (-0.0175, 0.0175):
+        said = misread(held(by, noise=noise), DEVICE, population())
+        assert said is not None and said.startswith("J3 is recorded")
+        # Where the weight has moved it to, nothing else shows this.
+        assert posture(held(by), DEVICE, contact=True) is None or by < 0.0
+    said = misread(held(0.018), DEVICE, population())
+    assert said is not None and "J3 is recorded +0.018 rad from" in said
+
+
+def test_a_population_may_have_other_gains() -> None:
+    content = {**CONTENT, "fixed": {"integral_gain": 2.0}}
+    twice = population_of(content, "made up")
+    assert misread(held(integral=2.0), DEVICE, twice) is None
+    assert misread(held(), DEVICE, twice) is not None
+    none = population_of({**CONTENT, "fixed": {"integral_gain": 0.0}}, "made up")
+    assert misread(held(0.05), DEVICE, none) is None
+    drawn = {
+        "distribution": {"kind": "uniform", "low": 0.5, "high": 2.0},
+        "source": "made up",
+    }
+    factors = {**CONTENT["factors"], "integral_gain": drawn}
+    assert misread(held(0.05), DEVICE, population_of({**CONTENT, "factors": factors}, "")) is None
