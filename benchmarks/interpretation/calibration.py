@@ -228,7 +228,7 @@ def _encoders(bank: Bank, interpreter: Interpreter, wearers: Wearers, zero: np.n
     for joint in range(JOINTS - 1):
         strange = []
         for by in (-np.radians(1.0), np.radians(1.0)):
-            for recording in some.recordings(zero):
+            for recording in some.recordings(zero[: len(some)]):
                 motion = recording.motion
                 moved = replace(motion, theta=motion.theta + by * np.eye(JOINTS)[joint])
                 wrong = replace(recording, motion=moved)

@@ -76,7 +76,7 @@ def print_rows(bank: Bank, learnt: Interpreter, fresh: Samples, zero: np.ndarray
         zero: errors of their torques, Nm, shape (n, joints).
     """
     count = len(bank.contact)
-    fresh, zero = fresh.some(np.arange(200)), zero[:200]
+    fresh, zero = fresh.some(np.arange(min(200, len(fresh)))), zero[:200]
     print("\nrows with contact: median half width, with all measured; standard deviation of errors")
     for rows in (count // 4, count // 2, count):
         some = replace(bank, fitted={}, contact=bank.contact.some(np.arange(rows)))
