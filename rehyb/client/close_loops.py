@@ -187,7 +187,6 @@ def interpret_by_worker(
     tolerance: float | None = None,
     report: Path | None = None,
     progress: Callable[[str], None] = lambda stage: None,
-    sleep: Callable[[float], None] = time.sleep,
 ) -> Json:
     """Have a worker with a bank interpret a session, and return its answer.
 
@@ -198,7 +197,6 @@ def interpret_by_worker(
         tolerance: as of `CloseLoops.interpret`.
         report: an HTML page to write.
         progress: called with a line about each new stage.
-        sleep: for tests.
 
     Raises:
         Invalid: the session or what is known cannot be used; one sentence.
@@ -211,7 +209,7 @@ def interpret_by_worker(
         )
     uploaded = _uploaded(client, session, progress)
     job = client.interpret(uploaded, known=known, tolerance=tolerance)
-    found = _ended(client, job["id"], INTERPRETATIONS, progress, sleep)
+    found = _ended(client, job["id"], INTERPRETATIONS, progress)
     if report is not None:
         client.interpretation_file(job["id"], "report.html", report)
     return {name: value for name, value in found.items() if name not in _OF_JOB}
@@ -230,7 +228,7 @@ def _ended(
     job_id: str,
     place: str,
     progress: Callable[[str], None],
-    sleep: Callable[[float], None],
+    sleep: Callable[[float], None] = time.sleep,
 ) -> Json:
     """Follow a job to its end and return its report; raises as those who call it."""
     shown = ""

@@ -9,7 +9,7 @@ from sim.body.muscles.attach import add_muscles
 from sim.body.muscles.authors import PAPER_MUSCLES
 from sim.body.muscles.muscle import ElbowMuscles, Muscle
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, add_torso, empty_spec
-from sim.parameters.wearer import NOMINAL_WEARER, Wearer
+from sim.parameters.wearer import NOMINAL_WEARER
 
 #: Elbow angles of the test, degrees: steps of one degree, as in the paper.
 ANGLES_DEG = np.arange(0.0, 131.0)
@@ -69,14 +69,15 @@ class IsometricTest:
         return float(self.extension_nm[i]), float(ANGLES_DEG[i])
 
 
-def run_isometric_test(
-    wearer: Wearer = NOMINAL_WEARER, elbow: ElbowMuscles = PAPER_MUSCLES
-) -> IsometricTest:
-    """Contract flexors, then extensors, fully at every angle, the shoulder locked at 90 degrees."""
+def run_isometric_test(elbow: ElbowMuscles = PAPER_MUSCLES) -> IsometricTest:
+    """Contract the nominal arm's flexors, then its extensors, fully at every angle.
+
+    The shoulder is locked at 90 degrees.
+    """
     spec = empty_spec()
     add_torso(spec)
-    add_arm(spec, wearer)
-    add_muscles(spec, wearer, elbow=elbow)
+    add_arm(spec, NOMINAL_WEARER)
+    add_muscles(spec, NOMINAL_WEARER, elbow=elbow)
     model = spec.compile()
     return IsometricTest(
         flexion_nm=_torques(model, elbow.flexors.muscles),

@@ -7,7 +7,7 @@ import numpy as np
 
 from sim.body.muscles.lengths import SWEEP, elbow_lengths
 from sim.body.muscles.muscle import ElbowMuscles
-from sim.parameters.wearer import NOMINAL_WEARER, Wearer
+from sim.parameters.wearer import NOMINAL_WEARER
 
 #: Pigeon, Yahia and Feldman 1996: moment arm in mm, a polynomial of the elbow's flexion in degrees,
 #: highest power first; positive flexes.
@@ -33,13 +33,13 @@ def measured_mm(muscle: str) -> np.ndarray:
     return np.polyval(PIGEON[muscle], ANGLES_DEG)
 
 
-def moment_arms_mm(elbow: ElbowMuscles, wearer: Wearer = NOMINAL_WEARER) -> dict[str, np.ndarray]:
+def moment_arms_mm(elbow: ElbowMuscles) -> dict[str, np.ndarray]:
     """Return the moment arm of each muscle of PIGEON over ANGLES_DEG, mm; positive flexes.
 
-    It is what a muscle shortens by as the elbow flexes (An et al. 1984), and of several heads their
-    mean.
+    The wearer is nominal. It is what a muscle shortens by as the elbow flexes (An et al. 1984), and
+    of several heads their mean.
     """
-    lengths = elbow_lengths(wearer, elbow)
+    lengths = elbow_lengths(NOMINAL_WEARER, elbow)
     arms = {}
     for muscle in PIGEON:
         heads = [-np.gradient(lengths[name], SWEEP) for name in lengths if name.startswith(muscle)]
