@@ -58,6 +58,8 @@ class Effect(ABC):
     lower: tuple[float, ...] = (-np.inf,)
     #: Columns that are left out where a fit with them is beyond what is physical.
     undetermined: tuple[int, ...] = ()
+    #: Whether a coefficient has to agree with the non-linear parameters that it is fitted for.
+    has_to_agree: bool = False
     #: Parameters that the columns are not linear in (`Theta`).
     nonlinear: tuple[Nonlinear, ...] = ()
     #: Whether the columns depend on the estimate so far.

@@ -68,6 +68,12 @@ class Recording(Protocol):
     def is_hinge(self, joint: int) -> bool:
         """Return whether the joint turns; else it slides."""
 
+    def motor_inertia(self, joint: int) -> float:
+        """Return the declared inertia of the joint's motor (armature), kg m2 or kg."""
+
+    def motor_damping(self, joint: int) -> float:
+        """Return the declared damping of the joint's motor and gear, Nm s/rad or N s/m."""
+
     def link_mass(self, joint: int) -> float:
         """Return the declared mass of the link that a joint moves, kg."""
 
@@ -96,6 +102,10 @@ class Recording(Protocol):
     def shifted(self, columns: np.ndarray, seconds: float) -> np.ndarray: ...
     def lagged(self, columns: np.ndarray, time_constant: float) -> np.ndarray: ...
     def derivative(self, columns: np.ndarray) -> np.ndarray: ...
+    def through(
+        self, columns: np.ndarray, above: Sequence[float], below: Sequence[float]
+    ) -> np.ndarray:
+        """Return signals after a second-order system, coefficients of s2, s and 1."""
 
 
 @dataclass(frozen=True, kw_only=True)

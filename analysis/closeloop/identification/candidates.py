@@ -245,9 +245,20 @@ def _best(
             variants.append(Variant(theta=theta, columns=stacked, kept=kept))
     if not variants:
         return None
-    scored = score(rows, model.target(rows), base, base_lower, variants, effect.lower)
-    if not np.any(scored.coefficients[base.shape[1] :]):
+    together = [variants]
+    if effect.has_to_agree:
+        together = [[variant] for variant in variants]
+    found = []
+    for several in together:
+        scored = score(rows, model.target(rows), base, base_lower, several, effect.lower)
+        own = scored.coefficients[base.shape[1] :]
+        sizes = dict(zip(scored.variant.kept, own.tolist(), strict=True))
+        alone = effect.has_to_agree and effect.beyond(joint, scored.variant.theta, sizes)
+        if np.any(own) and not alone:
+            found.append(scored)
+    if not found:
         return None
+    scored = min(found, key=lambda one: one.sse)
     term = Term(
         effect=effect,
         joint=candidate.joint,

@@ -1,6 +1,6 @@
 """All trials as arrays at the working rate: the source of residuals, effects and splines."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -20,6 +20,7 @@ from analysis.closeloop.session.signals import (
     runs,
     shifted,
     slope,
+    through,
 )
 from sim.effects.rigid import point_mass
 
@@ -138,6 +139,14 @@ class Recording:
         if self.session.model == NOMINAL:
             return tuple(every)
         return tuple(joint for joint in every if self.name(joint) in self.session.limb_joints)
+
+    def motor_inertia(self, joint: int) -> float:
+        """Return the declared inertia of the joint's motor (armature), kg m2 or kg."""
+        return float(self.device.model.dof_armature[self.device.dof(self.name(joint))])
+
+    def motor_damping(self, joint: int) -> float:
+        """Return the declared damping of the joint's motor and gear, Nm s/rad or N s/m."""
+        return float(self.device.model.dof_damping[self.device.dof(self.name(joint))])
 
     def link_mass(self, joint: int) -> float:
         """Return the declared mass of the link that a joint moves, kg."""
@@ -272,6 +281,18 @@ class Recording:
     def derivative(self, columns: np.ndarray) -> np.ndarray:
         """Return the rate of change of columns (n, ...), piece by piece."""
         return self._by_piece(columns, lambda piece: slope(piece, self.rate))
+
+    def through(
+        self, columns: np.ndarray, above: Sequence[float], below: Sequence[float]
+    ) -> np.ndarray:
+        """Return columns (n, ...) after a second-order system, piece by piece, at rest before.
+
+        Args:
+            columns: what enters.
+            above: its numerator's coefficients of s2, s and 1.
+            below: the same of its denominator.
+        """
+        return self._by_piece(columns, lambda piece: through(piece, above, below, self.rate))
 
     def _by_piece(
         self, columns: np.ndarray, change: Callable[[np.ndarray], np.ndarray]

@@ -6,13 +6,13 @@ never smoothed where errors are reported; for fitting, effort and every regresso
 low-pass, so that what the filter takes away it takes from both sides.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, lfilter, lfilter_zi
+from scipy.signal import bilinear, butter, lfilter, lfilter_zi
 
 #: Rate at which regressors are computed, over the cutoff; at least this many Hz if recorded so.
 OVERSAMPLING, MIN_RATE = 8.0, 200.0
@@ -179,6 +179,25 @@ def lagged(signal: np.ndarray, time_constant: float, rate: float) -> np.ndarray:
     start = (1.0 - newest) * signal[:1]
     forward = [newest, 1.0 - kept - newest]
     filtered, _ = lfilter(forward, [1.0, -kept], signal, axis=0, zi=start)
+    return np.asarray(filtered)
+
+
+def through(
+    signal: np.ndarray, above: Sequence[float], below: Sequence[float], rate: float
+) -> np.ndarray:
+    """Return `signal` (n, ...) after a linear system, settled at its first value before.
+
+    By the bilinear transform (Tustin), stable whatever the system's own frequency is.
+
+    Args:
+        signal: what enters.
+        above: the transfer function's numerator, highest power of s first.
+        below: its denominator.
+        rate: Hz.
+    """
+    forward, back = bilinear(above, below, rate)
+    start = lfilter_zi(forward, back)[:, None] * signal[:1]
+    filtered, _ = lfilter(forward, back, signal, axis=0, zi=start)
     return np.asarray(filtered)
 
 

@@ -4,7 +4,7 @@ Spong 1987 (elastic joints); Nordin and Gutman 2002 (backlash); Dahl 1968 (frict
 the way since reversal); Pfeiffer and Holzl 1995 (ripple).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -23,25 +23,77 @@ from sim.effects.parameter import (
 
 
 class SeriesElasticity(Effect):
-    """A spring between the recorded position and the limb: the limb is torque / k behind.
+    """A spring between the recorded position and the limb: the limb is twisted behind by d.
 
-    To first order the balance changes by -(M u'' + D u' + (K + g') u) / k for the torque u.
+    The motor's own inertia and damping lie before the spring (Spong 1987). Behind it the link with
+    M, D, K and the slope of gravity g' follows M d'' + (D + e) d' + (K + g' + k) d = u, where u is
+    the torque that the link would need without a spring of k and e; the balance changes by
+    -(M d'' + D d' + (K + g') d). The column is that over the compliance 1 / k, which goes with the
+    frequency at which the link swings on the spring, so it is exact once both agree.
     """
 
     name = "series_elasticity"
-    complexity = 1
+    complexity = 2
     signature = (
         "the residual follows the second derivative of the torque: ringing after fast changes"
     )
     element = "applied torque"
     separating_trial = "push the joint with short pulses, and record the limb's own angle"
-    parameters = named(compliance=Parameter("rad/Nm", "1 / k", floor=0.0))
+    parameters = named(
+        compliance=Parameter("rad/Nm", "1 / k", floor=0.0),
+        resonance=Parameter("Hz", "at which the limb swings on the spring", floor=0.0),
+        damping_ratio=Parameter("1", "of that swing by the spring's own damping", floor=0.0),
+    )
     coefficients = ("compliance",)
     lower = (0.0,)
-    uses_estimate = True
+    nonlinear = (
+        Nonlinear("resonance", (1.5, 2.5, 4.0, 7.0, 12.0, 25.0), scaling=0.3),
+        Nonlinear("damping_ratio", (0.05, 0.2), scaling=0.5),
+    )
+    uses_estimate = has_to_agree = True
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
-        return {joint.number: -_felt(joint, joint.estimate.prediction[:, joint.number])[:, None]}
+        recording, number = joint.recording, joint.number
+        estimate = joint.estimate
+        inertia, stiffness = self._link(joint)
+        before = recording.motor_inertia(number) * joint.acceleration
+        before = before + recording.motor_damping(number) * joint.velocity
+        load = estimate.prediction[:, number] - recording.filtered(before[:, None])[:, 0]
+        damping, spring = float(estimate.damping[number]), self._spring(joint, theta)
+        own = 2.0 * theta["damping_ratio"] * np.sqrt(spring * inertia)
+        lost = [inertia, damping, stiffness]
+        whole = [inertia, damping + own, stiffness + spring]
+        twisted = recording.through(load[:, None], [-x for x in lost], whole)[:, 0]
+        return {number: (twisted * spring)[:, None]}
+
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        return {name: theta[name] for name in ("resonance", "damping_ratio")}
+
+    def beyond(
+        self,
+        joint: RecordedJoint,
+        theta: Theta,
+        coefficients: Mapping[int, float],
+        *,
+        difference: bool = False,
+    ) -> str:
+        if 0 in coefficients:
+            agrees = coefficients[0] * self._spring(joint, theta)
+            if not 1.0 / AGREES < agrees < AGREES:
+                return "compliance"
+        return super().beyond(joint, theta, coefficients, difference=difference)
+
+    def _spring(self, joint: RecordedJoint, theta: Theta) -> float:
+        inertia, _ = self._link(joint)
+        return inertia * (2.0 * np.pi * theta["resonance"]) ** 2
+
+    def _link(self, joint: RecordedJoint) -> tuple[float, float]:
+        """Return mean inertia and stiffness of what hangs behind the spring."""
+        recording, number = joint.recording, joint.number
+        inertia = float(np.nanmean(recording.own_inertia[:, number]))
+        inertia = max(inertia - recording.motor_inertia(number), LEAST_LINK * inertia)
+        slope = float(np.nanmean(recording.secant(number, 1e-4)[:, number]))
+        return inertia, float(joint.estimate.stiffness[number]) + slope
 
 
 class Backlash(Effect):
@@ -124,6 +176,10 @@ class TorqueRipple(Law):
         return "1/rad" if parameter == "order" else super().unit(parameter, theta)
 
 
+#: Factor by which a compliance and that of its resonance may differ.
+AGREES = 2.0
+#: Least share of a joint's inertia that lies behind a spring.
+LEAST_LINK = 0.05
 #: Ways over which something winds up, over half the travel.
 WAYS = (0.03, 0.042, 0.06, 0.085, 0.12, 0.17, 0.25, 0.35, 0.5)
 #: How what winds up does so; part of `Hysteresis` and of what else winds up.

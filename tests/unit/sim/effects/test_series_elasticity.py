@@ -1,0 +1,65 @@
+"""A limb on a spring follows it near its own frequency too, and the motor is before the spring."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.balance.model import unfitted
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import through
+from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.rich import ELBOW
+
+ELASTIC = BY_NAME["series_elasticity"]
+RATE = 200.0
+
+
+@pytest.mark.parametrize("hertz", [2.0, 4.0, 8.0])
+def test_the_column_is_what_a_limb_on_a_spring_changes(recording: Recording, hertz: float) -> None:
+    """Driven at 1 and 3 Hz: below, between and above that, the limb leads or follows."""
+    joint = unfitted(recording, ELBOW)
+    time, stiffness, damping = recording.time, 0.8, 0.1
+    load = np.cos(2 * np.pi * time) + 0.5 * np.sin(6 * np.pi * time)
+    motor = recording.motor_inertia(ELBOW) * joint.acceleration
+    prediction = np.zeros_like(recording.position)
+    prediction[:, ELBOW] = load + recording.filtered(motor[:, None])[:, 0]
+    estimate = replace(
+        joint.estimate,
+        prediction=prediction,
+        stiffness=np.array([0.0, stiffness]),
+        damping=np.array([0.0, damping]),
+    )
+    joint = replace(joint, estimate=estimate)
+    inertia = float(recording.own_inertia[:, ELBOW].mean()) - recording.motor_inertia(ELBOW)
+    behind = stiffness + float(recording.secant(ELBOW, 1e-4)[:, ELBOW].mean())
+    spring = inertia * (2 * np.pi * hertz) ** 2
+    own = 2 * 0.2 * np.sqrt(spring * inertia)
+    twist, rate, steps = load[0] / (behind + spring), 0.0, 50
+    expected = []
+    for value, following in zip(load, [*load[1:], load[-1]], strict=True):
+        expected.append(spring * twist + own * rate - value)
+        for part in range(steps):
+            now = value + (following - value) * part / steps
+            pull = now - (damping + own) * rate - (behind + spring) * twist
+            rate += pull / inertia / RATE / steps
+            twist += rate / RATE / steps
+    theta = {"resonance": hertz, "damping_ratio": 0.2}
+    (column,) = ELASTIC.columns(joint, theta)[ELBOW].T
+    difference = column / spring - np.array(expected)
+    assert np.sqrt(np.mean(difference**2)) < 0.03 * np.sqrt(np.mean(np.square(expected)))
+
+
+def test_a_compliance_has_the_size_that_its_resonance_says(recording: Recording) -> None:
+    joint, theta = unfitted(recording, ELBOW), {"resonance": 5.0, "damping_ratio": 0.2}
+    assert not ELASTIC.beyond(joint, theta, {0: 0.0225})
+    assert ELASTIC.beyond(joint, theta, {0: 0.08}) == "compliance"
+    assert ELASTIC.beyond(joint, theta, {0: 0.005}) == "compliance"
+
+
+def test_what_goes_through_a_system_begins_settled() -> None:
+    """A constant stays one, whatever the system's own frequency over the rate."""
+    still = np.full((20, 1), 3.0)
+    for stiffness in (1.0, 1e6):
+        out = through(still, [0.0, 0.0, stiffness], [1.0, 1.0, stiffness], 100.0)
+        assert out == pytest.approx(still, rel=1e-6)
