@@ -89,7 +89,7 @@ def tried_alone(model: Model, rows: Rows, candidate: Candidate) -> tuple[Model, 
     current = evaluate(model, rows)
     estimate = estimate_of(model, current.coefficients)
     option = _try(model, rows, candidate, estimate, current, _simpler(model, candidate))
-    return None if option is None else refined(option, rows)
+    return None if option is None else refined(option, rows, rounds=2)
 
 
 def has_ground(candidate: Candidate, present: set[tuple[str, int]]) -> bool:

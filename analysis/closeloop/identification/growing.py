@@ -39,8 +39,8 @@ MIN_LATER_SHARE = 0.005
 #: Passes that choose the parameters of all effects again, and the least share of the misfit that a
 #: further one has to take away.
 ROUNDS, SETTLED = 2, 0.01
-#: Foremost options that a pair may begin with.
-FIRST_OF_PAIR = 3
+#: Foremost options that are looked at again: a pair may begin with them, or end.
+FOREMOST = 3
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _pair(
     other, as any effect is.
     """
     folds, pairs = rows.fold_of_block, []
-    for option in options[:FIRST_OF_PAIR]:
+    for option in options[:FOREMOST]:
         if option.refused or option.gain <= LARGE_GAIN * grown.score.loss:
             continue
         of_form = MIN_LATER_SHARE * before.loss
@@ -150,6 +150,12 @@ def _next_step(
     score = current if beside is model else evaluate(beside, rows)
     options = options_beside(beside, rows, score, tried)
     step = choose(options, beside, score, rows, least * score.loss, of_form)
+    if step is None and model.effects:
+        # To first order may not be enough: ask again of the foremost, settled beside the others.
+        late = [o for o in options[:FOREMOST] if not o.refused and o.gain > LARGE_GAIN * score.loss]
+        together = _as_settled(late, model, current, rows)
+        step = choose(together, model, current, rows, least * current.loss, of_form)
+        return options, step
     if step is None:
         return options, None
     if beside is not model:
@@ -160,9 +166,21 @@ def _next_step(
     refitted, score = refined(step.taken, rows)
     refitted = declared_again(refitted, rows)
     if len(refitted.effects) > 1:
-        refitted, score = _settled(refitted, rows, step.taken.candidate)
+        refitted, _ = _settled(refitted, rows, step.taken.candidate)
     score = evaluate(refitted, rows)
     return options, replace(step, taken=replace(step.taken, model=refitted, score=score))
+
+
+def _as_settled(
+    options: Sequence[Option], model: Model, current: Score, rows: Rows
+) -> list[Option]:
+    """Return options with the parameters of all effects chosen beside each other, best first."""
+    found = []
+    for option in _as_held(options, model, current, rows):
+        own, score = _settled(option.model, rows, option.candidate)
+        gain, error = compare(current.losses, score.losses)
+        found.append(replace(option, model=own, score=score, gain=gain, z=gain / error))
+    return sorted(found, key=lambda option: -option.gain)
 
 
 def _settled(model: Model, rows: Rows, last: Candidate) -> tuple[Model, Score]:

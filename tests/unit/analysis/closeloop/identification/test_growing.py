@@ -126,6 +126,22 @@ def test_two_effects_that_hide_each_other_are_found_together(
     ]
 
 
+def test_a_second_effect_is_asked_for_again_settled_beside_the_first(
+    elbow: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To first order it may not be more than luck; chosen together with the first, it is."""
+    rows = rows_with(elbow, torque(elbow, "added_inertia", {}, 0.1) + 0.5 * elbow.velocity[:, 1])
+    real, asked = growing.choose, []
+
+    def late(options: Any, model: Model, *rest: Any, **more: Any) -> Any:
+        asked.append(len(model.effects))
+        first_order = bool(model.effects) and asked.count(1) == 1
+        return None if first_order else real(options, model, *rest, **more)
+
+    monkeypatch.setattr(growing, "choose", late)
+    assert names(rows, "added_inertia", "viscous_friction") == ["added_inertia", "viscous_friction"]
+
+
 def test_friction_found_later_may_explain_what_was_found_before(
     elbow: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
