@@ -1,10 +1,12 @@
 """Form: what a first effect leaves because its law is a little off, which is no second effect.
 
 A law of few parameters is never quite that of a real joint. What it leaves is small beside what it
-explains, and goes with the torque that it stands for. So a small second effect has to gain beside
-a first one that is free to bend: a model's error of form is looked for by adding what lets the
-form vary (White 1982, Maximum likelihood estimation of misspecified models).
+explains, and goes with the torque that it stands for, or with how friction turns. So a small second
+effect has to gain beside a first one that is free to bend: a model's error of form is looked for by
+adding what lets the form vary (White 1982, Maximum likelihood estimation of misspecified models).
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -29,7 +31,9 @@ KNOTS = 8
 MIN_Z = 3.0
 
 
-def only_form(candidate: Candidate, beside: Model, model: Model, rows: Rows) -> bool:
+def only_form(
+    candidate: Candidate, beside: Model, model: Model, rows: Rows, turning: Sequence[Term] = ()
+) -> bool:
     """Whether an effect does no more than correct the form of those found before.
 
     Args:
@@ -37,14 +41,18 @@ def only_form(candidate: Candidate, beside: Model, model: Model, rows: Rows) -> 
         beside: the model with the effect.
         model: the model without, but with those found before.
         rows: the samples that are fitted.
+        turning: what lets friction turn in any way, which is part of its form.
     """
-    free = free_forms(model, candidate.joint, rows)
-    if free is None:
+    form = free_forms(model, candidate.joint, rows)
+    free = [*turning] if form is None else [form, *turning]
+    if not free:
         return False
+    for term in free:
+        model, beside = model.with_term(term), beside.with_term(term)
     # Scattered: nobody can extrapolate a form that is free.
     folds = scattered_folds(rows)
-    worse = evaluate(model.with_term(free), rows, fold_rows=folds).losses
-    better = evaluate(beside.with_term(free), rows, fold_rows=folds).losses
+    worse = evaluate(model, rows, fold_rows=folds).losses
+    better = evaluate(beside, rows, fold_rows=folds).losses
     gain, error = compare(worse, better)
     return gain <= MIN_Z * error and not takes_all(worse, better)
 

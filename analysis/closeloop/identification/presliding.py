@@ -62,6 +62,12 @@ def _wound(candidate: Candidate, beside: Model, model: Model, rows: Rows) -> boo
     return gain <= error
 
 
+def free_turning(model: Model, joint: int) -> list[Term]:
+    """Return terms that let a joint's friction turn in any way: in time, and wound up."""
+    free = _free_presliding(model, joint, model.terms), _free_winding(model, joint)
+    return [term for term in free if term is not None]
+
+
 def with_free_presliding(model: Model) -> Model:
     """Return the model with declared friction free to pass through zero in its own way."""
     declared = tuple(term for term in model.terms if term.candidate is None)

@@ -13,7 +13,7 @@ from analysis.closeloop.identification.balance.regression import (
 )
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.forms import only_form
-from analysis.closeloop.identification.presliding import only_presliding
+from analysis.closeloop.identification.presliding import free_turning, only_presliding
 from sim.effects.catalogue import BY_NAME
 
 #: A gain must exceed this many of its standard errors: some 30 candidates at each of three steps.
@@ -62,9 +62,7 @@ def choose(
     """
     worth = [o for o in options if _worth(o, current, rows, least)]
     worth = [o for o in worth if not only_presliding(o.candidate, o.model, model, rows)]
-    worth = [
-        o for o in worth if o.gain > of_form or not only_form(o.candidate, o.model, model, rows)
-    ]
+    worth = [o for o in worth if o.gain > of_form or not _of_form(o, model, rows)]
     if not worth:
         return None
     best = worth[0]
@@ -106,6 +104,12 @@ def carries_more(option: Option, taken: Option) -> bool:
         and any(effect.adds_mass for effect in beside)
         and not option.refused
     )
+
+
+def _of_form(option: Option, model: Model, rows: Rows) -> bool:
+    """Whether an option only corrects the form of what is there, or how its friction turns."""
+    turning = free_turning(model, option.candidate.joint)
+    return only_form(option.candidate, option.model, model, rows, turning)
 
 
 def _information(option: Option) -> float:
