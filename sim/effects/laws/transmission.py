@@ -59,7 +59,10 @@ class SeriesElasticity(Effect):
         before = recording.motor_inertia(number) * joint.acceleration
         before = before + recording.motor_damping(number) * joint.velocity
         load = estimate.prediction[:, number] - recording.filtered(before[:, None])[:, 0]
-        damping, spring = float(estimate.damping[number]), self._spring(joint, theta)
+        spring = self._spring(joint, theta)
+        # A first estimate may be such that nothing would hang on the spring stably.
+        damping = max(float(estimate.damping[number]), 0.0)
+        stiffness = max(stiffness, -UPSIDE_DOWN * spring)
         own = 2.0 * theta["damping_ratio"] * np.sqrt(spring * inertia)
         lost = [inertia, damping, stiffness]
         whole = [inertia, damping + own, stiffness + spring]
@@ -180,6 +183,8 @@ class TorqueRipple(Law):
 AGREES = 2.0
 #: Least share of a joint's inertia that lies behind a spring.
 LEAST_LINK = 0.05
+#: A limb above its axis falls off a spring that is weaker than its weight: most of that slope.
+UPSIDE_DOWN = 0.5
 #: Ways over which something winds up, over half the travel.
 WAYS = (0.03, 0.042, 0.06, 0.085, 0.12, 0.17, 0.25, 0.35, 0.5)
 #: How what winds up does so; part of `Hysteresis` and of what else winds up.

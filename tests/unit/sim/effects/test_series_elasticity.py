@@ -50,6 +50,17 @@ def test_the_column_is_what_a_limb_on_a_spring_changes(recording: Recording, her
     assert np.sqrt(np.mean(difference**2)) < 0.03 * np.sqrt(np.mean(np.square(expected)))
 
 
+def test_a_limb_that_would_fall_off_its_spring_has_a_finite_column(recording: Recording) -> None:
+    joint = unfitted(recording, ELBOW)
+    falling = replace(
+        joint.estimate, stiffness=np.array([0.0, -900.0]), damping=np.array([0.0, -5.0])
+    )
+    joint = replace(joint, estimate=falling)
+    theta = {"resonance": 1.5, "damping_ratio": 0.05}
+    (column,) = ELASTIC.columns(joint, theta)[ELBOW].T
+    assert np.abs(column).max() < 1e3
+
+
 def test_a_compliance_has_the_size_that_its_resonance_says(recording: Recording) -> None:
     joint, theta = unfitted(recording, ELBOW), {"resonance": 5.0, "damping_ratio": 0.2}
     assert not ELASTIC.beyond(joint, theta, {0: 0.0225})
