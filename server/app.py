@@ -30,6 +30,7 @@ from server.operations.fleet import leases as lease_operations
 from server.operations.fleet.exchanges import Exchanges
 from server.operations.readiness import Readiness
 from server.operations.study import reruns
+from server.operations.study import studies as studies_at_work
 from server.routes import (
     analyses,
     close_loop_leases,
@@ -77,6 +78,7 @@ def create_app(settings: Settings) -> FastAPI:
             now, ttl = app.state.clock(), settings.lease_seconds
             model_operations.register_own(engine, own_models().values(), now=now)
             lease_operations.extend_open_leases(engine, now=now, ttl=ttl)
+            await in_thread(studies_at_work.make_ready, engine)
             reaper = asyncio.create_task(
                 _reap_for_ever(
                     engine, app.state.metrics, app.state.clock, ttl, settings.stranded_seconds

@@ -9,6 +9,7 @@ from sqlalchemy.engine import Connection, Engine
 from server.errors import ConflictError
 from server.logic.fleet.hosts import GONE_SECONDS
 from server.logic.study import studies as life
+from server.logic.study.points import parameters
 from server.logic.study.progress import Pace, block_ends, pace, window_start
 from server.records import Plan, PrecisionGoal, Study
 from server.states import StudyState
@@ -45,6 +46,16 @@ class Standing:
             passed_at=self.passed_at,
             at_work=self.workers > 0,
         )
+
+
+def make_ready(engine: Engine) -> None:
+    """Draw a row of each sampling that leases will draw from.
+
+    To import what that takes needs a second, in which an event loop would stand still.
+    """
+    served = {one.plan.sampling: one.plan for one in every(engine) if one.state.is_served}
+    for plan in served.values():
+        parameters(plan, 0)
 
 
 def create(

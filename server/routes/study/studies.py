@@ -19,6 +19,7 @@ from analysis.designs import DEFAULT_SAMPLING
 from analysis.json_values import is_finite_number
 from models.curves import names_of
 from server.logic.study.plans import FactorChoice, draw_up, refuse_outside_range
+from server.logic.study.points import parameters
 from server.logic.study.precision_goals import precision_goal
 from server.logic.study.precision_goals import shown as goal_shown
 from server.logic.study.requests import refuse_dependence, refuse_too_few
@@ -200,6 +201,8 @@ def submit(
     left_out |= set() if body.correlations else {"correlations", "correlation_kind"}
     left_out |= set() if body.groups else {"groups"}
     what = body.model_dump_json(exclude=left_out)
+    # Here a thread waits for what that may have to import, at the first lease the event loop.
+    parameters(plan, 0)
     study, new = studies.create(
         store,
         plan,

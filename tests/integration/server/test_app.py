@@ -1,6 +1,7 @@
 """What the coordinator does unasked, and when."""
 
 import asyncio
+import threading
 from itertools import count
 from typing import Any
 
@@ -12,6 +13,7 @@ from pydantic import SecretStr
 from server import app as web
 from server.errors import NotFoundError, SchemaError
 from server.metrics import Metrics
+from server.records import Plan
 from server.settings import Settings
 from server.store.database.engine import writing
 from tests.testbed.clock import Clock
@@ -92,3 +94,28 @@ def test_a_coordinator_goes_on_from_the_latest_time_that_it_knows(
         assert again.state.clock() == last
         clock.advance(2.0)
         assert again.state.clock() == last + 2.0
+
+
+def test_no_lease_is_the_first_to_draw_a_row(
+    upgraded: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[str] = []
+
+    def parameters(plan: Plan, row: int) -> None:
+        drawn.append(f"{plan.sampling} {row} on {threading.current_thread().name}")
+
+    monkeypatch.setattr("server.routes.study.studies.parameters", parameters)
+    monkeypatch.setattr("server.operations.study.studies.parameters", parameters)
+    settings = Settings(database_url=upgraded, token=SecretStr("t"))
+    headers = {"Authorization": "Bearer t"}
+    with TestClient(web.create_app(settings), headers=headers) as client:
+        assert drawn == []
+        study = {"name": "s", "model": "ishigami", "method": "saltelli", "sampling": "sobol"}
+        for rows in (8, 16):
+            answer = client.post("/v1/studies", json={**study, "rows": rows, "seed": 1})
+            assert answer.status_code == 201, answer.text
+    with TestClient(web.create_app(settings), headers=headers):
+        pass
+    # In threads, that is: each when it is submitted, and one when a coordinator starts again.
+    assert [what.split(" on ")[0] for what in drawn] == ["sobol 0"] * 3
+    assert not any("asyncio-portal" in what for what in drawn)
