@@ -3,10 +3,11 @@
 What a model lacks at one joint does not average out over time. The links are fitted anew each time.
 """
 
+from typing import Protocol
+
 import numpy as np
 from scipy.stats import t
 
-from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import Model, Term, unfitted
 from analysis.closeloop.identification.balance.regression import Rows
@@ -21,10 +22,21 @@ FEWEST_JOINTS = 3
 NO_MASS = 1e-9
 
 
+class Refitted(Protocol):
+    """A whole model that can be fitted without some of its rows."""
+
+    rows: Rows
+    #: Number of the term that each coefficient belongs to.
+    owner: np.ndarray
+
+    def left_out(self, clusters: np.ndarray, *, links: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Fit every term without each cluster of rows in turn."""
+
+
 class Spread:
     """The fits of a whole model without each part of time, and without each joint, in turn."""
 
-    def __init__(self, fit: WholeFit, *, links: bool) -> None:
+    def __init__(self, fit: Refitted, *, links: bool) -> None:
         """Fit again without each part; `links`: whether the links are free."""
         self.owner = fit.owner
         partitions = [_times(fit.rows)]
