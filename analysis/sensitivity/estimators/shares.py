@@ -1,15 +1,17 @@
 """Intervals of total-order indices, which are a mean of squares over a variance that errs too.
 
-The error of a share has two parts. What the part and the whole err in common cancels, more or less:
-beta, the slope of log part on log whole over the bootstrap replicates, says how much. What is left,
-log part - beta log whole, has Satterthwaite's interval, with what the part's own tail hides
-(`analysis.sensitivity.estimators.tails`). The rest, (1 - beta) log whole, is the error of a
-variance, which under a heavy tail is too small far more often than it is too large: of squares
-without a variance of their own, Student's t of eight blocks of log variance has a 5 % quantile of
--3.5 instead of -1.9, whatever the number of rows. So on that side it is taken up to `LOW` times as
-long (`longer`: not at all of an output whose tail is no heavier than a normal one's). (Both parts
-are independent by construction, so their lengths add as the sides of a right angle: Zou and Donner
-2008, Construction of confidence limits about effect measures.)
+The error of a share has two parts. What the part and the whole err in common cancels, more or
+less: beta, the slope of log part on log whole over the blocks left out, says how much. (In the
+bootstrap's replicates, which take rows as independent, both err together more than in balanced
+blocks: of a leading additive factor beside an interaction the part hardly errs, and the whole
+does.) What is left, log part - beta log whole, has Satterthwaite's interval, with what the part's
+own tail hides (`analysis.sensitivity.estimators.tails`). The rest, (1 - beta) log whole, is the
+error of a variance, which under a heavy tail is too small far more often than it is too large: of
+squares without a variance of their own, Student's t of eight blocks of log variance has a 5 %
+quantile of -3.5 instead of -1.9, whatever the number of rows. So on that side it is taken up to
+`LOW` times as long (`longer`: not at all of an output whose tail is no heavier than a normal
+one's). (Over the blocks the parts do not go together, so their lengths add as the sides of a right
+angle: Zou and Donner 2008, Construction of confidence limits about effect measures.)
 
 A variance that lacks its tail makes the shares of other factors too large, whose beta is below 1,
 and that of the tail's own factor too small, whose beta is above 1: the longer side is the lower of
@@ -54,23 +56,20 @@ def longer(kurtosis: Array) -> Array:
 
 
 def share_of_squares(
-    weighted: Array,
+    value: Array,
     without: Array,
     present: NDArray[np.bool_],
     level: float,
     *,
     whole: Array,
-    weighted_whole: Array,
     stretch: Array | float,
     times: Array | float = LOW,
 ) -> Estimate:
     """Return a share that is a mean of squares over a variance, with its interval (Zou 2008).
 
     Args:
-        weighted: the share in the sample and its replicates, shape (1 + replicates, ...).
-        without, present, level: as `analysis.sensitivity.estimators.intervals.student`.
+        value, without, present, level: as `analysis.sensitivity.estimators.intervals.student`.
         whole: the variance, in the sample and without each block; broadcasts to (1 + blocks, ...).
-        weighted_whole: the same in the sample and its replicates.
         stretch: as `analysis.sensitivity.estimators.intervals.satterthwaite`.
         times: how much longer the side is on which the share is if the whole lacks its tail
             (`longer`): the lower one, of a part that grows more than the whole the upper one.
@@ -78,22 +77,20 @@ def share_of_squares(
     Raises:
         ValueError: the level is not between 0 and 1.
     """
-    value = weighted[0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        of_share = np.log(weighted[1:])
-        of_whole = np.broadcast_to(np.log(weighted_whole[1:]), of_share.shape)
-        steep = _slope(of_share + of_whole, of_whole, np.maximum(1.0 / value, 1.0))
-        whole, relative = np.broadcast_to(whole[0], value.shape), whole[1:] / whole[0]
+        relative = np.broadcast_to(whole[1:] / whole[0], without.shape)
+        of_whole = np.log(relative)
+        steep = _slope(np.log(without) + of_whole, of_whole, np.maximum(1.0 / value, 1.0))
         # part / whole^beta is the share times whole^(1 - beta), relative to the sample's own.
-        left = np.broadcast_to(relative, without.shape) ** np.maximum(1.0 - steep, 0.0)
+        left = relative ** np.maximum(1.0 - steep, 0.0)
         stretched = np.broadcast_to(np.asarray(stretch, dtype=np.float64), value.shape)
         own = satterthwaite(value, without * left, present, level, 1, stretched)
-        error = jackknife_error(np.log(np.broadcast_to(relative, without.shape)), present)
+        error = jackknife_error(of_whole, present)
         common = (1.0 - steep) * error * students_quantile(present, level)
         down = np.hypot(np.log(value / own.low), times * np.maximum(common, 0.0))
         above = np.where(common < 0.0, times, 1.0) * common * np.minimum(1.0 / error, 1.0)
         up = np.hypot(np.log(own.high / value), above)
-        moves = (value > 0.0) & ~np.isnan(common) & (whole > 0.0)
+        moves = (value > 0.0) & ~np.isnan(common) & (whole[0] > 0.0)
         low = np.where(moves, value * np.exp(-down), own.low)
         high = np.where(moves, value * np.exp(up), own.high)
     return Estimate(value=value, low=low, high=high)

@@ -96,11 +96,10 @@ class Statistic:
         return found if self.power is None else replace(found, low=np.maximum(found.low, 0.0))
 
     def _estimate(self, level: float) -> Estimate:
-        if self.power == 1 and self.whole is not None and self.weighted_whole is not None:
+        if self.power == 1 and self.whole is not None:
             return share_of_squares(
-                *(self.weighted, self.without, self.present, level),
+                *(self.weighted[0], self.without, self.present, level),
                 whole=self.whole,
-                weighted_whole=self.weighted_whole,
                 stretch=1.0 if self.tail is None else self.tail.stretch,
                 times=LOW if self.longer is None else self.longer,
             )

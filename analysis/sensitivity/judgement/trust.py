@@ -51,7 +51,7 @@ class Trust:
     unseen: float | None
     #: None with fewer than `FEWEST_ROWS` rows.
     trusted: bool | None
-    #: Why they are not; empty if they are.
+    #: Why they are not, or not yet; empty if they are.
     sentence: str
 
 
@@ -91,12 +91,15 @@ def judge(
                 f"the total-order indices of {name} sum to at most {short:.2f}, and truly never to "
                 "less than 1, so something that matters was seen too rarely"
             )
+    sentence = f"Do not trust these intervals: {'; '.join(reasons)}." if reasons else ""
+    if 0 < rows < FEWEST_ROWS:
+        sentence = f"Intervals of fewer than {FEWEST_ROWS} rows are not to be believed yet."
     return Trust(
         runs=runs,
         effective_runs=effective if isfinite(effective) else None,
         unseen=3.0 / runs if runs >= 3 else None,
         trusted=None if rows < FEWEST_ROWS else not reasons,
-        sentence=f"Do not trust these intervals: {'; '.join(reasons)}." if reasons else "",
+        sentence=sentence,
     )
 
 
