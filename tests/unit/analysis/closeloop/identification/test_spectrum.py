@@ -42,24 +42,15 @@ def test_slow_noise_is_no_line_for_want_of_anything_below_it(seed: int) -> None:
     assert peaks(found, RATE, effort_rms=3.0, highest_hz=10.0) == []
 
 
-def test_a_slow_oscillation_is_a_line() -> None:
+@pytest.mark.parametrize("frequency", [2.0, 50.0], ids=["a slow oscillation", "the mains"])
+def test_an_oscillation_and_the_mains_are_a_line(frequency: float) -> None:
     (line,) = peaks(
-        stretches(lambda t: 0.2 * np.sin(2 * np.pi * 2.0 * t)),
+        stretches(lambda t: 0.2 * np.sin(2 * np.pi * frequency * t)),
         RATE,
         effort_rms=3.0,
         highest_hz=10.0,
     )
-    assert line.low_hz < 2.0 < line.high_hz
-
-
-def test_the_mains_are_a_line() -> None:
-    (line,) = peaks(
-        stretches(lambda t: 0.2 * np.sin(2 * np.pi * 50.0 * t)),
-        RATE,
-        effort_rms=3.0,
-        highest_hz=10.0,
-    )
-    assert line.low_hz < 50.0 < line.high_hz
+    assert line.low_hz < frequency < line.high_hz
     assert line.rms == pytest.approx(0.2 / np.sqrt(2), rel=0.1)
 
 

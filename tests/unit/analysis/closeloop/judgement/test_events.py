@@ -11,6 +11,7 @@ from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.events import find_events, spared
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
+from tests.testbed.sessions.moved import moved
 
 SECONDS, RATE, NOISE = 60.0, 50.0, 0.05
 TIME = np.arange(int(SECONDS * RATE)) / RATE
@@ -25,25 +26,9 @@ def pushed(begin: float, seconds: float, peak: float) -> np.ndarray:
 @pytest.fixture
 def swinging(recording: Recording) -> Recording:
     """One minute of the elbow in motion, its shoulder held; effort is what the model needs."""
-    w, centre = 2 * np.pi * 0.4, 1.0
-    phase = w * TIME + 0.6 * np.sin(0.31 * TIME)
-    elbow = centre + 0.5 * np.sin(phase)
-    velocity = np.gradient(elbow, 1 / RATE)
-    zero = np.zeros(len(TIME))
-    return replace(
-        recording,
-        sampling=replace(recording.sampling, recorded=RATE, working=RATE, cutoff=10.0),
-        slices=[slice(0, len(TIME))],
-        trial=np.zeros(len(TIME), dtype=int),
-        time=TIME,
-        position=np.column_stack([zero, elbow]),
-        velocity=np.column_stack([zero, velocity]),
-        acceleration=np.column_stack([zero, np.gradient(velocity, 1 / RATE)]),
-        measured=np.ones(len(TIME)),
-        extra=np.empty((len(TIME), 0)),
-        joints=(1,),
-        cache={},
-    )
+    phase = 2 * np.pi * 0.4 * TIME + 0.6 * np.sin(0.31 * TIME)
+    elbow = 1.0 + 0.5 * np.sin(phase)
+    return moved(recording, np.column_stack([np.zeros(len(TIME)), elbow]), RATE)
 
 
 def test_noise_is_no_event_where_splines_shrink_the_rest_of_it(recording: Recording) -> None:
@@ -51,25 +36,11 @@ def test_noise_is_no_event_where_splines_shrink_the_rest_of_it(recording: Record
     rng, time = np.random.default_rng(119), np.arange(1000) / RATE
     waves = zip((0.35, 0.2), rng.uniform(0.2, 0.9, 2), rng.uniform(0, 6, 2), strict=True)
     elbow = 1.0 + sum(a * np.sin(2 * np.pi * f * time + p) for a, f, p in waves)
-    velocity, zero = np.gradient(elbow, 1 / RATE), np.zeros(len(time))
-    moved = replace(
-        recording,
-        sampling=replace(recording.sampling, recorded=RATE, working=RATE, cutoff=10.0),
-        slices=[slice(0, len(time))],
-        trial=np.zeros(len(time), dtype=int),
-        time=time,
-        position=np.column_stack([zero, elbow]),
-        velocity=np.column_stack([zero, velocity]),
-        acceleration=np.column_stack([zero, np.gradient(velocity, 1 / RATE)]),
-        measured=np.ones(len(time)),
-        extra=np.empty((len(time), 0)),
-        joints=(1,),
-        cache={},
-    )
-    effort = np.full_like(moved.position, np.nan)
-    effort[:, 1] = moved.inverse[:, 1] + NOISE * rng.standard_normal(len(time))
-    effort[:, 1] = moved.filtered(effort[:, [1]])[:, 0]
-    quiet = replace(moved, effort=effort, cache={})
+    noisy = moved(recording, np.column_stack([np.zeros(len(time)), elbow]), RATE)
+    effort = np.full_like(noisy.position, np.nan)
+    effort[:, 1] = noisy.inverse[:, 1] + NOISE * rng.standard_normal(len(time))
+    effort[:, 1] = noisy.filtered(effort[:, [1]])[:, 0]
+    quiet = replace(noisy, effort=effort, cache={})
     assert find_events(Model(quiet), quiet) == ()
 
 

@@ -12,6 +12,7 @@ from analysis.closeloop.judgement.floor import last_digit
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.plausibility import check_signs
 from analysis.closeloop.session.recording import Recording
+from tests.testbed.sessions.moved import moved
 
 RATE, NOISE = 50.0, 0.05
 TIME = np.arange(int(20.0 * RATE)) / RATE
@@ -36,21 +37,7 @@ def holding(
     """
     elbow = 1.0 + sag * np.exp(-((TIME / 0.3) ** 2)) + away
     position = np.column_stack([np.zeros(len(TIME)), elbow])
-    velocity = np.gradient(position, 1 / RATE, axis=0)
-    recording = replace(
-        recording,
-        sampling=replace(recording.sampling, recorded=RATE, working=RATE, cutoff=10.0),
-        slices=[slice(0, len(TIME))],
-        trial=np.zeros(len(TIME), dtype=int),
-        time=TIME,
-        position=position,
-        velocity=velocity,
-        acceleration=np.gradient(velocity, 1 / RATE, axis=0),
-        measured=np.ones(len(TIME)),
-        extra=np.empty((len(TIME), 0)),
-        joints=(1,),
-        cache={},
-    )
+    recording = moved(recording, position, RATE)
     noise = NOISE * np.random.default_rng(5).standard_normal(len(TIME))
     raw = recording.static[:, 1] + noise + beyond
     trial = Trial(
