@@ -210,7 +210,6 @@ def _only(found: Statistic, f: int) -> Statistic:
         if found.tail is None
         else replace(found.tail, stretch=of_one(found.tail.stretch), rows=of_one(found.tail.rows)),
         whole=None if found.whole is None else of_one(found.whole),
-        weighted_whole=None if found.weighted_whole is None else of_one(found.weighted_whole),
         apart=None if found.apart is None else of_one(found.apart),
         scale=None if found.scale is None else of_one(found.scale),
         longer=None if found.longer is None else of_one(found.longer),

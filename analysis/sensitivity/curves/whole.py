@@ -69,7 +69,6 @@ def _shares(curve: CurveEstimator, at_points: Mapping[str, Statistic]) -> dict[s
             present=np.asarray(found.present.any(axis=1)),
             power=found.power,
             whole=np.concatenate([whole[:1], less]),
-            weighted_whole=whole,
             apart=None if found.apart is None else apart,
         )
 
