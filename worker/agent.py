@@ -125,7 +125,7 @@ class Agent:
 
     def _finish(self, done: Iterable[tuple[Ticket, Result]]) -> None:
         finished = list(done)
-        self.spool.add_all([(t.lease.id, t.lease.fence, result) for t, result in finished])
+        self.spool.add([(t.lease.id, t.lease.fence, result) for t, result in finished])
         for ticket, result in finished:
             self.leases.finish(ticket, result["wall_seconds"])
         self.finished += len(finished)

@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from math import inf
 from pathlib import Path
 from random import Random
@@ -45,22 +46,18 @@ SAME_SIGNAL_SECONDS = 0.5
 app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
 
 
-Url = Annotated[
-    str | None, typer.Option(help="The coordinator. Default: REHYB_URL.", show_default=False)
-]
+#: An option that may be left out; its help says what holds then.
+optional = partial(typer.Option, show_default=False)
+Url = Annotated[str | None, optional(help="The coordinator. Default: REHYB_URL.")]
 Token = Annotated[
     str | None,
-    typer.Option(
-        help="Its token. Default: REHYB_TOKEN, which other users of the machine cannot see.",
-        show_default=False,
-    ),
+    optional(help="Its token. Default: REHYB_TOKEN, which other users of the machine cannot see."),
 ]
 SpoolFolder = Annotated[
     Path | None,
-    typer.Option(
+    optional(
         help="Where results wait until the coordinator has them. "
-        "Default: a folder per coordinator under ~/.local/state/rehyb.",
-        show_default=False,
+        "Default: a folder per coordinator under ~/.local/state/rehyb."
     ),
 ]
 
@@ -90,23 +87,21 @@ def work(
     ] = 120.0,
     max_instances: Annotated[
         int | None,
-        typer.Option(min=1, help="Leave after this many. Default: never.", show_default=False),
+        optional(min=1, help="Leave after this many. Default: never."),
     ] = None,
     lifetime: Annotated[
         str | None,
-        typer.Option(
+        optional(
             metavar="TIME",
             help="Be gone after this time, as 90s, 30m or 2h: nothing is begun that would last "
             "longer. Default: stay.",
-            show_default=False,
         ),
     ] = None,
     memory_mb: Annotated[
         int | None,
-        typer.Option(
+        optional(
             min=100,
             help="Memory one instance may take, in MB; beyond it, it has crashed. Default: no end.",
-            show_default=False,
         ),
     ] = None,
     loop_seconds: Annotated[
@@ -117,11 +112,10 @@ def work(
     ] = 4096,
     bank: Annotated[
         Path | None,
-        typer.Option(
+        optional(
             metavar="FILE.npz",
             help="Interpret sessions by this bank. Default: as of `rehyb interpret`, if there is "
             "one.",
-            show_default=False,
         ),
     ] = None,
     tags: Annotated[
@@ -129,35 +123,31 @@ def work(
     ] = "",
     host: Annotated[
         str | None,
-        typer.Option(
+        optional(
             help="What this machine is called, of which containers know only a made-up name. "
-            "Default: its host name.",
-            show_default=False,
+            "Default: its host name."
         ),
     ] = None,
     spool: SpoolFolder = None,
     models: Annotated[
         list[Path] | None,
-        typer.Option(
+        optional(
             metavar="DIR",
             help="A folder with a model.toml, or with such folders: its program runs here; repeat.",
-            show_default=False,
         ),
     ] = None,
     allow: Annotated[
         list[str] | None,
-        typer.Option(
+        optional(
             metavar="NAME",
             help="A model that a package announces here as rehyb.models: its code runs; repeat.",
-            show_default=False,
         ),
     ] = None,
     umbridge: Annotated[
         list[str] | None,
-        typer.Option(
+        optional(
             metavar="URL",
             help="A server that evaluates models of kind umbridge in --models; repeat.",
-            show_default=False,
         ),
     ] = None,
 ) -> None:

@@ -61,15 +61,11 @@ class Spool:
         kept = int(self._database.execute("SELECT count(*) FROM results").fetchone()[0])
         return kept - len(self._forgotten) + len(self._overflow)
 
-    def add(self, *, lease: str, fence: int, result: Mapping[str, Any]) -> None:
-        """Keep one result; it survives the death of this process from here on.
+    def add(self, results: Sequence[tuple[str, int, Mapping[str, Any]]]) -> None:
+        """Keep results, each (lease, fence, result); from here on they survive this process.
 
-        If the disk is full it is kept in memory, and survives as long as this process does.
+        If the disk is full they are kept in memory, and survive as long as this process does.
         """
-        self.add_all([(lease, fence, result)])
-
-    def add_all(self, results: Sequence[tuple[str, int, Mapping[str, Any]]]) -> None:
-        """Keep results, each (lease, fence, result), as `add` keeps one."""
         rows = [
             (lease, fence, self._worker, json.dumps(result)) for lease, fence, result in results
         ]

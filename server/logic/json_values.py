@@ -23,4 +23,5 @@ def flaw_in(value: Any, most_levels: int) -> Literal["nested", "infinite"] | Non
 
 def cut(text: str, length: int) -> str:
     """Return a worker's text as it is kept: PostgreSQL cannot store the character NUL."""
-    return text.encode(errors="replace").decode().replace("\0", "")[:length]
+    # Most say nothing.
+    return text and text.encode(errors="replace").decode().replace("\0", "")[:length]

@@ -22,6 +22,8 @@ from server.states import CloseLoopState, JobKind, LeaseState, Outcome
 from server.store import close_loops, sessions
 from server.store.database.engine import alone_reading, reading, writing
 from server.store.fleet import workers
+from server.store.fleet.turn_changes import Changes
+from server.store.fleet.turns import at_once, turn_within
 
 get = alone_reading(close_loops.find)
 
@@ -159,11 +161,14 @@ def grant(
     if noted and not waiting:
         return None
     with writing(engine) as connection:
+        # Whoever locks jobs and workers begins with jobs, the oldest first.
+        candidates = close_loops.waiting(connection, lock=True)
         # Which models it has is told where instances are asked for.
         told = replace(worker, models=workers.models_of(connection, worker.id))
-        workers.introduce(connection, told, host_class=host_class(worker.versions), now=now)
+        known = Changes(workers=[(told, host_class(worker.versions), 0)])
+        at_once(turn_within(connection).write(known, None, None, now=now, end=False))
         workers.note_close_loops(connection, worker.id, bank=bank, now=now)
-        for candidate in close_loops.waiting(connection, lock=True):
+        for candidate in candidates:
             if not life.suits(candidate, bank):
                 continue
             if candidate.avoid == worker.host and _able(connection, candidate, now, worker.host):

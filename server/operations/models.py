@@ -45,9 +45,9 @@ def to_sample(engine: Engine, called: str) -> ModelVersion:
 
 def register_own(engine: Engine, descriptions: Iterable[Description], *, now: float) -> None:
     """Store the models that come with this version of rehyb."""
+    found = [_version(description, own=True, by="", now=now) for description in descriptions]
     with writing(engine) as connection:
-        for description in descriptions:
-            models.put(connection, _version(description, own=True, by="", now=now))
+        models.put_all(connection, found)
 
 
 def announce(engine: Engine, description: Description, *, by: str, now: float) -> ModelVersion:

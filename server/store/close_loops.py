@@ -53,6 +53,7 @@ def expired(connection: Connection, *, now: float, lock: bool = False) -> list[C
 
 def extend_open(connection: Connection, *, until: float) -> None:
     """Let every job's lease last until a moment."""
+    _select(connection, _RUNNING, lock=True)
     connection.execute(sa.update(close_loops).where(_RUNNING).values(expires_at=until))
 
 
@@ -87,7 +88,7 @@ def delete_of_session(connection: Connection, session_id: str) -> None:
     """Remove the jobs of a session with their reports."""
     of_session = sa.select(close_loops.c.id).where(close_loops.c.session_id == session_id)
     # Whoever hands in a report now has done so, or finds no job.
-    connection.execute(of_session.with_for_update())
+    _select(connection, close_loops.c.session_id == session_id, lock=True)
     connection.execute(
         sa.delete(close_loop_parts).where(close_loop_parts.c.close_loop_id.in_(of_session))
     )

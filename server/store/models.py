@@ -22,10 +22,17 @@ DESCRIPTION = Prepared(
 )
 
 
+def put_all(connection: Connection, found: Sequence[ModelVersion]) -> None:
+    """Store models, or when and by whom they were announced again, by one statement."""
+    statement = insert(connection, models)
+    again = {name: statement.excluded[name] for name in ("announced_by", "announced_at")}
+    statement = statement.on_conflict_do_update(index_elements=["version"], set_=again)
+    connection.execute(statement, [_row(model) for model in found])
+
+
 def put(connection: Connection, model: ModelVersion) -> bool:
     """Store a model, or when and by whom it was announced again; whether it is new."""
-    values = {**vars(model), "description": model.description.as_json()}
-    statement = insert(connection, models).values(values)
+    statement = insert(connection, models).values(_row(model))
     statement = statement.on_conflict_do_nothing(index_elements=["version"])
     # Not every driver counts inserted rows, but all return them.
     if connection.scalar(statement.returning(models.c.version)) is not None:
@@ -85,6 +92,10 @@ _LATEST_FIRST = (models.c.announced_at.desc(), models.c.version)
 def description_of(row: Sequence[Any]) -> Description:
     """Return the description that a row of `DESCRIPTION` holds."""
     return Description.from_json(from_json(row[0]), kept=True)
+
+
+def _row(model: ModelVersion) -> dict[str, Any]:
+    return {**vars(model), "description": model.description.as_json()}
 
 
 def _model(row: sa.Row[Any]) -> ModelVersion:

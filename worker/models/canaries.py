@@ -72,10 +72,6 @@ class Canaries:
         self.look()
         return self.found.get(version)
 
-    def close(self) -> None:
-        """End what is under way."""
-        self.pool.kill()
-
     def look(self) -> bool:
         """Go on with what was asked for; return whether a canary is still to be found."""
         self._go_on()
@@ -84,8 +80,7 @@ class Canaries:
     def _go_on(self) -> None:
         """Begin the next evaluation, if the one before is done."""
         if self.pool.running:
-            for done in self.pool.wait(0.0):
-                self._results.append(done.result)
+            self._results += [done.result for done in self.pool.wait(0.0)]
         if self.pool.running or not self._waiting:
             return
         description, place = self._waiting[0]

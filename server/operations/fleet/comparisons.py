@@ -6,7 +6,7 @@ Whoever changes a study's comparisons has locked the study.
 import logging
 from collections.abc import Iterable, Mapping, Sequence
 
-from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.engine import Engine
 
 from server.logic.fleet.comparisons import Reputation, concluded, is_comparable, put_back
 from server.logic.fleet.verdicts import Judgement, Report, as_result, fault_in
@@ -75,13 +75,6 @@ def judge(
         open_ones.discard(report.instance)
         judgements.append(Judgement(about=report.instance, verdict=verdict, detail=detail))
     return judgements, changed, bool(open_ones)
-
-
-def let_go(connection: Connection, lease: Lease, *, counted: bool) -> None:
-    """Have what an ended lease still held wait again; `counted`: its worker fell silent."""
-    for one in comparisons.of_lease(connection, lease.id):
-        if one.state == ComparisonState.LEASED:
-            comparisons.save(connection, put_back(one, counted=counted))
 
 
 def give_up(engine: Engine, *, now: float, patience: float) -> None:

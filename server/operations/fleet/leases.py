@@ -1,20 +1,22 @@
 """Leases that were granted: keeping them, and taking back what nobody works on any more."""
 
-from collections.abc import Mapping
+from contextlib import suppress
+from math import inf
 
-from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.engine import Engine
 
-from server.errors import ConflictError
+from server.errors import ConflictError, NotFoundError
+from server.logic.fleet.comparisons import put_back
 from server.logic.fleet.leases import expiry, objection_to_release, objection_to_renewal
 from server.logic.study.instances import after_attempt, handed_back, held
-from server.operations.fleet import comparisons
-from server.operations.study.instances import settle
+from server.operations.fleet.served import ServedStudy
 from server.records import Instance, Lease, Place, Result, Study
-from server.states import LeaseState, Outcome
+from server.states import ComparisonState, LeaseState, Outcome
 from server.store import close_loops
 from server.store.database.engine import alone_at, reading, writing
 from server.store.fleet import leases, workers
-from server.store.study import instances, studies
+from server.store.fleet.turns import Seen, Turn, at_once, turn_within
+from server.store.study import studies
 
 
 def renew(engine: Engine, lease_id: str, *, fence: int, now: float, ttl: float) -> float:
@@ -25,12 +27,15 @@ def renew(engine: Engine, lease_id: str, *, fence: int, now: float, ttl: float) 
     """
     until = expiry(now, ttl)
     with writing(engine) as connection:
-        lease = leases.find(connection, lease_id, lock=True)
+        lease = leases.find(connection, lease_id)
+        if lease is not None:
+            # First, as in turns: see `Changes.statements`.
+            workers.heard_from(connection, lease.worker, now=now)
+            lease = leases.find(connection, lease_id, lock=True)
         objection = objection_to_renewal(lease, fence=fence, now=now)
         if lease is None or objection is not None:
             raise ConflictError(f"lease {lease_id!r} cannot be renewed: {objection}")
         leases.extend(connection, lease, now=now, until=until)
-        workers.heard_from(connection, lease.worker, now=now)
     return until
 
 
@@ -47,16 +52,9 @@ def release(engine: Engine, lease_id: str, *, fence: int, now: float) -> None:
         raise ConflictError(f"lease {lease_id!r} cannot be released: {objection}")
     with writing(engine) as connection:
         study = studies.find(connection, lease.study, lock=True)
-        if not leases.end(connection, lease, LeaseState.RELEASED):
-            return
-        if lease.compares:
-            comparisons.let_go(connection, lease, counted=False)
-        before = instances.in_rows(connection, study.id, lease.instances)
-        after = {place: handed_back(one) for place, one in held(before, lease=lease.id).items()}
-        settle(
-            connection, study, before=before, after=after, filed=(), worker=lease.worker, now=now
-        )
-        workers.heard_from(connection, lease.worker, now=now)
+        lease = leases.find(connection, lease_id)
+        if lease is not None and lease.state == LeaseState.OPEN:
+            at_once(_take_back(turn_within(connection), study, lease, lost=False, now=now))
 
 
 def reap(engine: Engine, *, now: float) -> int:
@@ -76,12 +74,9 @@ def _reap(engine: Engine, now: float) -> int:
         with writing(engine) as connection:
             study = studies.find(connection, study_id, lock=True)
             for lease in leases.expired(connection, study_id, now=now):
-                leases.end(connection, lease, LeaseState.EXPIRED)
-                if lease.compares:
-                    comparisons.let_go(connection, lease, counted=True)
-                before = instances.in_rows(connection, study.id, lease.instances)
-                study = _lose(connection, study, lease, before, now)
-                lost += len(held(before, lease=lease.id))
+                turn = turn_within(connection)
+                study, count = at_once(_take_back(turn, study, lease, lost=True, now=now))
+                lost += count
     return lost
 
 
@@ -97,29 +92,51 @@ def extend_open_leases(engine: Engine, *, now: float, ttl: float) -> None:
     A coordinator that was away cannot tell whose worker is gone. If its clock was set back
     meanwhile, a lease would otherwise last for as much longer.
     """
+    with reading(engine) as connection:
+        concerned = leases.studies_with_expired(connection, now=inf)
+    for study_id in concerned:
+        # Another coordinator may be in the midst of a turn, or have deleted it.
+        with suppress(NotFoundError), writing(engine) as connection:
+            studies.find(connection, study_id, lock=True)
+            leases.extend_open(connection, study_id, until=expiry(now, ttl))
     with writing(engine) as connection:
-        leases.extend_open(connection, until=expiry(now, ttl))
         close_loops.extend_open(connection, until=expiry(now, ttl))
 
 
-def _lose(
-    connection: Connection,
-    study: Study,
-    lease: Lease,
-    before: Mapping[Place, Instance],
-    now: float,
-) -> Study:
-    """Count instances as lost once more; returns the study as it is now."""
+async def _take_back(
+    turn: Turn, study: Study, lease: Lease, *, lost: bool, now: float
+) -> tuple[Study, int]:
+    """End an open lease of a locked study: what it holds waits again.
+
+    `lost`: its worker fell silent, which counts against what it held; else it comes back unharmed.
+
+    Returns:
+        The study as it is now, and how many instances came back.
+    """
+    rows = await turn.rows(study, {row for row, _ in lease.instances})
+    served = ServedStudy(turn, study, Seen(rows=rows))
+    served.begin(now)
+    changes = served.changes
+    changes.ended[LeaseState.EXPIRED if lost else LeaseState.RELEASED] = [lease.id]
+    asked = await turn.opinions_of(lease) if lease.compares else ()
+    changes.compared += [
+        put_back(one, counted=lost) for one in asked if one.state == ComparisonState.LEASED
+    ]
     after: dict[Place, Instance] = {}
     filed: list[Result] = []
-    at_work = workers.hosts_at_work(connection, study.id, host_class=lease.host_class, now=now)
-    for place, one in held(before, lease=lease.id).items():
+    mine = held(rows, lease=lease.id)
+    if lost:
+        at_work = await turn.hosts_at_work(study, lease.host_class, now=now)
         reason = f"lost with lease {lease.id} of worker {lease.worker}, which fell silent"
-        after[place], final = after_attempt(
-            one, cause=Outcome.LOST, reason=reason, host=lease.host, at_work=at_work
-        )
-        if final is not None:
-            filed.append(final)
-    return settle(
-        connection, study, before=before, after=after, filed=filed, worker=lease.worker, now=now
-    )
+        for place, one in mine.items():
+            after[place], final = after_attempt(
+                one, cause=Outcome.LOST, reason=reason, host=lease.host, at_work=at_work
+            )
+            if final is not None:
+                filed.append(final)
+    else:
+        after = {place: handed_back(one) for place, one in mine.items()}
+        changes.heard[lease.worker] = 0
+    await served.settle(study, lease, before=rows, after=after, filed=filed)
+    await served.write()
+    return served.study or study, len(mine)

@@ -16,6 +16,9 @@ from server.records import Instance, Lease, Place, Study
 from server.states import ComparisonState, InstanceState, LeaseState, StudyState
 from server.store.study.instances import IN_LIST
 
+# Looked up once: in Python 3.11 a member of an enum takes as long as a call.
+_LEASED = InstanceState.LEASED
+
 
 async def grant(
     served: ServedStudy, exchange: Exchange, request: LeaseRequest
@@ -32,7 +35,6 @@ async def grant(
         do; Ineligible if there is work but none for this worker; Deferred if it is in another
         study, since whoever locked two out of their order could wait for somebody who waits for it.
     """
-    rest = replace(exchange, posted=None)
     host, asked_by = request.worker.host, exchange.now - GATHER_SECONDS
     work, opinions = served.seen.work, served.seen.opinions
     if served.stale:
@@ -47,7 +49,7 @@ async def grant(
         comparing = await _comparing(served, request, asked_by=inf)
     if comparing is not None:
         if served.study is None or comparing != served.study.id:
-            return Deferred(rest=replace(rest, first=comparing))
+            return Deferred(rest=replace(exchange, posted=None, first=comparing))
         # If another worker is faster with a second opinion, this one asks again.
         return await _lease_comparisons(served, served.study, exchange, request)
     objection: str | None = None
@@ -59,7 +61,8 @@ async def grant(
         if (unfit := objection_to_worker(candidate, request.worker)) is not None:
             objection = objection or unfit
         elif candidate is not served.study:
-            return Deferred(rest=replace(rest, first=study_id, passed=passed))
+            rest = replace(exchange, posted=None, first=study_id, passed=passed)
+            return Deferred(rest=rest)
         elif (found := await _lease_instances(served, candidate, exchange, request)) is not None:
             return found
         else:
@@ -107,8 +110,8 @@ async def _lease_instances(
         if place in changes.begun:
             changes.begun[place] = lease_id, kind
         else:
-            changes.handed_out.append((place, lease_id))
-        leased = replace(one, state=InstanceState.LEASED, lease=lease_id, host_class=kind)
+            changes.moved.setdefault(_LEASED, []).append((place, lease_id))
+        leased = replace(one, state=_LEASED, lease=lease_id, host_class=kind)
         served.note({place: leased})
     changes.bound += [(row, kind) for row in {one.row for one in again if one.host_class is None}]
     for number, place in enumerate(begun):

@@ -8,13 +8,12 @@ from sqlalchemy.engine import Engine
 from server.logic.fleet.comparisons import is_chosen, is_comparable
 from server.logic.fleet.leases import expiry, objection_to_results
 from server.logic.fleet.verdicts import Judgement, Report, judge_all
-from server.logic.study import studies as life
 from server.logic.study.points import instance_id
 from server.operations.fleet import comparisons
 from server.operations.fleet.exchange import Deferred, Exchange, Post
 from server.operations.fleet.served import ServedStudy
 from server.records import Instance, Lease, Place, Result, Study, record
-from server.states import InstanceState, Verdict
+from server.states import InstanceState, LeaseState, Verdict
 from server.store.database.engine import reading
 from server.store.fleet import results
 
@@ -29,6 +28,10 @@ class Taken:
     judgements: list[Judgement]
     #: How many of the results are final; None if the lease is not the worker's.
     done: int | None = None
+
+
+# Looked up once: in Python 3.11 a member of an enum takes as long as a call.
+_DONE = InstanceState.DONE
 
 
 class _HostsWantedError(Exception):
@@ -83,20 +86,8 @@ async def _file(
     changed = [j.instance for j in judgements if j.instance is not None]
     after = {(one.row, one.position): one for one in changed}
     final = [j.result for j in judgements if j.result is not None]
-    late = any(before[place].lease != lease.id for place in after)
-    if late:
-        # Somebody else may have got it in this turn, or be about to.
-        served.stale = True
-        await served.write()
-    if after:
-        served.study = life.with_changes(
-            study, before=before, after=after, filed=final, now=exchange.now
-        )
-        served.note(after)
-    holds = served.holds(lease)
-    _note_changes(served, lease, before, after, whole=not (late or holds))
+    holds = await served.settle(study, lease, before=before, after=after, filed=final)
     changes = served.changes
-    changes.filed += [(posted.worker, result) for result in final]
     changes.conflicts += [(posted.worker, j.conflict) for j in judgements if j.conflict is not None]
     changes.asked += [
         (lease.host, lease.worker, place)
@@ -116,7 +107,7 @@ async def _judged(
     before: Mapping[Place, Instance],
 ) -> list[Judgement]:
     """Judge reports; what is rarely needed for that is asked for."""
-    done = {place for place, one in before.items() if one.state == InstanceState.DONE}
+    done = {place for place, one in before.items() if one.state == _DONE}
     done &= {places[report.instance] for report in posted.reports if report.instance in places}
     stored: Mapping[Place, Result] = {}
     if done:
@@ -147,32 +138,6 @@ async def _judged(
         await served.write()
         hosts = await served.turn.hosts_at_work(study, lease.host_class, now=exchange.now)
         return judged()
-
-
-def _note_changes(
-    served: ServedStudy,
-    lease: Lease,
-    before: Mapping[Place, Instance],
-    after: Mapping[Place, Instance],
-    *,
-    whole: bool,
-) -> None:
-    """Note how instances are to be written; `whole`: the lease held what is done, and no more."""
-    changes = served.changes
-    again = [one for place, one in after.items() if one.attempts != before[place].attempts]
-    changes.rewritten += again
-    # What came back waits for a machine.
-    served.stale = served.stale or any(one.state != InstanceState.DONE for one in again)
-    if again or not after:
-        whole = False
-    rows = [*changes.emptied_rows, *(row for row, _ in after)]
-    # What is late may be far away, and everything in between would be looked at.
-    if whole and max(rows) - min(rows) <= 4 * len(rows):
-        changes.emptied.append(lease.id)
-        changes.emptied_rows = rows
-    else:
-        told = {(one.row, one.position) for one in again}
-        changes.done += [place for place in after if place not in told]
 
 
 async def _compared(
@@ -212,7 +177,7 @@ def _keep_or_end(served: ServedStudy, lease: Lease, holds: bool, exchange: Excha
         until = expiry(exchange.now, exchange.ttl)
         served.changes.extended.setdefault(until, []).append(lease.id)
     else:
-        served.changes.finished.append(lease.id)
+        served.changes.ended.setdefault(LeaseState.FINISHED, []).append(lease.id)
 
 
 def _to_all(reports: Sequence[Report], verdict: Verdict, detail: str) -> Taken:

@@ -4,27 +4,34 @@ What workers do nearly always is decided from what the turn has looked at, kept 
 its end. What is rare asks the database, after all that was decided before has been written.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
-from server.operations.fleet.exchange import Grant, Post, Served
-from server.records import Instance, Lease, Place, Study
+from server.logic.study.studies import with_changes
+from server.operations.fleet.exchange import Exchange, Grant, Post, Served
+from server.records import Instance, Lease, Place, Result, Study
+from server.states import InstanceState
 from server.store.fleet.turn_changes import Changes
-from server.store.fleet.turns import Seen, Slots, Turn
+from server.store.fleet.turns import Seen, Turn
+
+# Looked up once: in Python 3.11 a member of an enum takes as long as a call.
+_DONE = InstanceState.DONE
 
 
 class ServedStudy:
     """A study in the course of a turn."""
 
-    def __init__(self, turn: Turn, study: Study | None, seen: Seen, slots: Slots) -> None:
+    def __init__(
+        self, turn: Turn, study: Study | None, seen: Seen, exchanges: Sequence[Exchange] = ()
+    ) -> None:
         self.turn = turn
         #: The one that is locked, as it is now; None if there is none.
         self.study = study
         self.seen = seen
         #: Instances that wait for a machine, by kind of machine, as far as they were asked for.
-        self.pending = {kind: [*found] for kind, found in slots.pending.items()}
+        self.pending = {kind: [*found] for kind, found in seen.pending.items()}
         #: Whether what waits for a machine must be asked for anew.
-        self.stale = slots.unbound
+        self.stale = seen.unbound
         #: What is not written yet; and the study as it is written.
         self.changes = Changes()
         self._written = study
@@ -33,7 +40,9 @@ class ServedStudy:
         self._others: dict[str, Study | None] = {}
         self._fences: dict[str, int] = {}
         self._now = 0.0
-        self.fill(slots.rows)
+        #: Of the turn, if none of its workers is written yet.
+        self._to_come = exchanges
+        self.fill(seen.rows)
 
     def begin(self, now: float) -> None:
         """Serve somebody else, who came at `now`."""
@@ -75,6 +84,43 @@ class ServedStudy:
             for place in lease.instances
         )
 
+    async def settle(
+        self,
+        study: Study,
+        lease: Lease,
+        *,
+        before: Mapping[Place, Instance],
+        after: Mapping[Place, Instance],
+        filed: Sequence[Result],
+    ) -> bool:
+        """Take note of what becomes of instances that a lease was given.
+
+        Args:
+            study: the one that is locked.
+            lease: under which a worker brings or loses them.
+            before: all instances of the rows concerned as they were.
+            after: those that change, as they are now: pending or done.
+            filed: the final results, in the order in which they are numbered.
+
+        Returns:
+            Whether the lease holds anything any more.
+        """
+        if not after:
+            return self.holds(lease)
+        late = {before[place].lease for place in after} != {lease.id}
+        if late:
+            # Somebody else may have got it in this turn, or be about to.
+            self.stale = True
+            await self.write()
+        self.study = with_changes(study, before=before, after=after, filed=filed, now=self._now)
+        self.note(after)
+        # What came back waits for a machine.
+        self.stale = self.stale or {one.state for one in after.values()} != {_DONE}
+        holds = self.holds(lease)
+        self.changes.settle(lease.id, before, after, whole=not (late or holds))
+        self.changes.filed += [(lease.worker, result) for result in filed]
+        return holds
+
     async def other(self, study_id: str) -> Study | None:
         """Return a study, which may be this one or one that is not locked; None if it is gone."""
         if self.study is not None and study_id == self.study.id:
@@ -86,6 +132,15 @@ class ServedStudy:
     async def write(self, *, end: bool = False) -> None:
         """Write what was decided; `end`: and commit."""
         changes, self.changes = self.changes, Changes()
+        if not end:
+            # All at once, and by name: who comes later could be locked by a turn that waits for
+            # those who came before.
+            for one in self._to_come:
+                if one.posted is not None:
+                    changes.company.append(one.posted.worker)
+                if one.request is not None:
+                    changes.workers.insert(0, (one.request.worker, one.request.host_class(), 0))
+            self._to_come = ()
         fences = await self.turn.write(changes, self._written, self.study, now=self._now, end=end)
         self._fences |= fences
         self._written = self.study

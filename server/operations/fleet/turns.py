@@ -47,12 +47,12 @@ async def take_turn(turn: Turn, study_id: str, waiting: Callable[[], Sequence[Ex
         study_id: the study that is locked; empty: none.
         waiting: returns who waits, once it is: the longer that takes, the more there are.
     """
-    study = await turn.lock(study_id)
+    study = await turn.lock(study_id) if study_id else None
     exchanges = waiting()
     posts = [one.posted for one in exchanges if one.posted is not None]
     hosts = {one.request.worker.host for one in exchanges if one.request is not None}
     named = set() if study is None else _rows_named(study.id, posts)
-    seen, slots = await turn.look(
+    seen = await turn.look(
         study,
         leases_of=[post.lease for post in posts],
         hosts=hosts,
@@ -60,7 +60,7 @@ async def take_turn(turn: Turn, study_id: str, waiting: Callable[[], Sequence[Ex
         rows=named,
         wanted={} if study is None else _wanted(exchanges, study.plan.model),
     )
-    served = ServedStudy(turn, study, seen, slots)
+    served = ServedStudy(turn, study, seen, exchanges)
     # A lease may hold more than what is posted.
     if study is not None and (more := served.rows_of(posts) - named):
         served.fill(await turn.rows(study, more))

@@ -1,50 +1,15 @@
-"""Instances one by one: a listing, all that is known of one, and writing what changed in some."""
+"""Instances one by one: a listing, and all that is known of one."""
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.engine import Engine
 
 from server.errors import NotFoundError
-from server.logic.study import studies as life
 from server.logic.study.instances import BUDGETS
-from server.records import Instance, Place, Result, Study
+from server.records import Place, Study
 from server.states import InstanceState, Outcome
 from server.store.database.engine import reading
-from server.store.fleet import results
-from server.store.study import evidence, instances, studies
-
-
-def settle(
-    connection: Connection,
-    study: Study,
-    *,
-    before: Mapping[Place, Instance],
-    after: Mapping[Place, Instance],
-    filed: Sequence[Result],
-    worker: str,
-    now: float,
-) -> Study:
-    """Write what changed in leased or returned instances.
-
-    Args:
-        before: all instances of the rows concerned as they were.
-        after: those that changed, as they are now: pending or done.
-        filed: the final results, in the order in which they are numbered.
-        worker: who is named for them.
-
-    Returns:
-        The study as it is now.
-    """
-    if not after:
-        return study
-    instances.write_changes(connection, study.id, before, after)
-    first = study.result_count + 1
-    results.append(connection, study.id, filed, first=first, worker=worker, now=now)
-    updated = life.with_changes(study, before=before, after=after, filed=filed, now=now)
-    counted = updated.failures is study.failures and updated.state == study.state
-    studies.save(connection, updated, counted=counted)
-    return updated
+from server.store.study import evidence, studies
 
 
 def page(

@@ -69,11 +69,10 @@ def free_stranded_rows(engine: Engine, *, now: float, patience: float) -> int:
     for study_id in concerned:
         with writing(engine) as connection:
             study = studies.find(connection, study_id, lock=True)
-            rows = reruns.stranded_rows(connection, study_id, alive=alive)
-            again = instances.in_rows(connection, study_id, [(row, 0) for row in rows])
+            again = reruns.stranded(connection, study_id, alive=alive)
             if again:
-                _reopen(connection, study, [*again.values()], unbound=True, now=now, why="stranded")
-            freed += len(rows)
+                _reopen(connection, study, again, unbound=True, now=now, why="stranded")
+            freed += len({one.row for one in again})
     return freed
 
 

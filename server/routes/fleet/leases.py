@@ -61,10 +61,10 @@ class WorkerBody(Body):
 
         Those need no version: which code computes them is told by `versions`.
         """
-        told = dict(self)
-        canaries = told.pop("canaries")
-        others = {model: canaries.get(model, "") for model in models if "@" in model}
-        return Introduction(**told, models=others)
+        others = {model: self.canaries.get(model, "") for model in models if "@" in model}
+        return Introduction(
+            id=self.id, host=self.host, versions=self.versions, tags=self.tags, models=others
+        )
 
 
 class LeaseBody(Body):

@@ -9,8 +9,6 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
-from itertools import chain
 from operator import itemgetter
 from typing import Any
 
@@ -125,52 +123,6 @@ class Prepared:
             ),
         )
         return compiled
-
-
-class Rows:
-    """Rows to be added to a table often, many with one statement: that halves the time.
-
-    Args:
-        table: which table.
-        same: of its columns those of which all rows that are added at once have the same value.
-        each: the others.
-    """
-
-    def __init__(self, table: sa.Table, *, same: Sequence[str], each: Sequence[str]) -> None:
-        self._table = table
-        self._same = same
-        self._each = each
-        self._of = cache(self._insert)
-
-    def add(
-        self, connection: Connection, same: tuple[Any, ...], rows: Sequence[tuple[Any, ...]]
-    ) -> None:
-        """Add `rows`; values are in the order of the columns, of JSON the text.
-
-        Raises:
-            sqlalchemy.exc.DBAPIError: the database refuses.
-        """
-        for start in range(0, len(rows), ROWS):
-            some = rows[start : start + ROWS]
-            self._of(len(some)).execute(connection, *same, *chain.from_iterable(some))
-
-    def words_for_one(self, dialect: Dialect, same: tuple[Any, ...], row: tuple[Any, ...]) -> Words:
-        """Return what adds one row, as the driver takes it."""
-        return self._of(1).words(dialect, *same, *row)
-
-    def _insert(self, count: int) -> Prepared:
-        """Return what adds so many rows."""
-        same = {name: name for name in self._same}
-        numbered = [{name: f"{name}_{row}" for name in self._each} for row in range(count)]
-        values = [
-            {
-                name: sa.bindparam(key, type_=self._table.c[name].type)
-                for name, key in {**same, **row}.items()
-            }
-            for row in numbered
-        ]
-        keys = [key for row in numbered for key in row.values()]
-        return Prepared(sa.insert(self._table).values(values), *same, *keys)
 
 
 def text(column: sa.Column[Any]) -> sa.ColumnElement[str]:

@@ -56,18 +56,8 @@ _SAVE = Prepared(
 )
 
 
-def of_lease(connection: Connection, lease: str) -> list[Comparison]:
-    """Return what a lease was given."""
-    return [comparison_of(row) for row in OF_LEASE.execute(connection, lease).fetchall()]
-
-
-def save(connection: Connection, comparison: Comparison) -> None:
-    """Write back a comparison that was read in the same transaction."""
-    _SAVE.execute(connection, *_values(comparison))
-
-
 def saving(dialect: Dialect, comparison: Comparison) -> Words:
-    """Return what `save` executes."""
+    """Return what writes back a comparison that was read in the same transaction."""
     return _SAVE.words(dialect, *_values(comparison))
 
 

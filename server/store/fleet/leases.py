@@ -33,11 +33,6 @@ _EXTEND = Prepared(
     )
     .values(expires_at=sa.bindparam("until"))
 )
-_END = Prepared(
-    sa.update(leases)
-    .where(leases.c.id == sa.bindparam("of_lease"), _IS_OPEN)
-    .values(state=sa.bindparam("to_state"))
-)
 _WITH_EXPIRED = (
     sa.select(leases.c.study_id)
     .where(_IS_OPEN, leases.c.expires_at <= sa.bindparam("now"))
@@ -57,15 +52,10 @@ def extend(connection: Connection, lease: Lease, *, now: float, until: float) ->
     _EXTEND.execute(connection, until, lease.id, now)
 
 
-def extend_open(connection: Connection, *, until: float) -> None:
-    """Let every open lease last until a moment."""
-    connection.execute(sa.update(leases).where(_IS_OPEN).values(expires_at=until))
-
-
-def end(connection: Connection, lease: Lease, state: LeaseState) -> bool:
-    """Close a lease; False if it was closed before."""
-    closed = _END.execute(connection, state, lease.id)
-    return int(closed.rowcount) == 1
+def extend_open(connection: Connection, study_id: str, *, until: float) -> None:
+    """Let every open lease of a study, which is locked, last until a moment."""
+    here = sa.and_(_IS_OPEN, leases.c.study_id == study_id)
+    connection.execute(sa.update(leases).where(here).values(expires_at=until))
 
 
 def studies_with_expired(connection: Connection, *, now: float) -> Sequence[str]:

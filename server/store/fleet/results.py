@@ -10,16 +10,11 @@ from sqlalchemy.engine import Connection, Dialect
 
 from models.curves import packed, unpacked
 from server.records import Place, Result
-from server.store.database.prepared import Prepared, Rows, Words, as_text, text
+from server.store.database.prepared import Prepared, Words, as_text, text
 from server.store.database.schema import conflicts, results, workers
 
 #: What a result is made of.
 _RESULT = [field.name for field in fields(Result)]
-_APPEND = Rows(
-    results,
-    same=("study_id", "worker_id", "received_at"),
-    each=("seq", "row", "position", "outcome", "outputs", "reason", "state", "wall_seconds"),
-)
 #: The results of one row, as `result_of` takes them.
 OF_ROW = Prepared(
     sa.select(
@@ -28,39 +23,15 @@ OF_ROW = Prepared(
         results.c.study_id == sa.bindparam("of_study"), results.c.row == sa.bindparam("at_row")
     ),
 )
+_APPEND = Prepared(
+    sa.insert(results).inline(),
+    *("study_id", "received_at", "worker_id", "seq", "row", "position"),
+    *("outcome", "outputs", "reason", "state", "wall_seconds"),
+)
 _CONFLICT = Prepared(
     sa.insert(conflicts).inline(),
     *("study_id", "worker_id", "received_at", "row", "position", "outcome", "outputs", "reason"),
 )
-
-
-def append(
-    connection: Connection,
-    study_id: str,
-    filed: Sequence[Result],
-    *,
-    first: int,
-    worker: str,
-    now: float,
-) -> None:
-    """Append final results, which were looked through, to a study's log from number `first` on."""
-    _APPEND.add(
-        connection,
-        (study_id, worker, now),
-        [
-            (
-                seq,
-                result.row,
-                result.position,
-                result.outcome,
-                None if result.outputs is None else as_text(packed(result.outputs)),
-                result.reason,
-                None if result.state is None else as_text(result.state),
-                result.wall_seconds,
-            )
-            for seq, result in enumerate(filed, start=first)
-        ],
-    )
 
 
 def one(dialect: Dialect, about: tuple[str, float], row: tuple[Any, ...]) -> Words:
@@ -69,13 +40,11 @@ def one(dialect: Dialect, about: tuple[str, float], row: tuple[Any, ...]) -> Wor
     Args:
         dialect: of the database.
         about: study and when it came.
-        row: worker, and the values of the other columns of `append`, JSON not yet as text.
+        row: worker, number, and values of `Result` in their order, JSON not yet as text.
     """
-    study_id, now = about
-    worker, seq, number, position, outcome, outputs, reason, state, wall_seconds = row
+    *first, outputs, reason, state, wall_seconds = row
     given = (None if outputs is None else as_text(outputs)), reason, (state and as_text(state))
-    row = (seq, number, position, outcome, *given, wall_seconds)
-    return _APPEND.words_for_one(dialect, (study_id, worker, now), row)
+    return _APPEND.words(dialect, *about, *first, *given, wall_seconds)
 
 
 def conflict(dialect: Dialect, study_id: str, worker: str, now: float, found: Result) -> Words:

@@ -1,6 +1,6 @@
-"""What a turn writes, and in which statements."""
+"""What is written about a study, and in which statements."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,21 +20,21 @@ _NUL = "\\u0000"
 
 @dataclass(kw_only=True, slots=True)
 class Changes:
-    """What a turn writes. Everything is of its one study."""
+    """What is written in a turn, or when leases are taken back. Everything is of one study."""
 
+    #: Of the workers that later changes of the same transaction may be about, the ids.
+    company: list[str] = field(default_factory=list)
     #: Who asked, with the kind of machine and final results brought; the last word of each counts.
     workers: list[tuple[Introduction, str, int]] = field(default_factory=list)
     #: Who only brought results, and how many final ones.
     heard: dict[str, int] = field(default_factory=dict)
-    #: Leases to last until then, by moment; and those that hold nothing any more.
+    #: Leases to last until then, by moment; and those that end, by how.
     extended: dict[float, list[str]] = field(default_factory=dict)
-    finished: list[str] = field(default_factory=list)
-    #: Of these leases everything that they held is done; all in these rows.
-    emptied: list[str] = field(default_factory=list)
-    emptied_rows: list[int] = field(default_factory=list)
-    #: Other instances that are done, and instances of begun rows handed out: with their lease.
-    done: list[Place] = field(default_factory=list)
-    handed_out: list[tuple[Place, str]] = field(default_factory=list)
+    ended: dict[LeaseState, list[str]] = field(default_factory=dict)
+    #: Leases of which all that they held goes to one state, and in which rows that was.
+    emptied: dict[InstanceState, tuple[list[str], list[int]]] = field(default_factory=dict)
+    #: Other instances of begun rows, by the state they go to: each with its lease from then on.
+    moved: dict[InstanceState, list[tuple[Place, str | None]]] = field(default_factory=dict)
     #: Instances with which something went wrong.
     rewritten: list[Instance] = field(default_factory=list)
     #: Rows that any kind of machine could have taken, and the kind that has.
@@ -50,13 +50,44 @@ class Changes:
     asked: list[tuple[str, str, Place]] = field(default_factory=list)
     compared: list[Comparison] = field(default_factory=list)
 
+    def settle(
+        self,
+        lease: str,
+        before: Mapping[Place, Instance],
+        after: Mapping[Place, Instance],
+        *,
+        whole: bool,
+    ) -> None:
+        """Note what becomes of instances that were handed out, with as little as that needs.
+
+        Args:
+            lease: under which they were.
+            before: how they were.
+            after: how they are now: pending or done.
+            whole: whether it held all of them, and holds nothing any more.
+        """
+        again = {place for place, one in after.items() if one.attempts != before[place].attempts}
+        self.rewritten += [one for place, one in after.items() if place in again]
+        states = {one.state for one in after.values()}
+        if whole and not again and len(states) == 1:
+            (state,) = states
+            leases, rows = self.emptied.get(state, ([], []))
+            rows = [*rows, *(row for row, _ in after)]
+            # What is late may be far away, and everything in between would be looked at.
+            if max(rows) - min(rows) <= 4 * len(rows):
+                self.emptied[state] = [*leases, lease], rows
+                return
+        for place, one in after.items():
+            if place not in again:
+                self.moved.setdefault(one.state, []).append((place, None))
+
     def statements(
         self, dialect: Dialect, before: Study | None, study: Study | None, now: float
     ) -> Iterator[Words]:
         """Yield what writes them.
 
-        Old leases first, then workers by name, as renewals do: nobody waits in a circle. New leases
-        and results name workers, who must be there.
+        Whoever changes several locks studies first, then workers by name, then leases: so nobody
+        waits in a circle. New leases and results name workers, who must be there.
 
         Args:
             dialect: of the database.
@@ -65,14 +96,18 @@ class Changes:
             now: when all that happened.
         """
         kind = dialect.name
-        for until, ids in self.extended.items():
-            yield from sql.EXTEND.words(kind, until, now, ids)
-        if self.finished:
-            yield from sql.END.words(kind, LeaseState.FINISHED, self.finished)
+        # Those who ask are locked by name as they are introduced.
+        if kind == "postgresql" and (self.company or self.heard):
+            asked = (worker.id for worker, *_ in self.workers)
+            yield from sql.LOCK_WORKERS.words(kind, [*{*self.company, *self.heard, *asked}])
         if self.workers:
             yield from sql.INTRODUCE.words(kind, now, _introduced(self.workers))
         if self.heard:
-            yield from sql.HEARD.words(kind, now, sorted(self.heard.items()))
+            yield from sql.HEARD.words(kind, now, [*self.heard.items()])
+        for until, ids in self.extended.items():
+            yield from sql.EXTEND.words(kind, until, LeaseState.OPEN, now, ids)
+        for how, ids in self.ended.items():
+            yield from sql.END.words(kind, how, LeaseState.OPEN, ids)
         if study is not None and before is not None:
             yield from self._of_instances(dialect, study)
             yield from self._of_results(dialect, study, before.result_count + 1, now)
@@ -87,10 +122,8 @@ class Changes:
 
     def _of_instances(self, dialect: Dialect, study: Study) -> Iterator[Words]:
         kind = dialect.name
-        if self.emptied:
-            where = study.id, min(self.emptied_rows), max(self.emptied_rows)
-            yield from sql.EMPTY.words(kind, InstanceState.DONE, *where, self.emptied)
-        yield from _moved(dialect, study, InstanceState.DONE, [(one, None) for one in self.done])
+        for state, (leases, rows) in self.emptied.items():
+            yield from sql.EMPTY.words(kind, state, study.id, min(rows), max(rows), leases)
         for one in self.rewritten:
             yield instances.REWRITE.words(dialect, *instances.to_row(study.id, one))
         if self.begun:
@@ -105,7 +138,8 @@ class Changes:
                 for (row, position), (lease, host_class) in self.begun.items()
             ]
             yield from sql.BEGIN.words(kind, study.id, begun)
-        yield from _moved(dialect, study, InstanceState.LEASED, self.handed_out)
+        for state, moved in self.moved.items():
+            yield from _moved(dialect, study, state, moved)
         for row, host_class in self.bound:
             yield instances.BIND.words(dialect, host_class, study.id, row)
 
@@ -143,7 +177,7 @@ def _moved(
     if dialect.name == "sqlite":
         for (row, position), lease in moved:
             yield instances.MOVE.words(dialect, state, lease, study.id, row, position)
-    elif moved:
+    else:
         rows = [(*place, lease) for place, lease in moved]
         yield from sql.MOVE.words(dialect.name, state, rows, study.id)
 

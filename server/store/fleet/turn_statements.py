@@ -173,10 +173,12 @@ UNBOUND = Sets("""
 SELECT row FROM instances {index}
 WHERE study_id = %s AND state = 'pending' AND host_class IS NULL LIMIT 1
 """)
-EXTEND = Sets("""
-UPDATE leases SET expires_at = %s WHERE state = 'open' AND expires_at > %s AND id {any}
-""")
-END = Sets("UPDATE leases SET state = %s WHERE state = 'open' AND id {any}")
+# That they are open is told by a value, or PostgreSQL takes the index of those that are: it looks
+# through all of a fleet's leases, and through those of the last minute that are over.
+EXTEND = Sets("UPDATE leases SET expires_at = %s WHERE state = %s AND expires_at > %s AND id {any}")
+END = Sets("UPDATE leases SET state = %s WHERE state = %s AND id {any}")
+#: On PostgreSQL.
+LOCK_WORKERS = Sets("SELECT id FROM workers WHERE id {any} ORDER BY id FOR NO KEY UPDATE")
 # SQLite takes the ON of ON CONFLICT for that of a join, if there is no WHERE.
 INTRODUCE = Sets(
     """

@@ -17,6 +17,8 @@ from collections.abc import (
     Sequence,
 )
 from contextlib import asynccontextmanager, suppress
+from dataclasses import field
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from sqlalchemy.engine import Connection, Dialect, Engine
@@ -37,6 +39,10 @@ T = TypeVar("T")
 
 Rows = list[tuple[Any, ...]]
 
+#: So often the first instance that waits is looked for from the first row on, though a later one is
+#: known: one that came back since then may be before it.
+AFRESH = 20
+
 _SETTINGS = {
     "enable_hashjoin": "off",
     "enable_mergejoin": "off",
@@ -51,26 +57,20 @@ _SETTINGS = {
 
 @record
 class Seen:
-    """What a turn must know to decide who can be served in it."""
+    """What a turn has read to decide what it can."""
 
     #: Those that were asked for, by id, leaving out unknown ones.
-    leases: Mapping[str, Lease]
+    leases: Mapping[str, Lease] = field(default_factory=dict)
     #: Studies with something to hand out, by id and model, first to serve first.
-    work: Sequence[tuple[str, str]]
+    work: Sequence[tuple[str, str]] = ()
     #: Hosts whose second opinion is wanted, and whether one of them has waited long enough.
-    opinions: Mapping[str, bool]
-
-
-@record
-class Slots:
-    """Instances that a turn may change."""
-
-    #: All of the rows that were asked for.
-    rows: Mapping[Place, Instance]
-    #: Those that wait for a machine, by the kind of machine that was asked for.
-    pending: Mapping[str, Sequence[Instance]]
+    opinions: Mapping[str, bool] = field(default_factory=dict)
+    #: All instances of the rows that were asked for.
+    rows: Mapping[Place, Instance] = field(default_factory=dict)
+    #: Instances that wait for a machine, by the kind of machine that was asked for.
+    pending: Mapping[str, Sequence[Instance]] = field(default_factory=dict)
     #: Whether any waits for whatever machine.
-    unbound: bool
+    unbound: bool = False
 
 
 class TurnConnection:
@@ -81,12 +81,16 @@ class TurnConnection:
         self._held: Any = None
         self._pipeline: Pipeline | None = None
         #: By study and kind of machine the first row in which an instance was found waiting: before
-        #: it the index holds little but what is dead.
+        #: it the index holds little but what is dead. Forgotten at every `AFRESH`th turn.
         self._first_pending: dict[tuple[str, str], int] = {}
+        self._turns = 0
 
     @asynccontextmanager
     async def turn(self) -> AsyncIterator["Turn"]:
         """Open a transaction that is committed by `Turn.write`, else rolled back."""
+        self._turns += 1
+        if self._turns % AFRESH == 0:
+            self._first_pending.clear()
         try:
             if self._pipeline is None:
                 self._pipeline = await in_thread(self._open)
@@ -136,7 +140,7 @@ class Turn:
         trip: executes statements, and returns the rows of each.
         dialect: of the database.
         first_pending: as `TurnConnection` has it; it is kept up.
-        begin: what begins the transaction, and
+        begin: what begins the transaction, along with the first trip, and
         end: what ends it; nothing if others do.
     """
 
@@ -157,10 +161,8 @@ class Turn:
         self.committed = False
 
     async def lock(self, study_id: str) -> Study | None:
-        """Begin, and lock a study; None if there is none of that id."""
-        *_, found = await self.trip(
-            [*self._begin, studies.FIND_LOCKED.words(self._dialect, study_id)]
-        )
+        """Lock a study; None if there is none of that id."""
+        (found,) = await self._ask([studies.FIND_LOCKED.words(self._dialect, study_id)])
         return studies.study_of(found[0]) if found else None
 
     async def look(
@@ -172,11 +174,11 @@ class Turn:
         asked_by: float,
         rows: Collection[int],
         wanted: Mapping[str, int],
-    ) -> tuple[Seen, Slots]:
+    ) -> Seen:
         """Return what there is to do, and what is about these leases, hosts and rows.
 
         Args:
-            study: the one that is locked; None: there are no slots.
+            study: the one that is locked; None: there are no instances.
             leases_of: ids of leases.
             hosts: names of machines.
             asked_by: second opinions that were asked for by then have waited long enough.
@@ -186,34 +188,32 @@ class Turn:
         asks = wanted if study is not None and study.returned else {}
         id_ = "" if study is None else study.id
         hints = {kind: self._first_pending.get((id_, kind), 0) for kind in asks}
-        statements = [
-            *sql.LEASES.words(self._kind, [*leases_of]),
+        known, work, opinions, in_rows, unbound, *waiting = await self._ask(
+            sql.LEASES.words(self._kind, [*leases_of]) if leases_of else (),
             *self._wanted(hosts, asked_by),
-            *self._in_rows(id_, rows),
-        ]
-        if asks:
-            statements += sql.UNBOUND.words(self._kind, id_)
-        for kind, most in asks.items():
-            statements += self._pending(id_, kind, hints[kind], most)
-        known, work, opinions, in_rows, *waiting = await self.trip(statements)
+            self._in_rows(id_, rows),
+            sql.UNBOUND.words(self._kind, id_) if asks else (),
+            *(self._pending(id_, kind, hints[kind], most) for kind, most in asks.items()),
+        )
         pending = {}
-        for (kind, most), here in zip(asks.items(), waiting[1:], strict=True):
+        for (kind, most), here in zip(asks.items(), waiting, strict=True):
             if len(here) < most and hints[kind]:
-                (here,) = await self.trip(self._pending(id_, kind, 0, most))
+                (here,) = await self._ask(self._pending(id_, kind, 0, most))
             self._note(id_, kind, here)
             pending[kind] = [instances.from_row(row) for row in here]
         first_served, due = _wanted(work, opinions)
-        seen = Seen(
+        return Seen(
             leases={row[0]: leases.lease_of(row) for row in known},
             work=first_served,
             opinions=due,
+            rows=_by_place(in_rows),
+            pending=pending,
+            unbound=bool(unbound),
         )
-        slots = Slots(rows=_by_place(in_rows), pending=pending, unbound=bool(asks and waiting[0]))
-        return seen, slots
 
     async def rows(self, study: Study, rows: Collection[int]) -> dict[Place, Instance]:
         """Return the instances of rows."""
-        (found,) = await self.trip(self._in_rows(study.id, rows))
+        (found,) = await self._ask(self._in_rows(study.id, rows))
         return _by_place(found)
 
     async def write(
@@ -227,14 +227,14 @@ class Turn:
         statements = changes.statements(self._dialect, before, study, now)
         found = await self.trip([*statements, *(self._end if end else ())])
         self.committed = end
-        # Only the statement about leases returns anything.
-        return {lease: int(fence) for rows in found for lease, fence in rows}
+        # Those who are locked have a name and no more.
+        return {row[0]: int(row[1]) for rows in found for row in rows if len(row) == 2}
 
     async def wanted(
         self, hosts: Collection[str], *, asked_by: float
     ) -> tuple[Sequence[tuple[str, str]], Mapping[str, bool]]:
         """Return work and opinions as `Seen` has them."""
-        return _wanted(*await self.trip(self._wanted(hosts, asked_by)))
+        return _wanted(*await self._ask(*self._wanted(hosts, asked_by)))
 
     async def study(self, study_id: str) -> Study | None:
         """Return a study that is not locked; None if it is gone."""
@@ -251,19 +251,17 @@ class Turn:
         self, study: Study, kind: str, host: str, *, tried: bool | None, limit: int
     ) -> list[Instance]:
         """Return instances that wait for a machine; see `instances.pending`."""
-        found = await self.trip(
-            instances.pending(self._dialect, study.id, kind, host, tried=tried, limit=limit)
-        )
-        rows = sorted((row for rows in found for row in rows), key=lambda row: row[:2])
-        return [instances.from_row(row) for row in rows[:limit]]
+        asked = instances.pending(self._dialect, study.id, kind, host, tried=tried, limit=limit)
+        (found,) = await self._ask(asked)
+        first = sorted(found, key=lambda row: row[:2])[:limit]
+        return [instances.from_row(row) for row in first]
 
     async def results_at(self, study: Study, places: Collection[Place]) -> dict[Place, Result]:
         """Return the final results at places, leaving out those that have none."""
         rows = sorted({row for row, _ in places})
-        found = await self.trip(
-            [results.OF_ROW.words(self._dialect, study.id, row) for row in rows]
-        )
-        stored = [results.result_of(row) for rows in found for row in rows]
+        asked = [results.OF_ROW.words(self._dialect, study.id, row) for row in rows]
+        (found,) = await self._ask(asked)
+        stored = map(results.result_of, found)
         by_place = {(result.row, result.position): result for result in stored}
         return {place: by_place[place] for place in places if place in by_place}
 
@@ -291,19 +289,24 @@ class Turn:
         (found,) = await self.trip([comparisons.OF_LEASE.words(self._dialect, lease.id)])
         return [comparisons.comparison_of(row) for row in found]
 
-    def _wanted(self, hosts: Collection[str], asked_by: float) -> list[Words]:
-        opinions = sql.OPINIONS.words(self._kind, [*hosts], asked_by)
-        return [*sql.WORK.words(self._kind), *opinions]
+    async def _ask(self, *parts: Sequence[Words]) -> list[Rows]:
+        """Return what each of some lists of statements finds, all in one trip."""
+        every = [*self._begin, *chain.from_iterable(parts)]
+        found = iter((await self.trip(every))[len(self._begin) :] if every else ())
+        self._begin = ()
+        return [[row for rows in islice(found, len(part)) for row in rows] for part in parts]
 
-    def _in_rows(self, study_id: str, rows: Collection[int]) -> list[Words]:
-        return sql.IN_ROWS.words(self._kind, sorted(rows), study_id)
+    def _wanted(self, hosts: Collection[str], asked_by: float) -> tuple[Sequence[Words], ...]:
+        opinions = sql.OPINIONS.words(self._kind, [*hosts], asked_by) if hosts else ()
+        return sql.WORK.words(self._kind), opinions
+
+    def _in_rows(self, study_id: str, rows: Collection[int]) -> Sequence[Words]:
+        return sql.IN_ROWS.words(self._kind, sorted(rows), study_id) if rows else ()
 
     def _pending(self, study_id: str, kind: str, first: int, most: int) -> list[Words]:
         return sql.PENDING.words(self._kind, study_id, kind, first, most)
 
     def _note(self, study_id: str, kind: str, rows: Rows) -> None:
-        if len(self._first_pending) > 1000:
-            self._first_pending.clear()
         self._first_pending[study_id, kind] = rows[0][0] if rows else 0
 
 

@@ -4,12 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection
 
-from server.records import Introduction, Worker
+from server.records import Worker
 from server.store.database.engine import insert
-from server.store.database.prepared import Prepared, as_text
+from server.store.database.prepared import Prepared
 from server.store.database.schema import leases, loop_workers, studies, workers
 
 # Built once: see `server.store.study.studies`.
@@ -25,33 +24,10 @@ HOSTS_AT_WORK = Prepared(
     )
     .distinct()
 )
-#: What a worker tells each time.
-_TOLD = ("host", "versions", "host_class", "tags", "models", "last_seen")
-_INTRODUCE = {
-    dialect: Prepared(
-        statement.on_conflict_do_update(
-            index_elements=["id"],
-            set_={
-                **{name: statement.excluded[name] for name in _TOLD},
-                "instances_done": workers.c.instances_done + statement.excluded.instances_done,
-            },
-        ),
-        "id",
-        "instances_done",
-        *_TOLD,
-    )
-    for dialect, statement in (
-        ("sqlite", sqlite.insert(workers)),
-        ("postgresql", postgresql.insert(workers)),
-    )
-}
 _HEARD_FROM = Prepared(
     sa.update(workers)
     .where(workers.c.id == sa.bindparam("of_worker"))
-    .values(
-        last_seen=sa.bindparam("now"),
-        instances_done=workers.c.instances_done + sa.bindparam("done"),
-    )
+    .values(last_seen=sa.bindparam("now"))
 )
 
 
@@ -71,28 +47,6 @@ def heard(connection: Connection, *, after: float) -> list[Worker]:
     """Return the workers that were heard from since then."""
     query = sa.select(workers).where(workers.c.last_seen > after)
     return [_worker(row) for row in connection.execute(query)]
-
-
-def introduce(
-    connection: Connection,
-    worker: Introduction,
-    *,
-    host_class: str,
-    done: int = 0,
-    now: float,
-) -> None:
-    """Remember a worker, or what it now says of itself, and how many final results it brought."""
-    _INTRODUCE[connection.dialect.name].execute(
-        connection,
-        worker.id,
-        done,
-        worker.host,
-        as_text(dict(worker.versions)),
-        host_class,
-        as_text(list(worker.tags)),
-        as_text(dict(worker.models)),
-        now,
-    )
 
 
 def models_of(connection: Connection, worker: str) -> Mapping[str, str]:
@@ -124,17 +78,9 @@ def any_holds_a_lease(connection: Connection, *, now: float) -> bool:
     return connection.scalar(query.limit(1)) is not None
 
 
-def hosts_at_work(
-    connection: Connection, study_id: str, *, host_class: str | None, now: float
-) -> set[str]:
-    """Return the hosts of a class that work on a study now."""
-    found = HOSTS_AT_WORK.execute(connection, study_id, now, host_class)
-    return {host for (host,) in found}
-
-
-def heard_from(connection: Connection, worker: str, *, done: int = 0, now: float) -> None:
-    """Note that a worker was in touch and how many final results it brought."""
-    _HEARD_FROM.execute(connection, now, done, worker)
+def heard_from(connection: Connection, worker: str, *, now: float) -> None:
+    """Note that a worker was in touch."""
+    _HEARD_FROM.execute(connection, now, worker)
 
 
 def note_close_loops(

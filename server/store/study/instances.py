@@ -2,13 +2,12 @@
 
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from functools import cache
 from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Dialect
 
-from server.records import Instance, Place
+from server.records import Instance
 from server.states import InstanceState
 from server.store.database.engine import JSON
 from server.store.database.prepared import Prepared, Words, text
@@ -67,16 +66,6 @@ _UPDATE = sa.update(instances).where(
 )
 #: Most of what workers post changes no more than this.
 MOVE = Prepared(_UPDATE.values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease")))
-#: The same for all that a lease holds in rows without a gap: for ten in a quarter of the time.
-_EMPTY = Prepared(
-    sa.update(instances)
-    .where(
-        _OF_STUDY,
-        instances.c.row.between(sa.bindparam("first"), sa.bindparam("last")),
-        instances.c.lease_id == sa.bindparam("of_lease"),
-    )
-    .values(state=sa.bindparam("to_state"), lease_id=sa.bindparam("to_lease"))
-)
 REWRITE = Prepared(
     _UPDATE.values({name: sa.bindparam(f"to_{name}") for name in _COLUMNS[3:]}),
     "of_study",
@@ -90,25 +79,6 @@ BIND = Prepared(
     .where(_OF_STUDY, instances.c.row == sa.bindparam("at_row"), instances.c.host_class.is_(None))
     .values(host_class=sa.bindparam("to_class"))
 )
-
-
-def in_rows(
-    connection: Connection, study_id: str, places: Iterable[Place]
-) -> dict[Place, Instance]:
-    """Return where all instances of the rows in which `places` lie stand, if they were begun."""
-    found: dict[Place, Instance] = {}
-    for chunk in chunks({row for row, _ in places}):
-        for row in _of_rows(len(chunk)).execute(connection, study_id, *chunk):
-            found[row[0], row[1]] = from_row(row)
-    return found
-
-
-@cache
-def _of_rows(count: int) -> Prepared:
-    """Return what finds the instances of so many rows."""
-    names = [f"row_{number}" for number in range(count)]
-    here = instances.c.row.in_([sa.bindparam(name) for name in names])
-    return Prepared(EVERY.where(_OF_STUDY, here), "of_study", *names)
 
 
 def pending(
@@ -130,55 +100,9 @@ def pending(
     return [query.words(dialect, *values) for query in _PENDING[tried]]
 
 
-def move(connection: Connection, study_id: str, moved: Iterable[Instance]) -> None:
-    """Write states and leases of instances in which nothing else has changed."""
-    rows = [(one.state, one.lease, study_id, one.row, one.position) for one in moved]
-    MOVE.execute_many(connection, rows)
-
-
 def update(connection: Connection, study_id: str, changed: Iterable[Instance]) -> None:
     """Write instances that exist already."""
     REWRITE.execute_many(connection, [to_row(study_id, one) for one in changed])
-
-
-def write_changes(
-    connection: Connection,
-    study_id: str,
-    before: Mapping[Place, Instance],
-    after: Mapping[Place, Instance],
-) -> None:
-    """Write the instances that changed, with as little as their changes need.
-
-    Args:
-        before: all instances of the rows concerned as they were.
-        after: those that changed, as they are now.
-    """
-    moved: list[Instance] = []
-    other: list[Instance] = []
-    for place, one in after.items():
-        (moved if one.attempts == before[place].attempts else other).append(one)
-    lease = _emptied(before, moved)
-    if lease is None:
-        move(connection, study_id, moved)
-    else:
-        rows = [row for row, _ in before]
-        to_state, to_lease = moved[0].state, moved[0].lease
-        _EMPTY.execute(connection, to_state, to_lease, study_id, min(rows), max(rows), lease)
-    update(connection, study_id, other)
-
-
-def _emptied(before: Mapping[Place, Instance], moved: Sequence[Instance]) -> str | None:
-    """Return the lease that held nothing but what moved, all to one state; None if there is none.
-
-    Of the rows between those in `before` none may be missing there.
-    """
-    leases = {before[one.row, one.position].lease for one in moved}
-    if len(leases) != 1 or len({(one.state, one.lease) for one in moved}) != 1:
-        return None
-    (lease,) = leases
-    rows = {row for row, _ in before}
-    whole = sum(one.lease == lease for one in before.values()) == len(moved)
-    return lease if whole and max(rows) - min(rows) < len(rows) else None
 
 
 def chunks(values: Collection[int]) -> Iterable[list[int]]:

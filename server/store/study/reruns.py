@@ -35,7 +35,7 @@ def failed(connection: Connection, study_id: str, outcomes: Sequence[str] | None
 
 
 def studies_with_stranded(connection: Connection, *, alive: Collection[str]) -> Sequence[str]:
-    """Return the studies with rows as `stranded_rows` has them."""
+    """Return the studies with rows as `stranded` has them."""
     query = (
         sa.select(instances.c.study_id)
         .join(studies, studies.c.id == instances.c.study_id)
@@ -45,15 +45,16 @@ def studies_with_stranded(connection: Connection, *, alive: Collection[str]) -> 
     return connection.scalars(query).all()
 
 
-def stranded_rows(connection: Connection, study_id: str, *, alive: Collection[str]) -> set[int]:
-    """Return rows that wait for a kind of machine that is none of those `alive`.
+def stranded(connection: Connection, study_id: str, *, alive: Collection[str]) -> list[Instance]:
+    """Return all instances of rows that wait for a kind of machine that is none of those `alive`.
 
     Rows of which a worker still holds something are left out.
     """
-    of_study = sa.select(instances.c.row).where(instances.c.study_id == study_id)
-    held = of_study.where(instances.c.state == InstanceState.LEASED)
-    found = connection.scalars(of_study.where(_stranded(alive)))
-    return set(found) - set(connection.scalars(held))
+    of_study = instances.c.study_id == study_id
+    rows = sa.select(instances.c.row).where(of_study).correlate(None)
+    waiting = instances.c.row.in_(rows.where(_stranded(alive)))
+    held = instances.c.row.in_(rows.where(instances.c.state == InstanceState.LEASED))
+    return _found(connection, sa.and_(of_study, waiting, sa.not_(held)))
 
 
 def _stranded(alive: Collection[str]) -> sa.ColumnElement[bool]:

@@ -31,7 +31,7 @@ def posting(lease: Json, results: list[Json], **changes: Any) -> Json:
 
 
 def is_problem(response: Any, status: int) -> Json:
-    assert response.status_code == status
+    assert response.status_code == status, response.text
     assert response.headers["content-type"] == "application/problem+json"
     problem = dict(response.json())
     assert problem["status"] == status

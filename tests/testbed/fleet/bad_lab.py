@@ -22,6 +22,7 @@ LEASE_SECONDS = 2.0
 SHARE = "0.05"
 #: Seconds for what takes two on a machine with nothing else to do.
 PATIENCE = 200.0
+_PROBLEMS = "server.http.problems"
 
 
 class BadLab:
@@ -113,10 +114,11 @@ class BadLab:
         return (self.folder / f"{name}.log").read_text(errors="replace")
 
     def failures(self) -> list[str]:
-        """Return the exceptions at which a coordinator failed, in its own words."""
+        """Return at what a coordinator failed, in its own words; of an answer of 503 a line."""
         lines = [line for name in self.coordinators for line in self.log(name).splitlines()]
-        said = [json.loads(line) for line in lines if '"ex' in line]
-        return [entry["exception"] for entry in said if "exception" in entry]
+        said = [json.loads(line) for line in lines if '"ex' in line or _PROBLEMS in line]
+        told = [e.get("exception", e["event"] if e["logger"] == _PROBLEMS else "") for e in said]
+        return [words for words in told if words]
 
     def trouble(self) -> Counter[str]:
         """Return what has gone wrong within workers, counted."""

@@ -15,7 +15,7 @@ from pathlib import Path
 from worker.spool import Spool
 spool = Spool(Path(sys.argv[1]), "dead")
 for i in range(3):
-    spool.add(lease="lease-a", fence=4, result={"instance": f"i{i}", "outputs": {"y": 0.1 + i}})
+    spool.add([("lease-a", 4, {"instance": f"i{i}", "outputs": {"y": 0.1 + i}})])
 os._exit(9)
 """
 
@@ -31,7 +31,7 @@ def test_a_new_spool_has_nothing_to_post(tmp_path: Path) -> None:
 def test_results_of_one_lease_are_posted_together_oldest_first(tmp_path: Path) -> None:
     spool = Spool(tmp_path, "w")
     for lease, instance in (("a", "1"), ("b", "2"), ("a", "3")):
-        spool.add(lease=lease, fence=1, result=result(instance))
+        spool.add([(lease, 1, result(instance))])
     first = spool.next_batch()
     assert first is not None
     assert (first.lease, first.worker) == ("a", "w")
@@ -44,7 +44,7 @@ def test_results_of_one_lease_are_posted_together_oldest_first(tmp_path: Path) -
 
 def test_a_batch_is_offered_again_until_it_is_acknowledged(tmp_path: Path) -> None:
     spool = Spool(tmp_path, "w")
-    spool.add(lease="a", fence=1, result=result("1"))
+    spool.add([("a", 1, result("1"))])
     batch = spool.next_batch()
     assert batch is not None
     assert spool.next_batch() == batch
@@ -56,10 +56,10 @@ def test_what_is_set_aside_lets_others_pass_and_can_be_brought_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     spool = Spool(tmp_path, "w")
-    spool.add(lease="a", fence=1, result=result("on disk"))
+    spool.add([("a", 1, result("on disk"))])
     with monkeypatch.context() as full:
         full.setattr(spool, "_insert", _no_room)
-        spool.add(lease="b", fence=2, result=result("in memory"))
+        spool.add([("b", 2, result("in memory"))])
     for expected in ("on disk", "in memory"):
         batch = spool.next_batch()
         assert batch is not None
@@ -78,7 +78,7 @@ def _no_room(_rows: object) -> None:
 def test_a_batch_is_no_longer_than_asked(tmp_path: Path) -> None:
     spool = Spool(tmp_path, "w")
     for i in range(5):
-        spool.add(lease="a", fence=1, result=result(str(i)))
+        spool.add([("a", 1, result(str(i)))])
     batch = spool.next_batch(limit=2)
     assert batch is not None
     assert [r["instance"] for r in batch.results] == ["0", "1"]
@@ -98,7 +98,7 @@ def test_results_of_a_worker_that_died_are_adopted_with_its_name_and_fence(tmp_p
 
 def test_results_of_a_worker_that_lives_are_left_alone(tmp_path: Path) -> None:
     living = Spool(tmp_path, "living")
-    living.add(lease="a", fence=1, result=result("1"))
+    living.add([("a", 1, result("1"))])
     assert Spool(tmp_path, "other").adopt() == 0
     assert len(living) == 1
 
@@ -112,7 +112,7 @@ def test_two_workers_cannot_share_a_spool(tmp_path: Path) -> None:
 
 def test_closing_keeps_what_is_not_acknowledged_and_removes_an_empty_file(tmp_path: Path) -> None:
     full, empty = Spool(tmp_path, "full"), Spool(tmp_path, "empty")
-    full.add(lease="a", fence=1, result=result("1"))
+    full.add([("a", 1, result("1"))])
     full.close()
     empty.close()
     assert [path.name for path in tmp_path.iterdir()] == ["full.spool"]
@@ -134,10 +134,10 @@ def full(spool: Spool) -> None:
 
 def test_a_full_disk_costs_no_result(tmp_path: Path) -> None:
     spool = Spool(tmp_path, "w")
-    spool.add(lease="a", fence=1, result=result("0"))
+    spool.add([("a", 1, result("0"))])
     full(spool)
     for number in range(1, 40):
-        spool.add(lease="b", fence=2, result={**result(str(number)), "reason": "x" * 1000})
+        spool.add([("b", 2, {**result(str(number)), "reason": "x" * 1000})])
     assert len(spool) == 40
     posted: list[str] = []
     while batch := spool.next_batch(limit=7):
@@ -150,8 +150,8 @@ def test_a_full_disk_costs_no_result(tmp_path: Path) -> None:
 
 def test_what_a_full_disk_cannot_forget_is_not_posted_again(tmp_path: Path) -> None:
     spool = Spool(tmp_path, "w")
-    spool.add(lease="a", fence=1, result=result("1"))
-    spool.add(lease="a", fence=1, result=result("2"))
+    spool.add([("a", 1, result("1"))])
+    spool.add([("a", 1, result("2"))])
     database = spool._database
     database.execute("PRAGMA query_only = ON")
     batch = spool.next_batch(limit=1)

@@ -12,30 +12,28 @@ from server.store.database.engine import writing
 JSON = {"Content-Type": "application/json"}
 
 
-@pytest.mark.parametrize(
-    "header",
-    [
-        None,
-        "",
-        "Bearer",
-        "Bearer ",
-        "Bearer wrong",
-        "Bearer correct horse battery",
-        "Basic correct horse",
-        "correct horse",
-        "Bearer pässword".encode(),
-    ],
-)
+NO_TOKENS = [
+    None,
+    "",
+    "Bearer",
+    "Bearer ",
+    "Bearer wrong",
+    "Bearer correct horse battery",
+    "Basic correct horse",
+    "correct horse",
+    "Bearer pässword".encode(),
+]
+
+
 @pytest.mark.parametrize("path", ["/v1/studies", "/v1/nothing", "/v1"])
-def test_without_the_token_nothing_under_v1_answers(
-    client: TestClient, header: str | bytes | None, path: str
-) -> None:
+def test_without_the_token_nothing_under_v1_answers(client: TestClient, path: str) -> None:
     client.headers.pop("Authorization")
-    headers = {} if header is None else {"Authorization": header}
-    response = client.get(path, headers=headers)  # type: ignore[arg-type]
-    assert response.status_code == 401
-    assert response.headers["www-authenticate"] == "Bearer"
-    assert response.headers["content-type"] == "application/problem+json"
+    for header in NO_TOKENS:
+        headers = {} if header is None else {"Authorization": header}
+        response = client.get(path, headers=headers)  # type: ignore[arg-type]
+        assert response.status_code == 401, header
+        assert response.headers["www-authenticate"] == "Bearer"
+        assert response.headers["content-type"] == "application/problem+json"
 
 
 def test_what_the_coordinator_can_do_is_told_to_those_with_a_token_only(client: TestClient) -> None:

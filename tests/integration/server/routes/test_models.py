@@ -13,6 +13,7 @@ import sqlalchemy as sa
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from pydantic import SecretStr
+from sqlalchemy.engine import Engine
 
 from analysis.sensitivity.service import catch_up
 from models.description import Description
@@ -80,6 +81,19 @@ def test_those_of_rehyb_are_there_from_the_start(client: TestClient) -> None:
     assert models.keys() == MODELS.keys()
     assert models["ishigami"]["own"]
     assert len(models["elbow"]["factors"]) == len(MODELS["elbow"].factors)
+
+
+def test_those_of_rehyb_are_announced_again_at_every_start_by_one_statement(
+    engine: Engine,
+) -> None:
+    asked: list[str] = []
+    sa.event.listen(engine, "before_cursor_execute", lambda *event: asked.append(event[2]))
+    for now in (5.0, 9.0):
+        models.register_own(engine, MODELS.values(), now=now)
+    assert sum("models" in statement for statement in asked) == 2
+    assert {model.name: model.announced_at for model in models.every(engine)} == dict.fromkeys(
+        MODELS, 9.0
+    )
 
 
 def test_an_upload_can_be_had_back_and_sampled_by_its_version(

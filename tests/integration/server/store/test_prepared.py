@@ -5,11 +5,13 @@ from typing import Any
 
 import pytest
 import sqlalchemy as sa
-from sqlalchemy.engine import Engine
+from sqlalchemy.engine import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
 from server.store.database.engine import reading, writing
-from server.store.database.prepared import ROWS, Prepared, Rows, text
+from server.store.database.prepared import ROWS, Prepared, text
+from server.store.fleet.turn_statements import Sets
+from server.store.fleet.turns import at_once, turn_within
 
 TABLE = sa.Table(
     "things",
@@ -29,6 +31,13 @@ CLOSE = Prepared(
     "to_state",
 )
 
+#: Adds rows of which some columns are the same in all.
+ADD = Sets(
+    "INSERT INTO things (state, row, id, what) SELECT %s, %s, id, what FROM {told}",
+    id="int",
+    what="json",
+)
+
 
 @pytest.fixture
 def things(engine: Engine) -> Iterator[Engine]:
@@ -43,6 +52,10 @@ def things(engine: Engine) -> Iterator[Engine]:
 def rows(engine: Engine) -> list[tuple[Any, ...]]:
     with reading(engine) as connection:
         return [tuple(row) for row in connection.execute(sa.select(TABLE).order_by(TABLE.c.id))]
+
+
+def add(connection: Connection, *values: Any) -> None:
+    at_once(turn_within(connection).trip(ADD.words(connection.dialect.name, *values)))
 
 
 def test_what_is_written_once_or_often_is_read_as_it_was_meant(things: Engine) -> None:
@@ -64,10 +77,9 @@ def test_nothing_at_all_may_be_written_often(things: Engine) -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 2, ROWS, ROWS + 1, 3 * ROWS])
 def test_rows_are_added_as_they_are_given_however_many(things: Engine, count: int) -> None:
-    add = Rows(TABLE, same=("state", "row"), each=("id", "what"))
     with writing(things) as connection:
-        add.add(connection, (None, 2**40), [(n, f'{{"n": {n}}}') for n in range(count)])
-        add.add(connection, ("it's %s ?", None), [(count, None)])
+        add(connection, None, 2**40, [(n, {"n": n}) for n in range(count)])
+        add(connection, "it's %s ?", None, [(count, None)])
     assert rows(things) == [
         *((n, 2**40, {"n": n}, None) for n in range(count)),
         (count, None, None, "it's %s ?"),
@@ -76,7 +88,7 @@ def test_rows_are_added_as_they_are_given_however_many(things: Engine, count: in
 
 def test_of_rows_one_of_which_is_refused_none_is_added(things: Engine) -> None:
     with pytest.raises(DBAPIError), writing(things) as connection:
-        Rows(TABLE, same=(), each=("id",)).add(connection, (), [(1,), (2,), (1,)])
+        add(connection, None, None, [(1, None), (2, None), (1, None)])
     assert rows(things) == []
 
 

@@ -97,28 +97,26 @@ def test_a_repeated_submission_makes_no_second_study(client: TestClient) -> None
     assert len(client.get("/v1/studies").json()["studies"]) == 3
 
 
-@pytest.mark.parametrize(
-    ("changes", "pointer"),
-    [
-        ({"rows": "2"}, "/rows"),
-        ({"rows": 2.5}, "/rows"),
-        ({"rows": True}, "/rows"),
-        ({"name": ""}, "/name"),
-        ({"name": "two\nlines"}, "/name"),
-        ({"name": "  \u3000"}, "/name"),
-        ({"seed": -1}, "/seed"),
-        ({"seed": 2**63}, "/seed"),
-        ({"factors": [{"name": "x1", "range": [0.0]}]}, "/factors/0/range"),
-        ({"factors": [{"name": "x1", "span": [0.0, 1.0]}]}, "/factors/0/span"),
-        ({"fixed": {"x1": 10**400}}, "/fixed/x1"),
-        ({"surprise": 1}, "/surprise"),
-    ],
-)
-def test_a_malformed_study_is_a_problem_that_points_at_the_fault(
-    client: TestClient, changes: Json, pointer: str
-) -> None:
-    problem = is_problem(client.post("/v1/studies", json={**STUDY, **changes}), 422)
-    assert pointer in [error["pointer"] for error in problem["errors"]]
+MALFORMED: list[tuple[Json, str]] = [
+    ({"rows": "2"}, "/rows"),
+    ({"rows": 2.5}, "/rows"),
+    ({"rows": True}, "/rows"),
+    ({"name": ""}, "/name"),
+    ({"name": "two\nlines"}, "/name"),
+    ({"name": "  \u3000"}, "/name"),
+    ({"seed": -1}, "/seed"),
+    ({"seed": 2**63}, "/seed"),
+    ({"factors": [{"name": "x1", "range": [0.0]}]}, "/factors/0/range"),
+    ({"factors": [{"name": "x1", "span": [0.0, 1.0]}]}, "/factors/0/span"),
+    ({"fixed": {"x1": 10**400}}, "/fixed/x1"),
+    ({"surprise": 1}, "/surprise"),
+]
+
+
+def test_a_malformed_study_is_a_problem_that_points_at_the_fault(client: TestClient) -> None:
+    for changes, pointer in MALFORMED:
+        problem = is_problem(client.post("/v1/studies", json={**STUDY, **changes}), 422)
+        assert pointer in [error["pointer"] for error in problem["errors"]]
 
 
 def test_a_study_that_makes_no_sense_is_a_problem_with_a_pointer(client: TestClient) -> None:
@@ -128,45 +126,49 @@ def test_a_study_that_makes_no_sense_is_a_problem_with_a_pointer(client: TestCli
     assert "low of a uniform distribution must be below high" in problem["detail"]
 
 
-@pytest.mark.parametrize(
-    ("changes", "pointer"),
-    [
-        ({"correlation": [[1.0, 0.5], [0.5, 1.0]]}, "/correlation"),
-        ({"Covariance": None}, "/Covariance"),
-        ({"copula": {"kind": "gaussian"}}, "/copula"),
-        (
-            {"factors": [{"name": "x1"}, {"name": "x2", "depends_on": "x1"}]},
-            "/factors/1/depends_on",
-        ),
-        (
-            {"factors": [{"name": "x1", "distribution": {"kind": "normal", "correlation": 0.5}}]},
-            "/factors/0/distribution/correlation",
-        ),
-    ],
-)
-def test_dependent_factors_are_refused_with_what_would_be_right(
-    client: TestClient, changes: Json, pointer: str
-) -> None:
-    problem = is_problem(client.post("/v1/studies", json={**STUDY, **changes}), 422)
-    assert problem["pointer"] == pointer
-    assert 'said by the study\'s correlations, as [["a", "b", 0.6]]' in problem["detail"]
-    assert "by its correlation_kind, rank or linear" in problem["detail"]
-    assert client.get("/v1/studies").json() == {"studies": []}
+SAID_AS_DEPENDENCE: list[tuple[Json, str]] = [
+    ({"correlation": [[1.0, 0.5], [0.5, 1.0]]}, "/correlation"),
+    ({"Covariance": None}, "/Covariance"),
+    ({"copula": {"kind": "gaussian"}}, "/copula"),
+    (
+        {"factors": [{"name": "x1"}, {"name": "x2", "depends_on": "x1"}]},
+        "/factors/1/depends_on",
+    ),
+    (
+        {"factors": [{"name": "x1", "distribution": {"kind": "normal", "correlation": 0.5}}]},
+        "/factors/0/distribution/correlation",
+    ),
+]
 
 
-@pytest.mark.parametrize("body", ["[]", "3", '"text"', '{"factors": {"correlation": 1}}', "null"])
-def test_a_body_of_any_other_shape_is_a_problem_too(client: TestClient, body: str) -> None:
-    headers = {"Content-Type": "application/json"}
-    is_problem(client.post("/v1/studies", content=body, headers=headers), 422)
+def test_dependent_factors_are_refused_with_what_would_be_right(client: TestClient) -> None:
+    for changes, pointer in SAID_AS_DEPENDENCE:
+        problem = is_problem(client.post("/v1/studies", json={**STUDY, **changes}), 422)
+        assert problem["pointer"] == pointer
+        assert 'said by the study\'s correlations, as [["a", "b", 0.6]]' in problem["detail"]
+        assert "by its correlation_kind, rank or linear" in problem["detail"]
+        assert client.get("/v1/studies").json() == {"studies": []}
 
 
-@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
-def test_numbers_that_are_not_finite_are_refused(client: TestClient, number: str) -> None:
-    text = json.dumps({**STUDY, "fixed": {"x1": 0}}).replace('"x1": 0', f'"x1": {number}')
-    response = client.post(
-        "/v1/studies", content=text, headers={"Content-Type": "application/json"}
-    )
-    assert is_problem(response, 422)["errors"][0]["pointer"] == "/fixed/x1"
+OTHER_SHAPES = ["[]", "3", '"text"', '{"factors": {"correlation": 1}}', "null"]
+
+
+def test_a_body_of_any_other_shape_is_a_problem_too(client: TestClient) -> None:
+    for body in OTHER_SHAPES:
+        headers = {"Content-Type": "application/json"}
+        is_problem(client.post("/v1/studies", content=body, headers=headers), 422)
+
+
+NOT_FINITE = ["NaN", "Infinity", "-Infinity", "1e999"]
+
+
+def test_numbers_that_are_not_finite_are_refused(client: TestClient) -> None:
+    for number in NOT_FINITE:
+        text = json.dumps({**STUDY, "fixed": {"x1": 0}}).replace('"x1": 0', f'"x1": {number}')
+        response = client.post(
+            "/v1/studies", content=text, headers={"Content-Type": "application/json"}
+        )
+        assert is_problem(response, 422)["errors"][0]["pointer"] == "/fixed/x1"
 
 
 def test_a_body_that_is_not_json_is_a_problem(client: TestClient) -> None:
@@ -176,24 +178,22 @@ def test_a_body_that_is_not_json_is_a_problem(client: TestClient) -> None:
     assert "not JSON" in is_problem(response, 422)["errors"][0]["detail"]
 
 
-@pytest.mark.parametrize(
-    ("method", "path", "status"),
-    [
-        ("GET", "/v1/nothing", 404),
-        ("GET", "/v1/studies/nothing", 404),
-        ("GET", "/v1/studies/nothing/progress", 404),
-        ("GET", "/v1/studies/nothing/indices", 404),
-        ("GET", "/v1/studies/nothing/results.csv", 404),
-        ("GET", "/v1/studies/nothing/results.parquet", 404),
-        ("POST", "/v1/studies/nothing/cancel", 404),
-        ("GET", "/v1/studies/%00", 422),
-        ("DELETE", "/v1/studies", 405),
-    ],
-)
-def test_every_refusal_is_a_problem(
-    client: TestClient, method: str, path: str, status: int
-) -> None:
-    is_problem(client.request(method, path), status)
+REFUSED: list[tuple[str, str, int]] = [
+    ("GET", "/v1/nothing", 404),
+    ("GET", "/v1/studies/nothing", 404),
+    ("GET", "/v1/studies/nothing/progress", 404),
+    ("GET", "/v1/studies/nothing/indices", 404),
+    ("GET", "/v1/studies/nothing/results.csv", 404),
+    ("GET", "/v1/studies/nothing/results.parquet", 404),
+    ("POST", "/v1/studies/nothing/cancel", 404),
+    ("GET", "/v1/studies/%00", 422),
+    ("DELETE", "/v1/studies", 405),
+]
+
+
+def test_every_refusal_is_a_problem(client: TestClient) -> None:
+    for method, path, status in REFUSED:
+        is_problem(client.request(method, path), status)
 
 
 def test_a_failure_of_the_coordinator_is_a_problem_that_gives_nothing_away(
@@ -234,29 +234,27 @@ def test_factors_that_depend_on_each_other_are_sampled_so(client: TestClient) ->
     assert any(granted[2]["parameters"][name] == first[name] for name in ("x1", "x2", "x3"))
 
 
-@pytest.mark.parametrize(
-    ("changes", "pointer", "sentence"),
-    [
-        ({"method": "saltelli"}, "/method", "with correlations the method is shapley or sample"),
-        ({"correlation_kind": "kendall"}, "/correlation_kind", "expected one of rank, linear"),
-        ({"correlations": [["x1", "x2"]]}, "/correlations/0", "two factors and a number"),
-        ({"correlations": [["x1", "x2", "much"]]}, "/correlations/0", "two factors and a number"),
-        ({"correlations": [["x1", "x9", 0.5]]}, "/correlations/0", "x9 is not sampled"),
-        ({"fixed": {"x3": 0.0}}, "/correlations/0", "x3 is not sampled"),
-        (
-            {"correlations": [["x1", "x2", 0.9], ["x2", "x3", 0.9], ["x1", "x3", -0.9]]},
-            "/correlations",
-            'the nearest that can be sampled are [["x1", "x2", ',
-        ),
-    ],
-)
-def test_what_dependence_cannot_be_is_refused(
-    client: TestClient, changes: Json, pointer: str, sentence: str
-) -> None:
-    body = {**STUDY, "method": "shapley", "correlations": [["x1", "x3", 0.6]], **changes}
-    problem = is_problem(client.post("/v1/studies", json=body), 422)
-    assert problem["pointer"] == pointer
-    assert sentence in problem["detail"]
+NO_DEPENDENCE: list[tuple[Json, str, str]] = [
+    ({"method": "saltelli"}, "/method", "with correlations the method is shapley or sample"),
+    ({"correlation_kind": "kendall"}, "/correlation_kind", "expected one of rank, linear"),
+    ({"correlations": [["x1", "x2"]]}, "/correlations/0", "two factors and a number"),
+    ({"correlations": [["x1", "x2", "much"]]}, "/correlations/0", "two factors and a number"),
+    ({"correlations": [["x1", "x9", 0.5]]}, "/correlations/0", "x9 is not sampled"),
+    ({"fixed": {"x3": 0.0}}, "/correlations/0", "x3 is not sampled"),
+    (
+        {"correlations": [["x1", "x2", 0.9], ["x2", "x3", 0.9], ["x1", "x3", -0.9]]},
+        "/correlations",
+        'the nearest that can be sampled are [["x1", "x2", ',
+    ),
+]
+
+
+def test_what_dependence_cannot_be_is_refused(client: TestClient) -> None:
+    for changes, pointer, sentence in NO_DEPENDENCE:
+        body = {**STUDY, "method": "shapley", "correlations": [["x1", "x3", 0.6]], **changes}
+        problem = is_problem(client.post("/v1/studies", json=body), 422)
+        assert problem["pointer"] == pointer
+        assert sentence in problem["detail"]
 
 
 def test_large_answers_are_not_gone_through_value_by_value_while_workers_wait(
