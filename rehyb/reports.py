@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rehyb.client import Client, Json
 from rehyb.errors import Invalid, needs_extra
-from rehyb.files import study_with_results, units_of
+from rehyb.files import study_with_results
 
 
 def report_studies(
@@ -58,7 +58,7 @@ def write(
     """Write the page of studies whose descriptions and tables of results are at hand."""
     from analysis.reports.report import chapter, write_report
 
-    units = {name: unit for name, unit in units_of(studies[0][0]).items() if unit != "1"}
+    units = {name: unit for name, unit in studies[0][0].get("units", {}).items() if unit != "1"}
     chapters = [chapter(study, table) for study, table in studies]
     with needs_extra("a surrogate", "surrogate"):
         return write_report(

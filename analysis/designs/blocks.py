@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.designs.streams import Purpose, bits
+from analysis.designs.streams import Purpose, bits_of
 
 #: Fewer widen Student's interval, more leave less of what Sobol points gain: the intervals of 4, 8
 #: and 16 blocks are about equally wide from 64 rows on.
@@ -29,10 +29,5 @@ def blocks_of(sampling: str, seed: int, rows: Sequence[int]) -> NDArray[np.intp]
     if sampling == "sobol_blocks":
         return np.asarray(number % BLOCKS, dtype=np.intp)
     deals, place = np.unique(number // BLOCKS, return_inverse=True)
-    dealt = np.stack(
-        [
-            np.argsort(bits(seed, Purpose.BLOCK, deal, BLOCKS), kind="stable")
-            for deal in deals.tolist()
-        ]
-    )
+    dealt = bits_of(seed, Purpose.BLOCK, deals.tolist(), BLOCKS).argsort(axis=1, kind="stable")
     return np.asarray(dealt[place, number % BLOCKS], dtype=np.intp)

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.designs.streams import Purpose, bits
+from analysis.designs.streams import Purpose, bits_of
 
 
 def shapley_orders(
@@ -32,7 +32,7 @@ def shapley_orders(
         Shape (rows, factors).
     """
     between = factors - 2
-    words = np.array([bits(seed, Purpose.ORDER, row, max(between, 1)) for row in rows])
+    words = bits_of(seed, Purpose.ORDER, rows, max(between, 0))
     place = np.minimum((ends * (factors, factors - 1)).astype(np.intp), (factors - 1, between))
     first, last = place[:, :1], place[:, 1:]
     rest = np.arange(factors - 1) + (np.arange(factors - 1) >= first)

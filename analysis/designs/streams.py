@@ -7,6 +7,7 @@ are used.
 """
 
 import threading
+from collections.abc import Sequence
 from enum import IntEnum
 
 import numpy as np
@@ -45,11 +46,27 @@ def bits(seed: int, purpose: Purpose, index: int, size: int) -> NDArray[np.uint6
     Raises:
         ValueError: the seed or the index is no unsigned 64 bit integer.
     """
-    for name, value in (("seed", seed), ("index", index)):
-        if not 0 <= value < 2**64:
-            raise ValueError(f"{name} must be an integer from 0 to 2**64 - 1, not {value}")
+    found: NDArray[np.uint64] = bits_of(seed, purpose, [index], size)[0]
+    return found
+
+
+def bits_of(seed: int, purpose: Purpose, indices: Sequence[int], size: int) -> NDArray[np.uint64]:
+    """Return `bits` of many streams (Salmon et al. 2011), shape (indices, size).
+
+    Raises:
+        ValueError: as `bits`.
+    """
+    ends = {"seed": (seed,), "index": (min(indices, default=0), max(indices, default=0))}
+    for name, values in ends.items():
+        for value in values:
+            if not 0 <= value < 2**64:
+                raise ValueError(f"{name} must be an integer from 0 to 2**64 - 1, not {value}")
     generator, state = _PHILOX.generator, _PHILOX.state
-    state["state"]["key"][:] = seed, index
-    state["state"]["counter"][3] = purpose
-    generator.state = state
-    return generator.random_raw(size)
+    key = state["state"]["key"]
+    key[0], state["state"]["counter"][3] = seed, purpose
+    words = np.empty((len(indices), size), dtype=np.uint64)
+    for place, index in enumerate(indices):
+        key[1] = index
+        generator.state = state
+        words[place] = generator.random_raw(size)
+    return words

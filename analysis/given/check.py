@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.given.answer import analyse
-from analysis.given.errors import GivenError
+from analysis.given.refusals import GivenError
 from intake.looks import look
 
 

@@ -15,9 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.given.errors import GivenError
-from analysis.given.lines import refuse_uneven
-from analysis.given.thousands import refuse_thousands
+from analysis.given.refusals import GivenError, refuse_thousands, refuse_uneven
 
 if TYPE_CHECKING:
     import pandas
@@ -100,19 +98,25 @@ def read_sheet(path: Path) -> Sheet:
     return _csv(path, start)
 
 
+def on_one_line(name: str) -> str:
+    """Return a column's name as sentences have it: line breaks and blanks are one blank."""
+    return " ".join(name.split())
+
+
 def _parquet(path: Path) -> Sheet:
     import pyarrow as pa
     import pyarrow.parquet
 
     try:
         with pyarrow.parquet.ParquetFile(path) as file:
-            _check_names(path.name, file.schema_arrow.names, line=None)
+            columns = tuple(on_one_line(name) for name in file.schema_arrow.names)
+            _check_names(path.name, columns, line=None)
             table = file.read()
     except (pa.ArrowException, OSError):
         raise GivenError("it cannot be read as Parquet", file=path.name) from None
     numbers: dict[str, NDArray[np.float64]] = {}
     texts: dict[str, str] = {}
-    for name, column in zip(table.column_names, table.columns, strict=True):
+    for name, column in zip(columns, table.columns, strict=True):
         kind = column.type
         if any(is_kind(kind) for is_kind in _number_kinds()):
             found = np.array(
@@ -121,7 +125,6 @@ def _parquet(path: Path) -> Sheet:
             numbers[name] = _checked(path.name, name, np.where(np.isfinite(found), found, np.nan))
         else:
             texts[name] = next((str(cell) for cell in column.to_pylist() if cell is not None), "")
-    columns = tuple(table.column_names)
     return Sheet(file=path.name, columns=columns, numbers=numbers, texts=texts)
 
 
@@ -166,7 +169,7 @@ def _csv(path: Path, start: bytes) -> Sheet:
             first.append("")
     # A name of a column may be a year, but not all of them.
     unlabelled = all(_is_number(cell) or cell.strip().lower() in _MISSING for cell in first)
-    names = [" ".join(cell.split()) for cell in first]
+    names = [on_one_line(cell) for cell in first]
     # Such as behind a separator at the end of every line.
     nameless = {f"column_{n}" for n, name in enumerate(names, 1) if not name}
     named = max((n for n, name in enumerate(names, 1) if name), default=0)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.given.errors import GivenError
-from analysis.given.reading import Sheet
+from analysis.given.reading import Sheet, on_one_line
+from analysis.given.refusals import GivenError
 from models.entries import RESULT_COLUMNS
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ def choose(
     known_factors, known_outputs = _of_a_study(sheet)
     if known_outputs:
         sheet = _in_order(sheet)
-    outputs = list(dict.fromkeys(outputs)) or known_outputs
+    outputs = list(dict.fromkeys(map(on_one_line, outputs))) or known_outputs
     if not outputs:
         shown = ", ".join(sheet.numbers)
         named = "its lines have no names; " if sheet.unlabelled else ""
@@ -83,7 +83,7 @@ def choose(
         if shown := ", ".join(name for name, text in texts.items() if not text):
             remarks.append(f"Columns that are empty are left out: {shown}.")
     else:
-        factors = list(dict.fromkeys(factors))
+        factors = list(dict.fromkeys(map(on_one_line, factors)))
         for name in factors:
             _check_column(sheet, name)
             if name in outputs:

@@ -182,18 +182,14 @@ def _draw_points(axes: Axes, trace: Mapping[str, Any]) -> list[tuple[Axes, Any, 
     for way in ("x", "y"):
         if f"error_{way}" in trace:
             _draw_errors(axes, x, y, trace[f"error_{way}"], way)
-    for at, up, text, where in zip(x, y, trace.get("text", ()), _sides(trace), strict=False):
+    left = "left" in trace.get("textposition", "top right")
+    aside, ha = ((-6, 5), "right") if left else ((6, 5), "left")
+    for at, up, text in zip(x, y, trace.get("text", ()), strict=False):
         if text:
-            aside = (-6, 5) if "left" in where else (6, 5)
-            ha = "right" if "left" in where else "left"
             axes.annotate(
                 _text(text), (at, up), aside, textcoords="offset points", fontsize=8, ha=ha
             )
     return []
-
-
-def _sides(trace: Mapping[str, Any]) -> list[str]:
-    return [trace.get("textposition", "top right")] * len(trace["x"])
 
 
 def _draw_errors(

@@ -19,7 +19,7 @@ from analysis.reports.html import render
 from analysis.reports.pictures import Picture, Subject, curve_pictures, pictures
 from analysis.reports.tables import Grid
 from analysis.sensitivity.estimators import Estimator
-from analysis.sensitivity.estimators.uncentred import uncentred
+from analysis.sensitivity.estimators.other_formulas import uncentred
 from analysis.sensitivity.records import plan_of
 from analysis.sensitivity.remarks import remarks, warning
 from analysis.sensitivity.study_state import StudyState

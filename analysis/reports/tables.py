@@ -141,7 +141,7 @@ def compared(
 ) -> list[Grid | str]:
     """Return S and ST by Martinez 2011 and without centring (Saltelli et al. 2008).
 
-    `uncentred`: both by factor (`analysis.sensitivity.estimators.uncentred`).
+    `uncentred`: both by factor (`analysis.sensitivity.estimators.other_formulas`).
     """
     factors, columns = snapshot["outputs"][output]["factors"], _COLUMNS["saltelli"]
     found = {

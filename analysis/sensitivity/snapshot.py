@@ -39,7 +39,7 @@ sums "sum_first_order" and "sum_total_order" and the measure of chance "dummy_fi
 (`analysis.sensitivity.estimators.tails`), "worst_case" between which bounds the indices lie
 whatever the failed runs would have said (`judgement.worst_case`; null if none failed),
 "martinez" both indices as correlations with Fisher's intervals
-(`analysis.sensitivity.estimators.martinez`). "second_order", of method
+(`analysis.sensitivity.estimators.other_formulas`). "second_order", of method
 saltelli_second_order only, is what a pair does beyond what each of the two does alone. "surrogate",
 of method surrogate only, says what was fitted to how many runs, and what share of the variance it
 explains of runs held out; indices and convergence are then those of

@@ -14,7 +14,7 @@ from analysis.files.results_csv import columns
 from server.logic.study.table import lines
 from server.operations.fleet import results
 from server.operations.study import studies
-from server.routes.common import PRINTABLE, Configured, Id, Store
+from server.routes.common import Configured, Id, Store
 from server.routes.fleet.results import csv_text
 from server.routes.uploads import FORM, receive
 from server.sandbox import check
@@ -27,7 +27,13 @@ _BODY = {
     "application/vnd.apache.parquet": _FILE,
     "multipart/form-data": FORM,
 }
-Column = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE)]
+#: A spreadsheet's name of a column may go on in the next line.
+Column = Annotated[
+    str,
+    StringConstraints(
+        min_length=1, max_length=200, pattern=r"^[^\x00-\x08\x0b\x0c\x0e-\x1f\x7f]+$"
+    ),
+]
 Outputs = Annotated[list[Column] | None, Query(max_length=1000, examples=[["y"]])]
 Factors = Annotated[list[Column] | None, Query(max_length=1000, examples=[["x1", "x2"]])]
 Called = Annotated[

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.designs import unit_row
+from analysis.designs import unit_rows
 from analysis.sensitivity.estimators import (
     Estimator,
     MorrisEstimator,
@@ -28,8 +28,7 @@ def function(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def values_of(cls: type[Estimator], rows: int) -> NDArray[np.float64]:
     """Return the outputs of the first rows of the design, shape (rows, width, outputs)."""
-    points = [unit_row(cls.method, "sobol", SEED, row, FACTORS) for row in range(rows)]
-    return function(np.stack(points))
+    return function(unit_rows(cls.method, "sobol", SEED, range(rows), FACTORS))
 
 
 def fed(cls: type[Estimator], values: NDArray[np.float64]) -> Estimator:

@@ -6,7 +6,6 @@ from typing import Any
 from analysis.reports.figures.convergence import SHARE, curves, grown, worth_showing
 from analysis.reports.figures.shared import (
     COLOURS,
-    MARKS,
     Figure,
     Snapshot,
     axis,
@@ -14,6 +13,7 @@ from analysis.reports.figures.shared import (
     beside,
     factors_of,
     figure,
+    looks,
     names_axis,
     plain,
     shades_of,
@@ -159,11 +159,10 @@ def _growth(snapshot: Snapshot, output: str, found: Sequence[Mapping[str, Any]])
         for pair in found[:CURVES]
         if frozenset(pair["factors"]) in by_pair
     }
-    own = {
-        name: {"color": COLOURS[place], "symbol": MARKS[place]} for place, name in enumerate(lines)
-    }
     within = worth_showing(list(lines.values()), SHARE)
-    return curves(lines, own, "share of the variance", "second_order", legend=True, within=within)
+    return curves(
+        lines, looks(lines), "share of the variance", "second_order", legend=True, within=within
+    )
 
 
 def _name(pair: Mapping[str, Any]) -> str:

@@ -6,8 +6,7 @@ Of elementary effects (Morris 1991) and of shares of the variance (Saltelli et a
 from analysis.sensitivity.estimators.estimator import OF_PAIRS, Estimator, Moments
 from analysis.sensitivity.estimators.intervals import Estimate
 from analysis.sensitivity.estimators.morris import MorrisEstimator
-from analysis.sensitivity.estimators.saltelli import SaltelliEstimator
-from analysis.sensitivity.estimators.second_order import SecondOrderEstimator
+from analysis.sensitivity.estimators.saltelli import SaltelliEstimator, SecondOrderEstimator
 from analysis.sensitivity.estimators.shapley import ShapleyEstimator
 from analysis.sensitivity.estimators.single_points import Sample, SinglePoints
 from analysis.sensitivity.estimators.statistic import Statistic, interaction

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, stdtrit
 
-from analysis.designs.streams import Purpose, bits
+from analysis.designs.streams import Purpose, bits_of
 from analysis.sensitivity.estimators.intervals import Estimate, check_level
 
 REPLICATES = 200
@@ -25,20 +25,18 @@ _EDGES = np.floor(
 ).astype(np.uint32)
 
 
-def replicate_weights(seed: int, rows: Sequence[int]) -> NDArray[np.float64]:
+def replicate_weights(seed: int, rows: Sequence[int]) -> NDArray[np.uint8]:
     """Return how often each replicate counts each row, shape (REPLICATES, rows).
 
     Source: Hanley and MacGibbon 2006.
     """
-    words = np.empty((len(rows), REPLICATES // 2), dtype="<u8")
-    for place, row in enumerate(rows):
-        words[place] = bits(seed, Purpose.BOOTSTRAP, row, REPLICATES // 2)
+    words = bits_of(seed, Purpose.BOOTSTRAP, rows, REPLICATES // 2)
     # As bytes in a fixed order, so that machines of either endianness agree.
-    uniform = words.view("<u4")
+    uniform = words.astype("<u8", copy=False).view("<u4")
     counts = np.zeros(uniform.shape, dtype=np.uint8)
     for edge in _EDGES:
         counts += uniform >= edge
-    return np.ascontiguousarray(counts.T).astype(np.float64)
+    return counts.T
 
 
 def percentiles(statistic: NDArray[np.float64], n: NDArray[np.int64], level: float) -> Estimate:

@@ -89,9 +89,11 @@ class ExactSums:
             low, limbs = split(terms[:, batch])
             # In floating point for the speed of BLAS: every partial sum is a whole number below
             # 2**53, so the product is exact in whatever order it is taken.
-            whole = [limb[0] if per_row == 1 else limb.sum(axis=0) for limb in limbs]
-            product = np.stack([weights[:, batch] @ one for one in whole])
-            self._include(low, product.astype(np.int64), columns)
+            # All limbs at once, since reading the weights takes longer than multiplying them.
+            whole = np.stack([limb[0] if per_row == 1 else limb.sum(axis=0) for limb in limbs], 1)
+            product = weights[:, batch] @ whole.reshape(len(whole), -1)
+            whole_sums = product.astype(np.int64).reshape(len(weights), *whole.shape[1:])
+            self._include(low, np.moveaxis(whole_sums, 1, 0), columns)
 
     def merge(self, other: "ExactSums") -> None:
         """Add the sums of `other`."""

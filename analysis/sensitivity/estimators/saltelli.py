@@ -1,8 +1,16 @@
-"""First- and total-order indices (paper, equations 25 and 26).
+"""First-, total- and second-order indices (paper, equations 25 and 26).
 
 First order by Saltelli et al. 2010, equation (b) of table 2, centred; total order by Jansen 1999,
 equation (f) of the same table. Centring matters: without it all factors share an error of the size
 of mean / standard deviation, whose signature is a negative index of an idle factor.
+
+Second order from the rows of Saltelli 2002, whose theorem 2 estimates it twice. In terms of
+Saltelli et al. 2010 (table 2, equation (b) for the first-order parts), once with A and B exchanged,
+their mean is made of differences within a row alone:
+
+    V_ij = mean of ((A_B^(j) - A) (B_A^(i) - B) + (A_B^(i) - A) (B_A^(j) - B)) / 2
+
+So a constant in the output cancels without centring, and a pair with an idle factor has exactly 0.
 """
 
 from collections.abc import Sequence
@@ -11,7 +19,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.sensitivity.estimators import martinez
+from analysis.sensitivity.estimators import other_formulas
 from analysis.sensitivity.estimators.estimator import Estimator, Terms
 from analysis.sensitivity.estimators.intervals import Estimate
 from analysis.sensitivity.estimators.shares import longer
@@ -31,7 +39,7 @@ class SaltelliEstimator(Estimator):
     use, counted = "difference_squared", "product"
     factor_sums = ("product", "difference", "difference_squared")
     output_sums = ("value", "value_squared", "between_squared")
-    sample_sums = ("difference_root", "difference_size", "difference_fourth", *martinez.SUMS)
+    sample_sums = ("difference_root", "difference_size", "difference_fourth", *other_formulas.SUMS)
     sample_output_sums = ("between_fourth",)
     #: Whether it has the sums of other estimators, too (`compared`).
     beside: ClassVar[bool] = True
@@ -46,8 +54,8 @@ class SaltelliEstimator(Estimator):
         return kurtosis_of(self._weighted(1), self._weighted_sample())
 
     def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
-        """Return {"martinez": S and ST by Martinez 2011} (`martinez`)."""
-        return {"martinez": martinez.correlations(self._weighted_sample(), level)}
+        """Return {"martinez": S and ST by Martinez 2011} (`other_formulas`)."""
+        return {"martinez": other_formulas.correlations(self._weighted_sample(), level)}
 
     def _alike(self) -> list[int]:
         """Return the positions of A and the A_B^(i); B has no coordinate of A."""
@@ -125,8 +133,35 @@ class SaltelliEstimator(Estimator):
             "difference_root": np.sqrt(size)[None],
             "difference_size": size[None],
             "difference_fourth": ((size * size) * (size * size))[None],
-            **(martinez.terms(a, b, mixed) if self.beside else {}),
+            **(other_formulas.terms(a, b, mixed) if self.beside else {}),
         }
+
+
+class SecondOrderEstimator(SaltelliEstimator):
+    """Shares of each output's variance, also those of pairs beyond what each factor does alone.
+
+    With failures: a pair uses the rows whose A, B and four mixed points of it succeeded.
+    """
+
+    method = "saltelli_second_order"
+    pair_sums = ("pair",)
+
+    def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
+        """Return what `SaltelliEstimator` does, and "second_order" of every output and pair."""
+        variance = sums.variance("value", ddof=0)[..., None]
+        pairs = Index(
+            weighted=share(sums.mean("pair"), variance), count=sums.count("pair"), whole=variance
+        )
+        return {**super()._indices(sums, sample), "second_order": pairs}
+
+    def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
+        single = values[:, : 2 + self.factors]
+        a, b = values[:, 0, :, None], values[:, 1, :, None]  # rows, outputs, 1
+        from_a = np.moveaxis(values[:, 2 : 2 + self.factors], 1, 2) - a  # rows, outputs, factors
+        from_b = np.moveaxis(values[:, 2 + self.factors :], 1, 2) - b
+        i, j = np.triu_indices(self.factors, 1)
+        pair = 0.5 * (from_a[..., j] * from_b[..., i] + from_a[..., i] * from_b[..., j])
+        return {**super()._terms(rows, single), "pair": pair[None]}
 
 
 def kurtosis_of(sums: Weighted, sample: Weighted) -> NDArray[np.float64]:

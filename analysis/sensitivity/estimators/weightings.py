@@ -36,9 +36,10 @@ def weights(sampling: str, seed: int, rows: Sequence[int]) -> NDArray[np.float64
     For the jackknife (Tukey 1958) and the Poisson bootstrap (Hanley and MacGibbon 2006). In the
     place of all rows but a block's the block itself is summed: fewer terms, as good.
     """
-    once = np.ones((1, len(rows)))
-    block = np.arange(BLOCKS)[:, None] == blocks_of(sampling, seed, rows)
-    return np.concatenate([once, block, replicate_weights(seed, rows)])
+    found = np.ones((WEIGHTINGS, len(rows)))
+    found[1:FIRST] = np.arange(BLOCKS)[:, None] == blocks_of(sampling, seed, rows)
+    found[FIRST:] = replicate_weights(seed, rows)
+    return found
 
 
 class NamedSums:

@@ -7,11 +7,12 @@ expansion are sums of some of its terms (Sudret 2008).
 """
 
 from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.sensitivity.fewer_runs.parts import Parts
+from analysis.sensitivity.fewer_runs.parts import CELLS, MIDDLES, Parts
 
 Array = NDArray[np.float64]
 
@@ -41,11 +42,7 @@ class Expansions:
 
     def without(self, y: Array, away: NDArray[np.bool_]) -> Parts:
         """Fit to the runs that are not away, from the picking of terms on (Sudret 2008)."""
-        kept = y[~away]
-        picked = _picked(self._terms[~away], kept)
-        design = np.column_stack([np.ones(len(kept)), self._terms[np.ix_(~away, picked)]])
-        constant, *solved = np.linalg.lstsq(design, kept, rcond=None)[0]
-        coefficients = np.array(solved)
+        picked, constant, coefficients = _fitted(self._terms[~away], y[~away])
         active = self._degrees[picked] > 0
         alone = active & (active.sum(axis=1) == 1)[:, None]
         terms, squares = self._terms[np.ix_(away, picked)] * coefficients, coefficients**2
@@ -60,17 +57,44 @@ class Expansions:
             total_squares=squares @ active,
         )
 
+    def pairs(self, y: Array) -> Array:
+        """Return the sums of the terms that have two factors (Sudret 2008)."""
+        picked, _, coefficients = _fitted(self._terms, y)
+        degrees = self._degrees[picked]
+        active = degrees > 0
+        two = active.sum(axis=1) == 2
+        along = _legendre(MIDDLES, int(degrees.max(initial=0)))
+        found = []
+        for i, j in combinations(range(degrees.shape[1]), 2):
+            of_both = two & active[:, i] & active[:, j]
+            first = along[:, degrees[of_both, i]] * coefficients[of_both]
+            found.append(first @ along[:, degrees[of_both, j]].T)
+        return np.array(found).reshape(-1, CELLS, CELLS)
+
 
 def _terms(x: Array, degrees: NDArray[np.int64]) -> Array:
     """Return the values of terms at points, shape (n, terms)."""
     highest = int(degrees.max(initial=0))
-    every = np.polynomial.legendre.legvander(2.0 * x - 1.0, highest)
-    every *= np.sqrt(2.0 * np.arange(highest + 1) + 1.0)
+    every = _legendre(x, highest)
     values = np.ones((len(x), len(degrees)))
     for factor, of_factor in enumerate(degrees.T):
         active = of_factor > 0
         values[:, active] *= every[:, factor, of_factor[active]]
     return values
+
+
+def _legendre(x: Array, highest: int) -> Array:
+    """Return Legendre's polynomials with mean square 1, shape (*x.shape, highest + 1)."""
+    every = np.polynomial.legendre.legvander(2.0 * x - 1.0, highest)
+    return np.asarray(every * np.sqrt(2.0 * np.arange(highest + 1) + 1.0), dtype=np.float64)
+
+
+def _fitted(terms: Array, y: Array) -> tuple[NDArray[np.intp], float, Array]:
+    """Return which terms were picked, the constant, and the coefficients of those picked."""
+    picked = _picked(terms, y)
+    design = np.column_stack([np.ones(len(y)), terms[:, picked]])
+    constant, *coefficients = np.linalg.lstsq(design, y, rcond=None)[0]
+    return picked, float(constant), np.array(coefficients)
 
 
 def _picked(terms: Array, y: Array) -> NDArray[np.intp]:

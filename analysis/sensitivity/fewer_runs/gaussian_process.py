@@ -7,6 +7,7 @@ process metamodel).
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 from math import log, sqrt
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, lapack
 from scipy.optimize import minimize
 
-from analysis.sensitivity.fewer_runs.parts import Parts
+from analysis.sensitivity.fewer_runs.parts import CELLS, MIDDLES, Parts
 
 Array = NDArray[np.float64]
 
@@ -124,7 +125,7 @@ class Processes:
     """
 
     def __init__(self, x: Array, scales: Scales) -> None:
-        self._noise = scales.noise
+        self._x, self._scales = x, scales
         #: Kernels of every factor between two points, shape (factors, n, n).
         self._kernels = _between(x, x, scales)
         self._kernel = np.prod(self._kernels, axis=0)
@@ -139,17 +140,7 @@ class Processes:
 
     def without(self, y: Array, away: NDArray[np.bool_]) -> Parts:
         """Fit to the runs that are not away (Oakley and O'Hagan 2004; Marrel et al. 2009)."""
-        kept = np.flatnonzero(~away)
-        kernel = self._kernel[np.ix_(kept, kept)]
-        kernel.flat[:: len(kept) + 1] += self._noise
-        factor = cho_factor(kernel, lower=True)
-        ones = cho_solve(factor, np.ones(len(kept)))
-        middle = float(y[kept].mean())
-        solved = cho_solve(factor, y[kept] - middle)
-        constant = float(solved.sum() / ones.sum())
-        #: Of each point's kernel; runs that are away have none.
-        weights = np.zeros(len(y))
-        weights[kept] = solved - constant * ones
+        mean_of_all, weights = self._fitted(y, ~away)
         whole = self._kernel[away]
         mean = float(self._product @ weights)
         first, total, first_squares, total_squares = [], [], [], []
@@ -161,7 +152,7 @@ class Processes:
             total.append((whole / kernels[away] * apart) @ weights)
             total_squares.append(weights @ (self._products / twice * apart_twice) @ weights)
         return Parts(
-            value=middle + constant + whole @ weights,
+            value=mean_of_all + whole @ weights,
             centred=whole @ weights - mean,
             first=np.stack(first, axis=1),
             total=np.stack(total, axis=1),
@@ -169,6 +160,32 @@ class Processes:
             first_squares=np.array(first_squares),
             total_squares=np.array(total_squares),
         )
+
+    def pairs(self, y: Array) -> Array:
+        """Return the parts of the second order (Oakley and O'Hagan 2004; Marrel et al. 2009)."""
+        _, weights = self._fitted(y, np.ones(len(y), dtype=np.bool_))
+        factors = len(self._once)
+        along = _between(np.tile(MIDDLES[:, None], factors), self._x, self._scales)
+        apart = along - self._once[:, None]
+        found = [
+            (apart[i] * (weights * self._product / (self._once[i] * self._once[j]))) @ apart[j].T
+            for i, j in combinations(range(factors), 2)
+        ]
+        return np.array(found).reshape(-1, CELLS, CELLS)
+
+    def _fitted(self, y: Array, there: NDArray[np.bool_]) -> tuple[float, Array]:
+        """Return the constant and the weights of each run's kernel, 0 of those not there."""
+        kept = np.flatnonzero(there)
+        kernel = self._kernel[np.ix_(kept, kept)]
+        kernel.flat[:: len(kept) + 1] += self._scales.noise
+        factor = cho_factor(kernel, lower=True)
+        ones = cho_solve(factor, np.ones(len(kept)))
+        middle = float(y[kept].mean())
+        solved = cho_solve(factor, y[kept] - middle)
+        constant = float(solved.sum() / ones.sum())
+        weights = np.zeros(len(y))
+        weights[kept] = solved - constant * ones
+        return middle + constant, weights
 
 
 def _between(a: Array, b: Array, scales: Scales) -> Array:

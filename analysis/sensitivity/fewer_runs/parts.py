@@ -8,6 +8,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+#: Cells along each factor at whose middles `Surrogate.pairs` says what two do together.
+CELLS = 16
+
+#: Their middles.
+MIDDLES = (np.arange(CELLS) + 0.5) / CELLS
+
 
 @dataclass(frozen=True, kw_only=True)
 class Parts:
@@ -36,4 +42,11 @@ class Surrogate(Protocol):
         """Fit to the values `y` (n,) of the runs that are not `away`; return its parts at those.
 
         Nothing of `y` is looked at where runs are away.
+        """
+
+    def pairs(self, y: Array) -> Array:
+        """Fit to all runs; return what every two factors do beyond what each does alone.
+
+        Shape (pairs, CELLS, CELLS), pairs in the order of `itertools.combinations`: the part of
+        the second order (Sobol 1993) where the two are at `MIDDLES`.
         """

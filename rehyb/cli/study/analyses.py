@@ -9,7 +9,7 @@ import typer
 from rehyb.cli.answers import Answer, answering
 from rehyb.cli.options import StudyId, optional
 from rehyb.client import Client, Json
-from rehyb.errors import Invalid, needs_extra
+from rehyb.errors import needs_extra, refusing
 from rehyb.files import study_with_results
 
 Outputs = Annotated[
@@ -41,12 +41,10 @@ def analyse_study(client: Client, study: StudyId, output: Outputs = None) -> Ans
 def _answer(file: Path, outputs: list[str] | None, factors: list[str] | None) -> Answer:
     with needs_extra("an analysis of a table", "given"):
         from analysis.given.answer import analyse as told
-        from analysis.given.errors import GivenError
+        from analysis.given.refusals import GivenError
 
-        try:
+        with refusing(GivenError):
             found = told(file, outputs or (), factors)
-        except GivenError as error:
-            raise Invalid(str(error)) from None
     return Answer(found, partial(_print, found))
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from rehyb.cli.answers import Answer, answering
 from rehyb.cli.options import Output, StudyId
 from rehyb.client import Client, Json
-from rehyb.errors import Invalid, needs_extra
+from rehyb.errors import needs_extra, refusing
 from rehyb.files import study_with_results
 
 
@@ -22,14 +22,11 @@ def surrogate(client: Client, study: StudyId, output: Output = None) -> Answer:
 
     with study_with_results(client, study) as (described, results):
         snapshot = client.indices(study)
-        try:
-            with needs_extra("a surrogate", "surrogate"):
-                from analysis.sensitivity.surrogate import answer
+        with needs_extra("a surrogate", "surrogate"), refusing(ValueError):
+            from analysis.sensitivity.surrogate import answer
 
-                table = read_table(plan_of(described), results)
-                found = answer(table, output or described["outputs"][0])
-        except ValueError as error:
-            raise Invalid(str(error)) from None
+            table = read_table(plan_of(described), results)
+            found = answer(table, output or described["outputs"][0])
     return Answer(asdict(found), partial(_print, found, snapshot))
 
 

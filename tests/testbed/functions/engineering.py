@@ -215,6 +215,43 @@ def two_poles_inside(power: float, share: float) -> Hard:
     return Hard(function=function, factors=6, first=index, total=index)
 
 
+def pole_in_a_corner(power: float, share: float) -> Hard:
+    """Return a sum of which (u0 + u1)^-power has a share of the variance."""
+    slopes = np.array([0.0, 0.0, 1.0, 0.7, 0.4, 0.1])
+
+    def alone(a: float, p: float) -> float:
+        """Return the mean of (a + b)^-p over b."""
+        return float(((1.0 + a) ** (1.0 - p) - a ** (1.0 - p)) / (1.0 - p))
+
+    mean, of_alone, square = (
+        quad(lambda a, p=p, n=n: alone(a, p) ** n, 0.0, 1.0, limit=500)[0]
+        for p, n in ((power, 1), (power, 2), (2.0 * power, 1))
+    )
+    linear = slopes**2 / 12.0
+    variance = square - mean**2
+    scale = np.sqrt(share / (1.0 - share) * linear.sum() / variance)
+    first, total = (1.0 - share) * np.stack([linear, linear]) / linear.sum()
+    first[:2] = share * (of_alone - mean**2) / variance
+    total[:2] = share - first[:2]
+
+    def function(u: Points) -> Points:
+        return np.asarray(u @ slopes + scale * (u[..., 0] + u[..., 1]) ** -power)
+
+    return Hard(function=function, factors=6, first=first, total=total)
+
+
+def peak_in_a_corner(u: Points) -> Points:
+    """Return 1 / (0.02 + u0 + u1), and slopes beside it."""
+    return np.asarray(0.8 / (0.02 + u[..., 0] + u[..., 1]) + u[..., 2:] @ _BESIDE)
+
+
+def peak_of_a_product(u: Points) -> Points:
+    """Return 1 / (1.03 - u0 u1), and slopes beside it."""
+    return np.asarray(0.9 / (1.03 - u[..., 0] * u[..., 1]) + u[..., 2:] @ _BESIDE)
+
+
+_BESIDE = np.array([4.0, 3.0, 1.5, 0.5])
+
 #: What a surrogate ought to answer.
 SMOOTH: Mapping[str, Hard] = {
     "Morris": Hard(function=morris, factors=20),
@@ -238,4 +275,8 @@ ROUGH: Mapping[str, Hard] = {
     "pole inside": pole_inside(0.3, 0.1),
     "mild pole inside": pole_inside(0.15, 0.5),
     "two poles inside": two_poles_inside(0.3, 0.1),
+    "pole in a corner": pole_in_a_corner(0.6, 0.3),
+    "mild pole in a corner": pole_in_a_corner(0.4, 0.3),
+    "peak in a corner": Hard(function=peak_in_a_corner, factors=6),
+    "peak of a product": Hard(function=peak_of_a_product, factors=6),
 }

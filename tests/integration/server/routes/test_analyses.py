@@ -57,6 +57,14 @@ def test_what_cannot_be_analysed_is_refused_with_line_and_column(client: TestCli
     )
 
 
+def test_a_column_whose_name_goes_on_in_the_next_line_may_be_asked_for(
+    client: TestClient, table: bytes
+) -> None:
+    file = table.replace(b"a,b,y", b'a,b,"y\n[Nm]"')
+    told = client.post("/v1/analyses", params={"output": "y\n[Nm]"}, content=file)
+    assert told.status_code == 200 and list(told.json()["outputs"]) == ["y [Nm]"]
+
+
 def test_a_study_without_results_says_so(client: TestClient) -> None:
     study = client.post("/v1/studies", json=STUDY).json()["id"]
     problem = is_problem(client.post(f"/v1/studies/{study}/analyses"), 422)

@@ -24,7 +24,7 @@ from analysis.designs import (
 from analysis.designs.distributions import LogUniform, Normal, Uniform
 from analysis.designs.points import LATIN_HYPERCUBE_ROWS, _sobol_points, sobol
 from analysis.designs.radial import SMALLEST_STEP, legs
-from analysis.designs.streams import Purpose, bits
+from analysis.designs.streams import Purpose, bits, bits_of
 
 SEEDS = st.integers(0, 2**64 - 1)
 EVERY_DESIGN = list(product(METHODS, SAMPLINGS))
@@ -70,6 +70,17 @@ def test_bits_are_those_of_a_fresh_generator_whatever_was_drawn_before() -> None
             counter=np.array([0, 0, 0, purpose], dtype=np.uint64),
         )
         assert bits(seed, purpose, index, size).tolist() == fresh.random_raw(size).tolist()
+
+
+def test_bits_of_many_streams_are_those_of_each() -> None:
+    indices = [9, 0, 2**64 - 1, 9]
+    together = bits_of(3, Purpose.BOOTSTRAP, indices, 5)
+    for index, words in zip(indices, together, strict=True):
+        assert words.tolist() == bits(3, Purpose.BOOTSTRAP, index, 5).tolist()
+    assert bits_of(3, Purpose.BOOTSTRAP, [], 5).shape == (0, 5)
+    for wrong in ([0, -1], [2**64, 0]):
+        with pytest.raises(ValueError, match="index must be an integer from 0"):
+            bits_of(3, Purpose.BOOTSTRAP, wrong, 5)
 
 
 ROWS = [3, 1030, 49, 0, 50, 1023, 1024]
@@ -157,7 +168,7 @@ def test_a_saltelli_row_is_a_then_b_then_a_with_one_column_of_b(
 @pytest.mark.parametrize(("method", "sampling"), EVERY_DESIGN)
 def test_every_position_is_uniform_over_many_rows(method: str, sampling: str) -> None:
     """A moved point is a draw of the distributions too: its outputs count for the moments."""
-    rows = np.stack([unit_row(method, sampling, 11, row, 2) for row in range(1000)])
+    rows = unit_rows(method, sampling, 11, range(1000), 2)
     for position, factor in product(range(rows.shape[1]), range(2)):
         assert kstest(rows[:, position, factor], "uniform").pvalue > 1e-3
 
@@ -260,7 +271,7 @@ def test_blocks_err_independently_of_each_other() -> None:
     """Means of one coordinate over 4 points of each block, of 200 seeds, are not correlated."""
     means = np.stack(
         [
-            np.stack([unit_row("morris", "sobol_blocks", seed, row, 1)[0] for row in range(32)])
+            unit_rows("morris", "sobol_blocks", seed, range(32), 1)[:, 0]
             .reshape(4, BLOCKS)
             .mean(axis=0)
             for seed in range(200)

@@ -12,8 +12,8 @@ from analysis.designs import unit_row
 from analysis.given import layout
 from analysis.given.answer import analyse, answer
 from analysis.given.dependence import related
-from analysis.given.errors import GivenError
 from analysis.given.reading import read_sheet
+from analysis.given.refusals import GivenError
 from analysis.given.sample import choose
 from analysis.given.spread import in_parts, quasi_random, sharing_nothing
 from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator

@@ -16,10 +16,10 @@ from scipy.signal import periodogram
 
 from analysis.given import hdmr, measures
 from analysis.given.answer import analyse
-from analysis.given.errors import GivenError
 from analysis.given.hsic import hsic
 from analysis.given.intervals import by_halves, half_width
 from analysis.given.reading import read_sheet
+from analysis.given.refusals import GivenError
 from tests.testbed.given import ROWS, ishigami, written
 
 

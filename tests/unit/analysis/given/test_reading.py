@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from analysis.given.dependence import related
-from analysis.given.errors import GivenError
 from analysis.given.reading import Sheet, read_sheet
+from analysis.given.refusals import GivenError
 from analysis.given.sample import FEWEST_ROWS, MOST_PAIRS, choose
 from tests.testbed.given import ROWS, written
 
@@ -106,8 +106,10 @@ def test_lines_of_different_length_are_refused(
 
 def test_truths_are_numbers(tmp_path: Path) -> None:
     path = tmp_path / "runs.csv"
-    path.write_text("on,y\n" + "TRUE,1\nfalse,2\n" * 40)
-    assert set(read_sheet(path).numbers["on"]) == {0.0, 1.0}
+    path.write_text("on,y\n" + "".join(f"TRUE,{n}\nfalse,-{n}\n" for n in range(1, 41)))
+    sheet = read_sheet(path)
+    assert set(sheet.numbers["on"]) == {0.0, 1.0}
+    assert choose(sheet, ["y"]).factors == ("on",)
 
 
 def test_a_table_without_names_has_numbered_columns(tmp_path: Path, table: Any) -> None:
@@ -247,6 +249,24 @@ def test_names_are_any_text(tmp_path: Path, table: Any, names: str) -> None:
     path.write_text(path.read_text().replace("a,b,c,y", names), encoding="utf-8")
     output = names.rpartition(",")[2]
     assert ",".join((*choose(read_sheet(path), [output]).factors, output)) == names
+
+
+@pytest.mark.parametrize("asked", ["torque\n[Nm]", "torque [Nm]", " torque\r\n\t[Nm]"])
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_a_name_that_goes_on_in_the_next_line_is_asked_for_either_way(
+    tmp_path: Path, table: Any, kind: str, asked: str
+) -> None:
+    path = tmp_path / f"names.{kind}"
+    if kind == "csv":
+        written(path, table, '"bend\n(deg)",b,c,"torque\n[Nm]"')
+    else:
+        pa = pytest.importorskip("pyarrow")
+        names = ["bend\n(deg)", "b", "c", "torque\n[Nm]"]
+        from pyarrow.parquet import write_table
+
+        write_table(pa.table(dict(zip(names, table.T, strict=True))), path)
+    sample = choose(read_sheet(path), [asked], ["bend\n(deg)", "b"])
+    assert (sample.outputs, sample.factors) == (("torque [Nm]",), ("bend (deg)", "b"))
 
 
 def test_a_table_of_more_factors_and_outputs_than_can_be_waited_for_is_refused() -> None:

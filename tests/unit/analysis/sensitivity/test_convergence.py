@@ -2,10 +2,13 @@
 
 import dataclasses
 import random
+from functools import cache
+from typing import Any
 
 import pytest
 
 from analysis.designs import METHODS
+from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse
 from analysis.sensitivity.study_state import StudyState
 from tests.testbed.studies import results_of, study_plan
@@ -13,11 +16,18 @@ from tests.testbed.studies import results_of, study_plan
 FAILED = [(0, 1), (4, 0), (9, 3), (17, 2)]
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_point_of_the_series_is_the_index_of_a_study_of_that_many_rows(method: str) -> None:
+@cache
+def at_one_go(method: str) -> tuple[StudyPlan, list[LoggedResult], dict[str, Any]]:
+    """Return a study, its results in order, of which some failed, and their snapshot."""
     plan = study_plan(method, rows=37)
     results = results_of(plan, failed=FAILED)
-    series = analyse(plan, results)["outputs"]["y"]["convergence"]
+    return plan, results, analyse(plan, results)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_point_of_the_series_is_the_index_of_a_study_of_that_many_rows(method: str) -> None:
+    plan, results, snapshot = at_one_go(method)
+    series = snapshot["outputs"]["y"]["convergence"]
     assert series["rows"] == [8, 16, 32]
     for place, rows in enumerate(series["rows"]):
         shorter = dataclasses.replace(plan, rows=rows)
@@ -30,9 +40,7 @@ def test_a_point_of_the_series_is_the_index_of_a_study_of_that_many_rows(method:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_order_batches_and_restarts_leave_the_same_bits(method: str) -> None:
-    plan = study_plan(method, rows=37)
-    results = results_of(plan, failed=FAILED)
-    expected = analyse(plan, results)
+    plan, results, expected = at_one_go(method)
     shuffled = list(results)
     random.Random(3).shuffle(shuffled)
     state = StudyState(plan)

@@ -176,14 +176,14 @@ def test_a_failure_of_one_output_leaves_the_others_alone(cls: type[Estimator]) -
         assert not np.array_equal(broken[name].value[0], index.value[0])
 
 
-@pytest.mark.parametrize("value", [np.inf, -np.inf, 1e101, -1e300])
 @pytest.mark.parametrize("cls", CLASSES)
-def test_an_absurdly_large_output_counts_as_failed(cls: type[Estimator], value: float) -> None:
+def test_an_absurdly_large_output_counts_as_failed(cls: type[Estimator]) -> None:
     values = values_of(cls, 8)
     values[3, 1] = np.nan
     expected = fingerprint(fed(cls, values))
-    values[3, 1] = value
-    assert fingerprint(fed(cls, values)) == expected
+    for value in (np.inf, -np.inf, 1e101, -1e300):
+        values[3, 1] = value
+        assert fingerprint(fed(cls, values)) == expected, value
 
 
 def test_an_output_that_never_varies_has_no_variance_to_share() -> None:

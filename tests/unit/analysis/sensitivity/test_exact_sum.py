@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.sensitivity.estimators.exact_sum import LIMB_BITS, ExactSums, divide, split, square
@@ -27,6 +27,7 @@ def summed(values: list[float]) -> ExactSums:
     return sums
 
 
+@settings(deadline=None)
 @given(NUMBERS)
 def test_limbs_are_whole_numbers_that_make_up_the_value_exactly(values: list[float]) -> None:
     low, limbs = split(np.array(values))
@@ -38,6 +39,7 @@ def test_limbs_are_whole_numbers_that_make_up_the_value_exactly(values: list[flo
         assert sum(parts) == Fraction(value)
 
 
+@settings(deadline=None)
 @given(NUMBERS)
 def test_a_sum_is_the_true_sum_rounded_once(values: list[float]) -> None:
     sums = summed(values)
@@ -47,6 +49,7 @@ def test_a_sum_is_the_true_sum_rounded_once(values: list[float]) -> None:
     assert rounded[0, 0] == math.fsum(values)
 
 
+@settings(deadline=None)
 @given(NUMBERS, st.randoms(use_true_random=False))
 def test_any_order_and_any_tree_of_merges_give_the_same_sum(values: list[float], random) -> None:
     leaves = [summed([value]) for value in values]
@@ -88,6 +91,7 @@ def test_large_batches_are_as_exact_as_small_ones() -> None:
     assert total_of(sums) == 160_000 * 15 * Fraction(1.0 + 2.0**-52)
 
 
+@settings(deadline=None)
 @given(st.floats(-1e100, 1e100).filter(lambda x: x == 0.0 or abs(x) > 1e-100))
 def test_a_square_is_exact(value: float) -> None:
     high, low = square(np.array([value]))

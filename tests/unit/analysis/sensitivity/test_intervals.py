@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from analysis.designs import unit_row
+from analysis.designs import unit_row, unit_rows
 from analysis.sensitivity.estimators import MorrisEstimator
 from analysis.sensitivity.estimators.intervals import fieller, satterthwaite, student
 
@@ -214,7 +214,7 @@ def test_the_spread_of_effects_of_balanced_points_is_held_though_n_minus_1_is_to
     held = []
     for seed in range(6):
         rows = range(256)
-        points = np.stack([unit_row("morris", "sobol_blocks", seed, row, 2) for row in rows])
+        points = unit_rows("morris", "sobol_blocks", seed, rows, 2)
         estimator = MorrisEstimator(sampling="sobol_blocks", seed=seed, factors=2, outputs=1)
         estimator.add_rows(rows, points.prod(axis=-1)[..., None])
         sigma = estimator.indices(0.9)["sigma"]
@@ -246,7 +246,7 @@ def test_ends_from_few_rows_of_effects_keep_a_share_of_what_independent_rows_err
 ) -> None:
     """Rows that differ while their blocks agree: four rows of a block tell little of its error."""
     estimator = MorrisEstimator(sampling="sobol_blocks", seed=3, factors=1, outputs=1)
-    points = np.stack([unit_row("morris", "sobol_blocks", 3, row, 1) for row in range(rows)])
+    points = unit_rows("morris", "sobol_blocks", 3, range(rows), 1)
     size = np.where(np.arange(rows) // BLOCKS % 2, 1.0, 3.0)[:, None]
     estimator.add_rows(range(rows), size[..., None] * points)
     mu = estimator.statistics()["mu"]

@@ -7,7 +7,7 @@ from scipy import stats
 
 from analysis.designs import unit_row
 from analysis.sensitivity.estimators import Estimate, SaltelliEstimator
-from analysis.sensitivity.estimators.uncentred import uncentred
+from analysis.sensitivity.estimators.other_formulas import uncentred
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,8 @@
 """Replicates and intervals of indices, against the slow way to them."""
 
 from dataclasses import replace
+from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,6 +55,24 @@ EVERY_INDEX = [
 ]
 
 
+def fed_alone(cls: type[Estimator], rows: NDArray[np.int_], values: NDArray[np.float64]) -> Any:
+    """Return the indices of an estimator that sees these rows only."""
+    estimator = empty(cls)
+    estimator.add_rows(rows.tolist(), values[rows])
+    return estimator.indices()
+
+
+@cache
+def resampled(cls: type[Estimator]) -> list[Any]:
+    """Return the indices of 15 rows, and of the first 40 samples of them with repetition."""
+    once = np.ones((1, 15), dtype=int)
+    weights = replicate_weights(SEED, range(15))[:40].astype(int)
+    return [
+        fed_alone(cls, np.repeat(np.arange(15), weighting), values_of(cls, 15))
+        for weighting in np.concatenate([once, weights])
+    ]
+
+
 @pytest.mark.parametrize(
     ("cls", "name", "power"), [*EVERY_INDEX, (ShapleyEstimator, "shapley", None)]
 )
@@ -60,17 +80,10 @@ def test_a_replicate_is_the_index_of_rows_repeated_as_its_weights_say(
     cls: type[Estimator], name: str, power: int | None
 ) -> None:
     """Replicates the slow way: an estimator fed a resampled set of rows."""
-    values = values_of(cls, 15)
-    once = np.ones((1, 15), dtype=int)
-    slow = []
-    for weighting in np.concatenate([once, replicate_weights(SEED, range(15))[:40].astype(int)]):
-        repeated = np.repeat(np.arange(15), weighting)
-        resampled = empty(cls)
-        resampled.add_rows(repeated.tolist(), values[repeated])
-        slow.append(resampled.indices()[name].value)
+    slow = [indices[name].value for indices in resampled(cls)]
     # The variance of n rows drawn from n rows is too small by (n - 1) / n in the mean.
     slow[1:] = np.array(slow[1:]) * (np.sqrt(15 / 14) if name == "sigma" else 1.0)
-    found = fed(cls, values).statistics()[name]
+    found = fed(cls, values_of(cls, 15)).statistics()[name]
     np.testing.assert_allclose(found.weighted[:41], slow, rtol=1e-12, atol=1e-12)
     assert found.power == power
 
@@ -90,24 +103,38 @@ def sides_of(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return longer(2.0 * fourth / second**2 - 3.0)[:, None]
 
 
+@cache
+def without_each_block(cls: type[Estimator]) -> list[tuple[NDArray[np.float64], Any]]:
+    """Return of 24 rows, each block left out in turn, the outputs' variance and the indices."""
+    values = with_a_failure(cls)
+    blocks = blocks_of("sobol", SEED, range(24))
+    found = []
+    for block in range(BLOCKS):
+        others = np.flatnonzero(blocks != block)
+        variance = np.nanvar(values[others, :2], axis=(0, 1))
+        found.append((variance, fed_alone(cls, others, values)))
+    return found
+
+
+def with_a_failure(cls: type[Estimator]) -> NDArray[np.float64]:
+    values = values_of(cls, 24)
+    values[5, 1] = np.nan
+    return values
+
+
 @pytest.mark.parametrize(("cls", "name", "power"), EVERY_INDEX)
 def test_an_interval_is_made_of_what_the_index_is_without_each_block(
     cls: type[Estimator], name: str, power: int | None
 ) -> None:
     """The slow way: an estimator for each block that never sees its rows."""
-    values = values_of(cls, 24)
-    values[5, 1] = np.nan
-    found = fed(cls, values).indices(level=0.8)[name]
-    blocks = blocks_of("sobol", SEED, range(24))
-    slow, wholes = [], [np.nanvar(values[:, :2], axis=(0, 1))]
-    for block in range(BLOCKS):
-        others = np.flatnonzero(blocks != block)
-        wholes.append(np.nanvar(values[others, :2], axis=(0, 1)))
-        without = empty(cls)
-        without.add_rows(others.tolist(), values[others])
-        slow.append(without.indices()[name].value)
+    values = with_a_failure(cls)
+    estimator = fed(cls, values)
+    found = estimator.indices(level=0.8)[name]
+    slow = [indices[name].value for _, indices in without_each_block(cls)]
+    wholes = [np.nanvar(values[:, :2], axis=(0, 1))]
+    wholes += [variance for variance, _ in without_each_block(cls)]
     present = np.ones((BLOCKS, *found.value.shape), dtype=np.bool_)
-    statistic = fed(cls, values).statistics()[name]
+    statistic = estimator.statistics()[name]
     if name == "total_order":
         expected = share_of_squares(
             found.value,
@@ -123,7 +150,7 @@ def test_an_interval_is_made_of_what_the_index_is_without_each_block(
         expected = satterthwaite(found.value, np.stack(slow), present, 0.8, power, stretch)
         if name == "sigma":
             # Sums of squares about 0, less the mean's square without its own error's.
-            mean = fed(cls, values).statistics()["mu"]
+            mean = estimator.statistics()["mu"]
             error = jackknife_error(mean.without, mean.present)
             squares = (1.0 - 1.0 / mean.n) * found.value**2 + error**2
             moves = found.value > 0.0

@@ -1,7 +1,7 @@
 """Shapley effects, full and independent indices: closed forms, and what rows leave in the sums."""
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -89,10 +89,9 @@ def test_a_factor_that_does_nothing_and_depends_on_none_has_exactly_nothing() ->
         assert index.value[0, 1] == index.low[0, 1] == index.high[0, 1] == 0.0
 
 
-@settings(max_examples=8, deadline=None)
-@given(data=st.data())
-def test_of_a_copula_order_batches_and_restarts_leave_no_trace(data: st.DataObject) -> None:
-    """Rows are sampled, and results arrive, in any order; the analysis stops and goes on."""
+@cache
+def of_a_copula() -> tuple[StudyPlan, list[LoggedResult], dict[str, Any]]:
+    """Return a study, its results in order, of which one failed, and its snapshot."""
     study = StudyPlan(
         id="s",
         method="shapley",
@@ -115,6 +114,14 @@ def test_of_a_copula_order_batches_and_restarts_leave_no_trace(data: st.DataObje
         for row in [unit_row("shapley", "sobol_blocks", 5, number, 3, CORRELATED)]
         for position, point in enumerate(row)
     ]
+    return study, every, analyse(study, every)
+
+
+@settings(max_examples=8, deadline=None)
+@given(data=st.data())
+def test_of_a_copula_order_batches_and_restarts_leave_no_trace(data: st.DataObject) -> None:
+    """Rows are sampled, and results arrive, in any order; the analysis stops and goes on."""
+    study, every, expected = of_a_copula()
     order = data.draw(st.permutations(range(len(every))))
     cut = data.draw(st.integers(0, len(every)))
     drawn = [unit_row("shapley", "sobol_blocks", 5, every[i].row, 3, CORRELATED) for i in order]
@@ -126,7 +133,7 @@ def test_of_a_copula_order_batches_and_restarts_leave_no_trace(data: st.DataObje
     state.take(shuffled[:cut])
     state = StudyState.from_bytes(study, state.to_bytes())
     state.take(shuffled[cut:])
-    assert state.snapshot() == analyse(study, every)
+    assert state.snapshot() == expected
 
 
 def test_symbols_and_kurtosis_are_those_of_shares() -> None:

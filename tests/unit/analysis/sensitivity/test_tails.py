@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy import integrate, special, stats
 
 from analysis.sensitivity.estimators.intervals import satterthwaite
-from analysis.sensitivity.estimators.tails import BEND, Tail, tail
+from analysis.sensitivity.estimators.tails import BEND, Tail, heaviness, tail
 from analysis.sensitivity.remarks import FEWEST_ROWS
 
 BLOCKS = 8
@@ -131,3 +131,8 @@ def test_a_tail_that_bends_more_than_is_taken_for_granted_is_held_less_often() -
     assert np.mean((found.low <= np.exp(2.0)) & (np.exp(2.0) <= found.high)) == pytest.approx(
         0.80, abs=0.03
     )
+
+
+def test_heaviness_goes_from_a_heavy_kurtosis_to_twice_that() -> None:
+    kurtosis = np.array([np.nan, 1.0, 4.0, 5.0, 6.0, 8.0, 80.0])
+    assert heaviness(kurtosis, 4.0).tolist() == [0.0, 0.0, 0.0, 0.25, 0.5, 1.0, 1.0]

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.sensitivity.fewer_runs.corrected import FOLDS, HeldOut, corrected, folds, held_out
-from analysis.sensitivity.fewer_runs.parts import Parts
+from analysis.sensitivity.fewer_runs.parts import CELLS, Parts
 
 Array = NDArray[np.float64]
 N = 200
@@ -32,6 +32,9 @@ class Linear:
             first_squares=self.squares,
             total_squares=self.squares,
         )
+
+    def pairs(self, y: Array) -> Array:
+        return np.zeros((1, CELLS, CELLS))
 
 
 @pytest.fixture(scope="module")

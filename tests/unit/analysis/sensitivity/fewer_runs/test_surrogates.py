@@ -14,7 +14,7 @@ from analysis.sensitivity.fewer_runs.gaussian_process import (
     _misfit,
     find_scales,
 )
-from analysis.sensitivity.fewer_runs.parts import Parts, Surrogate
+from analysis.sensitivity.fewer_runs.parts import MIDDLES, Parts, Surrogate
 
 Array = NDArray[np.float64]
 RUNS, NODES = 32, 24
@@ -59,6 +59,24 @@ def test_parts_are_what_integrals_of_the_function_say(kind: str, runs: Array) ->
     np.testing.assert_allclose(parts.first[:, 1], over_first - mean, atol=1e-5)
     np.testing.assert_allclose(parts.first_squares, weights @ parts.first**2, atol=1e-5)
     np.testing.assert_allclose(parts.total_squares, weights @ parts.total**2, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["chaos", "process"])
+def test_what_two_factors_do_together_is_what_neither_does_alone(kind: str, runs: Array) -> None:
+    """Of f = 1 + 3 x^2 y + y: 3 (x^2 - 1/3) (y - 1/2)."""
+    fitted: Surrogate = Expansions(runs) if kind == "chaos" else Processes(runs, SCALES)
+    x, y = MIDDLES[:, None], MIDDLES
+    expected = 3.0 * (x**2 - 1.0 / 3.0) * (y - 0.5)
+    (found,) = fitted.pairs(f(runs))
+    np.testing.assert_allclose(found, expected, atol=1e-9 if kind == "chaos" else 0.1)
+
+
+def test_pairs_are_in_the_order_of_combinations() -> None:
+    x = np.asarray(qmc.Sobol(3, rng=np.random.default_rng(2)).random(64))
+    for fitted in (Expansions(x), Processes(x, Scales(lengths=np.full(3, 2.0), noise=1e-6))):
+        sizes = np.abs(fitted.pairs(x[:, 0] * x[:, 2])).max(axis=(1, 2))
+        assert sizes[1] == pytest.approx(0.25 * (15.0 / 16.0) ** 2, rel=0.02)
+        assert sizes[0] < 0.01 and sizes[2] < 0.01
 
 
 def test_a_polynomial_is_found_as_it_is(runs: Array) -> None:

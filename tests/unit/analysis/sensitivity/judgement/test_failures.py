@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from analysis.designs import METHODS, SINGLE_POINTS, instance_parameters, unit_row
+from analysis.designs import METHODS, SINGLE_POINTS, instance_parameters, unit_row, unit_rows
 from analysis.designs.radial import MEAN_INVERSE_STEP, legs
 from analysis.sensitivity.judgement.failures import FEWEST
 from analysis.sensitivity.records import StudyPlan
@@ -94,7 +94,7 @@ def test_rows_of_which_every_run_failed_are_not_used() -> None:
 
 
 def test_the_mean_inverse_step_is_that_of_the_design() -> None:
-    rows = [unit_row("morris", "sobol", 3, row, 4) for row in range(4096)]
+    rows = unit_rows("morris", "sobol", 3, range(4096), 4)
     found = np.mean([1.0 / np.abs(legs(row)[1]) for row in rows])
     assert found == pytest.approx(MEAN_INVERSE_STEP, rel=2e-3)
 

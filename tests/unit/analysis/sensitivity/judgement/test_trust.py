@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.designs import unit_row
+from analysis.designs import unit_row, unit_rows
 from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
 from analysis.sensitivity.estimators.shares import LOW
 from analysis.sensitivity.judgement.stopping import Goal, next_step
@@ -123,7 +123,7 @@ def test_the_kurtosis_is_that_of_the_output_whatever_its_mean() -> None:
 
 
 def screened(function: str, rows: int, seed: int) -> MorrisEstimator:
-    points = np.stack([unit_row("morris", "sobol_blocks", seed, row, 6) for row in range(rows)])
+    points = unit_rows("morris", "sobol_blocks", seed, range(rows), 6)
     estimator = MorrisEstimator(sampling="sobol_blocks", seed=seed, factors=6, outputs=1)
     estimator.add_rows(range(rows), HARD[function].function(points)[..., None])
     return estimator

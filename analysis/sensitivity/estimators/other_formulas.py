@@ -1,10 +1,13 @@
-"""Indices as correlations, with intervals that need no resampling (Martinez 2011).
+"""S and ST by other formulas, which stand beside those that a study reports.
 
-S is the correlation of B with A_B^(i), and 1 - ST that of A with A_B^(i). Fisher's transformation
-gives their asymptotic intervals (Fisher 1921; for these indices Baudin et al. 2016, Numerical
-stability of Sobol' indices estimation formula). They take rows as independent and outputs as
-normal, so for Sobol points they are too wide, and for heavy tails too narrow; they stand beside the
-indices that a study reports, which are those of `analysis.sensitivity.estimators.saltelli`.
+Martinez 2011: S is the correlation of B with A_B^(i), and 1 - ST that of A with A_B^(i). Fisher's
+transformation gives their asymptotic intervals without resampling (Fisher 1921; for these indices
+Baudin et al. 2016, Numerical stability of Sobol' indices estimation formula). They take rows as
+independent and outputs as normal, so for Sobol points they are too wide, and for heavy tails too
+narrow.
+
+Saltelli et al. 2008: products that are not centred, to see what centring does. They need all runs
+at once and are no part of what is streamed.
 """
 
 import numpy as np
@@ -81,3 +84,29 @@ def _short_of_one(sums: Weighted, base: str) -> Array:
         product, apart = np.sqrt(x) * np.sqrt(y), np.sqrt(x) - np.sqrt(y)
         short: Array = np.where(product > 0.0, (gap - apart**2) / (2.0 * product), np.nan)
     return np.clip(short, 0.0, 2.0)
+
+
+def uncentred(rows: Array) -> tuple[Array, Array]:
+    """Return first- and total-order indices by Saltelli et al. 2008, equations 4.21 and 4.23.
+
+    All factors share an error of the size of mean / standard deviation.
+
+    Args:
+        rows: one output's values at A, B and A_B^(i), shape (rows, factors + 2), nan where a run
+            failed; every pair of values is used.
+
+    Returns:
+        Two arrays of shape (factors,), nan where nothing varies.
+    """
+    a, b, mixed = rows[:, 0], rows[:, 1], rows[:, 2:].T
+    first = np.array([_share(b, b, one) for one in mixed])
+    total = np.array([1.0 - _share(b, a, one) for one in mixed])
+    return first, total
+
+
+def _share(base: Array, x: Array, y: Array) -> float:
+    """Return (mean of x y - f0^2) / V with f0 and V of the runs of one base matrix."""
+    whole = ~np.isnan(x) & ~np.isnan(y)
+    if not whole.any() or not np.any(~np.isnan(base)) or not np.nanvar(base) > 0.0:
+        return float("nan")
+    return float((np.mean(x[whole] * y[whole]) - np.nanmean(base) ** 2) / np.nanvar(base))
