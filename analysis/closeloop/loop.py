@@ -13,9 +13,11 @@ import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
 from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.interface import beyond_interface
 from analysis.closeloop.identification.tracing import trace
+from analysis.closeloop.judgement.agreement import agreed
 from analysis.closeloop.judgement.events import find_events, spared
 from analysis.closeloop.judgement.identified import hidden_effects
 from analysis.closeloop.judgement.loads import unnamed_loads
@@ -29,6 +31,7 @@ from analysis.closeloop.report.page import write_page
 from analysis.closeloop.report.plain import finite
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.report.still import still_answer
+from analysis.closeloop.session.recording import Recording
 
 
 def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> Answer:
@@ -39,7 +42,7 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
     """
     progress("reading")
     recording = load_session(folder)
-    if recording.still:
+    if _rests(recording):
         return still_answer(recording, find_events(Model(recording), recording))
     found = trace(recording, progress)
     progress("torque that is local in time")
@@ -50,10 +53,12 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
     if events:
         # What somebody pushed is no reason to name an effect, nor to bend a stiffness.
         recording = spared(recording, events)
+        if _rests(recording):
+            return still_answer(recording, events)
         found = trace(recording, progress)
         loads = unnamed_loads(found)
     progress("errors and intervals")
-    found = beyond_interface(found)
+    found = agreed(beyond_interface(found))
     hidden = hidden_effects(*found.fits[1], found.rows)
     outcome = outcome_of(found, events, loads, structures(found.model, found.rows), hidden)
     return Answer(
@@ -62,6 +67,11 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
         before=outcome.recorded.before,
         after=outcome.recorded.after,
     )
+
+
+def _rests(recording: Recording) -> bool:
+    """Whether no joint moves long enough for a fit."""
+    return recording.still or not select_rows(recording, recording.fit_trials).joints
 
 
 def close_loop(

@@ -5,17 +5,17 @@ import re
 import sys
 import tempfile
 from collections.abc import Iterator
-from importlib.util import find_spec
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from rehyb.cli.answers import Answer, Token, Url, answering, study_submitted
-from rehyb.cli.options import optional
+from rehyb.cli.options import check_submitted, optional
 from rehyb.client import Client, Json
 from rehyb.client.close_loops import close_loop_by_worker
-from rehyb.errors import Invalid, RehybError
+from rehyb.errors import Invalid, check_pictures, refusing
 
 
 @answering
@@ -35,28 +35,36 @@ def close_loop(
 
     Exit status 2 if the session cannot be analysed; then nothing is written.
     """
-    if submit:
-        with Client(url, token) as client:
-            report = close_loop_by_worker(client, session, out, _show)
-    elif url or token:
-        raise Invalid("--url and --token go with --submit: without it this machine does the work")
-    else:
-        report = _close_here(session, out)
+    check_submitted(submit, url, token)
+    with naming_older(out):
+        if submit:
+            with Client(url, token) as client:
+                report = close_loop_by_worker(client, session, out, _show)
+        else:
+            report = _close_here(session, out)
     return Answer(report, "\n".join(_lines(report, out)))
 
 
+@contextmanager
+def naming_older(out: Path) -> Iterator[None]:
+    """Within the block, what is refused says that a report in `out` is of an earlier call."""
+    try:
+        yield
+    except Invalid as error:
+        older = out / "report.json"
+        if not older.exists():
+            raise
+        raise Invalid(f"{error}; nothing was written, and {older} is an older answer") from None
+
+
 def _close_here(session: Path, out: Path) -> Json:
-    if None in map(find_spec, ("matplotlib", "jinja2")):
-        raise RehybError("the report needs pictures: pip install 'rehyb[figures]'")
+    check_pictures()
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.loop import close_loop as close
     from analysis.closeloop.session.archive import opened
 
-    try:
-        with opened(session) as folder:
-            return close(folder, out, _show)
-    except SessionError as error:
-        raise Invalid(str(error)) from None
+    with refusing(SessionError), opened(session) as folder:
+        return close(folder, out, _show)
 
 
 def _show(stage: str) -> None:
@@ -141,10 +149,8 @@ def of_session(
     with tempfile.TemporaryDirectory(prefix="rehyb-robot-") as scratch:
         folder = out or Path(scratch) / "robot"
         try:
-            with opened(session) as recorded:
+            with refusing(SessionError, NothingToSampleError), opened(session) as recorded:
                 lacks = write_model(recorded, report, folder, called)
-        except (SessionError, NothingToSampleError) as error:
-            raise Invalid(str(error)) from None
         except FileNotFoundError as error:
             raise Invalid(f"{error.filename}: there is no such file") from None
         except (ValueError, KeyError, TypeError) as error:

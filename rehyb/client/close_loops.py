@@ -13,6 +13,7 @@ from urllib.parse import urlencode
 
 from rehyb.client.connection import Connection, Json
 from rehyb.client.packing import packed, plain_name
+from rehyb.client.studies import POLL_SECONDS
 from rehyb.errors import Invalid, RehybError
 
 if TYPE_CHECKING:
@@ -71,7 +72,6 @@ class CloseLoops(Connection):
         job_id: str,
         place: str = CLOSE_LOOPS,
         *,
-        poll_seconds: float = 1.0,
         on_progress: Callable[[Json], None] = lambda standing: None,
         sleep: Callable[[float], None] = time.sleep,
     ) -> Json:
@@ -80,7 +80,6 @@ class CloseLoops(Connection):
         Args:
             job_id: of what `close_loop` or `interpret` returned.
             place: CLOSE_LOOPS or INTERPRETATIONS.
-            poll_seconds: between two looks.
             on_progress: called with what each look but the last finds.
             sleep: for tests.
         """
@@ -89,7 +88,7 @@ class CloseLoops(Connection):
             if standing["state"] in ("done", "failed"):
                 return standing
             on_progress(standing)
-            sleep(poll_seconds)
+            sleep(POLL_SECONDS)
 
     def lease_close_loop(self, worker: Mapping[str, Any], bank: str | None = None) -> Json | None:
         """Lease a job {"id", "kind", "options", "lease", "fence", "ttl_seconds", "session"}.

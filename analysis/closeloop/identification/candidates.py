@@ -13,8 +13,6 @@ from analysis.closeloop.identification.balance.model import (
     Term,
     estimate_of,
     evaluate,
-    kept_columns,
-    unfitted,
 )
 from analysis.closeloop.identification.balance.regression import (
     Rows,
@@ -24,15 +22,21 @@ from analysis.closeloop.identification.balance.regression import (
     score,
 )
 from analysis.closeloop.identification.findings import Option
-from analysis.closeloop.identification.nameable import refusal
+from analysis.closeloop.identification.nameable import (
+    beyond_physics,
+    corrects,
+    drives,
+    refusal,
+)
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Theta
 from sim.effects.motion import Estimate, RecordedJoint
 
-#: A little of what a Dahl spring stores comes back; more than this share is a drive.
-MAX_GIVEN = 0.25
-REFINEMENTS = (1.0, 0.5, 0.25, 0.12)
+REFINEMENTS = (1.0, 0.5, 0.25, 0.12, 0.06, 0.03, 0.015)
+#: Refinements that are always made, and the least share of the misfit that one has to take away for
+#: a finer one to follow.
+COARSE, SETTLED = 4, 0.01
 #: Non-linear parameters of how friction passes through zero.
 TURNING = ("smooth",)
 #: Options that are refined before they are compared.
@@ -103,25 +107,13 @@ def _sharpened(options: list[Option], rows: Rows, current: Score) -> list[Option
     sharp = []
     for place, option in enumerate(options):
         if place < CONTENDERS and option.gain > 0.5 * options[0].gain:
-            model, scored = refined(option, rows, rounds=2)
+            model, scored = refined(option, rows)
             gain, error = compare(current.losses, scored.losses)
             if gain > option.gain:
                 option = replace(option, model=model, score=scored, gain=gain, z=gain / error)
         sharp.append(option)
-    physical = [option for option in sharp if not beyond_physics(option)]
+    physical = [o for o in sharp if not beyond_physics(o.model, o.score, o.candidate)]
     return sorted(physical, key=lambda option: -option.gain)
-
-
-def beyond_physics(option: Option) -> str:
-    """Return the parameter of an option that no such effect can have; empty if all can be."""
-    model, candidate = option.model, option.candidate
-    own: dict[int, float] = {}
-    for term, found in model.split(option.score.coefficients):
-        if term.candidate == candidate:
-            own = dict(zip(term.kept, found.tolist(), strict=True))
-    joint = unfitted(model.recording, candidate.joint)
-    corrects = candidate.effect.rubs and _corrects(model.without(candidate), candidate)
-    return candidate.effect.beyond(joint, option.theta, own, difference=corrects)
 
 
 def _without_included(model: Model, candidate: Candidate) -> Model:
@@ -194,32 +186,14 @@ def _try(
         z=gain / error,
         refused=refusal(model, rows, candidate, scored, current),
     )
-    rubs = effect.rubs and not _corrects(model, candidate)
-    if not (rubs and _drives(tried, scored, candidate)) and not beyond_physics(option):
+    rubs = effect.rubs and not corrects(model, candidate)
+    driven = rubs and drives(tried, scored, candidate)
+    if not driven and not beyond_physics(tried, scored, candidate):
         return option
     if left_out or not effect.undetermined:
         return None
     # What leaves the physical range may be a column that these trials hardly determine.
     return _try(model, rows, candidate, estimate, current, simpler, effect.undetermined)
-
-
-def _corrects(model: Model, candidate: Candidate) -> bool:
-    """Whether friction is declared at the joint: then the effect is a difference of either sign."""
-    device, joint = model.recording.device, candidate.joint
-    return bool(
-        device.friction[joint]
-        or device.model.dof_damping[joint]
-        or any(term.joint == joint and term.rubs for term in model.terms)
-    )
-
-
-def _drives(model: Model, scored: Score, candidate: Candidate) -> bool:
-    """Whether the fitted friction gives energy to the joint: then it is no friction."""
-    columns = kept_columns(model.terms[-1])[candidate.joint]
-    torque = columns @ scored.coefficients[-columns.shape[1] :]
-    power = torque * model.recording.velocity[:, candidate.joint]
-    given, taken = float(-power[power < 0].sum()), float(power[power > 0].sum())
-    return given > MAX_GIVEN * taken
 
 
 def _best(
@@ -322,7 +296,7 @@ def _best_channel(
     return min(tried, key=lambda pair: pair[1].sse) if tried else None
 
 
-def refined(option: Option, rows: Rows, rounds: int = 4) -> tuple[Model, Score]:
+def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple[Model, Score]:
     """Refine the non-linear parameters on all fit rows, within what they can physically be."""
     candidate, model, current = option.candidate, option.model, option.score
     own = next((term for term in model.terms if term.candidate == candidate), None)
@@ -331,7 +305,8 @@ def refined(option: Option, rows: Rows, rounds: int = 4) -> tuple[Model, Score]:
     left_out = candidate.effect.undetermined
     if own is None or set(left_out) & set(own.kept):
         left_out = ()
-    for scale in REFINEMENTS[:rounds]:
+    for number, scale in enumerate(REFINEMENTS[:rounds], 1):
+        begun = current.sse
         estimate = _estimate_beside(model, current, own)
         joint = RecordedJoint(model.recording, candidate.joint, estimate)
         if candidate.effect.uses_estimate and own is not None:
@@ -345,6 +320,8 @@ def refined(option: Option, rows: Rows, rounds: int = 4) -> tuple[Model, Score]:
             found = _best(rest, rows, candidate, [near], joint, left_out)
             if found is not None and found[1].sse < current.sse:
                 (model, current), theta = found, near
+        if number >= COARSE and current.sse > (1.0 - SETTLED) * begun:
+            break
     # Coefficients must follow the order of the model's terms.
     return model, evaluate(model, rows)
 

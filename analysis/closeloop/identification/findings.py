@@ -111,6 +111,8 @@ class Trace:
     explainable_before: Explainable
     explainable_after: Explainable
     notes: tuple[str, ...] = ()
+    #: The model with the effects of the steps, where they are shown but repair nothing.
+    supposed: Fit | None = None
 
     @property
     def fits(self) -> tuple[Fit, Fit]:
@@ -123,10 +125,7 @@ class Trace:
     @property
     def fit_of_steps(self) -> Fit:
         """The model that holds the effects of the steps: not the final one if none is named."""
-        if self.verdict == Verdict.NOT_IDENTIFIABLE and self.steps:
-            taken = self.steps[0].taken
-            return taken.model, taken.score.coefficients
-        return self.model, self.score.coefficients
+        return self.supposed or self.fits[1]
 
     def without_names(self, note: str) -> "Trace":
         """Return the trace of a residual that no effect may be named for."""
@@ -136,6 +135,7 @@ class Trace:
             model=self.declared,
             score=self.declared_score,
             steps=(),
+            supposed=None,
             explainable_after=self.explainable_before,
             notes=(*self.notes, note),
         )

@@ -1,4 +1,6 @@
-"""A late motor is late at every frequency of the motion, or it is none.
+"""Names that do not hold: of a size that may be none, or of one size here and another there.
+
+A late motor is late at every frequency of the motion, or it is none.
 
 A robot is recorded in closed loop. A torque that nobody knows of (a tremor, a person's push) moves
 the joint, and the controller answers: effort and motion are then related by the controller, and a
@@ -8,16 +10,21 @@ what the controller does in the band of a disturbance does not go on into the ba
 what such an effect explains is cut into octaves, and in each its size is asked for again.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy.fft import dct, idct
 
+from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, prediction
-from analysis.closeloop.identification.balance.regression import Rows
-from analysis.closeloop.identification.findings import Step
+from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.identification.balance.uncertainty import leave_out, surely_there
+from analysis.closeloop.identification.candidates import tried_alone
+from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing import Grown
+from analysis.closeloop.identification.selection import ALONE_Z, MIN_GAIN, more_than_luck
 from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 
 #: Lowest octave's upper edge, Hz.
 LOWEST = 0.5
@@ -40,20 +47,86 @@ def held_in_octaves(grown: Grown, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
     Returns:
         The model with the effects that stay, and a sentence for each that went.
     """
+    return _without(
+        grown,
+        rows,
+        lambda grown: next((s for s in reversed(grown.steps) if _differs(grown, s, rows)), None),
+        "it would have another size at one frequency than at the others, as the controller's "
+        "answer to an unknown torque has",
+    )
+
+
+def determined(grown: Grown, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
+    """Take out effects that may be nothing (`surely_there`), the least sure first.
+
+    What lowers the error is no reason to name a cause as long as its own size does not show it.
+    What joints share is judged by its own intervals (`arms.spread`).
+
+    Args:
+        grown: the model with its effects.
+        rows: the samples that were fitted.
+
+    Returns:
+        The model with the effects that stay, and a sentence for each that went.
+    """
+    return _without(
+        grown,
+        rows,
+        lambda grown: _least_sure(grown, rows),
+        "its size may be zero",
+    )
+
+
+def _least_sure(grown: Grown, rows: Rows) -> Step | None:
+    """Return the step whose effect is nearest to nothing; None if all are surely there."""
+    own = [s for s in grown.steps if s.key[0] not in (LINK_INERTIA, PLACED.name)]
+    if not own:
+        return None
+    fits = leave_out(grown.model, rows, grown.score.coefficients)
+    sure = {
+        step.key: surely_there(fits, grown.model, grown.score.coefficients, step.taken.candidate)
+        for step in own
+    }
+    least = min(own, key=lambda step: sure[step.key])
+    return least if sure[least.key] <= 1.0 else None
+
+
+def _without(
+    grown: Grown, rows: Rows, failing: Callable[[Grown], Step | None], why: str
+) -> tuple[Grown, tuple[str, ...]]:
+    """Take out what fails, fitting the others anew each time, and say so."""
     notes: list[str] = []
-    while True:
-        gone = next((step for step in reversed(grown.steps) if _differs(grown, step, rows)), None)
-        if gone is None:
-            return grown, tuple(notes)
+    while (gone := failing(grown)) is not None:
         candidate = gone.taken.candidate
-        notes.append(
-            f"{candidate.effect.name} of {rows.recording.name(candidate.joint)} is not added: it "
-            "would have another size at one frequency than at the others, as the controller's "
-            "answer to an unknown torque has"
-        )
+        where = rows.recording.name(candidate.joint)
+        notes.append(f"{candidate.effect.name} of {where} is not added: {why}")
         model = grown.model.without(candidate)
         left = tuple(step for step in grown.steps if step is not gone)
-        grown = Grown(model, evaluate(model, rows), left)
+        grown = _with_simpler(Grown(model, evaluate(model, rows), left), candidate, rows)
+    return grown, tuple(notes)
+
+
+def _with_simpler(grown: Grown, gone: Candidate, rows: Rows) -> Grown:
+    """Add the first of the simpler effects that one which went contains, if left-out rows miss it.
+
+    That nobody can tell what a joint's friction goes with is no reason to leave it without any.
+    """
+    own = rows.joint_of_block == gone.joint
+    worse = grown.score.losses[own]
+    for name in gone.effect.includes:
+        simple = Candidate(effect=BY_NAME[name], joint=gone.joint)
+        there = {candidate.key for candidate in grown.model.effects}
+        found = None if simple.key in there else tried_alone(grown.model, rows, simple)
+        if found is None:
+            continue
+        model, score = found
+        gain, error = compare(worse, score.losses[own])
+        sure = more_than_luck(worse, score.losses[own], rows.fold_of_block[own], ALONE_Z)
+        if sure and gain > MIN_GAIN * float(worse.sum()):
+            taken = Option(candidate=simple, model=model, score=score, gain=gain, z=gain / error)
+            step = Step(taken=taken, equals=(), options=(), before=float(worse.sum()))
+            return Grown(model, score, (*grown.steps, step))
+    return grown
 
 
 def _differs(grown: Grown, step: Step, rows: Rows) -> bool:

@@ -1,12 +1,21 @@
-"""Whether these trials can name an effect at all, beside what is declared."""
+"""Whether these trials can name an effect at all, and whether what was fitted can be one."""
 
 import numpy as np
 
-from analysis.closeloop.identification.balance.model import Candidate, Model
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Channel,
+    Model,
+    Term,
+    kept_columns,
+    unfitted,
+)
 from analysis.closeloop.identification.balance.regression import Rows, Score, takes_all
 
 #: An effect whose torque the declared unknowns imitate to this share cannot be named.
 MIN_UNIQUE = 0.02
+#: A little of what a Dahl spring stores comes back; more than this share is a drive.
+MAX_GIVEN = 0.25
 ONE_WAY = (
     "the only trial moves in one direction: friction, damping, stiffness and neutral angle cannot "
     "be told apart"
@@ -47,3 +56,35 @@ def one_way(rows: Rows, joint: int) -> bool:
     forward = float(np.maximum(velocity, 0).sum())
     backward = float(np.maximum(-velocity, 0).sum())
     return min(forward, backward) < 0.05 * max(forward, backward)
+
+
+def beyond_physics(model: Model, scored: Score, candidate: Candidate) -> str:
+    """Return the parameter of a fitted effect that none such can have; empty if all can be."""
+    own: dict[int, float] = {}
+    for term, found in model.split(scored.coefficients):
+        if term.candidate == candidate:
+            own = dict(zip(term.kept, found.tolist(), strict=True))
+    joint = unfitted(model.recording, candidate.joint)
+    parts: list[Term | Channel] = [*model.terms, *model.channels]
+    theta = next(part.theta for part in parts if part.candidate == candidate)
+    differs = candidate.effect.rubs and corrects(model.without(candidate), candidate)
+    return candidate.effect.beyond(joint, theta, own, difference=differs)
+
+
+def corrects(model: Model, candidate: Candidate) -> bool:
+    """Whether friction is declared at the joint: then the effect is a difference of either sign."""
+    device, joint = model.recording.device, candidate.joint
+    return bool(
+        device.friction[joint]
+        or device.model.dof_damping[joint]
+        or any(term.joint == joint and term.rubs for term in model.terms)
+    )
+
+
+def drives(model: Model, scored: Score, candidate: Candidate) -> bool:
+    """Whether the fitted friction gives energy to the joint: then it is no friction."""
+    columns = kept_columns(model.terms[-1])[candidate.joint]
+    torque = columns @ scored.coefficients[-columns.shape[1] :]
+    power = torque * model.recording.velocity[:, candidate.joint]
+    given, taken = float(-power[power < 0].sum()), float(power[power > 0].sum())
+    return given > MAX_GIVEN * taken

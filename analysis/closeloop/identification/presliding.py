@@ -28,7 +28,9 @@ TURNS, AT_ONCE = frozenset({"smooth"}), 1e-6
 MIN_Z = 3.0
 
 
-def only_presliding(candidate: Candidate, beside: Model, model: Model, rows: Rows) -> bool:
+def only_presliding(
+    candidate: Candidate, beside: Model, model: Model, rows: Rows, least: float = 0.0
+) -> bool:
     """Whether an effect does no more than correct how friction passes through zero.
 
     Args:
@@ -36,27 +38,38 @@ def only_presliding(candidate: Candidate, beside: Model, model: Model, rows: Row
         beside: the model with the effect.
         model: the model without; friction may be declared in it or found before.
         rows: the samples that are fitted.
+        least: held-out loss that a law of friction has to take away where friction may wind up.
     """
-    if candidate.effect.winds:
-        return _wound(candidate, beside, model, rows)
-    free = _free_presliding(model, candidate.joint, model.terms)
-    if free is None or candidate.effect.at_reversals:
-        return False
+    effect, joint = candidate.effect, candidate.joint
+    # Beside what the device itself declares, Coulomb friction is another level and no other turn.
+    beside_found = any(term.rubs and term.joint == joint for term in model.terms)
+    if effect.winds or (effect.rubs and beside_found):
+        free = _free_winding(model, joint)
+        if free is None or not _wound(free, beside, model, rows):
+            return False
+        return effect.winds or _nothing_beside(free, beside, model, rows, least)
+    free = _free_presliding(model, joint, model.terms)
+    return (
+        free is not None and not effect.at_reversals and _nothing_beside(free, beside, model, rows)
+    )
+
+
+def _nothing_beside(
+    free: Term, beside: Model, model: Model, rows: Rows, least: float = 0.0
+) -> bool:
+    """Whether an effect gains no more than chance, or than `least`, where friction may turn."""
     worse = evaluate(model.with_term(free), rows).losses
     better = evaluate(beside.with_term(free), rows).losses
     gain, error = compare(worse, better)
-    return gain <= MIN_Z * error and not takes_all(worse, better)
+    return gain < least or (gain <= MIN_Z * error and not takes_all(worse, better))
 
 
-def _wound(candidate: Candidate, beside: Model, model: Model, rows: Rows) -> bool:
+def _wound(free: Term, beside: Model, model: Model, rows: Rows) -> bool:
     """Whether the joint's friction, free to wind up over presliding's way, predicts as well.
 
     By one standard error, as the simpler of two models is chosen (Breiman, Friedman, Olshen and
     Stone 1984, section 3.4.3): what is known to rub anyway explains it, without another effect.
     """
-    free = _free_winding(model, candidate.joint)
-    if free is None:
-        return False
     losses = evaluate(model.with_term(free), rows).losses
     gain, error = compare(losses, evaluate(beside, rows).losses)
     return gain <= error
@@ -102,18 +115,20 @@ def _free_winding(model: Model, joint: int) -> Term | None:
     """Return a term that lets a joint's friction wind up over presliding's way; None without any.
 
     Bristles bend by up to `PRESLIDING_SHARE` of half the travel before friction slides (Dahl 1968):
-    what winds up over a longer way is an effect of its own, what does so over this one is not.
+    what winds up over a longer way is an effect of its own, what does so over this one is not. It
+    is free to turn at once besides: a law that turns slowly in speed stands for one that winds up.
 
     Args:
         model: with the recording.
         joint: which.
     """
     recorded = unfitted(model.recording, joint)
-    levels = []
+    levels, at_once = [], []
     for term in model.terms:
         if term.rubs and term.joint == joint and term.effect is not None:
             theta = {**term.theta, **dict.fromkeys(TURNS & term.theta.keys(), AT_ONCE)}
             levels.append(term.effect.columns(recorded, theta)[joint][:, list(term.kept)])
+            at_once.append(levels[-1])
     if model.recording.device.friction[joint]:
         levels.append(np.sign(recorded.velocity)[:, None])
     if not levels:
@@ -121,7 +136,8 @@ def _free_winding(model: Model, joint: int) -> Term | None:
     sign = np.sign(recorded.velocity)
     level = np.concatenate(levels, axis=1) * sign[:, None]
     longest = PRESLIDING_SHARE * recorded.travel[1]
-    wound = [
+    # Of what the device itself declares the level is not free.
+    wound = at_once + [
         level * (recorded.wound(share * longest, exponent) - sign)[:, None]
         for share in WAYS
         for exponent in (1.0, 0.0)

@@ -61,7 +61,7 @@ def choose(
         of_form: what takes away less has to be more than an error of form of what is there.
     """
     worth = [o for o in options if _worth(o, current, rows, least)]
-    worth = [o for o in worth if not only_presliding(o.candidate, o.model, model, rows)]
+    worth = [o for o in worth if not only_presliding(o.candidate, o.model, model, rows, least)]
     worth = [o for o in worth if o.gain > of_form or not _of_form(o, model, rows)]
     if not worth:
         return None

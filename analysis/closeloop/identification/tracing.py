@@ -19,13 +19,8 @@ from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Option, Step, Trace
-from analysis.closeloop.identification.growing import (
-    Grown,
-    better,
-    grow,
-    simpler_starts,
-)
-from analysis.closeloop.identification.holding import held_in_octaves
+from analysis.closeloop.identification.growing import Grown, grow, regrown
+from analysis.closeloop.identification.holding import determined, held_in_octaves
 from analysis.closeloop.identification.nameable import ONE_WAY, one_way
 from analysis.closeloop.identification.selection import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
 from analysis.closeloop.session.recording import Recording
@@ -60,15 +55,19 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     grown, refused = grow(Grown(declared, before), rows, before, progress)
     if refused is not None:
         step = replace(refused, equals=_others(refused))
-        note = refused.taken.refused
-        return replace(found, steps=(step,), verdict=Verdict.NOT_IDENTIFIABLE, notes=(note,))
-    for begun in simpler_starts(grown, rows, before):
-        again, _ = grow(begun, rows, before, progress)
-        if better(again, grown):
-            grown = again
+        taken = refused.taken
+        return replace(
+            found,
+            steps=(step,),
+            verdict=Verdict.NOT_IDENTIFIABLE,
+            supposed=(taken.model, taken.score.coefficients),
+            notes=(taken.refused,),
+        )
+    grown = regrown(grown, declared, rows, before, progress)
     if grown.steps and not limbs:
         grown = completed(grown, rows, before)
     grown, refusals = held_in_octaves(grown, rows)
+    grown, unsure = determined(grown, rows)
     grown, notes = not_worse(grown, declared, rows)
     if grown.steps:
         beyond = explainable(grown.model, rows)
@@ -78,7 +77,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         score=grown.score,
         steps=grown.steps,
         explainable_after=beyond,
-        notes=(*refusals, *notes),
+        notes=(*refusals, *unsure, *notes),
     )
     return _with_rests(_judged(found))
 
@@ -88,6 +87,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
     rows = weighed(declared, rows)
     before = evaluate(declared, rows)
     grown, refusals = held_in_octaves(traced_robot(declared, rows, progress), rows)
+    grown, unsure = determined(grown, rows)
     grown, notes = not_worse(grown, declared, rows)
     progress("what splines can explain")
     beyond = explainable_by_joint(declared, rows)
@@ -105,7 +105,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
                 explainable_after=explainable_by_joint(grown.model, rows)
                 if grown.steps
                 else beyond,
-                notes=(*refusals, *notes),
+                notes=(*refusals, *unsure, *notes),
             )
         )
     )

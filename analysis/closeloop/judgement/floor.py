@@ -12,6 +12,7 @@ Identification, section 1.3, on noise from repeated experiments.
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.optimize import nnls
 from scipy.signal import medfilt, oaconvolve, welch
 
 from analysis.closeloop.identification.balance.trial_error import TrialError
@@ -141,23 +142,23 @@ def _from_repeats(
 
 
 def _above_the_band(recording: Recording, errors: Sequence[TrialError]) -> Floor | None:
-    """Return the noise of the band above the movement, continued flat below it."""
+    """Return the noise of the band above the movement, continued below it."""
     rate = recording.sampling.recorded
     edge = BEYOND * recording.sampling.fit_cutoff
     highest = 0.5 * rate
-    if any(trial.effort_filter_hz is not None for trial in recording.session.trials):
-        return None
     if highest < WIDE * edge:
         return None
-    powers, lengths = [], []
+    powers, passed, lengths = [], [], []
     frequency = np.empty(0)
     for error in errors:
+        filter_hz = recording.session.trials[error.trial].effort_filter_hz
         for piece in np.split(error.residual, np.flatnonzero(np.diff(error.time) > 5 / rate) + 1):
             if len(piece) >= 2 * WINDOW:
                 frequency, power = welch(
                     piece, rate, nperseg=WINDOW, detrend="linear", average="median"
                 )
                 powers.append(power)
+                passed.append(_passed(frequency, filter_hz))
                 lengths.append(len(piece))
     if not powers:
         return None
@@ -165,10 +166,32 @@ def _above_the_band(recording: Recording, errors: Sequence[TrialError]) -> Floor
     if _low_passed(frequency, power, edge, ALIASES * highest):
         return None
     above = frequency >= edge
-    near = above & (frequency <= WIDE * edge)
-    level = float(np.median(power[near if near.sum() > 3 else above]))
-    square = level * edge + float(power[above].sum() * frequency[1])
+    gain = np.average(passed, axis=0, weights=lengths)
+    if np.ptp(gain) > 0.0:
+        within = _through_the_filter(gain, power, above)[~above].sum() * frequency[1]
+    else:
+        near = above & (frequency <= WIDE * edge)
+        within = np.median(power[near if near.sum() > 3 else above]) * edge
+    square = float(within + power[above].sum() * frequency[1])
     return Floor(value=float(np.sqrt(square)), source="above the band")
+
+
+def _passed(frequency: np.ndarray, filter_hz: float | None) -> np.ndarray:
+    """Return what share of power a channel's declared low-pass, of the first order, lets pass."""
+    return np.ones(len(frequency)) / (
+        1.0 + (0.0 if filter_hz is None else frequency / filter_hz) ** 2
+    )
+
+
+def _through_the_filter(gain: np.ndarray, power: np.ndarray, above: np.ndarray) -> np.ndarray:
+    """Return the spectrum of white noise before and after a low-pass that fits best above the band.
+
+    Every line counts by its share: a line's error is as large as its level.
+    """
+    parts = np.column_stack([np.ones(len(gain)), gain])
+    level = np.maximum(power[above], 1e-12 * power.max() + 1e-300)
+    sizes, _ = nnls(parts[above] / level[:, None], np.ones(int(above.sum())))
+    return np.asarray(parts @ sizes)
 
 
 def _low_passed(frequency: np.ndarray, power: np.ndarray, low: float, high: float) -> bool:

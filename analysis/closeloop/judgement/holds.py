@@ -18,7 +18,9 @@ from analysis.closeloop.session.signals import runs
 FLANK, PEAK = 2.5, 8.0
 #: ... its peak over the Coulomb friction that the joint's motion shows.
 STICTION = 3.0
-#: ... and over the noise of single samples.
+#: ... and over the noise of single samples; where the joint hardly moves by itself, over what is
+#: left of it in the fit's band: what a fit to its motion leaves of an excursion is more than noise,
+#: and so is the stiction of a joint that never moves, which nothing shows the size of.
 OVER_NOISE = 4.0
 #: Time over which a resting joint's torque is compared with its own course, s.
 COURSE = 4.0
@@ -42,11 +44,11 @@ def rest_events(
         abrupt: torque near each sample of which filters are wrong, Nm or N, (n,).
     """
     courses = []
+    still = recording.still or joint not in recording.joints
     for piece in recording.slices:
         effort = recording.effort[piece, joint]
         if np.isnan(effort).any():
             continue
-        still = recording.still or joint not in recording.joints
         holds = [slice(0, len(effort))] if still else recording.held(joint, piece)
         for run in holds:
             if run.stop - run.start < recording.rate:
@@ -58,7 +60,10 @@ def rest_events(
             courses.append((piece, run, beyond))
     if not courses:
         return
-    noise = max(_noise(recording, joint, number) for number in np.unique(recording.trial))
+    sampling = recording.sampling
+    hardly = expected is None and not still
+    share = 2.0 * sampling.fit_cutoff / sampling.recorded if hardly else 1.0
+    noise = max(_noise(recording, joint, n, min(1.0, share)) for n in np.unique(recording.trial))
     usual = quiet_spread(np.concatenate([beyond for _, _, beyond in courses]))
     least = max(PEAK * usual, STICTION * friction, OVER_NOISE * noise)
     if usual <= 0.0:
@@ -109,12 +114,15 @@ def _driven(recording: Recording, joint: int, start: int, run: slice, beyond: np
     return float(way @ beyond[run]) > 0.0
 
 
-def _noise(recording: Recording, joint: int, trial: int) -> float:
-    """Return what differs from one raw sample to the next, Nm or N; its last digit at least."""
+def _noise(recording: Recording, joint: int, trial: int, share: float) -> float:
+    """Return the noise of a trial's samples, Nm or N: what differs from one to the next.
+
+    Of its power a low-pass leaves a share, as of white noise; of the last digit it leaves all.
+    """
     effort = recording.raw_effort(trial, joint)
     if effort is None:
         return 0.0
-    return max(spread(np.diff(effort)) / float(np.sqrt(2.0)), last_digit(effort))
+    return max(spread(np.diff(effort)) * float(np.sqrt(share / 2.0)), last_digit(effort))
 
 
 def spread(signal: np.ndarray) -> float:

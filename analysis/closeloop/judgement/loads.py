@@ -7,6 +7,7 @@ Schutter 2007 identify a load from what it adds to the bare arm's torque), and t
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from analysis.closeloop.identification.arms.shared import sure
 from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_and_place
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import with_load
-from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.model import Model, Term
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.findings import Carried, Trace
 from analysis.closeloop.identification.selection import LEAST_BLOCKS
@@ -150,20 +151,23 @@ def _weighed(
         value = mass_and_place(model, term, own[None])[0]
         if value[0] <= NO_MASS:
             continue
-        columns = spread.owner == place
-        others = [mass_and_place(model, term, fits[:, columns]) for fits, _ in spread.fits]
-        moments = [fits[:, :1] * fits[:, 1:] for fits in others]
         carried = Carried(
             trial=found[term.load.name][0],
             body=term.load.body,
             joint=term.joint,
             value=value,
-            half=spread.half_width(value, others),
+            half=spread.of_term(place, own, partial(mass_and_place, model, term)),
             moments=value[0] * value[1:],
-            half_moments=spread.half_width(value[0] * value[1:], moments),
+            half_moments=spread.of_term(place, own, partial(_moments, model, term)),
             felt=term.kept,
             share=found[term.load.name][1],
         )
         far = float(np.linalg.norm(value[1:])) > recording.reach(term.joint)
         if not far or carried.half[0] >= value[0]:
             yield carried
+
+
+def _moments(model: Model, term: Term, own: np.ndarray) -> np.ndarray:
+    """Return the first moments of a payload from some fits of its columns, (fits, 3)."""
+    values = mass_and_place(model, term, own)
+    return np.asarray(values[:, :1] * values[:, 1:])

@@ -78,17 +78,25 @@ def outcome_of(
         hidden=hidden,
         left=left_in_band(recording, expected[1], rubs=rubs),
     )
-    if trace.verdict == Verdict.ADEQUATE and _something_is_left(outcome):
-        return replace(outcome, verdict=Verdict.UNEXPLAINED)
-    if trace.verdict == Verdict.ADEQUATE and any(
-        not outcome.identified(joint) for joint in outcome.hidden
-    ):
-        return replace(outcome, verdict=Verdict.NOT_IDENTIFIABLE)
-    return outcome
+    return replace(outcome, verdict=verdict_of(outcome))
 
 
-def _something_is_left(outcome: Outcome) -> bool:
-    """Whether a residual that no effect was found in is more than noise."""
+def verdict_of(outcome: Outcome) -> Verdict:
+    """Return the trace's verdict, unless what is left or what may hide calls for another."""
+    trace = outcome.trace
+    # Whatever else trials cannot tell, somebody pushed.
+    pushed = trace.verdict == Verdict.NOT_IDENTIFIABLE and not trace.steps and bool(outcome.events)
+    if pushed:
+        return Verdict.UNEXPLAINED
+    if trace.verdict == Verdict.ADEQUATE and (outcome.events or left_beside_events(outcome)):
+        return Verdict.UNEXPLAINED
+    if trace.verdict == Verdict.ADEQUATE and not all(map(outcome.identified, outcome.hidden)):
+        return Verdict.NOT_IDENTIFIABLE
+    return trace.verdict
+
+
+def left_beside_events(outcome: Outcome) -> bool:
+    """Whether what a residual holds beside events, without a name, is more than noise."""
     far = [joint for joint in outcome.left if (outcome.over_floor(joint) or 0.0) > AT_FLOOR]
     structured = [joint for joint, own in outcome.structures.items() if own]
     shaken = [
@@ -97,7 +105,7 @@ def _something_is_left(outcome: Outcome) -> bool:
         if joint not in outcome.floors
         or max(peak.rms for peak in own) > MIN_LINE * outcome.floors[joint].value
     ]
-    return bool(shaken or outcome.events or outcome.loads or far or structured)
+    return bool(shaken or outcome.loads or far or structured)
 
 
 def _large(

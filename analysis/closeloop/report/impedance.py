@@ -6,9 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
     Given,
     Model,
     evaluate,
@@ -17,12 +15,13 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.uncertainty import leave_out
-from analysis.closeloop.identification.findings import TELLING, Option, Outcome, Trace
+from analysis.closeloop.identification.findings import TELLING, Outcome, Trace
+from analysis.closeloop.judgement.agreement import APART, alternatives
 
 #: Effects that are listed of those that could move a stiffness.
 MAX_HIDDEN = 5
-#: Stiffnesses under two names that differ by less than this are one.
-APART = 0.02
+#: Which of several names a value belongs to.
+FIRST = "under the name given first"
 
 
 class Refits:
@@ -75,7 +74,7 @@ def impedance_entries(found: Trace) -> dict[str, Any]:
     if not impedances(*found.fits[0]):
         return {}
     before, after = (Refits(model, found.rows, own) for model, own in found.fits)
-    others = alternatives(found)
+    others = _of_names(found)
     entries: dict[str, Any] = {}
     for joint in before.values:
         name = recording.name(joint)
@@ -164,9 +163,10 @@ def undecided(entries: Mapping[str, Any]) -> list[str]:
         }
         if apart:
             said = ", ".join(f"{value:.3g} if it is {name}" for name, value in apart.items())
+            given = "if nothing is repaired" if entry["after"] == entry["before"] else FIRST
             lines.append(
-                f"the stiffness of {joint} is {entry['after']:.3g} {entry['unit']} under the name "
-                f"given first, but {said}; its interval holds both"
+                f"the stiffness of {joint} is {entry['after']:.3g} {entry['unit']} {given}, but "
+                f"{said}; its interval holds them all"
             )
     return lines
 
@@ -183,25 +183,16 @@ def off_by_form(found: Trace, entries: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def alternatives(found: Trace) -> dict[str, Refits]:
-    """Return the fits under every other name that explains the trials as well."""
-    others = {}
-    for step in found.steps:
-        if found.verdict != Verdict.EFFECT_FOUND:
-            continue
-        for option in step.equals:
-            model = _exchanged(found.model, step.taken.candidate, option)
-            coefficients = evaluate(model, found.rows).coefficients
-            others[option.candidate.effect.name] = Refits(model, found.rows, coefficients)
-    return others
+def _of_names(found: Trace) -> dict[str, Refits]:
+    """Return the fits under the names that the values before the repair do not already stand for.
 
-
-def _exchanged(model: Model, taken: Candidate, option: Option) -> Model:
-    """Return the model with the effect that was taken replaced by an option's."""
-    rest = model.without(taken)
-    other = option.candidate
-    return replace(
-        rest,
-        terms=(*rest.terms, *(t for t in option.model.terms if t.candidate == other)),
-        channels=(*rest.channels, *(c for c in option.model.channels if c.candidate == other)),
-    )
+    Beside a repair, the other names; where nothing is repaired, the name that is given first too.
+    """
+    fits = {
+        other.candidate.effect.name: (other.model, other.score.coefficients)
+        for _, other in alternatives(found)
+    }
+    if found.supposed is not None:
+        names = " and ".join(step.taken.candidate.effect.name for step in found.steps)
+        fits = {names: found.supposed, **fits}
+    return {name: Refits(model, found.rows, own) for name, (model, own) in fits.items()}

@@ -5,6 +5,7 @@ from typing import Any
 from analysis.closeloop.contract import SCHEMA, Verdict
 from analysis.closeloop.identification.balance.accuracy import rms_by_joint, smooth_relative
 from analysis.closeloop.identification.findings import Errors, Outcome, Trace
+from analysis.closeloop.judgement.outcome import left_beside_events
 from analysis.closeloop.report.diagnostics import diagnose
 from analysis.closeloop.report.impedance import (
     identified_entries,
@@ -29,7 +30,12 @@ from analysis.closeloop.report.shared import (
     undetermined_places,
     unnamed_load_entries,
 )
-from analysis.closeloop.report.unexplained import far_from_floor, floor_entries, unexplained
+from analysis.closeloop.report.unexplained import (
+    far_from_floor,
+    floor_entries,
+    unexplained,
+    untouched,
+)
 
 
 def json_report(outcome: Outcome) -> dict[str, Any]:
@@ -63,7 +69,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
         "unexplained": unexplained(outcome),
         "floor": floor_entries(recording, outcome.floors),
         "diagnostics": _diagnostics(found),
-        "advice": [*_advice(found, verdict), *trials_that_tell(identified)],
+        "advice": [*advice(outcome), *trials_that_tell(identified)],
         "warnings": [
             *warnings,
             *far_from_floor(outcome),
@@ -106,29 +112,30 @@ def _errors(outcome: Outcome, errors: Errors, *, relative: bool) -> dict[str, An
     return entries
 
 
-def _advice(found: Trace, verdict: Verdict) -> list[str]:
-    advice = []
+def advice(outcome: Outcome) -> list[str]:
+    """Return what to record next, a sentence each; more follows from what is not identified."""
+    found, verdict, recording = outcome.trace, outcome.verdict, outcome.trace.rows.recording
+    lines = untouched(recording, outcome.events)
     for step in found.steps:
         effect = step.taken.candidate.effect
         if step.equals or verdict == Verdict.NOT_IDENTIFIABLE:
-            advice.append(
-                f"To tell {effect.name} from what looks alike: {effect.separating_trial}."
-            )
+            lines.append(f"To tell {effect.name} from what looks alike: {effect.separating_trial}.")
     if verdict == Verdict.NOT_IDENTIFIABLE:
-        advice.append(
+        lines.append(
             "Record the movement to and fro, at two or more speeds, with every speed as its own "
             "group."
         )
     if verdict == Verdict.ADEQUATE and not found.rows.grouped:
-        advice.append(
+        lines.append(
             "All fit trials share one group; another speed or posture would show more effects."
         )
-    if verdict == Verdict.UNEXPLAINED:
-        advice.append(
+    pushed_only = found.verdict != Verdict.UNEXPLAINED and not left_beside_events(outcome)
+    if verdict == Verdict.UNEXPLAINED and not pushed_only:
+        lines.append(
             "No catalogued effect explains what is left; `unexplained` says on which recorded "
             "signals it depends. Record more there (EMG, temperature, the limb's own angle)."
         )
-    return advice
+    return lines
 
 
 def _diagnostics(found: Trace) -> dict[str, Any]:

@@ -210,7 +210,8 @@ def _parameters(
             continue
         unit = unit_at(effect.unit(key, theta), hinge=model.recording.is_hinge(candidate.joint))
         interval = list(fits.interval(every, float(value), lowest))
-        entries[key] = {"value": value, "ci90": interval, "unit": unit}
+        what = effect.parameters[key].description
+        entries[key] = {"value": value, "ci90": interval, "unit": unit, "description": what}
         if free is not None and part.candidate is not None and not _is_difference(model, part):
             entries[key] |= {"free": free, "limits": limits[key]}
     return entries

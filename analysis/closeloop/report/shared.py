@@ -5,6 +5,7 @@ Intervals are those of `identification.arms.spread`.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -183,14 +184,12 @@ def _payloads(
         if term.load is None:
             continue
         value = mass_and_place(model, term, own[None])[0]
-        columns = spread.owner == number
-        every = [mass_and_place(model, term, fits[:, columns]) for fits, _ in spread.fits]
-        half = spread.half_width(value, every)
-        low, high = value - half, value + half
+        half = spread.of_term(number, own, partial(mass_and_place, model, term))
+        mass = float(value[0]) if value[0] > NO_MASS else 0.0
         found[term.load.name, term.load.body] = {
             "mass": {
-                "value": value[0] if value[0] > NO_MASS else 0.0,
-                "ci90": [max(low[0], 0.0), high[0]],
+                "value": mass,
+                "ci90": [float(max(mass - half[0], 0.0)), float(mass + half[0])],
                 "unit": "kg",
             },
             "position": place_entry(value, half, term.kept, model.recording.reach(term.joint)),

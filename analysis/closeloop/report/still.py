@@ -12,11 +12,12 @@ from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.floor import floors
 from analysis.closeloop.report.answer import Answer
 from analysis.closeloop.report.plain import CONVENTION, finite, session_entry
-from analysis.closeloop.report.unexplained import floor_entries, only_events
+from analysis.closeloop.report.unexplained import floor_entries, only_events, untouched
 from analysis.closeloop.session.recording import Recording
 
 NOTHING_MOVES = (
-    "no joint moves: nothing can be said of the model, only of torque that is local in time"
+    "no joint moves long enough: nothing can be said of the model, only of torque that is local in "
+    "time"
 )
 
 
@@ -27,7 +28,7 @@ def still_answer(recording: Recording, events: Sequence[Event]) -> Answer:
     says anything of the declared model; the errors are given as they are.
 
     Args:
-        recording: of which no joint moves.
+        recording: of which no joint moves long enough for a fit.
         events: torque that is local in time.
     """
     trials = tuple(range(len(recording.session.trials)))
@@ -60,7 +61,10 @@ def still_answer(recording: Recording, events: Sequence[Event]) -> Answer:
         },
         "floor": floor_entries(recording, lowest),
         "diagnostics": {},
-        "advice": ["Move every joint to and fro, at two or more speeds."],
+        "advice": [
+            *untouched(recording, events),
+            "Move every joint to and fro, at two or more speeds.",
+        ],
         "warnings": [NOTHING_MOVES],
         "session": session_entry(recording),
         "ladder": [],

@@ -85,15 +85,30 @@ def only_events(recording: Recording, events: Sequence[Event]) -> dict[str, Any]
 
 
 def event_entries(recording: Recording, events: Sequence[Event]) -> list[dict[str, Any]]:
-    """Return events in the contract's words."""
+    """Return events in the contract's words.
+
+    `peak` has the residual's sign, what the motor must add; `on_joint` is what somebody puts on
+    the joint.
+    """
     return [
         {
             "file": recording.session.trials[event.trial].file,
             "from": event.begin,
             "to": event.end,
             "peak": event.peak,
+            "on_joint": -event.peak,
         }
         for event in events
+    ]
+
+
+def untouched(recording: Recording, events: Sequence[Event]) -> list[str]:
+    """Return what to do about events: repeat their trials with nobody near."""
+    files = dict.fromkeys(recording.session.trials[event.trial].file for event in events)
+    return [
+        f"Repeat {file} with nothing and nobody touching the robot; `unexplained` says when there "
+        "was a torque that does not come back."
+        for file in files
     ]
 
 

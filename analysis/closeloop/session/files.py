@@ -142,7 +142,8 @@ class Fields:
         if not is_finite_number(value):
             raise self.wrong(name, f"must be a finite number, not {str(value)[:40]}")
         if not low < value <= high and not (low < 0 and value == low):
-            raise self.wrong(name, f"must be more than {low:g} and at most {high:g}, not {value:g}")
+            most = "" if high == inf else f" and at most {high:g}"
+            raise self.wrong(name, f"must be more than {low:g}{most}, not {value:g}")
         return float(value)
 
     def entries(self, name: str) -> list[Any]:

@@ -57,10 +57,11 @@ def load_device(session: Session) -> Device:
         raise SessionError("must have joints, each with a name", file=session.model)
     for name in session.ignored_joints:
         _known(name, device.joints, "ignored_joints")
-    for name in session.limb_joints:
-        _known(name, device.joints, "limb_joints")
+    # By default limbs are where effects are declared: whoever wrote a name is told of it there.
     for number, declared in enumerate(session.declared):
         _known(declared.joint, device.recorded_joints, f"declared_effects[{number}].joint")
+    for name in session.limb_joints:
+        _known(name, device.joints, "limb_joints")
     for number, trial in enumerate(session.trials):
         if trial.added_mass is not None:
             _known(trial.added_mass.body, device.bodies, f"trials[{number}].added_mass.body")

@@ -1,9 +1,12 @@
 """Signals that cannot be what their column says: degrees, flipped signs, saturation, constants."""
 
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, detrend, sosfiltfilt
+from scipy.stats import median_abs_deviation, siegelslopes
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import Trial
@@ -29,18 +32,31 @@ SATURATED_SHARE = 0.01
 SATURATED_RUN = 10
 #: Over such a run a joint at rest moves less than this share of what it moves on average.
 RESTING_SHARE = 0.1
+STILL = "no position changes; if the joints were not held, look at the encoders"
+#: Length over which the effort of a held joint is averaged, s, and by how many spreads of single
+#: samples, or last digits, it changes if the joint is not held.
+SLOW, WORKS = 0.1, 3.0
 #: Least time that a motor moves its joint before the sign of its effort is judged, s.
 LEAST_MOTION = 1.0
 
 
-def check_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> None:
+def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> Trial:
     """Refuse a trial whose signals cannot be what their columns say.
 
+    Joints that are held may all be constant. That could be an encoder, too, and the trial says so.
     A limb acts at `limb_joints`, which never turn round.
 
     Raises:
         SessionError: names file, column and line.
     """
+    highest = 0.5 / float(np.median(np.diff(trial.time)))
+    # A clock is written with some digits only.
+    if trial.effort_filter_hz is not None and trial.effort_filter_hz > (1.0 - 1e-4) * highest:
+        why = (
+            f"effort_filter_hz, {trial.effort_filter_hz:g} Hz, is not below {highest:.4g} Hz, half "
+            "of the rate; samples hold nothing of such a filter: leave it out"
+        )
+        raise SessionError(why, file=trial.file)
     moving = []
     for joint in device.recorded_joints:
         position = trial.columns[f"{joint}.position"]
@@ -53,14 +69,16 @@ def check_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> N
         if np.ptp(position) > 1e-9 * (1.0 + np.abs(position).max()):
             moving.append(joint)
     if not moving:
-        why = "is constant, as is every other position; a trial needs at least one moving joint"
         # Whose motor works hardest should have moved.
-        still = np.zeros(1)
-        joint = max(
-            device.recorded_joints,
-            key=lambda name: float(np.ptp(trial.columns.get(f"{name}.effort", still))),
-        )
-        raise SessionError(why, file=trial.file, column=f"{joint}.position", line=2)
+        efforts = {name: trial.columns.get(f"{name}.effort") for name in device.recorded_joints}
+        measured = {name: effort for name, effort in efforts.items() if effort is not None}
+        joint = max(measured, key=lambda name: float(np.ptp(measured[name])), default="")
+        if joint and works(measured[joint], trial.time):
+            why = (
+                "is constant, as is every other position, while the motor's effort changes "
+                "throughout; look at the encoder"
+            )
+            raise SessionError(why, file=trial.file, column=f"{joint}.position", line=2)
     for joint in moving:
         effort = trial.columns.get(f"{joint}.effort")
         if effort is None:
@@ -76,6 +94,22 @@ def check_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> N
                 "repeat the trial below the motor's limit"
             )
             raise SessionError(why, file=trial.file, column=column, line=line)
+    return trial if moving else replace(trial, repairs=(*trial.repairs, STILL))
+
+
+def works(effort: np.ndarray, time: np.ndarray) -> bool:
+    """Whether an effort changes through most of a trial by more than noise, as it does in motion.
+
+    That of a held joint may drift, and somebody may push for less than half of the time: the line
+    that is taken off, and what is left, are medians (Siegel 1982, Robust regression using repeated
+    medians).
+    """
+    noise = median_abs_deviation(np.diff(effort), scale="normal") / np.sqrt(2.0)
+    digit = float(np.diff(np.unique(effort)).min(initial=np.ptp(effort)))
+    width = max(1, int(SLOW / float(np.median(np.diff(time)))))
+    slow = uniform_filter1d(effort, width)[::width]
+    drift = siegelslopes(slow).slope * np.arange(len(slow))
+    return bool(median_abs_deviation(slow - drift, scale="normal") > WORKS * max(noise, digit))
 
 
 def _check_degrees(

@@ -49,8 +49,8 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
         (1.5, 0.3),
     ),
     "thixotropic_stiffness": ({"recovery": 1.5, "distance": 0.5}, (3.0, -2.5)),
-    "drift": ({"level_off": 0.6}, (0.3,)),
-    "cross_joint_coupling": ({}, (2.0, 0.4)),
+    "drift": ({"level_off": 0.6}, (0.3, 0.5)),
+    "cross_joint_coupling": ({}, (2.0, 0.4, -0.6)),
 }
 
 

@@ -135,8 +135,7 @@ def _newton(
         inverse = np.linalg.inv(_moved(pseudo, at[size:]))
         slope = hessian @ at - moments
         slope[size:] += strength * (pull - np.einsum("bij,kji->bk", inverse, BASIS).ravel())
-        turned = np.einsum("bij,kjl->bkil", inverse, BASIS)
-        curve = np.einsum("bkil,bmli->bkm", turned, turned)
+        curve = curvature(inverse)
         every = hessian + np.diag(ridge)
         for number in range(count):
             own = slice(size + PARAMETERS * number, size + PARAMETERS * (number + 1))
@@ -154,6 +153,12 @@ def _newton(
             length *= 0.5
         at, value = at + length * step, new
     return at
+
+
+def curvature(inverse: np.ndarray) -> np.ndarray:
+    """Return how the divergence curves, (links, 10, 10), at the inverses of pseudo-inertias."""
+    turned = np.einsum("bij,kjl->bkil", inverse, BASIS)
+    return np.asarray(np.einsum("bkil,bmli->bkm", turned, turned))
 
 
 def _moved(pseudo: np.ndarray, change: np.ndarray) -> np.ndarray:

@@ -15,7 +15,13 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.identification.arms.links import Links, links_of
-from analysis.closeloop.identification.arms.shared import LINKS, sure, with_links, with_share
+from analysis.closeloop.identification.arms.shared import (
+    LINKS,
+    nested_z,
+    sure,
+    with_links,
+    with_share,
+)
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
 from analysis.closeloop.identification.balance.declared import PLACED, placed
 from analysis.closeloop.identification.balance.model import (
@@ -39,6 +45,7 @@ from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.selection import (
     MIN_GAIN,
     MIN_TORQUE,
+    MIN_Z,
 )
 from sim.effects.catalogue import BY_NAME
 
@@ -186,9 +193,13 @@ def _missed(without: Fitted, whole: Fitted, joint: int, rows: Rows) -> float | N
     worse, better = without.losses[own], whole.losses[own]
     gain = float((worse - better).sum())
     least = max(MIN_GAIN * float(worse.sum()), MIN_TORQUE**2 * rows.effort_power(joint))
-    if gain > least and sure(worse, better, rows.fold_of_block[own]):
-        return None
-    return gain / max(float(worse.sum()), 1e-300)
+    share = gain / max(float(worse.sum()), 1e-300)
+    if gain <= least:
+        return share
+    part = rows.parts[joint]
+    block = np.unique(rows.block[part], return_inverse=True)[1]
+    shown = nested_z(without.left[part], whole.left[part], block) > MIN_Z
+    return None if shown or sure(worse, better, rows.fold_of_block[own]) else share
 
 
 def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[str, int], Step]]:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm, t
 
 from analysis.closeloop.identification.arms.links import Links
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
@@ -84,6 +85,28 @@ def sure(worse: np.ndarray, better: np.ndarray, folds: np.ndarray) -> bool:
         and gain > LARGE_Z * error
         and wins_in_folds(worse, better, folds)
     )
+
+
+def nested_z(without: np.ndarray, beside: np.ndarray, block: np.ndarray) -> float:
+    """Return how surely left-out rows show an effect that one of two fits lacks.
+
+    The error that the effect's own estimate brings is no evidence against it, though `compare`
+    counts it so: between nested models the difference of squares is that of the residuals times
+    what the effect adds, less the square of what it adds (Clark and West 2007, Approximately normal
+    tests for equal predictive accuracy in nested models). With few seconds that is half of it; then
+    the error is not well known either, and Student's t with as many blocks is asked.
+
+    Args:
+        without: held-out residuals without the effect, (r,).
+        beside: the same with it.
+        block: number of each row's block.
+
+    Returns:
+        Standard errors of a normal distribution that are as rare.
+    """
+    shown = np.bincount(block, 2.0 * without * (without - beside))
+    gain, error = compare(shown, np.zeros(len(shown)))
+    return float(norm.isf(t.sf(gain / error, len(shown) - 1)))
 
 
 def _plausible(load: Fitted, model: Model, links: Links) -> bool:

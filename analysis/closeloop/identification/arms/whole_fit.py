@@ -11,13 +11,17 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.closeloop.identification.arms.links import PARAMETERS, Links, fit_links
+from analysis.closeloop.identification.arms.links import PARAMETERS, Links, curvature, fit_links
 from analysis.closeloop.identification.balance.declared import (
     PLACE_STEPS,
     PLACE_TOLERANCE,
     PLACED,
 )
-from analysis.closeloop.identification.balance.least_squares import gram_matrices, solve
+from analysis.closeloop.identification.balance.least_squares import (
+    gram_matrices,
+    inverse_of,
+    solve,
+)
 from analysis.closeloop.identification.balance.model import (
     Model,
     kept_columns,
@@ -37,7 +41,8 @@ class Fitted:
     coefficients: np.ndarray
     #: Change of the parameters of every link, (links, 10); zero where they were not free.
     links: np.ndarray
-    #: Squared held-out residual of every block, (blocks,).
+    #: Held-out residual of every row, (r,), and its square over every block, (blocks,).
+    left: np.ndarray
     losses: np.ndarray
     #: Number of the link that carries a payload, its place, and its coefficients: mass, and mass
     #: times how far it lies from that place.
@@ -131,8 +136,9 @@ class WholeFit:
         both = np.append(every, self.table.shape[1] - 1)
         coefficients, changes = [], []
         for number in np.unique(clusters):
-            part = self.table[clusters == number]
-            gram = self.total - part.T @ part
+            # Summed anew: what a difference leaves of the joint's own columns is no zero.
+            part = self.table[clusters != number]
+            gram = part.T @ part
             if links:
                 found = self._links(gram, every, self.strength)
             else:
@@ -141,6 +147,25 @@ class WholeFit:
             coefficients.append(found[: self.size])
             changes.append(found[self.size :].reshape(-1, PARAMETERS))
         return np.array(coefficients), np.array(changes)
+
+    def covariances(self, clusters: np.ndarray, *, links: bool) -> np.ndarray:
+        """Return what white noise of variance one makes of the terms, (1 + clusters, p, p).
+
+        First of the fit to all rows, then without each cluster; arguments as those of `left_out`.
+        Free links are held by what is declared of them, as firmly as in the fit.
+        """
+        width = self.table.shape[1] - 1 if links else self.size
+        held = np.zeros((width, width))
+        if links:
+            for number, own in enumerate(curvature(np.linalg.inv(self.links.pseudo))):
+                first = self.size + PARAMETERS * number
+                held[first : first + PARAMETERS, first : first + PARAMETERS] = self.strength * own
+        parts = [self.table[clusters != number, :width] for number in np.unique(clusters)]
+        every = np.array([self.total[:width, :width], *(part.T @ part for part in parts)]) + held
+        for gram in every:
+            gram[np.diag_indices(width)] += gram.diagonal() == 0.0
+        every = inverse_of(every)
+        return every[:, : self.size, : self.size]
 
     def with_load(self, terms: Sequence[int], number: int) -> Fitted:
         """Fit some terms and one load on link `number`: where it hangs by all rows."""
@@ -185,5 +210,6 @@ class WholeFit:
         return Fitted(
             coefficients=every[: self.size],
             links=every[self.size :].reshape(-1, PARAMETERS),
+            left=residual,
             losses=np.bincount(self.rows.block, residual**2),
         )

@@ -40,6 +40,13 @@ def keep_independent(base: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray,
     return columns[:, kept], tuple(kept)
 
 
+def inverse_of(matrix: np.ndarray) -> np.ndarray:
+    """Return the inverse of Gram matrices, (..., n, n), whose columns differ in size."""
+    scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
+    both = scale[..., :, None] * scale[..., None, :]
+    return np.asarray(np.linalg.inv(matrix / both + 1e-10 * np.eye(matrix.shape[-1])) / both)
+
+
 def solve(gram: np.ndarray, lower: np.ndarray) -> np.ndarray:
     """Return the least-squares coefficients of a Gram matrix whose last row is the target.
 

@@ -34,8 +34,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t
 
-from analysis.closeloop.identification.balance.least_squares import solve
+from analysis.closeloop.identification.balance.least_squares import inverse_of, solve
 from analysis.closeloop.identification.balance.model import (
+    Candidate,
     Channel,
     Model,
     Term,
@@ -68,6 +69,10 @@ class Fits:
     #: Covariance that each partition would give under white noise, (parameters, parameters) each.
     white: tuple[np.ndarray, ...]
 
+    def left_out(self, found: np.ndarray) -> list[np.ndarray]:
+        """Return a quantity without each cluster, of every partition, from that of each fit."""
+        return np.split(found[1 + len(self.steps) :], np.cumsum(self.sizes)[:-1])
+
     def interval(
         self, found: np.ndarray, value: float, lowest: float = -np.inf
     ) -> tuple[float, float]:
@@ -81,8 +86,7 @@ class Fits:
         count = len(self.steps)
         slope = (found[1 : 1 + count] - found[0]) / self.steps
         slope = np.where(np.isfinite(slope), slope, 0.0)
-        ends = np.cumsum(self.sizes)[:-1]
-        trials, *rest = (variance(found[0], part) for part in np.split(found[1 + count :], ends))
+        trials, *rest = (variance(found[0], part) for part in self.left_out(found))
         noise = [max(float(slope @ white @ slope), 1e-300) for white in self.white]
         beyond = [
             (everywhere - ratio * cells, clusters - 1.0)
@@ -97,6 +101,52 @@ class Fits:
         half = half_width(trials, self.sizes[0] - 1.0, beyond)
         low, high = min(value - half, found[0]), max(value + half, found[0])
         return max(low, min(lowest, value)), high
+
+
+def surely_there(fits: Fits, model: Model, coefficients: np.ndarray, candidate: Candidate) -> float:
+    """Return how sure it is that an added effect is there at all; up to 1 it may be nothing.
+
+    What passes the effort on, as a delay does, has one size at every place, and its interval may
+    not hold zero. Of other effects the law is an approximation, and an interval that holds what an
+    error of form does says how large they are, not whether they are. One of their coefficients has
+    to be beyond its 90 % interval over trials.
+
+    Args:
+        fits: of `model`, from `leave_out`.
+        model: with the effect.
+        coefficients: its fit.
+        candidate: the effect and its joint.
+    """
+    for channel in model.channels:
+        if channel.candidate == candidate:
+            sizes = [(v, fits.thetas.get((*candidate.key, n))) for n, v in channel.theta.items()]
+            beyond = [
+                abs(value) / max(np.abs(np.subtract(fits.interval(found, value), value)))
+                for value, found in sizes
+                if found is not None
+            ]
+            return max(beyond, default=0.0)
+    return max(
+        (
+            _sure(fits, float(value), found)
+            for (term, own), (_, every) in zip(
+                model.split(coefficients), model.split(fits.coefficients), strict=True
+            )
+            if term.candidate == candidate
+            for value, found in zip(own, every.T, strict=True)
+        ),
+        default=0.0,
+    )
+
+
+def _sure(fits: Fits, value: float, found: np.ndarray) -> float:
+    """Return a size over half of its interval over trials.
+
+    Not over places: what acts at the end of the range alone, no other place knows.
+    """
+    trials = fits.left_out(found)[0]
+    half = half_width(variance(found[0], trials), fits.sizes[0] - 1.0)
+    return abs(value) / max(half, 1e-300)
 
 
 def half_width(noise: float, freedom: float, beyond: Sequence[tuple[float, float]] = ()) -> float:
@@ -164,25 +214,18 @@ def leave_out(model: Model, rows: Rows, coefficients: np.ndarray) -> Fits:
 def _solve_each(grams: np.ndarray, bounds: np.ndarray) -> list[np.ndarray]:
     """Return the coefficients of each of many Gram matrices, (clusters, n + 1, n + 1)."""
     size = len(bounds)
-    found = _inverse(grams[:, :size, :size]) @ grams[:, :size, size:]
+    found = inverse_of(grams[:, :size, :size]) @ grams[:, :size, size:]
     return [
         fit if np.all(fit >= bounds) else solve(gram, bounds)
         for fit, gram in zip(found[:, :, 0], grams, strict=True)
     ]
 
 
-def _inverse(matrix: np.ndarray) -> np.ndarray:
-    """Return the inverse of Gram matrices, (..., n, n), whose columns differ in size."""
-    scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
-    both = scale[..., :, None] * scale[..., None, :]
-    return np.asarray(np.linalg.inv(matrix / both + 1e-10 * np.eye(matrix.shape[-1])) / both)
-
-
 def _covariance(gram: np.ndarray, whole: np.ndarray) -> np.ndarray:
     """Return the covariance of the fit to white noise of variance one; zero for what is held."""
     free = np.flatnonzero(whole)
     out = np.zeros((len(whole), len(whole)))
-    out[np.ix_(free, free)] = _inverse(gram[np.ix_(free, free)])
+    out[np.ix_(free, free)] = inverse_of(gram[np.ix_(free, free)])
     return out
 
 
@@ -200,7 +243,7 @@ def _under_white_noise(gram: np.ndarray, grams: np.ndarray, inverse: np.ndarray)
     """
     size = len(inverse)
     own = grams[:, :size, :size]
-    total = (own + own @ _inverse(gram[:size, :size] - own) @ own).sum(axis=0)
+    total = (own + own @ inverse_of(gram[:size, :size] - own) @ own).sum(axis=0)
     return np.asarray((len(own) - 1) / len(own) * inverse @ total @ inverse)
 
 

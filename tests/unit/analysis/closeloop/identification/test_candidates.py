@@ -13,7 +13,7 @@ from analysis.closeloop.identification.balance.model import (
     unfitted,
 )
 from analysis.closeloop.identification.balance.regression import select_rows
-from analysis.closeloop.identification.candidates import _try, refined
+from analysis.closeloop.identification.candidates import _try, options_beside, refined
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, EFFECTS
 from sim.effects.effect import Theta
@@ -65,3 +65,22 @@ def test_refining_stays_within_what_an_effect_can_be(recording: Recording) -> No
     better, scored = refined(option, rows)
     found = dict(enumerate(scored.coefficients))
     assert candidate.effect.beyond(joint, better.terms[-1].theta, found) == ""
+
+
+def test_no_effect_loses_to_another_by_the_grain_of_its_grid(recording: Recording) -> None:
+    """A hardening spring's centre lies between the grid's; a wave over the angle is near it."""
+    noise, joint = 0.05, unfitted(recording, ELBOW)
+    middle, half = joint.travel
+    effort = recording.inverse + noise * np.random.default_rng(3).standard_normal((1000, 2))
+    effort[:, ELBOW] += 60.0 * (joint.position - middle - 0.06 * half) ** 3
+    loud = replace(recording, joints=(ELBOW,), effort=recording.filtered(effort), cache={})
+    rows = select_rows(loud, (0,)).reweighted({ELBOW: noise})
+    tried = [
+        Candidate(effect=BY_NAME[name], joint=ELBOW)
+        for name in ("nonlinear_stiffness", "torque_ripple")
+    ]
+    model = Model(loud)
+    best = options_beside(model, rows, evaluate(model, rows), tried)[0]
+    assert best.candidate.effect.name == "nonlinear_stiffness"
+    assert best.theta["centre"] == pytest.approx(middle + 0.06 * half, abs=0.02 * half)
+    assert best.score.loss < 1.5 * len(rows.weight)

@@ -18,9 +18,10 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.candidates import options_beside
+from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.forms import only_form
 from analysis.closeloop.identification.freed import freed, held
-from analysis.closeloop.identification.growing import Grown, grow
+from analysis.closeloop.identification.growing import Grown, grow, regrown
 from analysis.closeloop.identification.selection import choose
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
@@ -140,6 +141,35 @@ def test_a_second_effect_is_asked_for_again_settled_beside_the_first(
 
     monkeypatch.setattr(growing, "choose", late)
     assert names(rows, "added_inertia", "viscous_friction") == ["added_inertia", "viscous_friction"]
+
+
+@pytest.mark.parametrize(("true", "damping"), [(0.02, 0.5), (0.15, 0.0)])
+def test_damping_is_found_though_coulomb_friction_alone_would_turn_as_wide_as_to_do_its_work(
+    elbow: Recording, monkeypatch: pytest.MonkeyPatch, true: float, damping: float
+) -> None:
+    """And none is found where friction does turn as wide."""
+    rubs = torque(elbow, "coulomb_friction", {"smooth": true}, 0.4)
+    rows = rows_with(elbow, rubs + damping * elbow.velocity[:, ELBOW])
+    declared = Model(rows.recording)
+    before = evaluate(declared, rows)
+    wide = declared.with_term(term(rows, "coulomb_friction", {"smooth": 0.3 if damping else true}))
+    score = evaluate(wide, rows)
+    taken = Option(
+        candidate=candidate("coulomb_friction"), model=wide, score=score, gain=1.0, z=9.0
+    )
+    step = Step(taken=taken, equals=(), options=(), before=before.loss)
+    tried = [candidate("coulomb_friction"), candidate("viscous_friction")]
+    monkeypatch.setattr(growing, "candidates", lambda _: tried)
+    found = regrown(Grown(wide, score, (step,)), declared, rows, before)
+    if not damping:
+        assert found.steps == (step,)
+        return
+    assert sorted(s.key[0] for s in found.steps) == ["coulomb_friction", "viscous_friction"]
+    beside = evaluate(wide.with_term(term(rows, "viscous_friction", {})), rows)
+    assert found.score.loss < 0.1 * beside.loss
+    assert np.sort(found.score.coefficients) == pytest.approx([0.4, 0.5], rel=0.05)
+    # What is there already is not asked for again.
+    assert not growing.damped_starts(found, declared, rows, before)
 
 
 def test_friction_found_later_may_explain_what_was_found_before(

@@ -5,14 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import Candidate, Channel, Model, evaluate
-from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Channel,
+    Model,
+    Term,
+    evaluate,
+    unfitted,
+)
+from analysis.closeloop.identification.balance.regression import Score, select_rows
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing import Grown
-from analysis.closeloop.identification.holding import held_in_octaves
+from analysis.closeloop.identification.holding import determined, held_in_octaves
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
-from tests.testbed.sessions.rich import ELBOW
+from sim.effects.effect import Columns
+from tests.testbed.sessions.rich import ELBOW, rich_recording
 
 DELAY = 0.02
 
@@ -59,3 +67,51 @@ def test_a_delay_is_named_only_if_it_is_the_same_at_every_frequency(
     found, notes = held_in_octaves(Grown(model, score, (step,)), rows)
     assert bool(found.steps) is stays
     assert ("time_delay of elbow is not added" in " ".join(notes)) is not stays
+
+
+def rubs(recording: Recording) -> tuple[Recording, Columns]:
+    """Return a recording whose elbow has Coulomb friction of 0.3 Nm, and the columns of that."""
+    columns = BY_NAME["coulomb_friction"].columns(unfitted(recording, ELBOW), {"smooth": 0.02})
+    effort = recording.effort + recording.filtered(0.3 * columns[ELBOW])
+    return replace(recording, effort=effort, cache={}), columns
+
+
+def added(candidate: Candidate, model: Model, score: Score) -> Step:
+    option = Option(candidate=candidate, model=model, score=score, gain=1.0, z=9.0)
+    return Step(taken=option, equals=(), options=(), before=2.0)
+
+
+@pytest.mark.parametrize(("true", "stays"), [(DELAY, True), (0.0, False)])
+def test_what_may_be_nothing_within_its_interval_is_not_named(
+    true: float, stays: bool, recording: Recording
+) -> None:
+    late = moving(recording, (true, true))
+    rows = select_rows(late, (0,))
+    delay, friction = (
+        Candidate(effect=BY_NAME[name], joint=ELBOW) for name in ("time_delay", "coulomb_friction")
+    )
+    rubbing, columns = rubs(late)
+    term = Term(effect=friction.effect, joint=ELBOW, columns=columns, kept=(0,), candidate=friction)
+    # So short a delay is what noise makes of none.
+    channel = Channel(candidate=delay, theta={"delay": true or 1e-5})
+    rows = replace(rows, recording=rubbing, stacked={})
+    model = Model(rubbing, terms=(term,), channels=(channel,))
+    score = evaluate(model, rows)
+    steps = tuple(added(candidate, model, score) for candidate in (delay, friction))
+    found, notes = determined(Grown(model, score, steps), rows)
+    assert [step.key[0] for step in found.steps] == ["time_delay"] * stays + ["coulomb_friction"]
+    assert len(notes) == (not stays) and all("may be zero" in note for note in notes)
+
+
+def test_friction_whose_form_is_unsure_leaves_the_simple_one() -> None:
+    rubbing, _ = rubs(moving(rich_recording(10), (0.0, 0.0)))
+    rows = select_rows(rubbing, (0,))
+    richer = Candidate(effect=BY_NAME["asymmetric_friction"], joint=ELBOW)
+    columns = richer.effect.columns(unfitted(rubbing, ELBOW), {"smooth": 0.02, "viscous": 0.0})
+    # Only the difference of the levels, which is none.
+    term = Term(effect=richer.effect, joint=ELBOW, columns=columns, kept=(1,), candidate=richer)
+    model = Model(rubbing, terms=(term,))
+    score = evaluate(model, rows)
+    found, notes = determined(Grown(model, score, (added(richer, model, score),)), rows)
+    assert [step.key for step in found.steps] == [("coulomb_friction", ELBOW)]
+    assert found.score.loss < 0.1 * score.loss and len(notes) == 1

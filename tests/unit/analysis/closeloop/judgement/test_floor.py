@@ -147,7 +147,25 @@ def test_no_floor_is_below_the_last_digit(recording: Recording) -> None:
     assert floor.value == pytest.approx(0.5 / np.sqrt(12), rel=0.01)
 
 
-def test_a_channel_that_was_filtered_has_no_floor_above_its_band(recording: Recording) -> None:
-    trials = tuple(replace(trial, effort_filter_hz=5.0) for trial in recording.session.trials)
-    known = replace(recording, joints=(1,), session=replace(recording.session, trials=trials))
-    assert floors(known, [error(known, np.zeros(len(known.time)))]) == {}
+def behind_filter(recording: Recording) -> Recording:
+    """Return the recording of one joint with a declared low-pass of the effort."""
+    trials = tuple(replace(trial, effort_filter_hz=15.0) for trial in recording.session.trials)
+    return replace(recording, joints=(1,), session=replace(recording.session, trials=trials))
+
+
+@pytest.mark.parametrize("step", [0.0, 0.02])
+def test_noise_after_a_declared_filter_is_the_floor(recording: Recording, step: float) -> None:
+    # Its last digit is a small part of it, and is not taken for all of it.
+    known = behind_filter(recording)
+    floor = floors(known, [error(known, np.zeros(len(known.time)), step=step)])[1]
+    assert floor.source == "above the band"
+    assert floor.value == pytest.approx(NOISE, rel=0.1)
+
+
+def test_noise_before_a_declared_filter_has_its_part_within_the_band(recording: Recording) -> None:
+    known = behind_filter(recording)
+    kept = np.exp(-2.0 * np.pi * 15.0 / 200.0)
+    white = np.random.default_rng(2).standard_normal(len(known.time))
+    noise = lfilter([1.0 - kept], [1.0, -kept], white)
+    one = replace(error(known, np.zeros(len(known.time))), effort=noise)
+    assert floors(known, [one])[1].value == pytest.approx(float(np.std(noise)), rel=0.15)

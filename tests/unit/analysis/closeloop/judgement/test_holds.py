@@ -56,6 +56,34 @@ def test_a_push_that_moves_a_held_joint_is_found_with_its_time(recording: Record
     assert event.peak == pytest.approx(-0.8, rel=0.25)
 
 
+def in_a_narrow_band(recording: Recording) -> Recording:
+    """Return the recording with a fit that only goes up to 2 Hz."""
+    narrow = replace(recording, sampling=replace(recording.sampling, cutoff=4.0))
+    return with_effort(narrow, recording.session.trials[0].columns["elbow.effort"])
+
+
+def test_a_push_below_the_noise_of_single_samples_is_found_where_it_lasts(
+    recording: Recording,
+) -> None:
+    """Of noise at 50 Hz a fit up to 2 Hz leaves a quarter: 4 times its noise is no least push."""
+    push = bump(12.0, 1.6)
+    weak = holding(recording, 0.03 * push, -3.2 * NOISE * push, sag=0.0)
+    pushed = in_a_narrow_band(weak)
+    (event,) = find_events(Model(pushed), pushed)
+    assert 11.9 < event.begin < 12.8 < event.end < 13.7
+    quiet = in_a_narrow_band(holding(recording, np.zeros(len(TIME)), np.zeros(len(TIME)), sag=0.0))
+    assert find_events(Model(quiet), quiet) == ()
+
+
+def test_a_push_of_a_joint_that_never_quite_rests_is_found(recording: Recording) -> None:
+    """It drifts while it is held; twenty seconds are too few for splines on all signals."""
+    drift = 0.02 * np.sin(0.9 * TIME) + 0.01 * np.sin(2.1 * TIME)
+    away = drift + 0.02 * bump(12.0, 0.6)
+    pushed = holding(recording, away, -0.9 * bump(12.0, 0.6), sag=0.0)
+    (event,) = find_events(Model(pushed), pushed)
+    assert 11.8 < event.begin < 12.3 < event.end < 12.8
+
+
 def test_a_joint_that_its_motor_moves_out_and_back_is_not_pushed(recording: Recording) -> None:
     moved = holding(recording, 0.03 * bump(12.0, 0.8), 0.8 * bump(12.0, 0.8))
     assert find_events(Model(moved), moved) == ()

@@ -6,9 +6,12 @@ from typing import cast
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.findings import Floor, Outcome, Structure, Trace
+from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.findings import Event, Floor, Outcome, Structure, Trace
 from analysis.closeloop.identification.spectrum import Peak
-from analysis.closeloop.judgement.outcome import _large, _something_is_left
+from analysis.closeloop.judgement.outcome import _large, left_beside_events, verdict_of
+from analysis.closeloop.report.json_report import advice
+from analysis.closeloop.session.recording import Recording
 
 
 @pytest.mark.parametrize(("size", "left"), [(0.03, False), (0.08, True)])
@@ -21,8 +24,8 @@ def test_an_oscillation_counts_only_next_to_the_floor(size: float, left: bool) -
         floors={0: Floor(value=0.1, source="above the band")},
         oscillations={0: [Peak(low_hz=90.0, high_hz=110.0, rms=size)]},
     )
-    assert _something_is_left(cast(Outcome, outcome)) is left
-    assert _something_is_left(cast(Outcome, SimpleNamespace(**{**vars(outcome), "floors": {}})))
+    assert left_beside_events(cast(Outcome, outcome)) is left
+    assert left_beside_events(cast(Outcome, SimpleNamespace(**{**vars(outcome), "floors": {}})))
 
 
 @pytest.mark.parametrize(("smoothing", "kept"), [(0.02, True), (0.2, False)])
@@ -42,3 +45,42 @@ def test_what_goes_with_a_signal_counts_if_smoothing_does_not_make_it(
     floors = {0: Floor(value=0.1, source="repeats")}
     trace = cast(Trace, SimpleNamespace(rows=rows))
     assert bool(_large(trace, found, floors)[0]) is kept
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_after_a_push_alone_the_advice_is_to_repeat_the_trial_untouched(
+    recording: Recording, beside: bool
+) -> None:
+    """Who was pushed was told to record EMG."""
+    outcome = SimpleNamespace(
+        trace=SimpleNamespace(
+            verdict=Verdict.ADEQUATE, steps=(), rows=SimpleNamespace(recording=recording)
+        ),
+        verdict=Verdict.UNEXPLAINED,
+        events=(Event(trial=0, joint=0, begin=1.0, end=1.5, peak=-0.4),),
+        structures={0: [1] if beside else []},
+        left={},
+        loads=(),
+        floors={},
+        oscillations={},
+    )
+    first, *more = advice(cast(Outcome, outcome))
+    assert f"Repeat {recording.session.trials[0].file}" in first
+    assert [("EMG" in line) for line in more] == [True] * beside
+
+
+def test_a_push_is_said_whatever_else_the_trials_cannot_tell() -> None:
+    """Held, a joint moved one way only, by the push: `not_identifiable` hid the event."""
+    event = Event(trial=0, joint=0, begin=1.0, end=1.5, peak=-0.4)
+    trace = SimpleNamespace(verdict=Verdict.NOT_IDENTIFIABLE, steps=())
+    quiet = cast(Outcome, SimpleNamespace(trace=trace, events=()))
+    pushed = cast(Outcome, SimpleNamespace(trace=trace, events=(event,)))
+    assert verdict_of(quiet) == Verdict.NOT_IDENTIFIABLE
+    assert verdict_of(pushed) == Verdict.UNEXPLAINED
+    named = cast(
+        Outcome,
+        SimpleNamespace(
+            trace=SimpleNamespace(verdict=Verdict.NOT_IDENTIFIABLE, steps=(1,)), events=(event,)
+        ),
+    )
+    assert verdict_of(named) == Verdict.NOT_IDENTIFIABLE

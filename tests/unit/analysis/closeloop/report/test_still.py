@@ -6,9 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.report import json_report
 from analysis.closeloop.report.still import still_answer
+from analysis.closeloop.report.unexplained import event_entries, untouched
 from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
 
 
 def fields_of_a_report() -> set[str]:
@@ -31,3 +34,13 @@ def test_it_has_every_field_of_another_report(recording: Recording) -> None:
     report = still_answer(still, ()).report
     assert fields_of_a_report() == set(report)
     assert report["verdict"] == "not_identifiable"
+
+
+def test_an_event_has_the_torque_that_somebody_puts_on_the_joint_too(recording: Recording) -> None:
+    """The motor must add -1 Nm where somebody pushes with 1 Nm along the axis."""
+    (entry,) = event_entries(recording, [Event(trial=0, joint=0, begin=1.0, end=1.5, peak=-1.0)])
+    assert (entry["peak"], entry["on_joint"]) == (-1.0, 1.0)
+    (again,) = untouched(recording, [Event(trial=0, joint=0, begin=1.0, end=1.5, peak=-1.0)] * 2)
+    assert recording.session.trials[0].file in again and "nobody" in again
+    offset = BY_NAME["torque_offset"].parameters["torque"]
+    assert offset.description.endswith("a torque on the joint has the opposite sign")

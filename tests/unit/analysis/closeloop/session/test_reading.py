@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.judgement.events import find_events
 from analysis.closeloop.load import load_session
-from analysis.closeloop.session.plausibility import saturated_line
+from analysis.closeloop.session.plausibility import saturated_line, works
 from tests.testbed.sessions.small import HEADER, Folder
 
 
@@ -171,6 +173,36 @@ def test_constant_signals_are_refused(folder: Folder, column: str) -> None:
     assert "constant" in str(error) and error.line == 2
 
 
+def test_a_constant_position_is_refused_if_the_velocity_says_that_the_joint_moves(
+    folder: Folder,
+) -> None:
+    folder.table[:, HEADER.split(",").index("elbow.position")] = 1.0
+    error = refusal(folder)
+    assert (error.column, error.line) == ("elbow.position", 2)
+
+
+def test_joints_that_are_held_may_all_be_constant_and_the_trial_says_so(folder: Folder) -> None:
+    """A good encoder shows no motion of a joint that does not move; pushes are looked for."""
+    folder.table[:, 2:] = 1.0, 0.0, 3.0
+    folder.table[:, 4] += 0.02 * np.random.default_rng(1).standard_normal(len(folder.table))
+    folder.table[800:1000, 4] += 1.0
+    recording = load_session(folder.write())
+    assert recording.still and "look at the encoders" in recording.session.trials[0].repairs[0]
+    (push,) = find_events(Model(recording), recording)
+    assert (push.begin, push.end) == pytest.approx((4.0, 5.0), abs=0.25)
+    assert push.peak == pytest.approx(1.0, rel=0.1)
+    assert load_session(Folder(folder.path).write()).session.trials[0].repairs == ()
+
+
+def test_a_motor_that_warms_up_or_is_pushed_holds_its_joint() -> None:
+    time = np.arange(2000) / 200.0
+    held = 3.0 + 0.01 * time + 0.002 * np.random.default_rng(1).standard_normal(2000)
+    held[800:1600] += 1.0
+    assert not works(held, time) and not works(np.full(2000, 3.0), time)
+    assert not works(np.round(held, 2), time)
+    assert works(held + 0.1 * np.sin(np.pi * time), time)
+
+
 @pytest.mark.parametrize(
     ("field", "value", "words"),
     [
@@ -185,11 +217,17 @@ def test_constant_signals_are_refused(folder: Folder, column: str) -> None:
         ("trials", [{"file": "a.csv", "role": "holdout"}], "every trial is a holdout"),
         ("trials", [{"file": "a.csv", "role": "test"}], "fit"),
         ("trials", [{"file": "a.csv", "effort_filter_hz": "5"}], "number"),
+        ("effort_filter_hz", -5, "must be more than 0, not -5"),
+        ("effort_filter_hz", 100, "not below 100 Hz, half of the rate"),
         ("trials", [{"file": "a.csv", "added_mass": {"body": "leg", "mass_kg": 1}}], "leg"),
         ("trials", [{"file": "a.csv", "payload": {"name": "tool", "body": "leg"}}], "leg"),
         ("trials", [{"file": "a.csv", "payload": {"body": "forearm"}}], "payload.name"),
         ("ignored_joints", ["wrist"], "wrist"),
-        ("declared_effects", [{"effect": "viscoelastic_joint", "joint": "wrist"}], "wrist"),
+        (
+            "declared_effects",
+            [{"effect": "viscoelastic_joint", "joint": "wrist"}],
+            "effects[0].joint",
+        ),
         ("declared_effects", [{"effect": "magic", "joint": "elbow"}], "magic"),
     ],
 )

@@ -12,6 +12,7 @@ from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.model import evaluate
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.load import load_session
+from analysis.closeloop.report.shared import payload_entries
 
 #: Two joints, the first of which turns about the vertical: gravity says only the load's moments.
 ROBOT = """<mujoco><compiler angle="radian"/><worldbody>
@@ -21,23 +22,27 @@ ROBOT = """<mujoco><compiler angle="radian"/><worldbody>
 <joint name="lift" axis="0 1 0" armature="0.07"/>
 <inertial mass="4.5" pos="0.12 0 0.01" fullinertia="0.006 0.037 0.037 0 0 0"/>
 </body></body></worldbody></mujoco>"""
+#: The same with an elbow: of three joints, the lift alone weighs the load.
+ELBOW = """<body name="fore" pos="0.26 0 0"><joint name="bend" axis="0 1 0" armature="0.02"/>
+<inertial mass="1.5" pos="0.1 0 0.01" fullinertia="0.002 0.006 0.006 0 0 0"/></body>"""
+THREE = ROBOT.replace("</body></body></worldbody>", ELBOW + "</body></body></worldbody>")
 MASS, PLACE = 0.6, np.array([0.15, 0.04, 0.05])
 RATE, SECONDS = 50.0, 8.0
 
 
-def trial(load: bool, seed: int) -> np.ndarray:
-    """Return time, angles and efforts of one trial, (n, 5)."""
-    spec = mujoco.MjSpec.from_string(ROBOT)
-    if load:
-        carried = spec.body("arm").add_body(mass=MASS, ipos=PLACE, inertia=[1e-9] * 3)
+def trial(robot: str, body: str, mass: float, seed: int, pace: float) -> np.ndarray:
+    """Return time, angles and efforts of one trial, (n, 1 + 2 joints)."""
+    spec = mujoco.MjSpec.from_string(robot)
+    if mass:
+        carried = spec.body(body).add_body(mass=mass, ipos=PLACE, inertia=[1e-9] * 3)
         carried.explicitinertial = True
     model = spec.compile()
     data, rng = mujoco.MjData(model), np.random.default_rng(seed)
     time = np.arange(int(SECONDS * RATE)) / RATE
-    w = 2 * np.pi * rng.uniform(0.3, 0.9, (2, 1))
-    phase = w * time + rng.uniform(0, 6, (2, 1))
+    w = 2 * np.pi * pace * rng.uniform(0.3, 0.9, (model.nv, 1))
+    phase = w * time + rng.uniform(0, 6, (model.nv, 1))
     motion = (0.6 * np.sin(phase), 0.6 * w * np.cos(phase), -0.6 * w**2 * np.sin(phase))
-    effort = np.empty((len(time), 2))
+    effort = np.empty((len(time), model.nv))
     for n in range(len(time)):
         data.qpos[:], data.qvel[:], data.qacc[:] = (part[:, n] for part in motion)
         mujoco.mj_inverse(model, data)
@@ -46,22 +51,27 @@ def trial(load: bool, seed: int) -> np.ndarray:
     return np.column_stack([time, motion[0].T, effort + noise])
 
 
+def written(
+    folder: Path, robot: str, body: str, mass: float = MASS, rub: float = 0.0, pace: float = 1.0
+) -> Path:
+    """Write a session of two trials, the second with the load; Nm `rub` at the first joint."""
+    model = mujoco.MjModel.from_xml_string(robot)
+    names = [model.joint(number).name for number in range(model.njnt)]
+    header = ",".join(["time", *(f"{n}.position" for n in names), *(f"{n}.effort" for n in names)])
+    for number, hung in enumerate((0.0, mass)):
+        table = trial(robot, body, hung, number, pace)
+        table[:, 1 + model.njnt] += rub * np.sign(np.gradient(table[:, 1]))
+        np.savetxt(folder / f"{number}.csv", table, delimiter=",", header=header, comments="")
+    (folder / "robot.xml").write_text(robot)
+    carried = {"file": "1.csv", "payload": {"name": "tool", "body": body}}
+    session = {"schema": 1, "model": "robot.xml", "trials": [{"file": "0.csv"}, carried]}
+    (folder / "session.json").write_text(json.dumps(session))
+    return folder
+
+
 @pytest.fixture
 def session(tmp_path: Path) -> Path:
-    names = "time,pan.position,lift.position,pan.effort,lift.effort"
-    for number, load in enumerate((False, True)):
-        np.savetxt(
-            tmp_path / f"{number}.csv",
-            trial(load, number),
-            delimiter=",",
-            header=names,
-            comments="",
-        )
-    (tmp_path / "robot.xml").write_text(ROBOT)
-    carried = {"file": "1.csv", "payload": {"name": "tool", "body": "arm"}}
-    written = {"schema": 1, "model": "robot.xml", "trials": [{"file": "0.csv"}, carried]}
-    (tmp_path / "session.json").write_text(json.dumps(written))
-    return tmp_path
+    return written(tmp_path, ROBOT, "arm")
 
 
 def test_a_load_that_only_inertia_weighs_is_not_a_heavy_one_near_its_joint(session: Path) -> None:
@@ -74,3 +84,18 @@ def test_a_load_that_only_inertia_weighs_is_not_a_heavy_one_near_its_joint(sessi
     mass, *place = mass_and_place(model, term, own[None])[0].tolist()
     assert mass == pytest.approx(MASS, rel=0.05)
     assert place == pytest.approx(PLACE.tolist(), abs=0.01)
+
+
+@pytest.mark.parametrize("mass", [MASS, 0.0])
+def test_a_load_that_one_joint_weighs_is_known_as_well_as_that_joint_knows_it(
+    mass: float, tmp_path: Path
+) -> None:
+    """Without it a vertical axis that rubs, and the last joint, weigh the load at anything."""
+    recording = load_session(written(tmp_path, THREE, "fore", mass, rub=0.2, pace=0.4))
+    rows = select_rows(recording, recording.fit_trials)
+    model = declared_model(recording, rows)
+    fit = (model, evaluate(model, rows).coefficients)
+    (entry,) = payload_entries((fit, fit), rows)
+    low, high = entry["parameters"]["mass"]["ci90"]
+    assert low <= mass and mass <= high < mass + 0.1
+    assert mass == 0.0 or low > 0.5

@@ -1,0 +1,99 @@
+"""What explanations that the trials cannot tell apart say alike of a stiffness.
+
+A name is chosen among equals by what is simplest, which says nothing of how far it moves K: where
+nothing pulls at a joint a gain, an inertia and a payload are one torque, and only K differs. So a
+repair moves a stiffness only as far as all of them do: by the name that moves it least, and not at
+all where they disagree on which way. Then K gets no worse if one of them is true: what is
+identified is the set of values that no explanation rules out (Manski 2003, Partial Identification
+of Probability Distributions).
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, impedances
+from analysis.closeloop.identification.balance.regression import Score, compare
+from analysis.closeloop.identification.findings import Option, Step, Trace
+
+#: Stiffnesses under two names that differ by less than this share are one.
+APART = 0.02
+DISAGREE = (
+    "the names that explain these trials alike move the stiffness of {} different ways, so it "
+    "stays as declared and nothing is repaired"
+)
+
+
+def alternatives(found: Trace) -> Iterator[tuple[Step, Option]]:
+    """Yield every other name that explains the trials about as well, fitted in its step's place."""
+    model, _ = found.fit_of_steps
+    for step in found.steps:
+        for option in step.equals:
+            other = _exchanged(model, step.taken.candidate, option)
+            yield step, replace(option, model=other, score=evaluate(other, found.rows))
+
+
+def _exchanged(model: Model, taken: Candidate, option: Option) -> Model:
+    """Return the model with the effect that was taken replaced by an option's."""
+    rest = model.without(taken)
+    other = option.candidate
+    return replace(
+        rest,
+        terms=(*rest.terms, *(t for t in option.model.terms if t.candidate == other)),
+        channels=(*rest.channels, *(c for c in option.model.channels if c.candidate == other)),
+    )
+
+
+def agreed(found: Trace) -> Trace:
+    """Return the trace with a stiffness moved no further than equal names move it alike."""
+    if found.verdict != Verdict.EFFECT_FOUND:
+        return found
+    declared, repaired = (impedances(*fit) for fit in found.fits)
+    rivals = [(step, o) for step, o in alternatives(found) if _as_good(o.score, found.score)]
+    others = [impedances(o.model, o.score.coefficients) for _, o in rivals]
+    for joint, own in repaired.items():
+        values = [own["stiffness"], *(other[joint]["stiffness"] for other in others)]
+        before = declared[joint]["stiffness"]
+        least = min(range(len(values)), key=lambda number: abs(values[number] - before))
+        if max(values) - min(values) <= APART * abs(values[0]):
+            continue
+        if min(values) < before < max(values) or (least and rivals[least - 1][1].refused):
+            return _withheld(found, found.rows.recording.name(joint))
+        if abs(values[least] - values[0]) > APART * abs(values[0]):
+            return _under(found, *rivals[least - 1])
+    return found
+
+
+def _withheld(found: Trace, joint: str) -> Trace:
+    """Return the trace with its names, and without its repair."""
+    return replace(
+        found,
+        verdict=Verdict.NOT_IDENTIFIABLE,
+        model=found.declared,
+        score=found.declared_score,
+        supposed=found.fits[1],
+        explainable_after=found.explainable_before,
+        notes=(*found.notes, DISAGREE.format(joint)),
+    )
+
+
+def _under(found: Trace, step: Step, option: Option) -> Trace:
+    """Return the trace with another name of a step as the one taken."""
+    rest = (other for other in step.equals if other.candidate != option.candidate)
+    again = replace(step, taken=option, equals=(step.taken, *rest))
+    return replace(
+        found,
+        model=option.model,
+        score=option.score,
+        steps=tuple(again if one is step else one for one in found.steps),
+    )
+
+
+def _as_good(other: Score, score: Score) -> bool:
+    """Whether one model loses no more than its standard error to the other in unseen trials.
+
+    By one error, as the more likely of twins is taken: a share of the gain that no reader would
+    notice may be many errors, and then the trials do tell.
+    """
+    lost, error = compare(other.losses, score.losses)
+    return lost <= error

@@ -1,0 +1,104 @@
+"""A stiffness moves as far as every explanation of the trials says, and no further."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    Term,
+    evaluate,
+    impedances,
+    unfitted,
+)
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.explainable import explainable
+from analysis.closeloop.identification.findings import Option, Step, Trace
+from analysis.closeloop.judgement.agreement import agreed
+from analysis.closeloop.report.impedance import impedance_entries, undecided
+from sim.effects.catalogue import BY_NAME, VISCOELASTIC
+from tests.testbed.sessions.rich import ELBOW, rich_recording
+
+STIFFNESS, INERTIA = 8.0, 0.05
+
+
+@pytest.fixture(scope="module")
+def rows() -> Rows:
+    """A limb's elbow of which the declared inertia is too small."""
+    elbow = replace(rich_recording(), joints=(ELBOW,), cache={})
+    effort = np.array(elbow.inverse)
+    effort[:, ELBOW] += STIFFNESS * (elbow.position[:, ELBOW] - 0.8)
+    effort[:, ELBOW] += INERTIA * elbow.acceleration[:, ELBOW]
+    effort[:, ELBOW] += 0.05 * np.random.default_rng(2).standard_normal(len(effort))
+    loud = replace(elbow, effort=elbow.filtered(effort), cache={})
+    return select_rows(loud, (0,)).reweighted({ELBOW: 0.05})
+
+
+def option(declared: Model, rows: Rows, name: str) -> Option:
+    effect = BY_NAME[name]
+    candidate = Candidate(effect=effect, joint=ELBOW)
+    theta = {"smooth": 0.02, "speed": 0.05, "distance": 1.0}
+    columns = effect.columns(unfitted(rows.recording, ELBOW), theta)
+    term = Term(joint=ELBOW, columns=columns, kept=(0,), effect=effect, candidate=candidate)
+    model = declared.with_term(term)
+    return Option(candidate=candidate, model=model, score=evaluate(model, rows), gain=1.0, z=9.0)
+
+
+def traced(rows: Rows, taken: str, equal: str) -> Trace:
+    """Return what tracing found where two names would explain the trials alike."""
+    limb = unfitted(rows.recording, ELBOW)
+    term = Term(
+        joint=ELBOW, columns=VISCOELASTIC.columns(limb, {}), kept=(0, 1, 2), effect=VISCOELASTIC
+    )
+    declared = Model(rows.recording, terms=(term,))
+    one, other = (option(declared, rows, name) for name in (taken, equal))
+    before, beyond = evaluate(declared, rows), explainable(declared, rows)
+    step = Step(taken=one, equals=(other,), options=(one, other), before=before.loss)
+    return Trace(
+        rows=rows,
+        declared=declared,
+        declared_score=before,
+        model=one.model,
+        score=one.score,
+        steps=(step,),
+        verdict=Verdict.EFFECT_FOUND,
+        explainable_before=beyond,
+        explainable_after=beyond,
+    )
+
+
+def test_names_that_move_a_stiffness_different_ways_repair_nothing(rows: Rows) -> None:
+    found = agreed(traced(rows, "added_inertia", "torque_gain"))
+    assert found.verdict == Verdict.NOT_IDENTIFIABLE
+    assert [step.key[0] for step in found.steps] == ["added_inertia"]
+    entries = impedance_entries(found)
+    stiffness = entries["elbow"]["stiffness"]
+    assert stiffness["after"] == stiffness["before"]
+    said, (low, high) = stiffness["after_if"], stiffness["ci90_after"]
+    assert said["added_inertia"] < stiffness["before"] < said["torque_gain"]
+    assert low < said["added_inertia"] and said["torque_gain"] < high
+    assert "if nothing is repaired" in undecided(entries)[0]
+
+
+def test_names_that_agree_on_a_stiffness_repair_it(rows: Rows) -> None:
+    found = agreed(traced(rows, "coulomb_friction", "stribeck_friction"))
+    assert found.verdict == Verdict.EFFECT_FOUND and found.supposed is None
+
+
+def test_of_names_that_move_a_stiffness_one_way_the_one_that_moves_it_least_repairs(
+    rows: Rows,
+) -> None:
+    far = traced(rows, "added_inertia", "payload")
+    near = agreed(far)
+    declared, one, other = (
+        impedances(*fit)[ELBOW]["stiffness"] for fit in (*far.fits, near.fits[1])
+    )
+    assert one < other < declared and declared - other < 0.5 * (declared - one)
+    assert near.verdict == Verdict.EFFECT_FOUND
+    (step,) = near.steps
+    assert step.key[0] == "payload" and step.equals[0].candidate.effect.name == "added_inertia"
+    # Already the nearest, it stays.
+    assert agreed(traced(rows, "payload", "added_inertia")).steps[0].key[0] == "payload"
