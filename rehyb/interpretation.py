@@ -2,11 +2,10 @@
 
 import os
 from collections.abc import Iterable
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from rehyb.errors import Invalid, RehybError
+from rehyb.errors import check_pictures, refusing
 
 
 def bank_file(chosen: Path | None = None) -> Path:
@@ -47,17 +46,14 @@ def interpret_recording(
     from analysis.interpretation.recording import read_recording
 
     measured = tuple(Known(name=name, value=value, sd=sd) for name, value, sd in known)
-    try:
+    with refusing(InterpretationError):
         question = Question(
             recording=read_recording(recording), known=measured, tolerance=tolerance
         )
         learnt = load_bank(bank_file(bank))
         found = interpret(learnt, question)
-    except InterpretationError as error:
-        raise Invalid(str(error)) from None
     if report is not None:
-        if None in map(find_spec, ("matplotlib", "jinja2")):
-            raise RehybError("the report needs pictures: pip install 'rehyb[figures]'")
+        check_pictures()
         from analysis.interpretation.page import write_page
 
         before = None

@@ -13,10 +13,10 @@ import typer
 from rehyb.banks import sample_on_fleet
 from rehyb.cli.answers import Answer, Token, Url, answering
 from rehyb.cli.close_loop import effect_study
-from rehyb.cli.options import assignment, number, optional
+from rehyb.cli.options import assignment, check_submitted, number, optional
 from rehyb.client import Client, Json
 from rehyb.client.close_loops import interpret_by_worker
-from rehyb.errors import Invalid, RehybError
+from rehyb.errors import Invalid, RehybError, refusing
 from rehyb.interpretation import bank_file, interpret_recording
 
 app = typer.Typer(help="Banks of simulated recordings, which `rehyb interpret` reads.")
@@ -62,6 +62,7 @@ def interpret(
     Exit status 2 if the recording cannot be used.
     """
     measured = [_known(text) for text in known or ()]
+    check_submitted(submit, url, token)
     if submit:
         if bank is not None:
             raise Invalid("--bank is this machine's: with --submit the worker's own counts")
@@ -74,8 +75,6 @@ def interpret(
                 report=out,
                 progress=lambda stage: typer.echo(stage, err=True),
             )
-    elif url or token:
-        raise Invalid("--url and --token go with --submit: without it this machine does the work")
     else:
         found = interpret_recording(
             recording, bank, known=measured, tolerance=tolerance, report=out
@@ -182,8 +181,7 @@ def build(
             "with --submit workers simulate and the studies keep the rows: leave --extend and "
             "--processes out"
         )
-    if not submit and (url or token):
-        raise Invalid("--url and --token go with --submit: without it this machine does the work")
+    check_submitted(submit, url, token)
     if find_spec("sklearn") is None:
         raise RehybError("to learn takes scikit-learn: pip install 'rehyb[interpret]'")
     from analysis.interpretation.bank.bank import load_bank
@@ -196,7 +194,7 @@ def build(
     from analysis.interpretation.errors import InterpretationError
 
     path = bank_file(out)
-    try:
+    with refusing(InterpretationError):
         if extend:
             if population is not None or with_effect is not None:
                 raise Invalid(
@@ -227,8 +225,6 @@ def build(
                     processes=processes or os.cpu_count() or 1,
                     progress=show,
                 )
-    except InterpretationError as error:
-        raise Invalid(str(error)) from None
     bank.save(path)
     content = describe(bank) | {"file": str(path)}
     failed = sum((*bank.bushing.failed.values(), *bank.contact.failed.values()))
@@ -247,10 +243,8 @@ def show(bank: BankFile = None) -> Answer:
     from analysis.interpretation.build import describe
     from analysis.interpretation.errors import InterpretationError
 
-    try:
+    with refusing(InterpretationError):
         content = describe(load_bank(bank_file(bank)))
-    except InterpretationError as error:
-        raise Invalid(str(error)) from None
     return Answer(content, "\n".join(f"{name:12} {value}" for name, value in content.items()))
 
 

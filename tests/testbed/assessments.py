@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from functools import cache
+from inspect import signature
 from typing import Any
 
 from sim.assessment.assess import Assessment, assess
@@ -20,15 +21,17 @@ Assess = Callable[..., Assessment]
 
 
 def remembering() -> Assess:
-    """Return `assess` with a memory; to it a value that is nominal is the same as none."""
+    """Return `assess` with a memory; to it what is nominal or a default is the same as none."""
     nominal = {factor.name: factor.nominal for factor in ELBOW.factors}
+    defaults = {name: option.default for name, option in signature(assess).parameters.items()}
 
     @cache
     def simulate(values: frozenset[tuple[str, float]], options: frozenset[Any]) -> Assessment:
         return assess(dict(values), **dict(options))
 
-    def remember(values: Mapping[str, float], **options: str) -> Assessment:
+    def remember(values: Mapping[str, float], **options: Any) -> Assessment:
         changed = {name: x for name, x in values.items() if x != nominal.get(name)}
-        return simulate(frozenset(changed.items()), frozenset(options.items()))
+        chosen = {name: option for name, option in options.items() if option != defaults[name]}
+        return simulate(frozenset(changed.items()), frozenset(chosen.items()))
 
     return remember

@@ -4,9 +4,9 @@ A Gaussian process learns how the bank's muscles shape the torque, and a limb wi
 it. Here K is linear in what regressions say and in the movement, and how far it is off is looked at
 with each set of muscles left out in turn: cross-validation by groups (Roberts et al. 2017,
 Cross-validation strategies for data with temporal, spatial, hierarchical, or phylogenetic
-structure), whose errors, over how large they are by the K that is predicted, make the interval
-(CV+: Barber et al. 2021, Predictive inference with the jackknife+). What is measured on the patient
-corrects it as in `analysis.interpretation.posterior`.
+structure), whose errors, over how large they are by the K that is predicted and the arm's length,
+make the interval (CV+: Barber et al. 2021, Predictive inference with the jackknife+). What is
+measured on the patient corrects it as in `analysis.interpretation.posterior`.
 """
 
 from dataclasses import dataclass
@@ -38,12 +38,17 @@ class AnyMuscles:
     #: to expect, as the other rows tell it.
     errors: np.ndarray
     sizes: np.ndarray
-    #: How large they are by the K that is predicted.
-    by_prediction: ErrorSizes
+    #: How large they are by the K that is predicted and by what stands beside it.
+    expected: ErrorSizes
 
     @classmethod
     def fit(
-        cls, scaled: np.ndarray, outputs: np.ndarray, muscles: np.ndarray, judged: np.ndarray
+        cls,
+        scaled: np.ndarray,
+        outputs: np.ndarray,
+        muscles: np.ndarray,
+        judged: np.ndarray,
+        beside: np.ndarray,
     ) -> "AnyMuscles":
         """Learn from rows.
 
@@ -53,6 +58,7 @@ class AnyMuscles:
             muscles: the number of each row's set, shape (n,).
             judged: rows whose errors make the interval, a mask; those without contact are told
                 from those with it by a constant.
+            beside: what else the sizes of their errors go by, shape (judged rows, k).
         """
         angle = scaled[:, :WINDOWS]
         shapes = np.linalg.svd(angle - angle.mean(axis=0), full_matrices=False)[2][:COMPONENTS]
@@ -64,22 +70,28 @@ class AnyMuscles:
             errors[own] = outputs[own] - inputs[own] @ weights
         weights = np.linalg.lstsq(inputs, outputs)[0]
         errors = errors[judged]
-        predicted = outputs[judged][:, :1] - errors[:, :1]
+        predicted = np.hstack([outputs[judged][:, :1] - errors[:, :1], beside])
         return cls(
             shapes=shapes,
             weights=weights[:-1],
             errors=errors,
             sizes=sizes_of_rows(predicted, errors),
-            by_prediction=ErrorSizes.fit(predicted, errors),
+            expected=ErrorSizes.fit(predicted, errors),
         )
 
     def infer(
-        self, scaled: np.ndarray, columns: np.ndarray, values: np.ndarray, sds: np.ndarray
+        self,
+        scaled: np.ndarray,
+        beside: np.ndarray,
+        columns: np.ndarray,
+        values: np.ndarray,
+        sds: np.ndarray,
     ) -> Posterior:
         """Return what is believed of K, as a posterior of one target.
 
         Args:
             scaled: a recording, shape (CURVES and ESTIMATES,).
+            beside: what else sizes of errors go by, of this recording, shape (k,).
             columns: numbers of factors that were measured.
             values: their normal scores.
             sds: to which they were measured.
@@ -88,7 +100,7 @@ class AnyMuscles:
         chosen = np.concatenate([[0], 1 + columns]).astype(int)
         relative = (self.errors / self.sizes)[:, chosen]
         together = relative.T @ relative / len(relative)
-        own = self.by_prediction.at(mean[None, :1])[0, chosen]
+        own = self.expected.at(np.concatenate([mean[:1], beside])[None])[0, chosen]
         covariance = own[:, None] * together * own
         surprise = values - mean[1 + columns]
         centre, spread = corrected(mean[:1], covariance, surprise, sds)
@@ -111,9 +123,12 @@ def has_sets(bank: Bank) -> bool:
 
 
 def any_muscles(
-    bank: Bank, features: Features, sorted_factors: np.ndarray, contact: bool
+    bank: Bank, features: Features, sorted_factors: np.ndarray, contact: bool, beside: np.ndarray
 ) -> AnyMuscles | None:
-    """Learn K whatever the muscles are, judged by the rows that intervals are calibrated on."""
+    """Learn K whatever the muscles are, judged by the rows that intervals are calibrated on.
+
+    `beside`: what else the sizes of these rows' errors go by, shape (rows, k).
+    """
     if not has_sets(bank):
         return None
     parts = [bank.bushing, bank.contact] if contact else [bank.bushing]
@@ -125,6 +140,7 @@ def any_muscles(
         np.hstack([truths, normal_scores(sorted_factors, factors)]),
         factors[:, bank.population.names.index(MUSCLES)],
         judged,
+        beside,
     )
 
 

@@ -54,7 +54,8 @@ class GaussianProcess:
         covariance = _covariance(inputs, inputs, lengths, variances)
         weights, residuals = np.zeros_like(y), np.full_like(y, np.inf)
         for times in NOISES:
-            own = covariance.copy()
+            # In LAPACK's own order, so that it need not be copied once more.
+            own = covariance.copy(order="F")
             own[np.diag_indices_from(own)] += times * variances[2]
             factor = cho_factor(own, lower=True, overwrite_a=True, check_finite=False)
             tried = cho_solve(factor, y, check_finite=False)
@@ -81,6 +82,15 @@ def _covariance(
     one: np.ndarray, other: np.ndarray, lengths: np.ndarray, variances: np.ndarray
 ) -> np.ndarray:
     a, b = one / lengths, other / lengths
-    squared = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2.0 * a @ b.T
-    smooth = np.exp(-0.5 * np.maximum(squared, 0.0))
-    return np.asarray(variances[0] * smooth + variances[1] * (1.0 + one @ other.T))
+    # In place: with thousands of rows to make another array takes as long as to fill it.
+    smooth = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)
+    smooth -= 2.0 * a @ b.T
+    np.maximum(smooth, 0.0, out=smooth)
+    smooth *= -0.5
+    np.exp(smooth, out=smooth)
+    smooth *= variances[0]
+    linear = one @ other.T
+    linear += 1.0
+    linear *= variances[1]
+    smooth += linear
+    return np.asarray(smooth)

@@ -41,6 +41,10 @@ PARTS: Mapping[str, Any] = {
     "local": LocalErrors,
     "any_muscles": AnyMuscles,
 }
+#: Factors that errors are sized by, too, as they are predicted: an arm near the ends of lengths is
+#: told less exactly. Chosen by the interval score of K on a bank's own rows, among both lengths
+#: and both masses.
+SIZED_BY = ("upper_arm_length",)
 #: Fewest rows with contact from which its correction is learnt.
 LEAST_CONTACT = 60
 
@@ -112,14 +116,17 @@ class Interpreter:
                 inputs, outputs - first.predict(inputs), tuned=tuned, seed=bank.seed
             )
             errors = correction.residuals
+        sized_by = (outputs - errors)[:, _sizing(bank.population)]
         return cls(
             population=bank.population,
             features=features,
             first=first,
             correction=correction,
-            local=LocalErrors.fit(inputs / first.lengths, outputs[:, :tuned], errors),
+            local=LocalErrors.fit(inputs / first.lengths, sized_by, errors),
             familiarity=Familiarity.fit(features.scaled(looked_at)),
-            any_muscles=any_muscles(bank, features, sorted_factors, correction is not None),
+            any_muscles=any_muscles(
+                bank, features, sorted_factors, correction is not None, sized_by[:, tuned:]
+            ),
             scores=scores,
             sorted_factors=sorted_factors,
         )
@@ -173,7 +180,8 @@ class Interpreter:
         """Return what a recording (CURVES and ESTIMATES, shape (both,)) says before calibration."""
         inputs = self.inputs(recorded[None])
         mean = self._mean(inputs)
-        around = self.local.around(inputs / self.first.lengths, mean[:, : len(TARGETS)])
+        sized_by = mean[:, _sizing(self.population)]
+        around = self.local.around(inputs / self.first.lengths, sized_by)
         return View(mean=mean[0], covariance=around[0])
 
     def infer(self, view: View, known: tuple[Known, ...] = ()) -> Posterior:
@@ -213,7 +221,10 @@ class Interpreter:
             return None
         columns, values, sds = self._measured(known)
         scaled = self.features.scaled(recorded[None])[0]
-        return self.any_muscles.infer(scaled, columns - len(TARGETS), values, sds)
+        beside = self._mean(self.inputs(recorded[None]))[
+            0, _sizing(self.population)[len(TARGETS) :]
+        ]
+        return self.any_muscles.infer(scaled, beside, columns - len(TARGETS), values, sds)
 
     def after(self, view: View, known: tuple[Known, ...], sds: Mapping[str, float]) -> Posterior:
         """Return what to expect if factors were measured, too, to standard deviations `sds`.
@@ -290,3 +301,9 @@ class Interpreter:
         """Return the value of a factor whose normal score is `score`."""
         ordered = self.sorted_factors[:, column - len(TARGETS)]
         return float(np.interp(score, positions(len(ordered)), ordered))
+
+
+def _sizing(population: Population) -> list[int]:
+    """Return what sizes of errors go by: the targets, and where SIZED_BY stand beside them."""
+    known = [population.names.index(name) for name in SIZED_BY if name in population.names]
+    return [*range(len(TARGETS)), *(len(TARGETS) + number for number in known)]

@@ -32,24 +32,23 @@ class LocalErrors:
     errors: np.ndarray
     #: How large these are to expect, as the other rows tell it, shape (rows, both).
     sizes: np.ndarray
-    #: How large they are by what is predicted of the targets.
-    by_prediction: ErrorSizes
+    #: How large they are by what is predicted.
+    expected: ErrorSizes
 
     @classmethod
-    def fit(cls, places: np.ndarray, truths: np.ndarray, errors: np.ndarray) -> "LocalErrors":
+    def fit(cls, places: np.ndarray, predicted: np.ndarray, errors: np.ndarray) -> "LocalErrors":
         """Learn from rows.
 
         Args:
             places: shape (rows, d).
-            truths: of the targets, shape (rows, TARGETS).
+            predicted: what sizes go by, shape (rows, k).
             errors: of targets and factors, truth less prediction, shape (rows, both).
         """
-        predicted = truths - errors[:, : len(TARGETS)]
         return cls(
             places=places,
             errors=errors,
             sizes=sizes_of_rows(predicted, errors),
-            by_prediction=ErrorSizes.fit(predicted, errors),
+            expected=ErrorSizes.fit(predicted, errors),
         )
 
     def around(self, places: np.ndarray, predicted: np.ndarray) -> np.ndarray:
@@ -57,9 +56,9 @@ class LocalErrors:
 
         Args:
             places: of recordings, shape (k, d).
-            predicted: of the targets there, shape (k, TARGETS).
+            predicted: what sizes go by, there, shape (k, as many).
         """
-        spread = self.by_prediction.at(predicted) * self._more(self._neighbours(places, own=False))
+        spread = self.expected.at(predicted) * self._more(self._neighbours(places, own=False))
         return np.asarray(spread[:, :, None] * self._together * spread[:, None, :])
 
     def as_measured(self, columns: np.ndarray, sds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

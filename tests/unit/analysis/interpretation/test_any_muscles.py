@@ -33,7 +33,9 @@ def limbs(shifts: dict[int, float], count: int, seed: int) -> tuple[np.ndarray, 
 def learnt(judged: np.ndarray | None = None) -> AnyMuscles:
     scaled, outputs, muscles = limbs({0: -0.6, 1: 0.0, 2: 0.6}, 600, seed=1)
     everyone = np.ones(600, dtype=bool)
-    return AnyMuscles.fit(scaled, outputs, muscles, everyone if judged is None else judged)
+    return AnyMuscles.fit(
+        scaled, outputs, muscles, everyone if judged is None else judged, np.empty((600, 0))
+    )
 
 
 def held(posteriors: list[Posterior], truths: np.ndarray) -> float:
@@ -44,7 +46,7 @@ def held(posteriors: list[Posterior], truths: np.ndarray) -> float:
 def test_the_interval_holds_for_muscles_that_the_bank_lacks() -> None:
     model = learnt()
     scaled, truths, _ = limbs({3: -0.5, 4: 0.5}, 200, seed=2)
-    found = [model.infer(one, NOBODY, NOTHING, NOTHING) for one in scaled]
+    found = [model.infer(one, NOTHING, NOBODY, NOTHING, NOTHING) for one in scaled]
     assert held(found, truths) > 0.86
 
 
@@ -52,9 +54,9 @@ def test_what_is_measured_on_the_patient_moves_it_to_the_truth() -> None:
     model = learnt()
     scaled, truths, _ = limbs({0: -0.6, 1: 0.0, 2: 0.6}, 200, seed=3)
     column, sd = np.array([0]), np.array([0.05])
-    before = [model.infer(one, NOBODY, NOTHING, NOTHING) for one in scaled]
+    before = [model.infer(one, NOTHING, NOBODY, NOTHING, NOTHING) for one in scaled]
     pairs = zip(scaled, truths, strict=True)
-    after = [model.infer(one, column, truth[1:], sd) for one, truth in pairs]
+    after = [model.infer(one, NOTHING, column, truth[1:], sd) for one, truth in pairs]
     assert after[0].half_width() < before[0].half_width()
     errors = [
         [abs(p.centre[0] - t[0]) for p, t in zip(f, truths, strict=True)] for f in (before, after)
@@ -68,12 +70,12 @@ def test_rows_without_contact_teach_and_those_with_it_judge() -> None:
     judged = np.arange(600) >= 500
     # Contact adds to K.
     outputs[judged, 0] += 1.5
-    model = AnyMuscles.fit(scaled, outputs, muscles, judged)
+    model = AnyMuscles.fit(scaled, outputs, muscles, judged, np.empty((100, 0)))
     assert model.errors.shape == (100, 2)
     assert abs(model.errors[:, 0].mean()) < 0.2
     fresh, truths, _ = limbs({0: -0.1, 1: 0.0, 2: 0.1}, 200, seed=4)
     truths[:, 0] += 1.5
-    found = [model.infer(one, NOBODY, NOTHING, NOTHING) for one in fresh]
+    found = [model.infer(one, NOTHING, NOBODY, NOTHING, NOTHING) for one in fresh]
     assert held(found, truths) == pytest.approx(0.9, abs=0.06)
 
 
@@ -82,7 +84,9 @@ def test_only_regressions_and_the_movement_count() -> None:
     scaled, _, _ = limbs({0: 0.0}, 1, seed=5)
     other = scaled.copy()
     other[:, WINDOWS : len(CURVES)] += 5.0
-    one, two = (model.infer(s[0], NOBODY, NOTHING, NOTHING).centre[0] for s in (scaled, other))
+    one, two = (
+        model.infer(s[0], NOTHING, NOBODY, NOTHING, NOTHING).centre[0] for s in (scaled, other)
+    )
     assert one == two
 
 
@@ -91,6 +95,18 @@ def test_a_bank_of_one_set_of_muscles_cannot_tell() -> None:
     column = own.population.names.index("muscles")
     one = replace(own, bushing=own.bushing.some(own.bushing.factors[:, column] == 0.0))
     assert has_sets(own) and not has_sets(one)
+
+
+def test_it_is_as_wide_as_errors_are_at_such_a_length() -> None:
+    scaled, outputs, muscles = limbs({0: -0.1, 1: 0.0, 2: 0.1}, 600, seed=1)
+    rng = np.random.default_rng(5)
+    length = rng.standard_normal((600, 1))
+    outputs[:, 0] += 0.5 * np.abs(length[:, 0]) * rng.standard_normal(600)
+    model = AnyMuscles.fit(scaled, outputs, muscles, np.ones(600, dtype=bool), length)
+    amid, long = (
+        model.infer(scaled[0], np.array([one]), NOBODY, NOTHING, NOTHING) for one in (0.0, 2.0)
+    )
+    assert long.half_width() > 1.5 * amid.half_width()
 
 
 def test_it_is_kept_in_the_bank_and_hears_of_what_is_known() -> None:

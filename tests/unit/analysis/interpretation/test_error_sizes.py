@@ -67,7 +67,7 @@ def test_intervals_hold_as_often_for_stiff_as_for_compliant_wearers(
     low: float, high: float
 ) -> None:
     places, predicted, errors = rows(5)
-    local = LocalErrors.fit(places, predicted + errors[:, : len(TARGETS)], errors)
+    local = LocalErrors.fit(places, predicted, errors)
     nothing = np.empty(0, dtype=int), np.empty(0)
     fresh, told, off = rows(6, 1000)
     chosen = (told[:, 0] >= low) & (told[:, 0] < high)
@@ -78,6 +78,24 @@ def test_intervals_hold_as_often_for_stiff_as_for_compliant_wearers(
     ends = belief.quantiles(np.array([0.05, 0.95]))[:, 0]
     score = off[chosen, 0] / spreads
     assert np.mean((score > ends[0]) & (score < ends[1])) == pytest.approx(0.9, abs=0.06)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 0.5), (1.5, 9.0)])
+def test_intervals_hold_as_often_at_the_ends_of_lengths_as_amid_them(
+    low: float, high: float
+) -> None:
+    def arms(seed: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        places, predicted, errors = rows(seed, count)
+        length = np.random.default_rng(seed + 100).standard_normal((count, 1))
+        return places, np.hstack([predicted, length]), errors * (0.4 + np.abs(length))
+
+    local = LocalErrors.fit(*arms(7, 1000))
+    fresh, told, off = arms(8, 2000)
+    chosen = (np.abs(told[:, -1]) >= low) & (np.abs(told[:, -1]) < high)
+    score = off[chosen, 0] / np.sqrt(local.around(fresh[chosen], told[chosen])[:, 0, 0])
+    scores = local.scores(np.empty(0, dtype=int), np.empty(0))[:, 0]
+    low_end, high_end = np.quantile(scores, [0.05, 0.95])
+    assert np.mean((score > low_end) & (score < high_end)) == pytest.approx(0.9, abs=0.05)
 
 
 @pytest.mark.filterwarnings("error")

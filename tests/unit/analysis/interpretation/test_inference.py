@@ -8,6 +8,7 @@ import pytest
 from analysis.interpretation.answer import Question, interpret
 from analysis.interpretation.bank.bank import with_zero_errors
 from analysis.interpretation.errors import InterpretationError
+from analysis.interpretation.inference import interpreter as learning
 from analysis.interpretation.inference.features import RECORDED
 from analysis.interpretation.inference.interpreter import Interpreter, Known
 from analysis.interpretation.inference.rounding import ALLOWED, moved_by_rounding
@@ -77,6 +78,19 @@ def test_what_is_known_must_go_with_the_recording(interpreter: Interpreter) -> N
     length = Known(name="forearm_length", value=0.3, sd=0.05)
     found, limit, worst = interpreter.surprise(sure, (length, other))
     assert found > limit and worst == 1
+
+
+def test_errors_are_sized_by_how_long_an_arm_is_told_to_be(
+    interpreter: Interpreter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = len(interpreter.local.expected.unit)
+    monkeypatch.setattr(learning, "SIZED_BY", ("forearm_length", "length_of_nobody"))
+    told = Interpreter.fit(bank())
+    assert told.any_muscles is not None
+    assert len(told.local.expected.unit) == plain + 1
+    assert len(told.any_muscles.expected.unit) == 2
+    assert told.infer(told.look(RECORDINGS[0])).half_width() > 0.0
+    assert told.whatever_muscles(RECORDINGS[0]) is not None
 
 
 def test_the_half_width_to_expect_is_the_one_that_comes(interpreter: Interpreter) -> None:

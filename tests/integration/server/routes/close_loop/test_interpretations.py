@@ -127,24 +127,22 @@ def test_a_job_that_failed_on_a_host_waits_for_another_with_a_bank_only(
     assert leased(client, BANK) is not None
 
 
-@pytest.mark.parametrize(
-    ("body", "pointer"),
-    [
-        ({"known": [{"name": "forearm_mass", "value": 0.9}]}, "/known/0/sd"),
-        ({"known": [{"name": "forearm_mass", "value": 0.9, "sd": 0.0}]}, "/known/0/sd"),
-        ({"known": [{"name": "a\nb", "value": 0.9, "sd": 1.0}]}, "/known/0/name"),
-        ({"known": KNOWN * 65}, "/known"),
-        ({"tolerance": -1.0}, "/tolerance"),
-        ({"bank": "../../bank.npz"}, "/bank"),
-        ({"tolerence": 0.5}, "/tolerence"),
-    ],
-)
-def test_what_means_nothing_is_refused_with_its_place(
-    client: TestClient, session: str, body: Json, pointer: str
-) -> None:
-    answer = client.post(f"/v1/sessions/{session}/interpretation", json=body)
-    problem = is_problem(answer, 422)
-    assert pointer in json.dumps(problem)
+MEANING_NOTHING: list[tuple[Json, str]] = [
+    ({"known": [{"name": "forearm_mass", "value": 0.9}]}, "/known/0/sd"),
+    ({"known": [{"name": "forearm_mass", "value": 0.9, "sd": 0.0}]}, "/known/0/sd"),
+    ({"known": [{"name": "a\nb", "value": 0.9, "sd": 1.0}]}, "/known/0/name"),
+    ({"known": KNOWN * 65}, "/known"),
+    ({"tolerance": -1.0}, "/tolerance"),
+    ({"bank": "../../bank.npz"}, "/bank"),
+    ({"tolerence": 0.5}, "/tolerence"),
+]
+
+
+def test_what_means_nothing_is_refused_with_its_place(client: TestClient, session: str) -> None:
+    for body, pointer in MEANING_NOTHING:
+        answer = client.post(f"/v1/sessions/{session}/interpretation", json=body)
+        problem = is_problem(answer, 422)
+        assert pointer in json.dumps(problem)
 
 
 @pytest.mark.parametrize(
