@@ -149,9 +149,9 @@ class Description:
 
     def _entries(self) -> dict[str, Any]:
         # Not `asdict`, which copies every text and number: a coordinator tells hundreds of them.
-        said = _said(self)
-        outputs = [_without_defaults(_said(output)) for output in said.pop("results")]
-        factors = [_said(factor) for factor in self.factors]
+        said = {field.name: getattr(self, field.name) for field in fields(self)}
+        outputs = [_without_defaults(vars(output)) for output in said.pop("results")]
+        factors = [dict(vars(factor)) for factor in self.factors]
         for factor in factors:
             factor["choices"] = list(factor["choices"])
             factor["bounds"] = [bound if isfinite(bound) else None for bound in factor["bounds"]]
@@ -259,11 +259,6 @@ def _output(where: str, said: Any) -> Output:
     return output
 
 
-def _said(one: Description | Factor | Output) -> dict[str, Any]:
-    """Return the fields of a description or of a part of it."""
-    return {field.name: getattr(one, field.name) for field in fields(one)}
-
-
-def _without_defaults(output: dict[str, Any]) -> dict[str, Any]:
+def _without_defaults(output: Mapping[str, Any]) -> dict[str, Any]:
     """Return an output's entries without what is said of few."""
     return {n: v for n, v in output.items() if n not in _AXIS or v != getattr(Output, n)}

@@ -5,6 +5,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from http import HTTPStatus
+from importlib.util import find_spec
 from typing import Any
 
 
@@ -60,6 +61,21 @@ def needs_extra(what: str, extra: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         raise RehybError(f"{what} needs {error.name}: pip install 'rehyb[{extra}]'") from None
+
+
+def check_pictures() -> None:
+    """Raise RehybError unless what draws and writes a report is installed."""
+    if None in map(find_spec, ("matplotlib", "jinja2")):
+        raise RehybError("the report needs pictures: pip install 'rehyb[figures]'")
+
+
+@contextmanager
+def refusing(*errors: type[Exception]) -> Iterator[None]:
+    """Within the block, one of `errors` is Invalid with the same sentence."""
+    try:
+        yield
+    except errors as error:
+        raise Invalid(str(error)) from None
 
 
 _OF_STATUS: Mapping[int, type[RehybError]] = {

@@ -1,7 +1,7 @@
 """Bring a study's results into files that other tools read."""
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,12 +11,6 @@ from rehyb.whole_files import whole_file
 
 #: Formats by name, with the ending of their files.
 FORMATS = {"csv": ".csv", "parquet": ".parquet", "netcdf": ".nc"}
-
-
-def units_of(study: Json) -> Mapping[str, str]:
-    """Return the units of a study's factors and outputs; earlier versions did not tell them."""
-    units: Mapping[str, str] = study.get("units", {})
-    return units
 
 
 def check_names(study: Json) -> None:
@@ -73,7 +67,8 @@ def export(client: Client, study_id: str, out: Path | None, format: str) -> Path
 
 
 def _write(path: Path, study: Json, results: Path, format: str) -> None:
-    units = units_of(study)
+    # Earlier versions did not tell them.
+    units = study.get("units", {})
     with needs_extra(format, "files"):
         if format == "parquet":
             from analysis.files.parquet import write_parquet

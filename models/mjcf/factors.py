@@ -1,7 +1,7 @@
 """Factors of an `mjcf` model: numbers of named elements that are set or scaled, then compiled."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 from typing import Any
@@ -11,17 +11,8 @@ import numpy as np
 
 from models.folder import ModelError, ModelFolder
 
-#: What a path may begin with, and how MjSpec finds the element by its name.
-ELEMENTS: Mapping[str, Callable[[mujoco.MjSpec, str], Any]] = {
-    "body": lambda spec, name: spec.body(name),
-    "joint": lambda spec, name: spec.joint(name),
-    "geom": lambda spec, name: spec.geom(name),
-    "site": lambda spec, name: spec.site(name),
-    "tendon": lambda spec, name: spec.tendon(name),
-    "actuator": lambda spec, name: spec.actuator(name),
-    "sensor": lambda spec, name: spec.sensor(name),
-    "equality": lambda spec, name: spec.equality(name),
-}
+#: What a path may begin with: MjSpec finds each by its name in a method that is called so.
+ELEMENTS = ("body", "joint", "geom", "site", "tendon", "actuator", "sensor", "equality")
 #: Attributes of a body that MuJoCo infers from its geoms unless the file states them.
 _INERTIAL = ("mass", "inertia", "ipos", "iquat", "fullinertia")
 #: Angles of a hinge, which a file may state in degrees.
@@ -140,7 +131,7 @@ def _element(spec: mujoco.MjSpec, element: str, name: str | None, where: str) ->
         raise ModelError(f"{where}: expected one of {', '.join((*ELEMENTS, 'option'))}")
     if name is None:
         raise ModelError(f"{where}: must name a {element}, as '{element}.NAME.ATTRIBUTE'")
-    target = ELEMENTS[element](spec, name)
+    target = getattr(spec, element)(name)
     if target is None:
         there = [e.name for e in _every(spec, element) if e.name]
         raise ModelError(

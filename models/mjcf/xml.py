@@ -124,16 +124,15 @@ def _keep_links(root: ElementTree.Element) -> None:
 
 def _add_motors_and_sensors(spec: mujoco.MjSpec) -> None:
     sensors = {
-        "position": (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtObj.mjOBJ_JOINT),
-        "velocity": (mujoco.mjtSensor.mjSENS_JOINTVEL, mujoco.mjtObj.mjOBJ_JOINT),
-        "torque": (mujoco.mjtSensor.mjSENS_JOINTACTFRC, mujoco.mjtObj.mjOBJ_JOINT),
+        "position": mujoco.mjtSensor.mjSENS_JOINTPOS,
+        "velocity": mujoco.mjtSensor.mjSENS_JOINTVEL,
+        "torque": mujoco.mjtSensor.mjSENS_JOINTACTFRC,
     }
     for joint in spec.joints:
         spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        for quantity, (kind, of) in sensors.items():
-            spec.add_sensor(
-                name=f"{joint.name}.{quantity}", type=kind, objtype=of, objname=joint.name
-            )
+        for quantity, kind in sensors.items():
+            name, joints = f"{joint.name}.{quantity}", mujoco.mjtObj.mjOBJ_JOINT
+            spec.add_sensor(name=name, type=kind, objtype=joints, objname=joint.name)
 
 
 def _assets(root: ElementTree.Element, path: Path, folder: Path, name: str) -> dict[str, bytes]:

@@ -4,6 +4,7 @@ import time
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Self
 
@@ -53,8 +54,6 @@ class Place:
         return self.time_limit + GRACE_SECONDS
 
 
-#: What this child process has loaded, by where it is.
-_LOADED: dict[Place, Evaluator] = {}
 _CLOSING = ExitStack()
 
 
@@ -67,9 +66,9 @@ def evaluate(instance: Mapping[str, Any]) -> Evaluation:
     place: Place | None = instance.get("place")
     if place is None:
         return evaluate_own(instance["model"], instance["parameters"], instance.get("curves", ()))
-    _load(place)
+    model = evaluator(place)
     started = time.perf_counter()
-    outputs = _LOADED[place](instance["parameters"], instance["seed"])
+    outputs = model(instance["parameters"], instance["seed"])
     return Evaluation(outcome="ok", outputs=outputs, wall_seconds=time.perf_counter() - started)
 
 
@@ -83,16 +82,12 @@ def load(instance: Mapping[str, Any]) -> None:
     if place is None:
         load_own(instance["model"])
     else:
-        _load(place)
+        evaluator(place)
 
 
-def _load(place: Place) -> None:
-    if place not in _LOADED:
-        _LOADED[place] = evaluator(place)
-
-
+@cache
 def evaluator(place: Place) -> Evaluator:
-    """Load what evaluates a model; heavy libraries are imported here only.
+    """Load what evaluates a model, once a process; heavy libraries are imported here only.
 
     Raises:
         ModelFailure: "bad_model": it cannot be loaded.

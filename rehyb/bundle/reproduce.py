@@ -83,12 +83,11 @@ def _design(plan: "Plan", table: "Table") -> Judgement:
     if outside or len(set(places)) < len(places):
         where = f"{outside[0]} lies outside the study" if outside else "a place occurs twice"
         return False, f"results.csv has rows and positions that no study has: {where}"
-    worst, at, row, points = 0.0, (0, 0), -1, list[dict[str, float]]()
+    worst, at = 0.0, (0, 0)
     for line, place in enumerate(places):
-        if place[0] != row:
-            row, points = place[0], parameters(plan, place[0])
+        point = parameters(plan, place[0])[place[1]]
         for f, name in enumerate(plan.distributions):
-            off = _apart(table.points[line, f], points[place[1]][name])
+            off = _apart(table.points[line, f], point[name])
             if off > worst:
                 worst, at = off, place
     if worst > ROUNDING:

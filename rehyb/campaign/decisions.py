@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rehyb.campaign.plans import Plan
 from rehyb.client import Json
-from rehyb.errors import CampaignError, Invalid
+from rehyb.errors import CampaignError, refusing
 
 if TYPE_CHECKING:
     from analysis.sensitivity.judgement.stopping import Step
@@ -145,10 +145,8 @@ def next_step(plan: Plan, phase: Phase, snapshot: Json, rows: int) -> "Step | No
     if phase.number == 1 or plan.most_rows is None:
         return None
     goal = Goal(output=plan.output, target=plan.target, up_to=plan.most_rows)
-    try:
+    with refusing(ValueError):
         return judge(snapshot, goal, rows)
-    except ValueError as error:
-        raise Invalid(str(error)) from None
 
 
 def propose(plan: Plan, snapshot: Json) -> Proposed | None:

@@ -9,7 +9,7 @@ import typer
 from rehyb.cli.answers import Answer, answering, print_rows
 from rehyb.cli.options import optional
 from rehyb.client import Json
-from rehyb.errors import Invalid, RehybError
+from rehyb.errors import needs_extra, refusing
 
 if TYPE_CHECKING:
     from analysis.closeloop.logs.belief import Belief
@@ -46,17 +46,14 @@ def inspect(
     from analysis.closeloop.logs.reading import read_log
 
     try:
-        log = read_log(file)
-        beliefs, named = assigned(believe(log), known or ())
-        joints = joint_names(beliefs, joints_in(model) if model else ())
-        joints = [named.get(number, name) for number, name in enumerate(joints)]
-        left = write_session(out, file.stem, beliefs, joints, model) if out else []
-    except SessionError as error:
-        raise Invalid(str(error)) from None
+        with needs_extra(file.name, "logs"), refusing(SessionError):
+            log = read_log(file)
+            beliefs, named = assigned(believe(log), known or ())
+            joints = joint_names(beliefs, joints_in(model) if model else ())
+            joints = [named.get(number, name) for number, name in enumerate(joints)]
+            left = write_session(out, file.stem, beliefs, joints, model) if out else []
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
-    except ModuleNotFoundError as error:
-        raise RehybError(f"{file.name} needs {error.name}: pip install 'rehyb[logs]'") from None
     rows = [_row(belief, joints) for belief in beliefs]
     clocks = _clocks(beliefs)
     remarks = [*log.remarks, *left]

@@ -10,7 +10,7 @@ import typer
 from rehyb.cli.answers import Answer, answering, print_rows
 from rehyb.cli.options import interruptible
 from rehyb.client import Client, Json
-from rehyb.errors import Invalid
+from rehyb.errors import Invalid, refusing
 
 if TYPE_CHECKING:
     from models.description import Description
@@ -56,7 +56,11 @@ def check(
     if description.kind == Kind.UMBRIDGE and umbridge is None:
         raise Invalid("a model of kind umbridge needs its server: --umbridge URL")
     if description.kind == Kind.MJCF:
-        _check_factors(read)
+        from models.folder import ModelError
+        from models.mjcf.simulate import Simulation
+
+        with refusing(ModelError):
+            Simulation(read).check_factors()
     rows = []
     pool = Pool(1, place.child_seconds or CHECK_SECONDS)
     try:
@@ -191,20 +195,8 @@ def _served(model: str) -> "tuple[Description, Any]":
 def _read(folder: Path) -> "ModelFolder":
     from models.folder import ModelError, read_folder
 
-    try:
+    with refusing(ModelError):
         return read_folder(folder)
-    except ModelError as error:
-        raise Invalid(str(error)) from None
-
-
-def _check_factors(read: "ModelFolder") -> None:
-    from models.folder import ModelError
-    from models.mjcf.simulate import Simulation
-
-    try:
-        Simulation(read).check_factors()
-    except ModelError as error:
-        raise Invalid(str(error)) from None
 
 
 def _points(description: "Description") -> Iterator[tuple[str, dict[str, float]]]:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rehyb.errors import Invalid
+
 if TYPE_CHECKING:
     from models.description import Description
     from models.factors import Factor
@@ -54,6 +56,12 @@ def check_up_to(target: float | None, up_to: int | None) -> None:
     """Check that a wanted precision comes with what it may cost; else typer.BadParameter."""
     if target is not None and up_to is None:
         raise typer.BadParameter("--target needs --up-to, the rows that it may cost in all")
+
+
+def check_submitted(submit: bool, url: str | None, token: str | None) -> None:
+    """Check that a coordinator is named for what it does only; else Invalid."""
+    if not submit and (url or token):
+        raise Invalid("--url and --token go with --submit: without it this machine does the work")
 
 
 def assignment(text: str) -> tuple[str, str]:

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from models.curves import columns
-from sim.assessment.estimation import Fit, IllConditionedError, estimate_forms, truth_in_parts
+from sim.assessment.estimation import Fit, IllConditionedError, estimate_forms, fit
 from sim.assessment.impedance import bone_length, local_impedance
 from sim.assessment.nominal import nominal_model
 from sim.assessment.protocol import run_protocol
@@ -102,7 +102,7 @@ def assess(
         with _watched(system, watch):
             record = run_protocol(system, data)
         outputs = _evaluate(record, diagnostics)
-        outputs |= _local(system, record) | _bones(system) | _over_phase(record, curves)
+        outputs |= _looked_at(system, record) | _over_phase(record, curves)
         if system.fidelity.contact:
             outputs |= on_skin(record.loads, system.fidelity.step)
     except FailedError as failed:
@@ -185,8 +185,8 @@ def _evaluate(record: Record, diagnostics: dict[str, float]) -> dict[str, float]
         outputs[f"stiffness_true{suffix}"] = true.stiffness
         outputs[f"stiffness_true_r2{suffix}"] = true.r_squared
     q_velocity = record.q_velocity[:, record.joint]
-    parts = {"passive": record.passive_torque, "sum": record.human_torque}
-    for name, part in truth_in_parts(q, q_velocity, parts).items():
+    for name, torque in (("passive", record.passive_torque), ("sum", record.human_torque)):
+        part = fit(torque, q, q_velocity, damping=True, constant=True)
         outputs[f"stiffness_{name}"] = part.stiffness
         outputs[f"stiffness_{name}_r2"] = part.r_squared
     assert estimate.damping is not None and truth.damping is not None
@@ -206,9 +206,19 @@ def _evaluate(record: Record, diagnostics: dict[str, float]) -> dict[str, float]
     return outputs
 
 
-def _local(system: System, record: Record) -> dict[str, float]:
+def _looked_at(system: System, record: Record) -> dict[str, float]:
+    """Return what the compiled model tells beside the movement.
+
+    Both look with the same data: to make it takes as long as thirty steps without contact.
+    """
+    data = mujoco.MjData(system.model)
+    bones = _bones(system.model, data)
+    return _local(system, record, data) | bones
+
+
+def _local(system: System, record: Record, data: mujoco.MjData) -> dict[str, float]:
     """Return the local impedance at the start, in the middle and at the end of the movement."""
-    found = local_impedance(system, record, record.steps_at(PLACES.values()))
+    found = local_impedance(system, data, record, record.steps_at(PLACES.values()))
     return {
         f"local_{quantity}_{place}": float(value)
         for quantity, values in zip(("stiffness", "damping"), found, strict=True)
@@ -235,11 +245,12 @@ _CURVES: Mapping[str, Callable[[Record], np.ndarray]] = {
 }
 
 
-def _bones(system: System) -> dict[str, float]:
-    """Return the lengths that the bones have in the compiled model, m."""
+def _bones(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, float]:
+    """Return the lengths that the bones have in the compiled model, m; `data` is fresh."""
+    mujoco.mj_kinematics(model, data)
     return {
-        "shoulder_to_elbow": bone_length(system.model, "humerus", "ulna"),
-        "elbow_to_wrist": bone_length(system.model, "ulna", "hand"),
+        "shoulder_to_elbow": bone_length(data, "humerus", "ulna"),
+        "elbow_to_wrist": bone_length(data, "ulna", "hand"),
     }
 
 

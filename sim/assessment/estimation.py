@@ -12,7 +12,7 @@ authors    q, 1 (their published code)   published    q, 1
 ========== ============================= ============ ==========================
 
 A limb has a neutral angle, and a clinic knows theta alone: hence `affine` is the default. What
-muscles do is the truth of every form; `truth_in_parts` looks at the passive stop and at the sum.
+muscles do is the truth of every form.
 """
 
 from collections.abc import Mapping
@@ -133,22 +133,3 @@ def estimate_forms(
         truth = fit(muscle_torque, q, q_velocity, damping=damping, constant=constant)
         forms[name] = (estimate, truth)
     return forms
-
-
-def truth_in_parts(
-    q: np.ndarray, q_velocity: np.ndarray, parts: Mapping[str, np.ndarray]
-) -> dict[str, Fit]:
-    """Return the affine fit to each part of the human torque.
-
-    Args:
-        q: human joint's angle, rad, shape (n,).
-        q_velocity: its velocity, rad/s, shape (n,).
-        parts: torque of each part, Nm, shape (n,).
-
-    Raises:
-        IllConditionedError: the regressors do not vary independently.
-    """
-    return {
-        name: fit(torque, q, q_velocity, damping=True, constant=True)
-        for name, torque in parts.items()
-    }

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from sim.assessment.record import Record, passive_torque
-from sim.assessment.steps import activation_pattern
+from sim.body.activation import voluntary
 from sim.system.system import System
 
 #: Half of a perturbation, rad and rad/s.
@@ -17,20 +17,21 @@ TURN, SPEED = 1e-4, 1e-3
 
 
 def local_impedance(
-    system: System, record: Record, steps: np.ndarray
+    system: System, data: mujoco.MjData, record: Record, steps: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return stiffness (Nm/rad) and damping (Nm s/rad) at some steps, sign of equation 3.
 
     Args:
         system: that moved.
+        data: of its model, in the reference pose at rest; changed.
         record: of its movement.
         steps: numbers of steps, shape (n,).
 
     Returns:
         Two arrays of shape (n,).
     """
-    model, data = system.model, mujoco.MjData(system.model)
-    joint, pattern = system.target.joint, activation_pattern(system, data, record.reference)
+    model, joint = system.model, system.target.joint
+    level = voluntary(system.conditions, record.reference, system.activation)
     angle, dof = system.human_qpos[joint], system.human_dof[joint]
     inputs = model.actuator_actadr[system.contracted]
     stiffness, damping = np.empty(len(steps)), np.empty(len(steps))
@@ -38,7 +39,7 @@ def local_impedance(
     for i, step in enumerate(steps):
         data.qpos[system.human_qpos] = record.q[step]
         data.qvel[system.human_dof] = record.q_velocity[step]
-        data.act[inputs] = pattern.level[step]
+        data.act[inputs] = level[step]
         q, velocity = float(data.qpos[angle]), float(data.qvel[dof])
         answers = []
         for turn in (-TURN, TURN):
@@ -55,10 +56,8 @@ def local_impedance(
     return stiffness, damping
 
 
-def bone_length(model: mujoco.MjModel, begin: str, end: str) -> float:
-    """Return the distance between the joints of two bodies of the arm in the compiled model, m."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+def bone_length(data: mujoco.MjData, begin: str, end: str) -> float:
+    """Return the distance between the joints of two bodies of the arm where `data` has them, m."""
     return float(np.linalg.norm(data.body(end).xpos - data.body(begin).xpos))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from sim.assessment.chain import RigidChain, rigid_chain
 from sim.body.skeleton import HUMAN_JOINTS, add_arm, empty_spec, fill_forearm, fill_upper_arm
 from sim.body.soft_tissue import ELEMENT_RADIUS, SoftTissue, soft_tissues
+from sim.interface.cuffs import quaternion
 from sim.interface.straps import STRAP_MASS
 from sim.parameters.wearer import NOMINAL_WEARER, Wearer
 from sim.robot.control import Gains
@@ -183,8 +184,7 @@ def _aligned_arm_poses(device: Device) -> dict[str, dict[str, list[float]]]:
     for bone, link in zip(("humerus", "ulna"), (cuff.link for cuff in device.cuffs), strict=True):
         frame = data.body(link).xmat.reshape(3, 3)
         pos = frame.T @ (data.body(bone).xpos - data.body(link).xpos)
-        quat = np.empty(4)
-        mujoco.mju_mat2Quat(quat, (frame.T @ data.body(bone).xmat.reshape(3, 3)).ravel())
+        quat = quaternion(frame.T @ data.body(bone).xmat.reshape(3, 3))
         poses[bone] = {"pos": list(pos), "quat": list(quat)}
     return poses
 

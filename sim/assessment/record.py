@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sim.assessment.steps import Motion
-from sim.body.skeleton import elbow_passive_torque
+from sim.body.skeleton import extension_stop_torque
 from sim.interface.interface import Loads
 from sim.parameters.target import ELBOW_TARGET
 from sim.system.system import System
@@ -84,6 +84,10 @@ def record_of(
     # Those the steps really made.
     acceleration = np.diff(exo_velocity, axis=0) / system.fidelity.step
     motors = len(system.motors)
+    reported = sensed[:, :motors] / system.motor_gain
+    # The engine applies the controller's damping at a step's end; the force that it reports is
+    # that of the step's beginning, and no torque sensor would show it.
+    late = system.gains.kv * system.fidelity.step * acceleration
     return Record(
         device=system.device.name,
         joint=system.target.joint,
@@ -93,7 +97,7 @@ def record_of(
         theta=position[:-1, system.exo_qpos],
         theta_velocity=exo_velocity[:-1],
         theta_acceleration=acceleration,
-        motor_torque=acting_torque(system, sensed[:, :motors] / system.motor_gain, acceleration),
+        motor_torque=reported - late,
         q=q,
         q_velocity=velocity[:-1, system.human_dof],
         muscle_torque=sensed[:, motors],
@@ -107,23 +111,5 @@ def passive_torque(system: System, angle: np.ndarray) -> np.ndarray:
     if system.target.joint != ELBOW_TARGET.joint:
         return np.zeros(len(angle))
     own = system.conditions
-    return elbow_passive_torque(
-        angle,
-        stop=own.extension_stop,
-        stiffness=own.passive_stiffness,
-        neutral_angle=own.neutral_angle,
-    )
-
-
-def acting_torque(system: System, torque: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-    """Return what the motors really did over each step, as a torque sensor would show it, Nm.
-
-    The engine applies the controller's damping at the step's end; the force it reports is that of
-    the step's beginning.
-
-    Args:
-        system: whose motors.
-        torque: as reported, Nm, shape (n, number of joints).
-        acceleration: over each step, rad/s2, of that shape.
-    """
-    return torque - system.gains.kv * system.fidelity.step * acceleration
+    spring = own.passive_stiffness * (angle - own.neutral_angle)
+    return extension_stop_torque(angle, own.extension_stop) - spring

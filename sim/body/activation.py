@@ -11,6 +11,16 @@ import numpy as np
 from sim.parameters.conditions import Conditions
 
 
+def voluntary(conditions: Conditions, reference: np.ndarray, level: float) -> np.ndarray:
+    """Return the activation without a reflex along `reference` (rad, shape (n,)), shape (n,).
+
+    `level` is that before the movement, 0 to 1.
+    """
+    travelled = reference - reference[0]
+    progress = travelled / travelled[np.abs(travelled).argmax()]
+    return np.asarray(level * (1.0 + conditions.activation_rise * progress))
+
+
 class ActivationPattern:
     """The activation of every co-contracting muscle during one movement.
 
@@ -37,10 +47,8 @@ class ActivationPattern:
             lengthening: how much each muscle lengthens as the joint turns, of which only the sign
                 matters, shape (muscles,).
         """
-        travelled = reference - reference[0]
-        progress = travelled / travelled[np.abs(travelled).argmax()]
         #: Activation without the reflex, shape (n,).
-        self.level = level * (1.0 + conditions.activation_rise * progress)
+        self.level = voluntary(conditions, reference, level)
         self._gain, self._threshold = conditions.reflex_gain, conditions.reflex_threshold
         #: Steps from a stretch to the muscles' input.
         self.delay = max(1, round(conditions.reflex_delay / step))

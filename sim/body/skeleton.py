@@ -176,20 +176,6 @@ def extension_stop_torque(angle: np.ndarray, stiffness: float) -> np.ndarray:
     return np.asarray(stiffness * stretch * (1.0 + (stretch / STOP_HARDENING) ** 2))
 
 
-def elbow_passive_torque(
-    angle: np.ndarray, *, stop: float, stiffness: float, neutral_angle: float
-) -> np.ndarray:
-    """Return the torque of an extension stop and a passive spring, Nm, flexion positive.
-
-    Args:
-        angle: of the human elbow, rad, shape (n,).
-        stop: stiffness of the stop at its beginning, Nm/rad.
-        stiffness: of the spring, Nm/rad.
-        neutral_angle: where the spring is slack, rad.
-    """
-    return extension_stop_torque(angle, stop) - stiffness * (angle - neutral_angle)
-
-
 def fill_upper_arm(humerus: mujoco.MjsBody, wearer: Wearer) -> mujoco.MjsBody:
     """Give the body `humerus` its bone and inertia; return the ulna's body at the elbow."""
     elbow = upper_arm_point(wearer, ELBOW)

@@ -123,7 +123,12 @@ class Effect(ABC):
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
         """Return the physical parameters that are no coefficients."""
         own = self.parameters.keys() - set(self.coefficients)
-        return {p.name: theta[p.name] for p in self.nonlinear if p.name in own}
+        half = joint.travel[1] if any(p.over_travel for p in self.nonlinear) else 1.0
+        return {
+            p.name: theta[p.name] * (half if p.over_travel else 1.0)
+            for p in self.nonlinear
+            if p.name in own
+        }
 
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
         """Return where each physical parameter comes from."""

@@ -77,6 +77,8 @@ class Nonlinear:
     #: Largest moves that refine it: over its value, and absolute.
     scaling: float = 0.0
     shift: float = 0.0
+    #: Whether it is over half the travel, as ways are.
+    over_travel: bool = False
     #: Step that shows the slope over it; None for a choice, or what shifts with the estimate: they
     #: have no interval.
     step: tuple[float, float] | None = None

@@ -18,7 +18,7 @@ from sim.body.soft_tissue import (
     over_elements,
     set_contacts,
 )
-from sim.interface.cuffs import BOX_ANGLES, add_cuff, cuff_box_name
+from sim.interface.cuffs import BOX_ANGLES, add_cuff, cuff_box_name, quaternion
 from sim.interface.interface import Interface, Loads
 from sim.interface.straps import add_strap, particle_name, segment_names, strap_angles
 from sim.parameters.fidelity import Fidelity
@@ -93,7 +93,7 @@ class Contact(Interface):
                 )
 
             # Which way the opening looks: how the cuff has turned round the limb.
-            link.add_site(name=f"{cuff.name}_turn", quat=_quat(cuff.axes), rgba=[0.0] * 4)
+            link.add_site(name=f"{cuff.name}_turn", quat=quaternion(cuff.axes), rgba=[0.0] * 4)
             spec.add_sensor(
                 name=f"{cuff.name}_turn",
                 type=mujoco.mjtSensor.mjSENS_FRAMEYAXIS,
@@ -233,13 +233,6 @@ def _add_contact_sensor(
         objname=bone,
     )
     sensor.intprm[:3] = [_FORCE, reduction, slots]
-
-
-def _quat(axes: np.ndarray) -> np.ndarray:
-    """Return the quaternion of a frame whose axes are the columns of `axes`."""
-    quat = np.empty(4)
-    mujoco.mju_mat2Quat(quat, axes.ravel())
-    return quat
 
 
 def _columns(model: mujoco.MjModel, sensed: np.ndarray, name: str) -> np.ndarray:

@@ -64,6 +64,13 @@ def add_cuff(spec: mujoco.MjSpec, cuff: Cuff) -> None:
         )
 
 
+def quaternion(axes: np.ndarray) -> np.ndarray:
+    """Return the quaternion, (4,), of a frame whose axes are the columns of `axes`, (3, 3)."""
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, axes.ravel())
+    return quat
+
+
 def add_box(
     body: mujoco.MjsBody,
     name: str,
@@ -75,13 +82,11 @@ def add_box(
     rgba: tuple[float, float, float, float],
 ) -> None:
     """Add a box that belongs to a cuff or strap; `frame` has its axes as columns."""
-    quat = np.empty(4)
-    mujoco.mju_mat2Quat(quat, frame.ravel())
     body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_BOX,
         pos=centre,
-        quat=quat,
+        quat=quaternion(frame),
         size=size,
         mass=mass,
         rgba=list(rgba),

@@ -34,11 +34,6 @@ class Fidelity:
     #: (`sim.interface.bushing`), and of the divisions above only validity looks at the tissue's.
     contact: bool = True
 
-    @property
-    def elements(self) -> int:
-        """Tissue elements of one limb."""
-        return self.rings * self.per_ring
-
 
 CAMPAIGN = Fidelity(
     name="campaign",

@@ -4,6 +4,7 @@ MuJoCo could sweep them, but only in a compiled arm for each wearer, which takes
 quarter of an assessment without contact; a test compares the two.
 """
 
+from copy import copy
 from functools import cache, lru_cache
 from math import radians
 
@@ -12,12 +13,14 @@ import numpy as np
 
 from sim.body.muscles.muscle import ElbowMuscles, Formula, Muscle, MuscleGroup, Wrap
 from sim.body.skeleton import (
+    ELBOW,
     HUMAN_JOINTS,
     HUMERUS_SHRINK,
     add_arm,
     add_torso,
     bone_point,
     empty_spec,
+    upper_arm_point,
 )
 from sim.parameters.wearer import NOMINAL_WEARER, Wearer
 
@@ -150,18 +153,25 @@ def _poses(wearer: Wearer) -> Poses:
 
 
 @cache
-def _nominal_poses(elbow_offset: float) -> Poses:
-    """Return the poses of the nominal wearer's bones, its elbow that far off, m."""
+def _nominal_arm() -> mujoco.MjModel:
+    """Return the nominal wearer's bones."""
     spec = empty_spec()
     add_torso(spec)
-    add_arm(spec, Wearer(elbow_offset=elbow_offset))
-    model = spec.compile()
+    add_arm(spec, NOMINAL_WEARER)
+    return spec.compile()
+
+
+def _nominal_poses(elbow_offset: float) -> Poses:
+    """Return the poses of the nominal wearer's bones, its elbow that far off, m."""
+    model = copy(_nominal_arm())
+    model.body("ulna").pos = upper_arm_point(Wearer(elbow_offset=elbow_offset), ELBOW)
     data = mujoco.MjData(model)
     bones = {bone: model.body(bone).id for bone in ("scapula", "humerus", "ulna", "radius")}
     poses = {bone: (np.empty((len(SWEEP), 3)), np.empty((len(SWEEP), 3, 3))) for bone in bones}
     data.joint(HUMAN_JOINTS[1]).qpos = radians(-90.0)
+    elbow = data.joint(HUMAN_JOINTS[3])
     for i, angle in enumerate(SWEEP):
-        data.joint(HUMAN_JOINTS[3]).qpos = angle
+        elbow.qpos = angle
         mujoco.mj_kinematics(model, data)
         for bone, number in bones.items():
             poses[bone][0][i] = data.xpos[number]

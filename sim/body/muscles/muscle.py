@@ -54,25 +54,20 @@ class Muscle:
     wrap: Wrap | None = None
 
 
-#: MuJoCo's defaults: operating range, shortest and longest active length, passive force.
-DEFAULT_RANGE, DEFAULT_SHORTEST_ACTIVE, DEFAULT_LONGEST_ACTIVE = (0.75, 1.05), 0.5, 1.6
-DEFAULT_PASSIVE_FORCE = 1.3
-
-
 @dataclass(frozen=True, kw_only=True)
 class MuscleGroup:
-    """Muscles with what they have in common; lengths in optimal ones."""
+    """Muscles with what they have in common, MuJoCo's defaults; lengths in optimal ones."""
 
     muscles: tuple[Muscle, ...]
     #: What their peak forces are multiplied by.
     force_scale: float = 1.0
     #: Lengths at the two ends of the length range.
-    operating_range: tuple[float, float] = DEFAULT_RANGE
+    operating_range: tuple[float, float] = (0.75, 1.05)
     #: Lengths at which active force vanishes.
-    shortest_active: float = DEFAULT_SHORTEST_ACTIVE
-    longest_active: float = DEFAULT_LONGEST_ACTIVE
+    shortest_active: float = 0.5
+    longest_active: float = 1.6
     #: MuJoCo's passive force over peak force (its `fpmax`).
-    passive_force: float = DEFAULT_PASSIVE_FORCE
+    passive_force: float = 1.3
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -67,6 +67,10 @@ class Late(Effect):
         return super().beyond(joint, theta, coefficients, difference=difference)
 
 
+#: Every residual has this sign; who thinks of a torque on the joint has to be told.
+WHAT = "what the motor must add; a torque on the joint has the opposite sign"
+
+
 class TorqueOffset(Law):
     """A constant torque."""
 
@@ -76,7 +80,7 @@ class TorqueOffset(Law):
     element = "actuator/general/@biasprm"
     separating_trial = "hold still in five postures"
     owner = "robot"
-    parameters = named(torque=size("Nm", 2.0, "what the motor must add", low=-2.0))
+    parameters = named(torque=size("Nm", 2.0, WHAT, low=-2.0))
     coefficients = ("torque",)
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
@@ -221,24 +225,29 @@ class Drift(Law):
     """A torque that creeps over the session: linear in the session's clock, or levelling off."""
 
     name = "drift"
-    complexity = 2
+    complexity = 3
     signature = "the residual changes from trial to trial in the order they were run"
     separating_trial = "repeat the first trial at the end of the session"
+    # What creeps did so before the first sample, too.
+    includes = ("torque_offset",)
     parameters = named(
         rate=Parameter("Nm/s", "at the session's beginning"),
         time_constant=Parameter("s", "over which it levels off"),
+        torque_at_start=Parameter("Nm", "what the motor adds at the session's beginning"),
     )
-    coefficients = ("rate",)
+    coefficients = ("rate", "torque_at_start")
     nonlinear = (Nonlinear("level_off", (10.0, 0.6, 0.2), step=RELATIVE),)
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         constant = parameters["time_constant"]
-        return parameters["rate"] * constant * -expm1(-motion.time / constant)
+        crept = parameters["rate"] * constant * -expm1(-motion.time / constant)
+        return parameters["torque_at_start"] + crept
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         time = joint.recording.time - joint.recording.time.min()
         constant = theta["level_off"] * max(float(time.max()), 1e-9)
-        return {joint.number: (constant * (1.0 - np.exp(-time / constant)))[:, None]}
+        crept = constant * (1.0 - np.exp(-time / constant))
+        return {joint.number: np.column_stack([crept, np.ones_like(time)])}
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
         length = float(np.ptp(joint.recording.time))

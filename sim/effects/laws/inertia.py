@@ -60,7 +60,6 @@ class Payload(Effect):
         ),
     )
     coefficients: tuple[str, ...] = ("mass",)
-    lower: tuple[float, ...] = (-np.inf,)
     nonlinear: tuple[Nonlinear, ...] = (
         Nonlinear("distance", (0.4, 0.7, 1.0, 1.4, 2.0, 3.0), scaling=0.25, step=RELATIVE),
     )

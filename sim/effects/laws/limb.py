@@ -143,22 +143,13 @@ class Thixotropy(AppliedEffect):
     coefficients = ("torque", "torque_moving")
     lower = (0.0,)
     nonlinear = (
-        Nonlinear("elastic_range", (0.03, 0.08), scaling=0.4, step=RELATIVE),
+        Nonlinear("elastic_range", (0.03, 0.08), scaling=0.4, step=RELATIVE, over_travel=True),
         Nonlinear("exponent", (1.0, 0.0)),
         Nonlinear("recovery", (0.4, 1.5, 4.0), scaling=0.4, step=SECONDS),
-        Nonlinear("distance", (0.15, 0.4, 1.0), scaling=0.4, step=RELATIVE),
+        Nonlinear("distance", (0.15, 0.4, 1.0), scaling=0.4, step=RELATIVE, over_travel=True),
     )
     includes = ("hysteresis",)
     rubs = directed = at_reversals = winds = True
-
-    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        half = joint.travel[1]
-        return {
-            "elastic_range": theta["elastic_range"] * half,
-            "exponent": theta["exponent"],
-            "recovery": theta["recovery"],
-            "distance": theta["distance"] * half,
-        }
 
     def limits(self, joint: RecordedJoint) -> Limits:
         least = PRESLIDING_SHARE * joint.travel[1]
@@ -205,12 +196,8 @@ class ThixotropicStiffness(AppliedEffect):
     lower = (0.0, -np.inf)
     nonlinear = (
         Nonlinear("recovery", (0.7, 1.5, 3.0), scaling=0.4, step=SECONDS),
-        Nonlinear("distance", (0.2, 0.5, 1.0), scaling=0.4, step=RELATIVE),
+        Nonlinear("distance", (0.2, 0.5, 1.0), scaling=0.4, step=RELATIVE, over_travel=True),
     )
-
-    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        distance = theta["distance"] * joint.travel[1]
-        return {"recovery": theta["recovery"], "distance": distance}
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         """Return the spring's columns along the recorded motion."""
@@ -268,23 +255,27 @@ class Structure:
 
 
 class CrossJointCoupling(Law):
-    """Torque at one joint from the position and velocity of its neighbour."""
+    """Torque at one joint from the position and velocity of its neighbour.
+
+    As of a spring, nobody knows beforehand where it is without torque.
+    """
 
     name = "cross_joint_coupling"
-    complexity = 2
+    complexity = 3
     signature = "the residual of one joint follows the position of another"
     separating_trial = "move the neighbouring joint alone while this one is held"
+    includes = ("torque_offset",)
     parameters = named(
         stiffness=Parameter("Nm/rad", "over the neighbour's position"),
         damping=Parameter("Nm s/rad", "over the neighbour's velocity"),
-        neutral=Parameter("rad", "neighbour's position without torque"),
+        torque_at_zero=Parameter("Nm", "what the motor adds at the neighbour's position 0"),
         other_dof=Parameter("1", "number of the neighbour"),
     )
-    coefficients = ("stiffness", "damping")
+    coefficients = ("stiffness", "damping", "torque_at_zero")
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         position, velocity = motion.other(int(parameters["other_dof"]))
-        elastic = parameters["stiffness"] * (position - parameters["neutral"])
+        elastic = parameters["stiffness"] * position + parameters["torque_at_zero"]
         return elastic + parameters["damping"] * velocity
 
     def applies(self, recording: Recording, joint: int) -> bool:
@@ -293,10 +284,7 @@ class CrossJointCoupling(Law):
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
         other = neighbour(joint.recording, joint.number)
         assert other is not None
-        return {
-            "neutral": float(joint.recording.position[:, other].mean()),
-            "other_dof": float(other),
-        }
+        return {"other_dof": float(other)}
 
 
 def neighbour(recording: Recording, joint: int) -> int | None:

@@ -69,9 +69,6 @@ class SeriesElasticity(Effect):
         twisted = recording.through(load[:, None], [-x for x in lost], whole)[:, 0]
         return {number: (twisted * spring)[:, None]}
 
-    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        return {name: theta[name] for name in ("resonance", "damping_ratio")}
-
     def beyond(
         self,
         joint: RecordedJoint,
@@ -217,16 +214,10 @@ class Hysteresis(AppliedEffect):
     coefficients = ("torque",)
     lower = (0.0,)
     nonlinear = (
-        Nonlinear("distance", WAYS, scaling=0.4, step=RELATIVE),
+        Nonlinear("distance", WAYS, scaling=0.4, step=RELATIVE, over_travel=True),
         Nonlinear("exponent", (1.0, 0.0)),
     )
     rubs = directed = at_reversals = winds = True
-
-    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        return {
-            "distance": theta["distance"] * joint.travel[1],
-            "exponent": theta["exponent"],
-        }
 
     def limits(self, joint: RecordedJoint) -> Limits:
         least = PRESLIDING_SHARE * joint.travel[1]

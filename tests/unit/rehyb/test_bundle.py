@@ -20,10 +20,11 @@ from tests.testbed.spoiling import encrypted
 Members = dict[str, bytes]
 
 
-@pytest.fixture
-def honest(tmp_path: Path) -> Path:
-    write_bundle(FinishedStudy().client(), "s1", tmp_path / "s1.zip")
-    return tmp_path / "s1.zip"
+@pytest.fixture(scope="module")
+def honest(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("honest") / "s1.zip"
+    write_bundle(FinishedStudy().client(), "s1", path)
+    return path
 
 
 def members_of(path: Path) -> Members:

@@ -48,6 +48,15 @@ def test_the_catalogue_has_the_names_of_the_contract_simplest_first() -> None:
     assert set(BY_NAME) == {VISCOELASTIC.name, *names} == {VISCOELASTIC.name, *TRUTH}
 
 
+@pytest.mark.parametrize("name", ["joint_stiffness", "cross_joint_coupling", "drift"])
+def test_what_has_no_zero_of_its_own_leaves_no_offset(name: str, recording: Recording) -> None:
+    columns = BY_NAME[name].columns(unfitted(recording, ELBOW), TRUTH[name][0])[ELBOW]
+    constant = np.ones(len(columns))
+    held = np.linalg.lstsq(columns, constant, rcond=None)[0]
+    np.testing.assert_allclose(columns @ held, constant, atol=1e-9)
+    assert "torque_offset" in BY_NAME[name].includes
+
+
 @every_effect
 def test_an_effect_says_what_to_look_for_and_where_it_is(effect: Effect) -> None:
     assert effect.complexity >= 1

@@ -29,8 +29,10 @@ PARAMETERS: dict[str, dict[str, float]] = {
     "thixotropic_stiffness": {
         "stiffness": 3.0, "torque_at_zero": -1.5, "recovery": 1.5, "distance": 0.5,
     },
-    "drift": {"rate": 0.1, "time_constant": 100.0},
-    "cross_joint_coupling": {"stiffness": 2.0, "damping": 0.1, "neutral": 0.0, "other_dof": 0.0},
+    "drift": {"rate": 0.1, "time_constant": 100.0, "torque_at_start": 0.4},
+    "cross_joint_coupling": {
+        "stiffness": 2.0, "damping": 0.1, "torque_at_zero": -0.6, "other_dof": 0.0,
+    },
 }  # fmt: skip
 
 
@@ -124,7 +126,8 @@ def test_a_late_actuator_is_late(name: str) -> None:
         ("stretch_reflex", 0.0, -1.2, 0.0),
         ("thixotropy", 0.0, 1.0, -1.0),
         ("thixotropic_stiffness", 1.2, 0.0, -2.1),
-        ("drift", 0.0, 0.0, 0.0),
+        ("drift", 0.0, 0.0, -0.4),
+        ("cross_joint_coupling", 0.0, 0.0, 0.6),
     ],
 )
 def test_an_applied_torque_is_its_equation(name: str, q: float, v: float, torque: float) -> None:

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.body.muscles import lengths as module
 from sim.body.muscles.attach import add_muscles
 from sim.body.muscles.authors import PAPER_MUSCLES
 from sim.body.muscles.elbow import ELBOW_MUSCLES
@@ -70,3 +71,14 @@ def test_length_ranges_are_those_of_a_compiled_arm(upper: float, offset: float, 
         found = np.array(lengths)[:, tendon]
         expected = (found.min(), found.max())
         assert ranges[model.tendon(tendon).name] == pytest.approx(expected, abs=1e-12)
+
+
+def test_no_arm_is_compiled_for_a_wearer_whose_elbow_is_elsewhere(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A bank has thousands of them, each with an elbow of its own."""
+    elbow = swept(PAPER_MUSCLES)
+    first = elbow_length_ranges(replace(NOMINAL_WEARER, elbow_offset=0.003), elbow)
+    monkeypatch.setattr(module, "empty_spec", lambda: pytest.fail("an arm is compiled again"))
+    second = elbow_length_ranges(replace(NOMINAL_WEARER, elbow_offset=-0.003), elbow)
+    assert first["brachialis"] != second["brachialis"]
