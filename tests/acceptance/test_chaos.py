@@ -140,7 +140,12 @@ def test_whatever_goes_wrong_every_instance_counts_once_and_the_bits_are_the_sam
                     study, done = client.study(study["id"]), client.indices(study["id"])
                     struck = sum(faults[blow] for blow in blows)
                     if done["rows_complete"] == study["rows"] and struck >= len(blows):
-                        break
+                        # Leases last so short here that one in some hundred studies has instances
+                        # that are lost five times; whoever looks after it has them run again.
+                        again = client.rerun(study["id"], outcomes=["lost"])["taken_back"]
+                        if not again:
+                            break
+                        faults["lost five times"] += again
                     if client.progress(study["id"])["pending"] <= 50 and struck < len(blows):
                         # The workers were faster than the blows.
                         client.extend(study["id"], study["rows"] + MORE_ROWS)
@@ -152,6 +157,7 @@ def test_whatever_goes_wrong_every_instance_counts_once_and_the_bits_are_the_sam
                 lab.revive()
                 time.sleep(0.3)
         progress = client.progress(study["id"])
+        failed = client.instances(study["id"], state="failed")["instances"]
         client.results_csv(study["id"], lab.folder / "results.csv")
     engine = create_engine(lab.database)
     contradictions = check.faults(engine)
@@ -172,8 +178,7 @@ def test_whatever_goes_wrong_every_instance_counts_once_and_the_bits_are_the_sam
     assert lab.network.faults and adversary.faults
     assert adversary.wrong == []
     assert [words for words in lab.failures() if not re.search(DISK_FULL, words)] == []
-    assert lost == 0
-    assert (progress["state"], progress["failed"]) == ("complete", 0)
+    assert (lost, progress["state"], failed) == (0, "complete", [])
     with (lab.folder / "results.csv").open() as file:
         places = Counter((int(line["row"]), int(line["position"])) for line in csv.DictReader(file))
     assert (set(places.values()), len(places)) == ({1}, study["instances"])
