@@ -83,11 +83,12 @@ def _design(plan: "Plan", table: "Table") -> Judgement:
     if outside or len(set(places)) < len(places):
         where = f"{outside[0]} lies outside the study" if outside else "a place occurs twice"
         return False, f"results.csv has rows and positions that no study has: {where}"
-    worst, at = 0.0, (0, 0)
+    worst, at, row, points = 0.0, (0, 0), -1, list[dict[str, float]]()
     for line, place in enumerate(places):
-        point = parameters(plan, place[0])[place[1]]
+        if place[0] != row:
+            row, points = place[0], parameters(plan, place[0])
         for f, name in enumerate(plan.distributions):
-            off = _apart(table.points[line, f], point[name])
+            off = _apart(table.points[line, f], points[place[1]][name])
             if off > worst:
                 worst, at = off, place
     if worst > ROUNDING:
