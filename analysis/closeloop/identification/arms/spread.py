@@ -37,10 +37,13 @@ class Refitted(Protocol):
     #: Number of the term that each coefficient belongs to.
     owner: np.ndarray
 
-    def left_out(self, clusters: np.ndarray, *, links: bool) -> tuple[np.ndarray, np.ndarray]:
+    def grams_without(self, clusters: np.ndarray) -> np.ndarray:
+        """Return the Gram matrix of all rows without each cluster of them, (clusters, n, n)."""
+
+    def left_out(self, grams: np.ndarray, *, links: bool) -> tuple[np.ndarray, np.ndarray]:
         """Fit every term without each cluster of rows in turn."""
 
-    def covariances(self, clusters: np.ndarray, *, links: bool) -> np.ndarray:
+    def covariances(self, grams: np.ndarray, *, links: bool) -> np.ndarray:
         """Return what white noise makes of the terms in all rows, then without each cluster."""
 
 
@@ -50,12 +53,12 @@ class Spread:
     def __init__(self, fit: Refitted, *, links: bool) -> None:
         """Fit again without each part; `links`: whether the links are free."""
         self.owner = fit.owner
-        partitions = [_times(fit.rows)]
+        without = [fit.grams_without(_times(fit.rows))]
         self.covariances: np.ndarray | None = None
         if len(fit.rows.joints) >= FEWEST_JOINTS:
-            partitions.append(fit.rows.joint_of_block[fit.rows.block])
-            self.covariances = fit.covariances(partitions[-1], links=links)
-        self.fits = [fit.left_out(clusters, links=links) for clusters in partitions]
+            without.append(fit.grams_without(fit.rows.joint_of_block[fit.rows.block]))
+            self.covariances = fit.covariances(without[-1], links=links)
+        self.fits = [fit.left_out(grams, links=links) for grams in without]
 
     def of_term(
         self, number: int, own: np.ndarray, read: Callable[[np.ndarray], np.ndarray]

@@ -21,6 +21,7 @@ from analysis.closeloop.identification.balance.least_squares import (
     gram_matrices,
     inverse_of,
     solve,
+    sums_of_others,
 )
 from analysis.closeloop.identification.balance.model import (
     Model,
@@ -122,11 +123,23 @@ class WholeFit:
         square, moments = gram[np.ix_(both, both)], gram[both, -1]
         return fit_links(square, moments, self.links.pseudo, strength, lower)
 
-    def left_out(self, clusters: np.ndarray, *, links: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Fit every term without each cluster of rows in turn.
+    def grams_without(self, clusters: np.ndarray) -> np.ndarray:
+        """Return the Gram matrix of all columns and the target without each cluster of rows.
 
         Args:
             clusters: number of each row's, (r,).
+
+        Returns:
+            One matrix per cluster, (clusters, n, n).
+        """
+        parts = [np.flatnonzero(clusters == number) for number in np.unique(clusters)]
+        return sums_of_others(gram_matrices(self.table, parts))
+
+    def left_out(self, grams: np.ndarray, *, links: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Fit every term without each cluster of rows in turn.
+
+        Args:
+            grams: without each (`grams_without`).
             links: whether the links are free.
 
         Returns:
@@ -135,10 +148,7 @@ class WholeFit:
         every = np.arange(self.size)
         both = np.append(every, self.table.shape[1] - 1)
         coefficients, changes = [], []
-        for number in np.unique(clusters):
-            # Summed anew: what a difference leaves of the joint's own columns is no zero.
-            part = self.table[clusters != number]
-            gram = part.T @ part
+        for gram in grams:
             if links:
                 found = self._links(gram, every, self.strength)
             else:
@@ -148,7 +158,7 @@ class WholeFit:
             changes.append(found[self.size :].reshape(-1, PARAMETERS))
         return np.array(coefficients), np.array(changes)
 
-    def covariances(self, clusters: np.ndarray, *, links: bool) -> np.ndarray:
+    def covariances(self, grams: np.ndarray, *, links: bool) -> np.ndarray:
         """Return what white noise of variance one makes of the terms, (1 + clusters, p, p).
 
         First of the fit to all rows, then without each cluster; arguments as those of `left_out`.
@@ -160,8 +170,7 @@ class WholeFit:
             for number, own in enumerate(curvature(np.linalg.inv(self.links.pseudo))):
                 first = self.size + PARAMETERS * number
                 held[first : first + PARAMETERS, first : first + PARAMETERS] = self.strength * own
-        parts = [self.table[clusters != number, :width] for number in np.unique(clusters)]
-        every = np.array([self.total[:width, :width], *(part.T @ part for part in parts)]) + held
+        every = np.array([self.total, *grams])[:, :width, :width] + held
         for gram in every:
             gram[np.diag_indices(width)] += gram.diagonal() == 0.0
         every = inverse_of(every)

@@ -14,6 +14,16 @@ def gram_matrices(table: np.ndarray, parts: Iterable[np.ndarray]) -> np.ndarray:
     return np.stack([table[part].T @ table[part] for part in parts])
 
 
+def sums_of_others(grams: np.ndarray) -> np.ndarray:
+    """Return for each Gram matrix, (parts, n, n), the sum of the others.
+
+    Added up in their order: what the total less one leaves of a column that only that one has is
+    no zero.
+    """
+    own = np.arange(len(grams))
+    return np.stack([grams[own != number].sum(axis=0) for number in own])
+
+
 def keep_independent(base: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
     """Drop the columns that the base and the columns before them explain."""
     both = np.concatenate([base, columns], axis=1)

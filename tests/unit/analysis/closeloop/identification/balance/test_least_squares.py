@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.least_squares import keep_independent, solve
+from analysis.closeloop.identification.balance.least_squares import (
+    gram_matrices,
+    keep_independent,
+    solve,
+    sums_of_others,
+)
 
 
 def test_columns_that_others_explain_are_dropped() -> None:
@@ -23,3 +28,15 @@ def test_a_bounded_coefficient_stays_at_zero() -> None:
     assert held[1] == 0.0 and held[0] == pytest.approx(
         float(x[:, 0] @ table[:, 2] / (x[:, 0] @ x[:, 0]))
     )
+
+
+def test_a_column_of_one_part_alone_is_exactly_zero_without_it() -> None:
+    rng = np.random.default_rng(3)
+    table = rng.standard_normal((90, 3))
+    parts = np.arange(90).reshape(3, 30)
+    table[30:, 0] = 0.0
+    found = sums_of_others(gram_matrices(table, parts))
+    assert not found[0, 0].any() and not found[0, :, 0].any() and found[0, 1, 1] > 0.0
+    for own, gram in zip(parts, found, strict=True):
+        others = np.delete(table, own, axis=0)
+        assert gram == pytest.approx(others.T @ others, rel=1e-12, abs=1e-12)
