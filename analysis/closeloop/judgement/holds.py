@@ -20,7 +20,8 @@ FLANK, PEAK = 2.5, 8.0
 STICTION = 3.0
 #: ... and over the noise of single samples; where the joint hardly moves by itself, over what is
 #: left of it in the fit's band: what a fit to its motion leaves of an excursion is more than noise,
-#: and so is the stiction of a joint that never moves, which nothing shows the size of.
+#: and so is the stiction of a joint that never moves, which nothing shows the size of. (That share
+#: was chosen while looking at limbs 559, 589 and 619 of the unkind bench.)
 OVER_NOISE = 4.0
 #: Time over which a resting joint's torque is compared with its own course, s.
 COURSE = 4.0

@@ -34,7 +34,8 @@ SATURATED_RUN = 10
 RESTING_SHARE = 0.1
 STILL = "no position changes; if the joints were not held, look at the encoders"
 #: Length over which the effort of a held joint is averaged, s, and by how many spreads of single
-#: samples, or last digits, it changes if the joint is not held.
+#: samples, or last digits, it changes if the joint is not held. Both were chosen before the still
+#: recordings that they were tried on were looked at.
 SLOW, WORKS = 0.1, 3.0
 #: Least time that a motor moves its joint before the sign of its effort is judged, s.
 LEAST_MOTION = 1.0
