@@ -21,7 +21,7 @@ from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.balance.uncertainty import leave_out, surely_there
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing import Grown
+from analysis.closeloop.identification.growing.steps import Grown
 from analysis.closeloop.identification.selection import ALONE_Z, MIN_GAIN, more_than_luck
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
@@ -60,21 +60,10 @@ def determined(grown: Grown, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
     """Take out effects that may be nothing (`surely_there`), the least sure first.
 
     What lowers the error is no reason to name a cause as long as its own size does not show it.
-    What joints share is judged by its own intervals (`arms.spread`).
-
-    Args:
-        grown: the model with its effects.
-        rows: the samples that were fitted.
-
-    Returns:
-        The model with the effects that stay, and a sentence for each that went.
+    What joints share is judged by its own intervals (`arms.spread`). Arguments and result are those
+    of `held_in_octaves`.
     """
-    return _without(
-        grown,
-        rows,
-        lambda grown: _least_sure(grown, rows),
-        "its size may be zero",
-    )
+    return _without(grown, rows, lambda grown: _least_sure(grown, rows), "its size may be zero")
 
 
 def _least_sure(grown: Grown, rows: Rows) -> Step | None:

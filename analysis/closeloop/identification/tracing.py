@@ -19,7 +19,8 @@ from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Option, Step, Trace
-from analysis.closeloop.identification.growing import Grown, grow, regrown
+from analysis.closeloop.identification.growing.starts import regrown
+from analysis.closeloop.identification.growing.steps import Grown, grow
 from analysis.closeloop.identification.holding import determined, held_in_octaves
 from analysis.closeloop.identification.nameable import ONE_WAY, one_way
 from analysis.closeloop.identification.selection import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z

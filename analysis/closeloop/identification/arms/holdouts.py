@@ -6,7 +6,7 @@ from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.findings import Step
-from analysis.closeloop.identification.growing import Grown
+from analysis.closeloop.identification.growing.steps import Grown
 from analysis.closeloop.session.signals import rms
 from sim.effects.catalogue import LINK_INERTIA
 

@@ -40,7 +40,7 @@ from analysis.closeloop.identification.balance.regression import (
 )
 from analysis.closeloop.identification.candidates import candidates, refined
 from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing import Grown, grow
+from analysis.closeloop.identification.growing.steps import Grown, grow
 from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.selection import (
     MIN_GAIN,

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification import growing
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
@@ -20,8 +19,10 @@ from analysis.closeloop.identification.balance.regression import Rows, select_ro
 from analysis.closeloop.identification.candidates import options_beside
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.forms import only_form
-from analysis.closeloop.identification.freed import freed, held
-from analysis.closeloop.identification.growing import Grown, grow, regrown
+from analysis.closeloop.identification.growing import steps
+from analysis.closeloop.identification.growing.freed import freed, held
+from analysis.closeloop.identification.growing.starts import damped_starts, regrown
+from analysis.closeloop.identification.growing.steps import Grown, grow
 from analysis.closeloop.identification.selection import choose
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
@@ -115,12 +116,12 @@ def test_two_effects_that_hide_each_other_are_found_together(
 ) -> None:
     """Neither alone is more than luck; both together take everything."""
     rows = rows_with(elbow, torque(elbow, "added_inertia", {}, 0.1) + 0.5 * elbow.velocity[:, 1])
-    real = growing.choose
+    real = steps.choose
 
     def shy(options: Any, model: Model, *rest: Any, **more: Any) -> Any:
         return real(options, model, *rest, **more) if model.effects else None
 
-    monkeypatch.setattr(growing, "choose", shy)
+    monkeypatch.setattr(steps, "choose", shy)
     assert names(rows, "added_inertia", "viscous_friction", "drift") == [
         "added_inertia",
         "viscous_friction",
@@ -132,14 +133,14 @@ def test_a_second_effect_is_asked_for_again_settled_beside_the_first(
 ) -> None:
     """To first order it may not be more than luck; chosen together with the first, it is."""
     rows = rows_with(elbow, torque(elbow, "added_inertia", {}, 0.1) + 0.5 * elbow.velocity[:, 1])
-    real, asked = growing.choose, []
+    real, asked = steps.choose, []
 
     def late(options: Any, model: Model, *rest: Any, **more: Any) -> Any:
         asked.append(len(model.effects))
         first_order = bool(model.effects) and asked.count(1) == 1
         return None if first_order else real(options, model, *rest, **more)
 
-    monkeypatch.setattr(growing, "choose", late)
+    monkeypatch.setattr(steps, "choose", late)
     assert names(rows, "added_inertia", "viscous_friction") == ["added_inertia", "viscous_friction"]
 
 
@@ -159,7 +160,7 @@ def test_damping_is_found_though_coulomb_friction_alone_would_turn_as_wide_as_to
     )
     step = Step(taken=taken, equals=(), options=(), before=before.loss)
     tried = [candidate("coulomb_friction"), candidate("viscous_friction")]
-    monkeypatch.setattr(growing, "candidates", lambda _: tried)
+    monkeypatch.setattr(steps, "candidates", lambda _: tried)
     found = regrown(Grown(wide, score, (step,)), declared, rows, before)
     if not damping:
         assert found.steps == (step,)
@@ -169,7 +170,7 @@ def test_damping_is_found_though_coulomb_friction_alone_would_turn_as_wide_as_to
     assert found.score.loss < 0.1 * beside.loss
     assert np.sort(found.score.coefficients) == pytest.approx([0.4, 0.5], rel=0.05)
     # What is there already is not asked for again.
-    assert not growing.damped_starts(found, declared, rows, before)
+    assert not damped_starts(found, declared, rows, before)
 
 
 def test_friction_found_later_may_explain_what_was_found_before(
@@ -179,7 +180,7 @@ def test_friction_found_later_may_explain_what_was_found_before(
     tried = ("added_inertia", "viscous_friction")
     assert names(rows, *tried) == [*tried]
     monkeypatch.setattr(
-        growing, "only_presliding", lambda own, *rest: own.effect.name == "added_inertia"
+        steps, "only_presliding", lambda own, *rest: own.effect.name == "added_inertia"
     )
     assert names(rows, *tried) == ["viscous_friction"]
 

@@ -16,7 +16,7 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing import Grown
+from analysis.closeloop.identification.growing.steps import Grown
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
