@@ -13,9 +13,10 @@ from analysis.interpretation.friction import rubs
 from analysis.interpretation.inference.familiarity import CALLED_STRANGE
 from analysis.interpretation.inference.features import RECORDED
 from analysis.interpretation.inference.interpreter import LEAST_CONTACT, Interpreter, Known
-from analysis.interpretation.inference.posterior import TARGETS, Posterior, View
+from analysis.interpretation.inference.posterior import TARGETS, Posterior
 from analysis.interpretation.inference.rounding import ALLOWED, moved_by_rounding
 from analysis.interpretation.inference.rows import targets_of
+from analysis.interpretation.inference.view import View
 from analysis.interpretation.plan import (
     Step,
     half_width_after,
@@ -44,6 +45,8 @@ MORE_CONTACT = (
 )
 #: Share of samples that may be single ones far from their neighbours; ours, as `sensors.SPAN`.
 MOST_REPLACED = 0.01
+#: `muscle_model`: whose muscles an answer holds for.
+ANY, BANKS = "any", "the bank's"
 PROBABILITIES = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
 
 
@@ -104,13 +107,12 @@ def interpret(bank: Bank, question: Question) -> dict[str, Any]:
         )
         return common | _unknown(bank, question, few, MORE_CONTACT)
     values = recording.values()
-    view = interpreter.look(values)
-    why = unfamiliar(bank, interpreter, recording, values) or _contrary(interpreter, view, known)
+    view, by_sets = interpreter.look(values), interpreter.look_by_sets(values)
+    why = unfamiliar(bank, interpreter, recording, values) or _contrary(interpreter, by_sets, known)
     posterior = interpreter.infer(view, known)
     offered = steps(interpreter, known)
     after = {step.factor: half_width_after(interpreter, view, known, (step,)) for step in offered}
     now = posterior.half_width()
-    unseen = interpreter.whatever_muscles(values, known)
     shares = parts(interpreter, view, known)
     return (
         common
@@ -118,15 +120,17 @@ def interpret(bank: Bank, question: Question) -> dict[str, Any]:
         | {
             "familiar": why is None,
             "why_not": why,
-            "half_width": now,
-            "whatever_muscles": None if unseen is None else _any(unseen),
+            "muscle_model": ANY if interpreter.any_muscles else BANKS,
+            "if_muscles_of_bank": _beliefs(interpreter.infer(by_sets, known), values)
+            if interpreter.any_muscles
+            else None,
             "parts": [{"name": name, "share": share} for name, share in shares.items()],
             "next": [
                 _said(step, after[step.factor])
                 for step in sorted(offered, key=lambda step: after[step.factor])
                 if after[step.factor] < now
             ],
-            "tolerance": _tolerance(interpreter, question, offered, now, why),
+            "tolerance": _tolerance(interpreter, view, question, offered, now, why),
             "regression": {
                 "affine": -float(values[RECORDED.index("affine_stiffness")]),
                 "paper": -float(values[RECORDED.index("paper_stiffness")]),
@@ -205,7 +209,11 @@ def _coarse(bank: Bank, interpreter: Interpreter, recording: Recording) -> str |
 
 
 def _contrary(interpreter: Interpreter, view: View, known: tuple[Known, ...]) -> str | None:
-    """Return what is known that does not go with the recording, or None."""
+    """Return what is known that does not go with the recording, or None.
+
+    `view`: by the bank's sets of muscles, which tells factors best. With the paper's muscles left
+    out of a bank 12 % of 125 wearers of whom lengths and a mass are known rightly are called so.
+    """
     if not known:
         return None
     found, limit, worst = interpreter.surprise(view, known)
@@ -215,8 +223,8 @@ def _contrary(interpreter: Interpreter, view: View, known: tuple[Known, ...]) ->
     unit = interpreter.population.units()[one.name]
     return (
         f"what was measured on the patient does not go with the recording, most of all "
-        f"{one.name} {one.value:g} {unit}: measure again (squared distance {found:.0f}, of the "
-        f"bank's own {limit:.0f} at most)"
+        f"{one.name} {one.value:g} {unit}: measure again; if it stays so, the limb's muscles are "
+        f"unlike the bank's (squared distance {found:.0f}, of the bank's own {limit:.0f} at most)"
     )
 
 
@@ -244,6 +252,7 @@ def _said(step: Step, width: float) -> dict[str, Any]:
 
 def _tolerance(
     interpreter: Interpreter,
+    view: View,
     question: Question,
     offered: list[Step],
     now: float,
@@ -256,7 +265,6 @@ def _tolerance(
     found: dict[str, Any] = {"value": question.tolerance, "inside": inside, "plan": None}
     if inside or why is not None or not offered:
         return found
-    view = interpreter.look(question.recording.values())
     plan = shortest_plan(interpreter, view, question.known, offered, question.tolerance)
     if plan is None:
         found["all_steps"] = half_width_after(interpreter, view, question.known, tuple(offered))
@@ -283,12 +291,8 @@ def _beliefs(posterior: Posterior, values: np.ndarray) -> dict[str, Any]:
         "stiffness": _entry(quantiles[:, 0], "Nm/rad"),
         "damping": _entry(quantiles[:, 1], "Nm s/rad"),
         "stiffness_over_angle": over,
+        "half_width": posterior.half_width(),
     }
-
-
-def _any(posterior: Posterior) -> dict[str, Any]:
-    """Return K if the limb's muscles may be like none of the bank's."""
-    return _entry(posterior.quantiles(PROBABILITIES)[:, 0], "Nm/rad")
 
 
 def _entry(quantiles: np.ndarray, unit: str) -> dict[str, Any]:
@@ -318,8 +322,8 @@ def _unknown(
     return found | {
         "familiar": False,
         "why_not": why,
-        "half_width": prior.half_width(),
-        "whatever_muscles": None,
+        "muscle_model": BANKS,
+        "if_muscles_of_bank": None,
         "parts": [],
         "next": [],
         "tolerance": tolerance,

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.interpretation.inference.interpreter import Interpreter, Known
-from analysis.interpretation.inference.posterior import TARGETS, Posterior, View
+from analysis.interpretation.inference.posterior import TARGETS, Posterior
+from analysis.interpretation.inference.view import View
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,8 +76,8 @@ def every_plan(
     names = dict(zip(columns.tolist(), to, strict=True))
     # First what is known and stays so, which all sets begin with.
     order = sorted({*before, *after}, key=lambda column: column in after)
-    errors = interpreter.local.errors
-    rows = _rows(interpreter, view, np.array(order, dtype=int))
+    errors = view.rows.errors
+    rows = _rows(view, np.array(order, dtype=int))
 
     def width(found: _Rows) -> float:
         spread = np.sqrt(np.maximum(found.covariance[:, 0, 0], 1e-10))
@@ -98,10 +99,10 @@ def every_plan(
     yield from from_here(0, (), rows)
 
 
-def _rows(interpreter: Interpreter, view: View, columns: np.ndarray) -> _Rows:
+def _rows(view: View, columns: np.ndarray) -> _Rows:
     """Return the bank's rows and the recording, with nothing measured of `columns`."""
-    local, count = interpreter.local, len(columns)
-    _, covariances = local.as_measured(columns, np.zeros(count))
+    own_rows, count = view.rows, len(columns)
+    _, covariances = own_rows.as_measured(columns, np.zeros(count))
     # K is the first of the targets; here it is the last of all.
     kept = np.concatenate([len(TARGETS) + np.arange(count), [0]])
     chosen = np.concatenate([columns, [0]])
@@ -111,6 +112,6 @@ def _rows(interpreter: Interpreter, view: View, columns: np.ndarray) -> _Rows:
     return _Rows(
         mean=np.zeros((len(covariances) + 1, count + 1)),
         covariance=np.concatenate([covariances[:, kept][:, :, kept], own[None]]),
-        errors=np.vstack([local.errors[:, columns], nobody]),
-        noise=np.vstack([local.noise[:, columns], nobody]),
+        errors=np.vstack([own_rows.errors[:, columns], nobody]),
+        noise=np.vstack([own_rows.noise[:, columns], nobody]),
     )

@@ -92,6 +92,13 @@ def _picture(found: Mapping[str, Any]) -> "Figure":
     low, high = entry["interval90"]
     axes.set_xlim(min(-0.5, low - 0.5), max(6.0, high + 0.5))
     axes.set_ylim(0.6, 1.55)
+    if by_sets := found["if_muscles_of_bank"]:
+        ends = by_sets["stiffness"]["interval90"]
+        axes.plot(ends, [0.75, 0.75], color="#777777", lw=2, solid_capstyle="butt")
+        # On the side that has room.
+        words = "  if the muscles are one of the bank's sets  "
+        x, align = (ends[1], "left") if sum(ends) < sum(axes.get_xlim()) else (ends[0], "right")
+        axes.text(x, 0.75, words, va="center", ha=align, fontsize=7)
     axes.set_yticks([])
     axes.set_xlabel("stiffness, Nm/rad (thick: 50 %, thin: 90 %)", fontsize=9)
     for side in ("left", "right", "top"):

@@ -10,7 +10,8 @@ import numpy as np
 
 from analysis.interpretation.every_plan import every_plan
 from analysis.interpretation.inference.interpreter import Interpreter, Known
-from analysis.interpretation.inference.posterior import TARGETS, View
+from analysis.interpretation.inference.posterior import TARGETS
+from analysis.interpretation.inference.view import View
 
 #: Most steps of which every set is looked at: 2^13 of them take half a second.
 MOST = 13

@@ -2,16 +2,14 @@
 
 `python -m benchmarks.interpretation.calibration BANK [--wearers 500] [--keep FOLDER]`
 
-Wearers are drawn with a seed of their own (7121), which neither the bank nor any choice has seen;
-those with slack straps (7123) too. Those with friction (7112), and those of seed 7111, whom
-`--earlier` adds, were reported on before, and nothing was chosen on them. `--keep` keeps what was
-simulated and uses it again.
+Wearers are drawn with a seed of their own (7141), which neither the bank nor any choice has seen;
+those with slack straps (7143) too. Those with friction (7112) were reported on before, and nothing
+was chosen on them. `--keep` keeps what was simulated and uses it again.
 """
 
 import argparse
-import re
 import time
-from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,18 +23,19 @@ from analysis.interpretation.inference.posterior import TARGETS
 from analysis.interpretation.inference.rows import JOINTS, targets_of
 from analysis.interpretation.plan import half_width_after, steps
 from benchmarks.interpretation.judging import Judged, judge, subgroups
+from benchmarks.interpretation.others import print_called, print_header, print_other_muscles
 from benchmarks.interpretation.plans import print_plans, print_rows
 from benchmarks.interpretation.wearers import Wearers, simulated
 from benchmarks.machine import describe_machine
 
 #: Seeds of wearers who are reported on, and what is changed in them.
-FRESH, FRICTION, SLACK = 7121, 7112, 7123
-#: Who were reported on before.
-EARLIER = 7111
+FRESH, FRICTION, SLACK = 7141, 7112, 7143
 STRANGE = (
     ("undeclared friction of 2.8 Nm", FRICTION, {"robot_friction": 2.8}),
     ("both straps slack, 4 N", SLACK, {"strap_tension": 4.0}),
 )
+#: What an answer rests on.
+WHATEVER, BY_SETS = "whatever the muscles are", "if they are one of the bank's sets"
 #: What two tape measures and scales say.
 TAPE = {"upper_arm_length": 0.005, "forearm_length": 0.005, "forearm_mass": 0.1}
 
@@ -46,7 +45,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("bank", type=Path)
     parser.add_argument("--wearers", type=int, default=500)
-    parser.add_argument("--earlier", type=int, default=0, help=f"wearers of seed {EARLIER}, too")
     parser.add_argument("--strange", type=int, nargs=2, default=(40, 120), help="of each kind")
     parser.add_argument("--keep", type=Path)
     asked = parser.parse_args()
@@ -59,28 +57,32 @@ def main() -> None:
     zero = bank.population.zero_errors(FRESH, fresh.rows, JOINTS)
     print(f"{len(fresh)} fresh wearers with contact, {dict(fresh.failed)} failed")
     judged = judge(interpreter, fresh, zero)
-    _widths(fresh, judged)
+    by_sets = judge(interpreter, fresh, zero, look=Interpreter.look_by_sets)
+    _widths(fresh, {WHATEVER: judged, BY_SETS: by_sets})
+    print(f"\n{WHATEVER}: what is said first")
     _coverage(interpreter, fresh, judged)
-    if asked.earlier:
-        older = simulated(bank.population, EARLIER, range(asked.earlier), keep=asked.keep).samples
-        both = np.vstack([zero, bank.population.zero_errors(EARLIER, older.rows, JOINTS)])
-        together = fresh.joined(older)
-        print(f"\ntogether with {len(older)} of seed {EARLIER}")
-        _coverage(interpreter, together, judge(interpreter, together, both))
-    known = judge(interpreter, fresh, zero, TAPE, seed=FRESH)
+    print(f"\n{BY_SETS}")
+    _coverage(interpreter, fresh, by_sets)
     print("\nwith both lengths to 5 mm and the forearm's mass to 0.1 kg")
+    known = judge(interpreter, fresh, zero, TAPE, seed=FRESH)
     _coverage(interpreter, fresh, known, ("all",))
-    _ways(bank, fresh, judged, known)
-    _strange(bank, interpreter, wearers, judged, asked)
+    told = judge(interpreter, fresh, zero, TAPE, seed=FRESH, look=Interpreter.look_by_sets)
+    print(f"\nthe same, {BY_SETS}")
+    _coverage(interpreter, fresh, told, ("all",))
+    _ways(bank, fresh, {WHATEVER: (judged, known), BY_SETS: (by_sets, told)})
+    print_other_muscles(bank, FRESH, wearers)
+    _strange(bank, interpreter, wearers, asked)
     _encoders(bank, interpreter, wearers, zero)
     _next(interpreter, fresh, zero)
     print_plans(interpreter, fresh, zero)
+    print(f"\n{BY_SETS}", end="")
+    print_plans(interpreter, fresh, zero, Interpreter.look_by_sets)
     print_rows(bank, interpreter, fresh, zero)
     _speed(interpreter, fresh)
 
 
-def _widths(samples: Samples, judged: Judged) -> None:
-    """Print errors of the regressions and half widths."""
+def _widths(samples: Samples, answers: Mapping[str, Judged]) -> None:
+    """Print errors of the regressions and half widths of each answer."""
     truth = targets_of(samples)[:, 0]
     own = samples.of("true_stiffness_paper")[:, 0]
     affine, paper = -samples.of("stiffness_estimate", "stiffness_estimate_paper").T
@@ -89,19 +91,16 @@ def _widths(samples: Samples, judged: Judged) -> None:
         ("paper's regression, of K_h", paper - truth),
         ("paper's regression, of its own truth", paper - own),
         ("affine, of K_h", affine - truth),
-        ("interpretation's median, of K_h", judged.errors[:, 0]),
+        *((f"median, {name}", judged.errors[:, 0]) for name, judged in answers.items()),
     ):
         worst = np.quantile(np.abs(error), 0.9)
-        print(f"  {name:38}{error.mean():7.2f}{error.std():7.2f}{worst:10.2f}")
-    widths = judged.half_widths[:, 0]
-    low, middle, high = np.quantile(widths, [0.1, 0.5, 0.9])
-    print(
-        f"  half width of the 90 % interval: median {middle:.2f} (10 to 90 %: {low:.2f}-{high:.2f})"
-    )
-    for name, error in (("paper's", paper - truth), ("affine", affine - truth)):
-        print(f"  median over the {name} error: {middle / np.quantile(np.abs(error), 0.9):.2f}")
-    if judged.whatever.shape[1]:
-        print(f"  half width whatever the muscles are: {np.median(judged.whatever[:, 1]):.2f}")
+        print(f"  {name:44}{error.mean():7.2f}{error.std():7.2f}{worst:10.2f}")
+    print("half width of the 90 % interval              10 to 90 %  median  over paper's  affine's")
+    errors = [np.quantile(np.abs(one - truth), 0.9) for one in (paper, affine)]
+    for name, judged in answers.items():
+        low, middle, high = np.quantile(judged.half_widths[:, 0], [0.1, 0.5, 0.9])
+        shares = "".join(f"{middle / error:10.2f}" for error in errors)
+        print(f"  {name:44}{low:.2f}-{high:.2f}{middle:8.2f}{shares}")
     print(f"  standard deviation of K_h among these wearers: {truth.std():.2f}")
 
 
@@ -111,20 +110,14 @@ def _coverage(
     judged: Judged,
     names: tuple[str, ...] = (),
 ) -> None:
-    print(
-        "\ncoverage, %                  n    K 50   K 90   D 50   D 90   median half width of K   "
-        "K 90 whatever the muscles"
-    )
+    print("coverage, %                  n    K 50   K 90   D 50   D 90   median half width of K")
     for name, chosen in subgroups(interpreter, samples).items():
         if (names and name not in names) or not chosen.any():
             continue
         shares = [judged.coverage(chosen, s, t) for t in (0, 1) for s in (0.5, 0.9)]
         cells = "".join(f"{100 * share:7.1f}" for share in shares)
         width = np.median(judged.half_widths[chosen, 0])
-        whatever = (
-            f"{100 * whatever_coverage(judged, chosen):20.1f}" if judged.whatever.shape[1] else ""
-        )
-        print(f"  {name:24}{chosen.sum():5}{cells}{width:9.2f}{whatever}")
+        print(f"  {name:24}{chosen.sum():5}{cells}{width:9.2f}")
     everyone = judged.coverage(np.ones(len(samples), bool))
     within = 1.96 * np.sqrt(everyone * (1.0 - everyone) / len(samples))
     print(f"  K 90 of all lies within {100 * within:.1f} of that with 95 % probability")
@@ -135,18 +128,12 @@ def _coverage(
     print("  ranks of K in tenths: " + " ".join(map(str, counts)))
 
 
-def whatever_coverage(judged: Judged, chosen: np.ndarray) -> float:
-    """Return how often the 90 % interval of K whatever the muscles are holds the truth."""
-    rank = judged.whatever[chosen, 0]
-    return float(np.mean((rank > 0.05) & (rank < 0.95)))
-
-
-def _ways(bank: Bank, fresh: Samples, judged: Judged, known: Judged) -> None:
+def _ways(bank: Bank, fresh: Samples, answers: Mapping[str, tuple[Judged, Judged]]) -> None:
     """Print what errors of K_h are left by each way to make them smaller, and by both together.
 
     Personal identification alone is K_h by least squares of the affine regression and of what tapes
     and scales say, on the bank's rows with contact. Below each are the factors that explain most of
-    what is left, as first-order shares of given samples.
+    what is left, as first-order shares of given samples. Of each answer: without and with these.
     """
     columns = [bank.population.names.index(name) for name in TAPE]
     told = np.array(list(TAPE.values())) * np.random.default_rng(FRESH).standard_normal(
@@ -165,61 +152,31 @@ def _ways(bank: Bank, fresh: Samples, judged: Judged, known: Judged) -> None:
     for name, error in (
         ("affine alone", affine),
         ("affine, lengths and mass identified", personal),
-        ("interpretation", judged.errors[:, 0]),
-        ("interpretation, lengths and mass identified", known.errors[:, 0]),
+        *(
+            (f"{name}{measured}", judged.errors[:, 0])
+            for name, pair in answers.items()
+            for measured, judged in zip(("", ", identified"), pair, strict=True)
+        ),
     ):
         worst = np.quantile(np.abs(error), 0.9)
-        print(f"  {name:44}{error.mean():5.2f}{error.std():7.2f}{worst:10.2f}")
+        print(f"  {name:46}{error.mean():5.2f}{error.std():7.2f}{worst:10.2f}")
         shares = hdmr(fresh.factors, error)
         most = [f"{bank.population.names[i]} {shares[i]:.2f}" for i in np.argsort(-shares)[:4]]
         print(f"      of its variance: {', '.join(most)}; all alone {shares.sum():.2f}")
 
 
 def _strange(
-    bank: Bank,
-    interpreter: Interpreter,
-    wearers: Wearers,
-    judged: Judged,
-    asked: argparse.Namespace,
+    bank: Bank, interpreter: Interpreter, wearers: Wearers, asked: argparse.Namespace
 ) -> None:
-    print(
-        "\nrecordings unlike the bank            n   called strange, %   coverage of 90 %, %   "
-        "of those called familiar"
-    )
-    zero = bank.population.zero_errors(FRESH, wearers.samples.rows, JOINTS)
-    called("none: fresh wearers", bank, interpreter, wearers, zero, judged)
+    print_header("recordings unlike the bank")
+    print_called("none: fresh wearers", bank, interpreter, FRESH, wearers)
     for (name, seed, changed), count in zip(STRANGE, asked.strange, strict=True):
         keep = asked.keep
         other = simulated(bank.population, seed, range(count), changed=changed, keep=keep)
-        if not len(other):
+        if len(other):
+            print_called(name, bank, interpreter, seed, other)
+        else:
             print(f"  {name}: every assessment failed")
-            continue
-        zero = bank.population.zero_errors(seed, other.samples.rows, JOINTS)
-        found = judge(interpreter, other.samples, zero)
-        called(name, bank, interpreter, other, zero, found)
-
-
-def called(
-    name: str,
-    bank: Bank,
-    interpreter: Interpreter,
-    wearers: Wearers,
-    zero: np.ndarray,
-    judged: Judged,
-) -> None:
-    """Print how many recordings are called strange, why, and how often intervals hold."""
-    why = [
-        unfamiliar(bank, interpreter, recording, recording.values())
-        for recording in wearers.recordings(zero)
-    ]
-    familiar = np.array([one is None for one in why])
-    held = judged.coverage(np.ones(len(why), bool))
-    among = f"{100 * judged.coverage(familiar):12.1f} of {familiar.sum()}" if familiar.any() else ""
-    strange = 100 * np.mean(~familiar)
-    print(f"  {name:33}{len(why):5}{strange:15.1f}{100 * held:20.1f}{among}")
-    reasons = Counter(re.split(r"[-+]?\d|unlike", one)[0].strip() for one in why if one)
-    for reason, count in reasons.most_common():
-        print(f"    {count:4} of them: {reason} ...")
 
 
 def _encoders(bank: Bank, interpreter: Interpreter, wearers: Wearers, zero: np.ndarray) -> None:

@@ -5,7 +5,7 @@ simulation-based calibration): the rank of the truth in what is believed is unif
 subgroup.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,12 @@ from analysis.interpretation.inference.features import RECORDED
 from analysis.interpretation.inference.interpreter import Interpreter, Known
 from analysis.interpretation.inference.posterior import TARGETS
 from analysis.interpretation.inference.rows import targets_of
+from analysis.interpretation.inference.view import View
+
+#: What an interpreter says of a recording.
+Look = Callable[[Interpreter, np.ndarray], View]
+#: Sets of muscles, by their numbers.
+MUSCLES = ("paper", "holzbaur2005", "physiological")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,9 +34,6 @@ class Judged:
     half_widths: np.ndarray
     #: Median less truth, shape (n, TARGETS).
     errors: np.ndarray
-    #: Of K whatever the muscles are: share of the belief below the truth, and half width of the
-    #: 90 % interval, shape (n, 2); without columns if the bank cannot tell.
-    whatever: np.ndarray
 
     def coverage(self, chosen: np.ndarray, share: float = 0.9, target: int = 0) -> float:
         """Return how often intervals of `share` hold the truth among the `chosen` (a mask)."""
@@ -48,6 +51,7 @@ def judge(
     zero_errors: np.ndarray,
     known: Mapping[str, float] | None = None,
     seed: int = 0,
+    look: Look = Interpreter.look,
 ) -> Judged:
     """Interpret every recording of `samples`, with `zero_errors` (n, joints) of its sensors.
 
@@ -57,12 +61,13 @@ def judge(
         zero_errors: Nm.
         known: factors that are measured on each, and to which standard deviation.
         seed: of what these measurements are off by.
+        look: `Interpreter.look_by_sets` for what is said if the muscles are one of the bank's sets.
     """
     recorded = samples.curves(zero_errors)
     truths, names = targets_of(samples), interpreter.population.names
     assert recorded.shape[1] == len(RECORDED)
     rng = np.random.default_rng(seed)
-    ranks, widths, errors, whatever = [], [], [], []
+    ranks, widths, errors = [], [], []
     for row, (values, truth) in enumerate(zip(recorded, truths, strict=True)):
         measured = tuple(
             Known(
@@ -72,18 +77,11 @@ def judge(
             )
             for name, sd in (known or {}).items()
         )
-        posterior = interpreter.infer(interpreter.look(values), measured)
+        posterior = interpreter.infer(look(interpreter, values), measured)
         ranks.append(posterior.rank(truth))
         widths.append([posterior.half_width(target) for target in range(len(TARGETS))])
         errors.append(posterior.quantiles(np.array([0.5]))[0] - truth)
-        unseen = interpreter.whatever_muscles(values, measured)
-        whatever.append([] if unseen is None else [unseen.rank(truth[:1])[0], unseen.half_width()])
-    return Judged(
-        whatever=np.array(whatever),
-        ranks=np.array(ranks),
-        half_widths=np.array(widths),
-        errors=np.array(errors),
-    )
+    return Judged(ranks=np.array(ranks), half_widths=np.array(widths), errors=np.array(errors))
 
 
 def subgroups(interpreter: Interpreter, samples: Samples) -> dict[str, np.ndarray]:
@@ -110,10 +108,7 @@ def subgroups(interpreter: Interpreter, samples: Samples) -> dict[str, np.ndarra
         "with a reflex": factor("reflex_gain") > 0.0,
         "compliant, K below 2": stiffness < 2.0,
         "spastic, K above 6": stiffness > 6.0,
-        **{
-            f"muscles {name}": factor("muscles") == number
-            for number, name in enumerate(("paper", "holzbaur2005", "physiological"))
-        },
+        **{f"muscles {name}": factor("muscles") == number for number, name in enumerate(MUSCLES)},
     }
 
 

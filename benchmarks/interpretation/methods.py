@@ -1,9 +1,9 @@
-"""Other ways to an interval (boosted trees made conformal: MAPIE, crepes), and other muscles.
+"""Other ways to an interval: boosted trees made conformal (MAPIE, crepes).
 
-`python -m benchmarks.interpretation.methods BANK [--wearers 500] [--keep FOLDER]`
+`python -m benchmarks.interpretation.methods BANK`
 
-Methods are compared on the bank's own rows with contact, by cross-validation. Each set of muscles
-is then left out of the bank, and wearers of seed 7111 who have it are interpreted.
+Methods are compared on the bank's own rows with contact, by cross-validation; all of them know the
+sets of muscles.
 """
 
 import argparse
@@ -16,10 +16,7 @@ import numpy as np
 from analysis.interpretation.bank.bank import Bank, load_bank
 from analysis.interpretation.inference.features import Features
 from analysis.interpretation.inference.interpreter import Interpreter
-from analysis.interpretation.inference.rows import JOINTS, noisy, targets_of
-from benchmarks.interpretation.calibration import EARLIER, called, whatever_coverage
-from benchmarks.interpretation.judging import judge
-from benchmarks.interpretation.wearers import Wearers, simulated
+from analysis.interpretation.inference.rows import noisy, targets_of
 from benchmarks.machine import describe_machine
 
 FOLDS = 5
@@ -27,17 +24,12 @@ TREES = 150
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("bank", type=Path)
-    parser.add_argument("--wearers", type=int, default=500)
-    parser.add_argument("--keep", type=Path)
-    asked = parser.parse_args()
-    bank = load_bank(asked.bank)
+    bank = load_bank(parser.parse_args().bank)
     print(describe_machine())
     _methods(bank)
-    print("\nwithout some of the muscles           n   called strange, %   coverage of 90 %, %")
-    _other_muscles(bank, simulated(bank.population, EARLIER, range(asked.wearers), keep=asked.keep))
 
 
 def compare(
@@ -90,34 +82,10 @@ def _ours(bank: Bank, learnt: Interpreter, recorded: np.ndarray) -> np.ndarray:
     interpreter = Interpreter.fit(bank, learnt)
     return np.array(
         [
-            interpreter.infer(interpreter.look(one)).quantiles(np.array([0.05, 0.95]))[:, 0]
+            interpreter.infer(interpreter.look_by_sets(one)).quantiles(np.array([0.05, 0.95]))[:, 0]
             for one in recorded
         ]
     )
-
-
-def _other_muscles(bank: Bank, wearers: Wearers) -> None:
-    """Leave each set of muscles out of the bank, and interpret wearers who have it."""
-    column = bank.population.names.index("muscles")
-    for number, name in enumerate(("paper", "holzbaur2005", "physiological")):
-        without = replace(
-            bank,
-            fitted={},
-            bushing=bank.bushing.some(bank.bushing.factors[:, column] != number),
-            contact=bank.contact.some(bank.contact.factors[:, column] != number),
-        )
-        own = wearers.some(wearers.samples.factors[:, column] == number)
-        zero = bank.population.zero_errors(EARLIER, own.samples.rows, JOINTS)
-        interpreter = Interpreter.fit(without)
-        found = judge(interpreter, own.samples, zero)
-        called(f"muscles {name}, not in the bank", without, interpreter, own, zero, found)
-        if found.whatever.shape[1]:
-            everyone = np.ones(len(own), bool)
-            width = np.median(found.whatever[:, 1])
-            print(
-                f"    whatever the muscles are {100 * whatever_coverage(found, everyone):47.1f}"
-                f"   (half width {width:.2f})"
-            )
 
 
 def _methods(bank: Bank) -> None:

@@ -8,7 +8,7 @@ from analysis.interpretation.bank.bank import Bank, Samples
 from analysis.interpretation.every_plan import every_plan
 from analysis.interpretation.inference.interpreter import Interpreter
 from analysis.interpretation.plan import half_width_after, shortest_plan, steps
-from benchmarks.interpretation.judging import judge
+from benchmarks.interpretation.judging import Look, judge
 
 #: Half width that is wanted, Nm/rad.
 TOLERANCE = 0.25
@@ -16,7 +16,12 @@ TOLERANCE = 0.25
 WEARERS = 24
 
 
-def print_plans(interpreter: Interpreter, fresh: Samples, zero: np.ndarray) -> None:
+def print_plans(
+    interpreter: Interpreter,
+    fresh: Samples,
+    zero: np.ndarray,
+    look: Look = Interpreter.look,
+) -> None:
     """Print for how many wearers any plan reaches the tolerance, for how many ours does, and both.
 
     Whom everything measured tells well enough has a plan; of the others every set of steps is
@@ -26,10 +31,11 @@ def print_plans(interpreter: Interpreter, fresh: Samples, zero: np.ndarray) -> N
         interpreter: of a bank without these wearers.
         fresh: with their truth.
         zero: errors of their torques, Nm, shape (n, joints).
+        look: whose intervals.
     """
     offered = steps(interpreter, ())
     to = {step.factor: step.to for step in offered}
-    views = [interpreter.look(values) for values in fresh.curves(zero)]
+    views = [look(interpreter, values) for values in fresh.curves(zero)]
     everything = np.array([half_width_after(interpreter, v, (), tuple(offered)) for v in views])
     print(
         f"\neverything measured, {len(views)} wearers: half width {everything.min():.2f} to "
@@ -42,7 +48,7 @@ def print_plans(interpreter: Interpreter, fresh: Samples, zero: np.ndarray) -> N
         minutes.append(sum(step.minutes for step in plan[0]))
         row = np.array([number])
         measured = {step.factor: step.to for step in plan[0]}
-        came = judge(interpreter, fresh.some(row), zero[row], measured, seed=int(number))
+        came = judge(interpreter, fresh.some(row), zero[row], measured, int(number), look)
         held += bool(came.coverage(np.ones(1, bool)))
     print(f"  {TOLERANCE:.2f} Nm/rad is reached by everything for {len(reached)} of them", end="")
     if minutes:

@@ -106,9 +106,13 @@ def _lines(found: Json) -> Iterator[str]:
         low90, high90 = entry["interval90"]
         share = f"{100 * entry['share_of_travel']:.0f} %"
         yield f"  at {share:5} of the travel {entry['median']:6.2f}, {low90:.2f} to {high90:.2f}"
-    if found["whatever_muscles"]:
-        low90, high90 = found["whatever_muscles"]["interval90"]
-        yield f"whatever the muscles are, stiffness with 90 %: {low90:.2f} to {high90:.2f}"
+    if by_sets := found["if_muscles_of_bank"]:
+        entry = by_sets["stiffness"]
+        low90, high90 = entry["interval90"]
+        yield "all this whatever the limb's muscles are; if they are one of the bank's sets:"
+        yield f"  stiffness {entry['median']:.2f}, 90 %: {low90:.2f} to {high90:.2f}"
+    else:
+        yield "all this only if the limb's muscles are those of the bank"
     if not found["familiar"]:
         yield f"not familiar: {found['why_not']}"
     shares = [part for part in found["parts"] if part["share"] >= 0.05]

@@ -64,6 +64,7 @@ def test_a_recording_is_interpreted_and_reported(bank: Path, tmp_path: Path) -> 
     assert page.read_text().startswith("<!DOCTYPE html>")
     lines = RUNNER.invoke(app, list(asked)).stdout
     assert "90 %:" in lines
+    assert "all this whatever the limb's muscles are; if they are one of the bank's sets:" in lines
 
 
 @pytest.fixture

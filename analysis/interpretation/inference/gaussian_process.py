@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.linalg.lapack import dpotri
+from scipy.linalg.lapack import dtrtri
 
 from analysis.interpretation.inference.marginal_likelihood import tuned as tuned_on
 
@@ -59,8 +59,7 @@ class GaussianProcess:
             own[np.diag_indices_from(own)] += times * variances[2]
             factor = cho_factor(own, lower=True, overwrite_a=True, check_finite=False)
             tried = cho_solve(factor, y, check_finite=False)
-            inverse, _ = dpotri(factor[0], lower=True, overwrite_c=True)
-            errors = tried / np.diag(inverse)[:, None]
+            errors = tried / _diagonal_of_inverse(factor[0])[:, None]
             better = (errors**2).sum(axis=0) < (residuals**2).sum(axis=0)
             weights[:, better], residuals[:, better] = tried[:, better], errors[:, better]
         return cls(
@@ -76,6 +75,15 @@ class GaussianProcess:
         """Return the outputs' means at `inputs` (k, d), shape (k, m)."""
         covariance = _covariance(inputs, self.inputs, self.lengths, self.variances)
         return np.asarray(covariance @ self.weights * self.scale[1] + self.scale[0])
+
+
+def _diagonal_of_inverse(factor: np.ndarray) -> np.ndarray:
+    """Return the diagonal of the inverse of a matrix from its lower Cholesky factor, (n,).
+
+    The factor is overwritten. Its own inverse takes half of the time that the whole matrix's does.
+    """
+    root, _ = dtrtri(factor, lower=1, overwrite_c=1)
+    return np.array([column[i:] @ column[i:] for i, column in enumerate(root.T)])
 
 
 def _covariance(

@@ -1,5 +1,7 @@
 """What a recording says of K_h and D_h: a mean by regression, an interval by conformal prediction.
 
+First whatever the limb's muscles are (`any_muscles`); then, if they are one of the bank's sets:
+
 1. A Gaussian process maps inputs to K, D, K over the angle and every factor of the population; a
    second one maps them to what contact changes about that.
 2. Errors of prediction, each from all other rows, say how K and the factors err together around a
@@ -10,7 +12,7 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -25,8 +27,9 @@ from analysis.interpretation.inference.features import Features
 from analysis.interpretation.inference.fitted import arrays_of, built
 from analysis.interpretation.inference.gaussian_process import GaussianProcess
 from analysis.interpretation.inference.local_errors import NEIGHBOURS, LocalErrors
-from analysis.interpretation.inference.posterior import TARGETS, Posterior, View, squared
+from analysis.interpretation.inference.posterior import TARGETS, Posterior, squared
 from analysis.interpretation.inference.rows import noisy, normal_scores, positions, targets_of
+from analysis.interpretation.inference.view import View
 
 #: Share of patients of whom what is known is said not to go with the recording.
 CALLED_CONTRARY = 0.01
@@ -72,7 +75,7 @@ class Interpreter:
     local: LocalErrors
     #: What recordings have in common.
     familiarity: Familiarity
-    #: K whatever the muscles are; None if the population has one set of them only.
+    #: Whatever the muscles are; None if the population has one set of them only.
     any_muscles: AnyMuscles | None
     #: Factors of these rows as normal scores, and sorted values of each factor.
     scores: np.ndarray
@@ -177,12 +180,23 @@ class Interpreter:
         return self._mean(self.inputs(recorded))[:, 0]
 
     def look(self, recorded: np.ndarray) -> View:
-        """Return what a recording (CURVES and ESTIMATES, shape (both,)) says before calibration."""
+        """Return what a recording (CURVES and ESTIMATES, shape (both,)) says before calibration.
+
+        It says so whatever the limb's muscles are, unless the bank has one set of them only.
+        """
+        if self.any_muscles is None:
+            return self.look_by_sets(recorded)
+        scaled = self.features.scaled(recorded[None])[0]
+        beside = self._mean(self.inputs(recorded[None]))[0, _sizing(self.population)]
+        return self.any_muscles.look(scaled, beside[len(TARGETS) :])
+
+    def look_by_sets(self, recorded: np.ndarray) -> View:
+        """Return what a recording says if the limb's muscles are one of the bank's sets."""
         inputs = self.inputs(recorded[None])
         mean = self._mean(inputs)
         sized_by = mean[:, _sizing(self.population)]
         around = self.local.around(inputs / self.first.lengths, sized_by)
-        return View(mean=mean[0], covariance=around[0])
+        return View(mean=mean[0], covariance=around[0], rows=self.local.rows)
 
     def infer(self, view: View, known: tuple[Known, ...] = ()) -> Posterior:
         """Return what is believed after a recording and what was measured on the patient.
@@ -190,9 +204,7 @@ class Interpreter:
         Raises:
             InterpretationError: a known value is impossible in this population.
         """
-        columns, values, sds = self._measured(known)
-        centre, spread = view.corrected(columns, values, sds)
-        return Posterior(centre=centre, spread=spread, scores=self.local.scores(columns, sds))
+        return view.posterior(*self._measured(known))
 
     def surprise(self, view: View, known: tuple[Known, ...]) -> tuple[float, float, int]:
         """Return how far what is known is from what a recording says of it.
@@ -204,27 +216,11 @@ class Interpreter:
         columns, values, sds = self._measured(known)
         away, count = values - view.mean[columns], len(TARGETS)
         own = view.covariance[np.ix_(columns, columns)] + np.diag(sds**2)
-        errors, every = self.local.as_measured(columns, sds)
+        errors, every = view.rows.as_measured(columns, sds)
         distances = squared(errors, every[:, count:, count:] + np.diag(sds**2))
         worst = int(np.argmax(np.abs(away) / np.sqrt(np.diag(own))))
         limit = beyond(np.sort(distances), CALLED_CONTRARY)
         return float(squared(away[None], own[None])[0]), limit, worst
-
-    def whatever_muscles(
-        self, recorded: np.ndarray, known: tuple[Known, ...] = ()
-    ) -> Posterior | None:
-        """Return what is believed of K if the limb's muscles may be like none of the bank's.
-
-        None if the bank has too few sets of muscles to tell.
-        """
-        if self.any_muscles is None:
-            return None
-        columns, values, sds = self._measured(known)
-        scaled = self.features.scaled(recorded[None])[0]
-        beside = self._mean(self.inputs(recorded[None]))[
-            0, _sizing(self.population)[len(TARGETS) :]
-        ]
-        return self.any_muscles.infer(scaled, beside, columns - len(TARGETS), values, sds)
 
     def after(self, view: View, known: tuple[Known, ...], sds: Mapping[str, float]) -> Posterior:
         """Return what to expect if factors were measured, too, to standard deviations `sds`.
@@ -232,11 +228,10 @@ class Interpreter:
         The centre is what is believed now: a measurement moves it, but nobody knows whither.
         """
         columns, values, own = self._measured(known)
-        centre, _ = view.corrected(columns, values, own)
+        now = view.posterior(columns, values, own)
         more, scaled = self.measurable(view, sds)
         columns, scaled = np.concatenate([columns, more]), np.concatenate([own, scaled])
-        _, spread = view.corrected(columns, np.zeros(len(columns)), scaled)
-        return Posterior(centre=centre, spread=spread, scores=self.local.scores(columns, scaled))
+        return replace(view.posterior(columns, np.zeros(len(columns)), scaled), centre=now.centre)
 
     def measurable(self, view: View, sds: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         """Return columns of factors, and standard deviations as those of their normal scores."""

@@ -1,9 +1,8 @@
-"""How large errors of prediction are around a recording, and how they go together.
+"""How large errors of prediction are around a recording.
 
 Errors are as large as what is predicted says (`error_sizes`), times what the rows nearest to the
-recording have more or less than that, and are correlated as in the whole bank: too few rows are
-near a place to tell the latter there. The correlation is shrunk towards none (Ledoit and Wolf 2004,
-by a fixed share).
+recording have more or less than that (Papadopoulos et al. 2011, Regression conformal prediction
+with nearest neighbours).
 """
 
 from dataclasses import dataclass
@@ -12,14 +11,12 @@ from functools import cached_property
 import numpy as np
 
 from analysis.interpretation.inference.error_sizes import ErrorSizes, sizes_of_rows
-from analysis.interpretation.inference.posterior import TARGETS, corrected
+from analysis.interpretation.inference.view import RowErrors
 
 #: Rows around a recording whose errors are like its own.
 NEIGHBOURS = 40
 #: Weight of these in how large errors are over what is predicted; the rest is of all rows.
 LOCAL_WEIGHT = 0.8
-#: By how much the errors' correlation is shrunk towards none.
-SHRINKAGE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,26 +55,14 @@ class LocalErrors:
             places: of recordings, shape (k, d).
             predicted: what sizes go by, there, shape (k, as many).
         """
-        spread = self.expected.at(predicted) * self._more(self._neighbours(places, own=False))
-        return np.asarray(spread[:, :, None] * self._together * spread[:, None, :])
+        more = self._more(self._neighbours(places, own=False))
+        return self.rows.around(self.expected.at(predicted) * more)
 
-    def as_measured(self, columns: np.ndarray, sds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return errors of `columns` if they were measured, and covariances, of the bank's rows.
-
-        The covariances are of targets and `columns`, shape (rows, both, both).
-        """
-        noise = self.noise[:, columns] * sds
-        chosen = np.concatenate([np.arange(len(TARGETS)), columns]).astype(int)
-        spread, together = self._spreads[:, chosen], self._together[np.ix_(chosen, chosen)]
-        # What is measured is off by what it is measured to: so are the differences to its mean.
-        return self.errors[:, columns] + noise, spread[:, :, None] * together * spread[:, None, :]
-
-    def scores(self, columns: np.ndarray, sds: np.ndarray) -> np.ndarray:
-        """Return sorted scores of the bank's rows if `columns` were measured, (rows, TARGETS)."""
-        surprise, covariances = self.as_measured(columns, sds)
-        own = self.errors[:, : len(TARGETS)]
-        centre, spread = corrected(np.zeros_like(own), covariances, surprise, sds)
-        return np.sort((own - centre) / spread, axis=0)
+    @cached_property
+    def rows(self) -> RowErrors:
+        """The errors, each beside how large it is to expect where it is."""
+        more = self._more(self._neighbours(self.places, own=True))
+        return RowErrors(errors=self.errors, spreads=self.sizes * more)
 
     def _neighbours(self, places: np.ndarray, *, own: bool) -> np.ndarray:
         """Return the rows nearest to each place, shape (k, NEIGHBOURS); `own` leaves it out."""
@@ -97,25 +82,3 @@ class LocalErrors:
         return np.asarray(
             np.sqrt(LOCAL_WEIGHT * local + (1.0 - LOCAL_WEIGHT) * squared.mean(axis=0))
         )
-
-    @cached_property
-    def noise(self) -> np.ndarray:
-        """Errors of measuring each row, over their standard deviation, shape (rows, both).
-
-        The same whatever else is measured: plans are compared by what they measure alone.
-        """
-        return np.random.default_rng(0).standard_normal(self.errors.shape)
-
-    @cached_property
-    def _spreads(self) -> np.ndarray:
-        """How large errors are around each row, shape (rows, targets and factors)."""
-        return np.asarray(self.sizes * self._more(self._neighbours(self.places, own=True)))
-
-    @cached_property
-    def _together(self) -> np.ndarray:
-        """Correlation of errors over their local size, shrunk towards none."""
-        relative = self.errors / self._spreads
-        found = relative.T @ relative
-        size = np.sqrt(np.diag(found))
-        found = found / np.outer(size, size)
-        return np.asarray((1.0 - SHRINKAGE) * found + SHRINKAGE * np.eye(len(found)))

@@ -1,4 +1,4 @@
-"""What is believed of K_h and its like: before calibration, and as quantiles.
+"""What is believed of K_h and its like, as quantiles.
 
 What was measured beside a recording conditions a joint normal distribution (Rasmussen and Williams
 2006, Gaussian processes for machine learning, equation A.6). Quantiles are those of scores of rows
@@ -12,24 +12,6 @@ import numpy as np
 
 #: What is inferred: K_h and D_h, then K at a tenth, half and nine tenths of the travel.
 TARGETS = ("stiffness", "damping", "start", "middle", "end")
-
-
-@dataclass(frozen=True, kw_only=True)
-class View:
-    """What a recording says of targets and factors (as normal scores), before calibration."""
-
-    #: Shape (TARGETS and factors,).
-    mean: np.ndarray
-    #: Of what is wrong with it around this recording, shape (both, both).
-    covariance: np.ndarray
-
-    def corrected(
-        self, columns: np.ndarray, values: np.ndarray, sds: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return means and standard deviations of the targets if `columns` were measured."""
-        chosen = np.concatenate([np.arange(len(TARGETS)), columns]).astype(int)
-        own = self.covariance[np.ix_(chosen, chosen)]
-        return corrected(self.mean[: len(TARGETS)], own, values - self.mean[columns], sds)
 
 
 @dataclass(frozen=True, kw_only=True)

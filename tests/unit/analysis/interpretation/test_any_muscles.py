@@ -7,7 +7,7 @@ import pytest
 
 from analysis.interpretation.inference.any_muscles import AnyMuscles, has_sets
 from analysis.interpretation.inference.interpreter import Interpreter, Known
-from analysis.interpretation.inference.posterior import Posterior
+from analysis.interpretation.inference.posterior import TARGETS, Posterior
 from sim.models import CURVES, ESTIMATES, WINDOWS
 from tests.testbed.bank import bank, samples
 
@@ -16,9 +16,9 @@ NOTHING = np.array([])
 
 
 def limbs(shifts: dict[int, float], count: int, seed: int) -> tuple[np.ndarray, ...]:
-    """Recordings, K with a factor's score, and sets of muscles that shift what shows of K.
+    """Recordings, targets with a factor's score, and sets of muscles that shift what shows of K.
 
-    The factor is half of what the recording does not show.
+    The factor is half of what the recording does not show. All targets are K.
     """
     rng = np.random.default_rng(seed)
     scaled = rng.standard_normal((count, len(CURVES) + len(ESTIMATES)))
@@ -27,7 +27,7 @@ def limbs(shifts: dict[int, float], count: int, seed: int) -> tuple[np.ndarray, 
     shown = scaled[:, len(CURVES)]
     off = np.array([shifts[one] for one in muscles.tolist()])
     stiffness = 2.0 * shown + off + 0.3 * factor + 0.1 * rng.standard_normal(count)
-    return scaled, np.column_stack([stiffness, factor]), muscles
+    return scaled, np.column_stack([*[stiffness] * len(TARGETS), factor]), muscles
 
 
 def learnt(judged: np.ndarray | None = None) -> AnyMuscles:
@@ -38,25 +38,31 @@ def learnt(judged: np.ndarray | None = None) -> AnyMuscles:
     )
 
 
-def held(posteriors: list[Posterior], truths: np.ndarray) -> float:
-    pairs = zip(posteriors, truths, strict=True)
-    return float(np.mean([0.05 < p.rank(truth[:1])[0] < 0.95 for p, truth in pairs]))
+def believed(model: AnyMuscles, scaled: np.ndarray, length: float | None = None) -> Posterior:
+    beside = NOTHING if length is None else np.array([length])
+    return model.look(scaled, beside).posterior(NOBODY, NOTHING, NOTHING)
+
+
+def held(posteriors: list[Posterior], truths: np.ndarray, target: int = 0) -> float:
+    pairs = zip(posteriors, truths[:, : len(TARGETS)], strict=True)
+    return float(np.mean([0.05 < p.rank(truth)[target] < 0.95 for p, truth in pairs]))
 
 
 def test_the_interval_holds_for_muscles_that_the_bank_lacks() -> None:
     model = learnt()
     scaled, truths, _ = limbs({3: -0.5, 4: 0.5}, 200, seed=2)
-    found = [model.infer(one, NOTHING, NOBODY, NOTHING, NOTHING) for one in scaled]
+    found = [believed(model, one) for one in scaled]
     assert held(found, truths) > 0.86
+    assert held(found, truths, TARGETS.index("damping")) > 0.86
 
 
 def test_what_is_measured_on_the_patient_moves_it_to_the_truth() -> None:
     model = learnt()
     scaled, truths, _ = limbs({0: -0.6, 1: 0.0, 2: 0.6}, 200, seed=3)
-    column, sd = np.array([0]), np.array([0.05])
-    before = [model.infer(one, NOTHING, NOBODY, NOTHING, NOTHING) for one in scaled]
+    column, sd = np.array([len(TARGETS)]), np.array([0.05])
+    before = [believed(model, one) for one in scaled]
     pairs = zip(scaled, truths, strict=True)
-    after = [model.infer(one, NOTHING, column, truth[1:], sd) for one, truth in pairs]
+    after = [model.look(one, NOTHING).posterior(column, truth[column], sd) for one, truth in pairs]
     assert after[0].half_width() < before[0].half_width()
     errors = [
         [abs(p.centre[0] - t[0]) for p, t in zip(f, truths, strict=True)] for f in (before, after)
@@ -69,13 +75,13 @@ def test_rows_without_contact_teach_and_those_with_it_judge() -> None:
     scaled, outputs, muscles = limbs({0: -0.1, 1: 0.0, 2: 0.1}, 600, seed=1)
     judged = np.arange(600) >= 500
     # Contact adds to K.
-    outputs[judged, 0] += 1.5
+    outputs[judged, : len(TARGETS)] += 1.5
     model = AnyMuscles.fit(scaled, outputs, muscles, judged, np.empty((100, 0)))
-    assert model.errors.shape == (100, 2)
+    assert model.errors.shape == (100, len(TARGETS) + 1)
     assert abs(model.errors[:, 0].mean()) < 0.2
     fresh, truths, _ = limbs({0: -0.1, 1: 0.0, 2: 0.1}, 200, seed=4)
-    truths[:, 0] += 1.5
-    found = [model.infer(one, NOTHING, NOBODY, NOTHING, NOTHING) for one in fresh]
+    truths[:, : len(TARGETS)] += 1.5
+    found = [believed(model, one) for one in fresh]
     assert held(found, truths) == pytest.approx(0.9, abs=0.06)
 
 
@@ -84,9 +90,7 @@ def test_only_regressions_and_the_movement_count() -> None:
     scaled, _, _ = limbs({0: 0.0}, 1, seed=5)
     other = scaled.copy()
     other[:, WINDOWS : len(CURVES)] += 5.0
-    one, two = (
-        model.infer(s[0], NOTHING, NOBODY, NOTHING, NOTHING).centre[0] for s in (scaled, other)
-    )
+    one, two = (believed(model, s[0]).centre[0] for s in (scaled, other))
     assert one == two
 
 
@@ -103,17 +107,21 @@ def test_it_is_as_wide_as_errors_are_at_such_a_length() -> None:
     length = rng.standard_normal((600, 1))
     outputs[:, 0] += 0.5 * np.abs(length[:, 0]) * rng.standard_normal(600)
     model = AnyMuscles.fit(scaled, outputs, muscles, np.ones(600, dtype=bool), length)
-    amid, long = (
-        model.infer(scaled[0], np.array([one]), NOBODY, NOTHING, NOTHING) for one in (0.0, 2.0)
-    )
+    amid, long = (believed(model, scaled[0], one) for one in (0.0, 2.0))
     assert long.half_width() > 1.5 * amid.half_width()
 
 
-def test_it_is_kept_in_the_bank_and_hears_of_what_is_known() -> None:
+def test_it_is_said_first_and_hears_of_what_is_known() -> None:
     interpreter = Interpreter.read(bank())
-    recorded = samples(2, 3).curves(np.zeros((3, 4)))[0]
-    alone = interpreter.whatever_muscles(recorded)
-    known = Known(name="forearm_length", value=0.3, sd=0.001)
-    told = interpreter.whatever_muscles(recorded, (known,))
-    assert alone is not None and told is not None
+    view = interpreter.look(samples(2, 3).curves(np.zeros((3, 4)))[0])
+    assert interpreter.any_muscles is not None
+    assert view.rows is interpreter.any_muscles.rows
+    alone = interpreter.infer(view)
+    told = interpreter.infer(view, (Known(name="forearm_length", value=0.3, sd=0.001),))
     assert told.half_width() < 0.8 * alone.half_width()
+
+
+def test_a_bank_of_one_set_of_muscles_says_what_holds_for_these() -> None:
+    interpreter = replace(Interpreter.read(bank()), any_muscles=None)
+    view = interpreter.look(samples(2, 3).curves(np.zeros((3, 4)))[0])
+    assert view.rows is interpreter.local.rows

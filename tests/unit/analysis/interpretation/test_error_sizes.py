@@ -73,7 +73,9 @@ def test_intervals_hold_as_often_for_stiff_as_for_compliant_wearers(
     chosen = (told[:, 0] >= low) & (told[:, 0] < high)
     spreads = np.sqrt(local.around(fresh[chosen], told[chosen])[:, 0, 0])
     belief = Posterior(
-        centre=np.zeros(len(TARGETS)), spread=np.ones(len(TARGETS)), scores=local.scores(*nothing)
+        centre=np.zeros(len(TARGETS)),
+        spread=np.ones(len(TARGETS)),
+        scores=local.rows.scores(*nothing),
     )
     ends = belief.quantiles(np.array([0.05, 0.95]))[:, 0]
     score = off[chosen, 0] / spreads
@@ -93,7 +95,7 @@ def test_intervals_hold_as_often_at_the_ends_of_lengths_as_amid_them(
     fresh, told, off = arms(8, 2000)
     chosen = (np.abs(told[:, -1]) >= low) & (np.abs(told[:, -1]) < high)
     score = off[chosen, 0] / np.sqrt(local.around(fresh[chosen], told[chosen])[:, 0, 0])
-    scores = local.scores(np.empty(0, dtype=int), np.empty(0))[:, 0]
+    scores = local.rows.scores(np.empty(0, dtype=int), np.empty(0))[:, 0]
     low_end, high_end = np.quantile(scores, [0.05, 0.95])
     assert np.mean((score > low_end) & (score < high_end)) == pytest.approx(0.9, abs=0.05)
 

@@ -6,7 +6,7 @@ from analysis.interpretation import plan
 from analysis.interpretation.every_plan import every_plan
 from analysis.interpretation.inference.features import RECORDED
 from analysis.interpretation.inference.interpreter import Interpreter, Known
-from analysis.interpretation.inference.posterior import View
+from analysis.interpretation.inference.view import View
 from analysis.interpretation.plan import Step, half_width_after, shortest_plan, steps
 from tests.testbed.bank import bank, samples
 
@@ -26,9 +26,10 @@ def interpreter() -> Interpreter:
     return Interpreter.read(bank())
 
 
-@pytest.fixture(scope="module")
-def view(interpreter: Interpreter) -> View:
-    return interpreter.look(samples(2, 1).of(*RECORDED)[0])
+@pytest.fixture(scope="module", params=[Interpreter.look, Interpreter.look_by_sets])
+def view(interpreter: Interpreter, request: pytest.FixtureRequest) -> View:
+    found: View = request.param(interpreter, samples(2, 1).of(*RECORDED)[0])
+    return found
 
 
 @pytest.mark.parametrize("known", KNOWN)

@@ -1,5 +1,6 @@
 """K_h with an interval, on a bank without a simulation."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from analysis.interpretation.inference.features import RECORDED
 from analysis.interpretation.inference.interpreter import Interpreter, Known
 from analysis.interpretation.inference.rounding import ALLOWED, moved_by_rounding
 from analysis.interpretation.inference.rows import targets_of
+from analysis.interpretation.inference.view import View
 from analysis.interpretation.plan import half_width_after, parts, shortest_plan, steps
 from analysis.interpretation.recording import Recording
 from sim.assessment.summary import Motion
@@ -35,10 +37,13 @@ def tape(row: int, sd: float = 0.002) -> tuple[Known, ...]:
     return (Known(name="forearm_length", value=float(FRESH.factors[row, 0]), sd=sd),)
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say(interpreter: Interpreter) -> None:
+@pytest.mark.parametrize("look", [Interpreter.look, Interpreter.look_by_sets])
+def test_intervals_hold_the_truth_as_often_as_they_say(
+    interpreter: Interpreter, look: Callable[[Interpreter, np.ndarray], View]
+) -> None:
     ranks = np.array(
         [
-            interpreter.infer(interpreter.look(recorded)).rank(truth)
+            interpreter.infer(look(interpreter, recorded)).rank(truth)
             for recorded, truth in zip(RECORDINGS, TRUTH, strict=True)
         ]
     )
@@ -88,9 +93,9 @@ def test_errors_are_sized_by_how_long_an_arm_is_told_to_be(
     told = Interpreter.fit(bank())
     assert told.any_muscles is not None
     assert len(told.local.expected.unit) == plain + 1
-    assert len(told.any_muscles.expected.unit) == 2
-    assert told.infer(told.look(RECORDINGS[0])).half_width() > 0.0
-    assert told.whatever_muscles(RECORDINGS[0]) is not None
+    assert len(told.any_muscles.of_others.unit) == plain + 1
+    for view in (told.look(RECORDINGS[0]), told.look_by_sets(RECORDINGS[0])):
+        assert told.infer(view).half_width() > 0.0
 
 
 def test_the_half_width_to_expect_is_the_one_that_comes(interpreter: Interpreter) -> None:
@@ -265,12 +270,43 @@ def held(motion: Motion) -> Motion:
     return replace(motion, theta=theta)
 
 
-def named(**changes: object) -> dict:
-    """Return the answer to a familiar movement with some torque, changed."""
+def quiet() -> Recording:
+    """Return a familiar movement with some torque."""
     own = moved(1.0)
     torque = np.random.default_rng(4).normal(0.0, 0.01, own.motion.theta.shape)
-    quiet = replace(own, motion=replace(own.motion, torque=torque + 4.0 * own.motion.theta))
-    return interpret(bank(), Question(recording=replace(quiet, **changes)))
+    return replace(own, motion=replace(own.motion, torque=torque + 4.0 * own.motion.theta))
+
+
+def named(**changes: object) -> dict:
+    """Return the answer to a familiar movement with some torque, changed."""
+    return interpret(bank(), Question(recording=replace(quiet(), **changes)))
+
+
+def test_first_is_said_what_rests_on_no_set_of_muscles_and_so_is_what_to_measure_next(
+    interpreter: Interpreter,
+) -> None:
+    found, values = named(), quiet().values()
+    views = (interpreter.look(values), interpreter.look_by_sets(values))
+    first, by_sets = (interpreter.infer(view) for view in views)
+    assert found["muscle_model"] == "any"
+    assert found["half_width"] == pytest.approx(first.half_width())
+    assert found["damping"]["median"] == pytest.approx(first.quantiles(np.array([0.5]))[0, 1])
+    beside = found["if_muscles_of_bank"]
+    assert beside["half_width"] == pytest.approx(by_sets.half_width())
+    assert {"stiffness", "damping", "stiffness_over_angle"} <= set(beside)
+    (length,) = (step for step in steps(interpreter, ()) if step.factor == "forearm_length")
+    said = found["next"][0]
+    assert said["factor"] == "forearm_length"
+    after = half_width_after(interpreter, views[0], (), (length,))
+    assert said["half_width_after"] == pytest.approx(after)
+
+
+def test_a_bank_of_one_set_of_muscles_says_that_its_answer_rests_on_it() -> None:
+    own = bank()
+    column = own.population.names.index("muscles")
+    one = replace(own, bushing=own.bushing.some(own.bushing.factors[:, column] == 0.0))
+    found = interpret(one, Question(recording=quiet()))
+    assert (found["muscle_model"], found["if_muscles_of_bank"]) == ("the bank's", None)
 
 
 def test_a_torque_in_steps_that_move_k_is_not_familiar_and_says_which_steps_are() -> None:

@@ -24,7 +24,8 @@ FOUND = {
     "familiar": True,
     "why_not": None,
     "half_width": 0.55,
-    "whatever_muscles": ENTRY | {"interval90": [3.3, 5.9]},
+    "muscle_model": "any",
+    "if_muscles_of_bank": {"stiffness": ENTRY | {"interval90": [4.4, 4.9]}},
     "parts": [{"name": "forearm_length", "share": 0.4}],
     "next": [STEP],
     "tolerance": {
@@ -41,7 +42,8 @@ def test_the_interval_comes_first_and_needs_nothing_from_outside(tmp_path: Path)
     write_page(tmp_path / "a.html", FOUND, before=0.7)
     page = (tmp_path / "a.html").read_text()
     assert page.index("between 4.10 and 5.20") < page.index("What to do next")
-    assert "like none that the bank knows, between 3.30" in page
+    narrow = page.index("one of the sets that the bank knows, 4.70 Nm/rad, between 4.40")
+    assert page.index("between 4.10 and 5.20 with 90 % probability, whatever") < narrow
     assert "To come below 0.5 Nm/rad in 2 minutes measure forearm_length." in page
     assert "Without it the half width is 0.70 Nm/rad, with it 0.55." in page
     assert "Wiegner and Watts 1986" in page
@@ -53,11 +55,12 @@ def test_a_strange_recording_says_first_that_it_cannot_be_relied_on(tmp_path: Pa
     strange = {"familiar": False, "why_not": "the <angle> is odd", "advice": ["close the loop"]}
     write_page(
         tmp_path / "a.html",
-        FOUND | strange | {"next": [], "regression": None, "whatever_muscles": None},
+        FOUND | strange | {"next": [], "regression": None, "if_muscles_of_bank": None},
     )
     page = (tmp_path / "a.html").read_text()
     assert page.index("Do not rely on these intervals") < page.index("between 4.10")
     assert "The &lt;angle&gt; is odd" in page
+    assert "This holds if the limb's muscles are those of the bank" in page.replace("&#39;", "'")
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ INTERVAL = {"median": 1.6, "interval50": [1.4, 1.8], "interval90": [1.2, 2.0], "
 ANSWER: Json = {
     "stiffness": INTERVAL,
     "damping": {**INTERVAL, "unit": "Nm s/rad"},
+    "if_muscles_of_bank": {"stiffness": {**INTERVAL, "interval90": [1.41, 1.82]}},
     "familiar": False,
     "why_not": "the <b>torque</b> of J4 has an offset",
     "known": [{"name": "forearm_mass", "value": 0.9, "sd": 0.1}],
@@ -172,6 +173,7 @@ def test_pages_show_the_wearers_stiffness_and_no_markup_of_a_report(
     assert f'href="/loops/{job["id"]}"' in listed and "unfamiliar" in listed
     page = client.get(f"/loops/{job['id']}").text
     assert "1.20 to 2.00" in page and "&lt;b&gt;torque" in page
+    assert page.index("1.20 to 2.00") < page.index("1.41 to 1.82")
     assert f"/v1/interpretations/{job['id']}/report.html" in page
     assert "model_after.xml" not in page
 
