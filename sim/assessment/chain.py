@@ -46,13 +46,15 @@ class RigidChain:
         # Falling upwards is gravity.
         linear = np.repeat(-self.gravity[:, None], steps, axis=1)
         angle = (position - self.zero).T
+        sine, cosine = np.sin(angle), np.cos(angle)
         reach = np.diff(self.anchor, axis=0, prepend=0.0)
         motions = []
         for k, axis in enumerate(self.axis):
             linear = linear + _swing(omega, alpha, reach[k])
             speed = axis[:, None] * velocity[:, k]
             alpha = alpha + axis[:, None] * acceleration[:, k] + _cross(omega, speed)
-            omega, alpha, linear = _turned(axis, -angle[k], omega + speed, alpha, linear)
+            back = (axis, -sine[k], cosine[k])
+            omega, alpha, linear = _turned(*back, omega + speed, alpha, linear)
             motions.append((omega, alpha, linear))
         force = moment = np.zeros((3, steps))
         torques = np.empty_like(position)
@@ -63,7 +65,7 @@ class RigidChain:
             moment = moment + _skew(centre) @ own + inertia @ alpha
             moment, force = moment + _cross(omega, inertia @ omega), force + own
             torques[:, k] = self.axis[k] @ moment
-            force, moment = _turned(self.axis[k], angle[k], force, moment)
+            force, moment = _turned(self.axis[k], sine[k], cosine[k], force, moment)
             moment = moment + _skew(reach[k]) @ force
         return torques
 
@@ -97,11 +99,13 @@ def rigid_chain(model: mujoco.MjModel) -> RigidChain:
     )
 
 
-def _turned(axis: np.ndarray, angle: np.ndarray, *vectors: np.ndarray) -> np.ndarray:
+def _turned(
+    axis: np.ndarray, sine: np.ndarray, cosine: np.ndarray, *vectors: np.ndarray
+) -> np.ndarray:
     """Return vectors of n steps turned about an axis, shape (vectors, 3, n) (Rodrigues)."""
     skew, straight = _skew(axis), np.stack(vectors)
     across = skew @ straight
-    turned: np.ndarray = straight + np.sin(angle) * across + (1.0 - np.cos(angle)) * (skew @ across)
+    turned: np.ndarray = straight + sine * across + (1.0 - cosine) * (skew @ across)
     return turned
 
 

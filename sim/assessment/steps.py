@@ -22,6 +22,8 @@ from sim.system.system import System
 Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
+#: Without threads of its own it holds nothing of a simulation, and to make one takes time.
+_ROLLOUT = rollout.Rollout(nthread=0)
 
 
 def movement(system: System) -> Motion:
@@ -145,7 +147,7 @@ def roll_out(
     else:
         sensed = np.empty((len(control), system.model.nsensordata))
         # With a reflex a movement is dozens of calls, and checking shapes took a third of each.
-        rollout.rollout(
+        _ROLLOUT.rollout(
             [system.model],
             [data],
             first[None],

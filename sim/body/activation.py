@@ -63,15 +63,17 @@ class ActivationPattern:
 
         Needs `velocity` up to `delay` steps before the last of them.
         """
-        when = np.arange(first, first + count) - self.delay
-        felt = np.where(when >= 0, self.velocity[when], 0.0)
+        felt = np.zeros(count)
+        begin, end = first - self.delay, first - self.delay + count
+        if end > 0:
+            felt[max(0, -begin) :] = self.velocity[max(0, begin) : end]
         excess = np.maximum(np.abs(felt) - self._threshold, 0.0)
-        stretched = np.sign(felt)[:, None] * self._lengthens > 0.0
         level = self.level[first : first + count, None]
-        activations: np.ndarray = np.clip(
-            level + self._gain * excess[:, None] * stretched, 0.0, 1.0
-        )
-        return activations
+        if self._gain > 0.0 and excess.any():
+            stretched = np.sign(felt)[:, None] * self._lengthens > 0.0
+            level = level + self._gain * excess[:, None] * stretched
+        activations: np.ndarray = np.minimum(np.maximum(level, 0.0), 1.0)
+        return np.broadcast_to(activations, (count, len(self._lengthens)))
 
 
 def muscle_lengthening(

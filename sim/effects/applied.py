@@ -32,11 +32,15 @@ class AppliedEffects:
         self._model = model
         #: Actuator of every effect, and the torque that the joint feels.
         self.torques: list[tuple[int, Torque]] = []
-        # Never stepped: the engine's callback would show a film what never happens.
-        rest = mujoco.MjData(model)
-        for number in range(model.ntext):
-            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, number)
-            if name.startswith(PREFIX):
+        names = [
+            mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, number)
+            for number in range(model.ntext)
+        ]
+        own = [(number, name) for number, name in enumerate(names) if name.startswith(PREFIX)]
+        if own:
+            # Never stepped: the engine's callback would show a film what never happens.
+            rest = mujoco.MjData(model)
+            for number, name in own:
                 torque = _torque(model, _text(model, number), rest)
                 self.torques.append((model.actuator(name).id, torque))
 
