@@ -148,7 +148,7 @@ def _ways(bank: Bank, fresh: Samples, answers: Mapping[str, tuple[Judged, Judged
     weights = np.linalg.lstsq(inputs(bank.contact, np.zeros((1, len(TAPE)))), truth)[0]
     personal = inputs(fresh, told) @ weights - targets_of(fresh)[:, 0]
     affine = -fresh.of("stiffness_estimate")[:, 0] - targets_of(fresh)[:, 0]
-    print("\nways to a smaller error of K_h, Nm/rad     mean     sd   90 % of errors are below")
+    print("\nways to a smaller error of K_h, Nm/rad       mean     sd   90 % of errors are below")
     for name, error in (
         ("affine alone", affine),
         ("affine, lengths and mass identified", personal),
@@ -159,7 +159,7 @@ def _ways(bank: Bank, fresh: Samples, answers: Mapping[str, tuple[Judged, Judged
         ),
     ):
         worst = np.quantile(np.abs(error), 0.9)
-        print(f"  {name:46}{error.mean():5.2f}{error.std():7.2f}{worst:10.2f}")
+        print(f"  {name:48}{error.mean():5.2f}{error.std():7.2f}{worst:10.2f}")
         shares = hdmr(fresh.factors, error)
         most = [f"{bank.population.names[i]} {shares[i]:.2f}" for i in np.argsort(-shares)[:4]]
         print(f"      of its variance: {', '.join(most)}; all alone {shares.sum():.2f}")

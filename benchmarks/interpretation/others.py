@@ -23,7 +23,7 @@ def print_header(what: str) -> None:
 def print_other_muscles(bank: Bank, seed: int, wearers: Wearers) -> None:
     """Leave each set of muscles out of the bank, and interpret wearers of `seed` who have it."""
     column = bank.population.names.index("muscles")
-    print_header("muscles that are left out of the bank")
+    print_header("muscles left out of the bank")
     for number, name in enumerate(MUSCLES):
         without = replace(
             bank,
