@@ -99,7 +99,7 @@ def explainable(model: Model, rows: Rows) -> Explainable:
         model: the declared or repaired model.
         rows: the samples to fit, weighted by each joint's noise (or not at all at first).
     """
-    model = with_free_presliding(model)
+    model = with_free_presliding(model, model.recording.joints)
     folds = scattered_folds(rows)
     plain = evaluate(model, rows, fold_rows=folds)
     base, lower = model.base(rows)

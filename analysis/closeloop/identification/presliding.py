@@ -6,6 +6,8 @@ Dupont and Canudas de Wit 1994, section 2). What that leaves at every reversal, 
 is largest, looks like a late motor or a little inertia.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from analysis.closeloop.identification.balance.model import (
@@ -44,7 +46,7 @@ def only_presliding(
     # Beside what the device itself declares, Coulomb friction is another level and no other turn.
     beside_found = any(term.rubs and term.joint == joint for term in model.terms)
     if effect.winds or (effect.rubs and beside_found):
-        free = _free_winding(model, joint)
+        free = _free_winding(model, joint, model.terms)
         if free is None or not _wound(free, beside, model, rows):
             return False
         return effect.winds or _nothing_beside(free, beside, model, rows, least)
@@ -77,17 +79,22 @@ def _wound(free: Term, beside: Model, model: Model, rows: Rows) -> bool:
 
 def free_turning(model: Model, joint: int) -> list[Term]:
     """Return terms that let a joint's friction turn in any way: in time, and wound up."""
-    free = _free_presliding(model, joint, model.terms), _free_winding(model, joint)
+    terms = model.terms
+    free = _free_presliding(model, joint, terms), _free_winding(model, joint, terms)
     return [term for term in free if term is not None]
 
 
-def with_free_presliding(model: Model) -> Model:
-    """Return the model with declared friction free to pass through zero in its own way."""
+def with_free_presliding(model: Model, joints: Iterable[int]) -> Model:
+    """Return the model with declared friction free to pass through zero in its own way.
+
+    In time, and over the way that it winds up before it slides; at `joints`.
+    """
     declared = tuple(term for term in model.terms if term.candidate is None)
-    for joint in model.recording.joints:
-        free = _free_presliding(model, joint, declared)
-        if free is not None:
-            model = model.with_term(free)
+    for joint in joints:
+        ways = _free_presliding(model, joint, declared), _free_winding(model, joint, declared)
+        for free in ways:
+            if free is not None:
+                model = model.with_term(free)
     return model
 
 
@@ -111,7 +118,7 @@ def _free_presliding(model: Model, joint: int, terms: tuple[Term, ...]) -> Term 
     return Term(joint=joint, columns={joint: both}, kept=tuple(range(both.shape[1])))
 
 
-def _free_winding(model: Model, joint: int) -> Term | None:
+def _free_winding(model: Model, joint: int, terms: tuple[Term, ...]) -> Term | None:
     """Return a term that lets a joint's friction wind up over presliding's way; None without any.
 
     Bristles bend by up to `PRESLIDING_SHARE` of half the travel before friction slides (Dahl 1968):
@@ -121,19 +128,20 @@ def _free_winding(model: Model, joint: int) -> Term | None:
     Args:
         model: with the recording.
         joint: which.
+        terms: whose friction; what the device itself declares counts too.
     """
-    recorded = unfitted(model.recording, joint)
-    levels, at_once = [], []
-    for term in model.terms:
-        if term.rubs and term.joint == joint and term.effect is not None:
-            theta = {**term.theta, **dict.fromkeys(TURNS & term.theta.keys(), AT_ONCE)}
-            levels.append(term.effect.columns(recorded, theta)[joint][:, list(term.kept)])
-            at_once.append(levels[-1])
-    if model.recording.device.friction[joint]:
-        levels.append(np.sign(recorded.velocity)[:, None])
-    if not levels:
+    rubbing = [t for t in terms if t.rubs and t.joint == joint and t.effect is not None]
+    built_in = bool(model.recording.device.friction[joint])
+    if not rubbing and not built_in:
         return None
+    recorded = unfitted(model.recording, joint)
     sign = np.sign(recorded.velocity)
+    at_once = []
+    for term in rubbing:
+        assert term.effect is not None
+        theta = {**term.theta, **dict.fromkeys(TURNS & term.theta.keys(), AT_ONCE)}
+        at_once.append(term.effect.columns(recorded, theta)[joint][:, list(term.kept)])
+    levels = [*at_once, sign[:, None]] if built_in else at_once
     level = np.concatenate(levels, axis=1) * sign[:, None]
     longest = PRESLIDING_SHARE * recorded.travel[1]
     # Of what the device itself declares the level is not free.

@@ -26,6 +26,7 @@ from analysis.closeloop.identification.balance.model import (
 from analysis.closeloop.identification.balance.regression import SCATTERED, Rows, select_rows
 from analysis.closeloop.identification.explainable import phase_groups, signal_groups
 from analysis.closeloop.identification.findings import Event
+from analysis.closeloop.identification.presliding import with_free_presliding
 from analysis.closeloop.judgement.holds import rest_events, spread
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lowpass, runs
@@ -150,7 +151,7 @@ def beyond_splines(model: Model, rows: Rows, joint: int) -> Beyond:
     part, recording = rows.parts[joint], rows.recording
     groups = signal_groups(rows, joint) | phase_groups(recording, joint)
     splines = np.concatenate(list(groups.values()), axis=1)
-    base, _ = model.base(rows)
+    base, _ = with_free_presliding(model, [joint]).base(rows)
     stacked = rows.stack(model.transformed({joint: splines}), splines.shape[1])
     table = np.concatenate([np.ones((len(base), 1)), base, stacked], axis=1)[part]
     scale = np.sqrt((table**2).mean(axis=0))

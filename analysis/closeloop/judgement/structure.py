@@ -30,7 +30,7 @@ def structures(model: Model, rows: Rows) -> dict[int, list[Structure]]:
         model: declared or repaired; it is fitted again with friction free around zero speed.
         rows: the samples to look at.
     """
-    model = with_free_presliding(model)
+    model = with_free_presliding(model, model.recording.joints)
     base, _ = model.base(rows)
     target = model.target(rows)
     span = np.linalg.qr(base)[0] if base.shape[1] else base

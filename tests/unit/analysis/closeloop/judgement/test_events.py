@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.model import Model, Term, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.events import find_events, spared
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.moved import moved
 
 SECONDS, RATE, NOISE = 60.0, 50.0, 0.05
@@ -79,6 +80,22 @@ def test_no_fit_uses_what_an_event_disturbed(swinging: Recording) -> None:
     rows = select_rows(spared(recording, (event,)), (0,))
     times = recording.time[rows.samples[1]]
     assert not ((times >= 20.0) & (times <= 21.0)).any() and len(times) > 100
+
+
+def test_friction_that_winds_up_before_it_slides_makes_no_event_and_hides_no_push(
+    swinging: Recording,
+) -> None:
+    """Declared as Coulomb friction; over 4 mrad it is another, and most so where it turns once."""
+    friction, theta = BY_NAME["coulomb_friction"], {"smooth": 0.004}
+    bare = with_effort(swinging, np.zeros(len(TIME)))
+    wound = 2.0 * unfitted(bare, 1).wound(0.004)
+    columns = friction.columns(unfitted(bare, 1), theta)
+    term = Term(joint=1, columns=columns, kept=(0,), theta=theta, effect=friction)
+    clean = with_effort(swinging, wound)
+    assert find_events(Model(clean, terms=(term,)), clean) == ()
+    found = with_effort(swinging, wound + pushed(41.0, 0.8, -0.7))
+    (event,) = find_events(Model(found, terms=(term,)), found)
+    assert 40.8 < event.begin < 41.4 < event.end < 42.0 and event.peak < -0.4
 
 
 def still(recording: Recording, effort: np.ndarray) -> Recording:

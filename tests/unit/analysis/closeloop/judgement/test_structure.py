@@ -1,8 +1,17 @@
 """A residual goes with a signal only if it does so in second after second."""
 
-import numpy as np
+from dataclasses import replace
 
-from analysis.closeloop.judgement.structure import score_test
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.balance.model import Model, Term, unfitted
+from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.explainable import explainable
+from analysis.closeloop.judgement.structure import score_test, structures
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.moved import moved
 
 RATE, SECONDS = 40, 60
 TIME = np.arange(RATE * SECONDS) / RATE
@@ -41,3 +50,25 @@ def test_too_few_seconds_say_nothing() -> None:
     few = slice(0, 5 * RATE)
     residual = np.tanh(20 * SPEED)
     assert score_test(residual[:, None], SPAN, residual, few, BLOCK) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(("way", "seen"), [(0.003, False), (0.1, True)])
+def test_friction_that_winds_up_over_presliding_s_way_leaves_no_structure(
+    way: float, seen: bool, recording: Recording
+) -> None:
+    """Declared as Coulomb friction; over a longer way, rad, it is something else."""
+    time = np.arange(3000) / 50.0
+    phase = 2 * np.pi * 0.4 * time + 0.6 * np.sin(0.31 * time)
+    elbow = 1.0 + 0.5 * np.sin(phase) * (0.7 + 0.3 * np.sin(0.23 * time))
+    bare = moved(recording, np.column_stack([np.zeros(len(time)), elbow]), 50.0)
+    bare = replace(bare, effort=bare.inverse, cache={})
+    effort = np.array(bare.inverse)
+    effort[:, 1] += unfitted(bare, 1).wound(way)
+    effort[:, 1] += 0.05 * np.random.default_rng(4).standard_normal(len(time))
+    loud = replace(bare, effort=bare.filtered(effort), cache={})
+    friction, theta = BY_NAME["coulomb_friction"], {"smooth": 0.004}
+    columns = friction.columns(unfitted(loud, 1), theta)
+    term = Term(joint=1, columns=columns, kept=(0,), theta=theta, effect=friction)
+    model, rows = Model(loud, terms=(term,)), select_rows(loud, (0,))
+    assert bool(structures(model, rows)[1]) is seen
+    assert (explainable(model, rows).z > 2.0) is seen
