@@ -18,6 +18,7 @@ from server.settings import Settings
 from server.store import create_engine, upgrade
 from tests.testbed.clock import Clock
 from tests.testbed.coordinators import exchanges, records
+from tests.testbed.coordinators.turns import Turns
 
 TOKEN = "correct horse"
 
@@ -65,6 +66,14 @@ def engine(upgraded: str) -> Iterator[Engine]:
     engine = create_engine(upgraded)
     yield engine
     engine.dispose()
+
+
+@pytest.fixture
+def turns(engine: Engine) -> Iterator[Turns]:
+    """Turns on the database, which is PostgreSQL then."""
+    found = Turns(engine)
+    yield found
+    found.close()
 
 
 @pytest.fixture

@@ -1,11 +1,13 @@
 """What workers ask of a coordinator's database, each in a transaction of its own."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError
 from server.logic.fleet.verdicts import Judgement, Report
+from server.logic.study.points import instance_id
 from server.operations.fleet.exchange import (
     Answer,
     Deferred,
@@ -18,6 +20,23 @@ from server.operations.fleet.exchange import (
 from server.operations.fleet.turns import serve_within
 from server.records import Introduction, Lease
 from server.store.database.engine import writing
+from tests.testbed.coordinators.records import report
+
+
+def asking(worker: str, most: int, **said: Any) -> LeaseRequest:
+    """Ask for work of the Ishigami function."""
+    host = said.pop("host", "h")
+    versions = said.pop("versions", {})
+    introduction = Introduction(id=worker, host=host, versions=versions, **said)
+    return LeaseRequest(worker=introduction, models=["ishigami"], max_instances=most)
+
+
+def posting(grant: Grant, how: list[tuple[int, dict[str, Any]]], **said: Any) -> Post:
+    """Post results of the instances of a lease at these places, changed so."""
+    lease, study = grant.lease, grant.study.id
+    about = {"lease": lease.id, "fence": lease.fence, "worker": lease.worker, **said}
+    names = [instance_id(study, *place) for place in lease.instances]
+    return Post(reports=[report(names[n], **change) for n, change in how], **about)
 
 
 def serve(engine: Engine, exchange: Exchange) -> Answer:
