@@ -197,7 +197,12 @@ class RecordedJoint:
             position = self.position[piece]
             state, states = 0.0, []
             for way in (np.diff(position, prepend=position[0]) / distance).tolist():
-                state = min(1.0, max(-1.0, state + way))
+                state += way
+                # Three times as quick as `min` and `max`, of which a search makes millions.
+                if state > 1.0:
+                    state = 1.0
+                elif state < -1.0:
+                    state = -1.0
                 states.append(state)
             out[piece] = states
         return out

@@ -238,6 +238,9 @@ class Structure:
         """
         recording, seconds = joint.recording, 1.0 / joint.recording.rate
         ways, place = np.abs(joint.velocity) * seconds, joint.position
+        # As `stepped`, with what knows no state divided out of the loop over samples.
+        built = seconds / self.recovery
+        shares = 1.0 + built + ways / self.distance
         left = np.ones(len(ways))
         state, last = 1.0, None
         for piece in recording.slices:
@@ -247,9 +250,11 @@ class Structure:
             else:
                 gap = float(recording.time[first] - recording.time[last])
                 state = self.stepped(state, gap, abs(float(place[first] - place[last])))
-            for i, way in enumerate(ways[piece].tolist(), first):
-                left[i] = state
-                state = self.stepped(state, seconds, way)
+            states = []
+            for share in shares[piece].tolist():
+                states.append(state)
+                state = (state + built) / share
+            left[piece] = states
             last = piece.stop - 1
         return left
 

@@ -88,6 +88,15 @@ def test_rests_tell_thixotropy_from_hysteresis(moving: float, name: str) -> None
         assert best.score.loss > 0.8 * other.score.loss
 
 
+def test_a_recorded_trial_has_the_structure_that_a_simulation_steps_through() -> None:
+    whole = with_rests()
+    structure, state, stepped = Structure(recovery=2.0, distance=0.3), 1.0, []
+    for speed in np.abs(whole.velocity[:, ELBOW]):
+        stepped.append(state)
+        state = structure.stepped(state, 1.0 / RATE, speed * (1.0 / RATE))
+    assert np.array_equal(structure.along(unfitted(whole, ELBOW)), stepped)
+
+
 def test_lost_samples_are_no_rest() -> None:
     whole = with_rests()
     structure = Structure(recovery=2.0, distance=0.3)
