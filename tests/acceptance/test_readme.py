@@ -20,6 +20,59 @@ ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
 
 
+def test_one_assessment_prints_one_json_object_with_the_fixed_names() -> None:
+    ran = subprocess.run(
+        [sys.executable, "-m", "rehyb", "assess", "--set", "forearm_mass=1.2", "--json"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    printed = json.loads(ran.stdout)
+    assert printed["outcome"] == "ok"
+    assert printed["wall_seconds"] > 0.0
+    assert {type(printed[name]) for name in ELBOW.outputs} == {float}
+    assert printed["parameters"]["forearm_mass"] == 1.2
+
+
+def test_an_assessment_that_fails_has_a_reason_a_state_and_no_outputs() -> None:
+    far = ("--set", "upper_arm_length=0.50", "--outside-range", "--json")
+    ran = subprocess.run(
+        [sys.executable, "-m", "rehyb", "assess", *far],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert ran.returncode == 1
+    printed = json.loads(ran.stdout)
+    assert printed["outcome"] == "penetrated"
+    assert printed["reason"] and printed["state"]["phase"] == "movement"
+    assert not set(ELBOW.outputs) & set(printed)
+
+
+def test_validation_prints_figures_beside_the_papers_and_where_the_pictures_are(
+    tmp_path: Path,
+) -> None:
+    ran = subprocess.run(
+        [sys.executable, "-m", "rehyb", "validate", "--out", str(tmp_path)],
+        cwd=ROOT,
+        env=os.environ | {"COLUMNS": "160"},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    for words in ("isometric flexion torque", "around 80", "around -50", "Young's modulus"):
+        assert words in ran.stdout
+    assert (tmp_path / "isometric_torque.png").exists()
+    assert (tmp_path / "compression.png").exists()
+    assert (tmp_path / "validation.html").exists()
+
+
+# Last, so that no fleet works on while other tests run.
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WarmFleet]:
     with WarmFleet(tmp_path_factory.mktemp("fleet"), workers=2) as fleet:
@@ -76,55 +129,3 @@ def test_the_curl_lines_are_requests_the_coordinator_takes(fleet: WarmFleet) -> 
             # Hundreds of assessments that nobody waits for.
             if study["state"] == "running":
                 client.cancel(study["id"])
-
-
-def test_one_assessment_prints_one_json_object_with_the_fixed_names() -> None:
-    ran = subprocess.run(
-        [sys.executable, "-m", "rehyb", "assess", "--set", "forearm_mass=1.2", "--json"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
-    )
-    printed = json.loads(ran.stdout)
-    assert printed["outcome"] == "ok"
-    assert printed["wall_seconds"] > 0.0
-    assert {type(printed[name]) for name in ELBOW.outputs} == {float}
-    assert printed["parameters"]["forearm_mass"] == 1.2
-
-
-def test_an_assessment_that_fails_has_a_reason_a_state_and_no_outputs() -> None:
-    far = ("--set", "upper_arm_length=0.50", "--outside-range", "--json")
-    ran = subprocess.run(
-        [sys.executable, "-m", "rehyb", "assess", *far],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert ran.returncode == 1
-    printed = json.loads(ran.stdout)
-    assert printed["outcome"] == "penetrated"
-    assert printed["reason"] and printed["state"]["phase"] == "movement"
-    assert not set(ELBOW.outputs) & set(printed)
-
-
-def test_validation_prints_figures_beside_the_papers_and_where_the_pictures_are(
-    tmp_path: Path,
-) -> None:
-    ran = subprocess.run(
-        [sys.executable, "-m", "rehyb", "validate", "--out", str(tmp_path)],
-        cwd=ROOT,
-        env=os.environ | {"COLUMNS": "160"},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
-    )
-    for words in ("isometric flexion torque", "around 80", "around -50", "Young's modulus"):
-        assert words in ran.stdout
-    assert (tmp_path / "isometric_torque.png").exists()
-    assert (tmp_path / "compression.png").exists()
-    assert (tmp_path / "validation.html").exists()
