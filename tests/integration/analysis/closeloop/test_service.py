@@ -39,7 +39,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
 @pytest.fixture
 def archive(tmp_path: Path) -> Path:
     """A zipped session whose motor rubs."""
-    write_session(tmp_path / "monday", SEED, ("coulomb_friction",), **SMALL)
+    write_session(tmp_path / "monday", SEED, ("coulomb_friction",), **SMALL | {"postures": (0.1,)})
     path = tmp_path / "monday.zip"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
         for file in sorted((tmp_path / "monday").iterdir()):
