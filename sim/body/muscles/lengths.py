@@ -130,7 +130,8 @@ def _length_round(
     far_a, far_b = np.maximum(far_a, radius), np.maximum(far_b, radius)
     apart = np.abs(_angle(a, wrap) - _angle(b, wrap))
     turned = apart - np.arccos(radius / far_a) - np.arccos(radius / far_b)
-    tangents = np.sqrt(far_a**2 - radius**2) + np.sqrt(far_b**2 - radius**2)
+    # Not below zero by rounding, where a point is no farther than the radius.
+    tangents = sum(np.sqrt(np.maximum(far**2 - radius**2, 0.0)) for far in (far_a, far_b))
     # A straight way on that side needs no arc.
     across = np.where(outside & (turned > 0.0), tangents + radius * turned, straight)
     return np.asarray(np.hypot(across, along))

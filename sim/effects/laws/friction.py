@@ -204,7 +204,8 @@ class PositionDependent(Friction):
     def level(self, parameters: Values, motion: Motion) -> Signal:
         x = motion.position - parameters["middle"]
         slope, curvature = parameters["torque_slope"], parameters["torque_curvature"]
-        return parameters["torque_middle"] + slope * x + curvature * x * x
+        # Where Coulomb friction is declared already, only how it varies is the effect's own.
+        return parameters.get("torque_middle", 0.0) + slope * x + curvature * x * x
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         # Over half the range, so that the columns are alike in size.

@@ -45,6 +45,17 @@ def test_load_dependent_friction_beside_a_declared_coulomb_friction(tmp_path: Pa
     assert report["confirmation"]["ran"]
 
 
+def test_friction_that_varies_along_the_range_beside_a_declared_coulomb_friction(
+    tmp_path: Path,
+) -> None:
+    report, _ = closed(tmp_path, ["coulomb_friction"], ("position_dependent_friction",))
+    (found,) = report["effects"]
+    # It has no level of its own, and is simulated without.
+    assert found["name"] == "position_dependent_friction"
+    assert "torque_middle" not in found["parameters"]
+    assert report["confirmation"]["ran"]
+
+
 def test_every_declared_value_is_in_the_model_that_is_written(tmp_path: Path) -> None:
     names = ["coulomb_friction", "viscous_friction", "torque_offset"]
     report, model = closed(tmp_path, names, ("coulomb_friction",))
