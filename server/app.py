@@ -28,6 +28,7 @@ from server.operations import tokens
 from server.operations.fleet import comparisons
 from server.operations.fleet import leases as lease_operations
 from server.operations.fleet.exchanges import Exchanges
+from server.operations.fleet.sweep import Sweep
 from server.operations.readiness import Readiness
 from server.operations.study import reruns
 from server.operations.study import studies as studies_at_work
@@ -81,7 +82,7 @@ def create_app(settings: Settings) -> FastAPI:
             await in_thread(studies_at_work.make_ready, engine)
             reaper = asyncio.create_task(
                 _reap_for_ever(
-                    engine, app.state.metrics, app.state.clock, ttl, settings.stranded_seconds
+                    app.state.sweep, engine, app.state.metrics, app.state.clock, settings
                 )
             )
             watcher = asyncio.create_task(fleet.watch(app.state))
@@ -123,7 +124,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.clock = own_clock = steady()
     app.state.readiness = Readiness(app.state.engine)
     app.state.metrics = Metrics(app.state.engine, lambda: float(app.state.clock()))
-    app.state.sweep = leases.Sweep()
+    app.state.sweep = Sweep(app.state.engine, settings.lease_seconds)
     app.state.idle = Idle()
     #: So many uploaded sessions are looked at at once.
     app.state.looks = asyncio.Semaphore(CHECKS)
@@ -190,15 +191,19 @@ def _traces() -> "Traces | None":
 
 
 async def _reap_for_ever(
-    engine: Engine, measures: Metrics, clock: Callable[[], float], ttl: float, patience: float
+    sweep: Sweep,
+    engine: Engine,
+    measures: Metrics,
+    clock: Callable[[], float],
+    settings: Settings,
 ) -> None:
     """Take back expired leases, and rows that wait for machines that are gone, unasked."""
-    started = monotonic()
+    started, patience = monotonic(), settings.stranded_seconds
     while True:
-        await asyncio.sleep(ttl / 4.0)
+        await asyncio.sleep(settings.lease_seconds / 4.0)
         freed = 0
         try:
-            lost = await in_thread(lease_operations.reap, engine, now=clock())
+            lost = await in_thread(sweep, clock())
             silent = await in_thread(close_loop_operations.reap, engine, now=clock())
             if silent:
                 log.warning("%d close-loops came back from workers that fell silent", silent)

@@ -156,6 +156,8 @@ class Agent:
     def _talk(self, now: float) -> None:
         """Post, renew, release and lease as is due; stay silent for a while if nobody answers."""
         try:
+            # First: a coordinator that takes its time over results must not take the leases.
+            self.leases.renew(now)
             # A request for work takes along what there is to post, which saves a request.
             asks = self._request(now) is not None and len(self.spool) > 0
             if asks or now >= self._post_at or self.leases.any_finished:
@@ -165,10 +167,10 @@ class Agent:
                         # An answer may take a while, in which the children must not stand idle.
                         self._collect(0.0)
                         self._start_children()
+                        self.leases.renew(time.monotonic())
                     self._posting.post(batch, self._request(now))
                 self._post_at = now + POST_SECONDS
                 self.leases.release()
-            self.leases.renew(now)
             if request := self._request(now):
                 self.leases.ask(request, now)
         except (Unreachable, ServerError) as error:

@@ -196,8 +196,12 @@ class Leases:
                 lease.renew_at = renewal_time(now, lease.ttl_seconds)
 
     def renew(self, now: float) -> None:
-        """Renew what is due; of a lease that is lost, nothing more is begun."""
-        for lease in [one for one in self._held if one.open and now >= one.renew_at]:
+        """Renew what is due, also if only its results are still to be posted.
+
+        Of a lease that is lost, nothing more is begun.
+        """
+        held = (one for one in self._held if one.open or not one.given_up)
+        for lease in [one for one in held if now >= one.renew_at]:
             if _if_still_held(partial(self.client.renew, lease.id, lease.fence)):
                 self.extend(lease.id, now)
                 continue

@@ -121,10 +121,16 @@ def lease(body: LoopLeaseBody, store: Store, settings: Configured, now: Now) -> 
 
 @router.post("/{close_loop_id}/renew")
 def renew(
-    close_loop_id: Id, body: LoopRenewalBody, store: Store, settings: Configured, now: Now
+    close_loop_id: Id,
+    body: LoopRenewalBody,
+    request: Request,
+    store: Store,
+    settings: Configured,
+    now: Now,
 ) -> dict[str, Any]:
     """Keep a job for another ttl, and say what its worker is at."""
     ttl = settings.lease_seconds
+    request.app.state.sweep.catch_up(now)
     progress = None if body.progress is None else cut(body.progress, PROGRESS_LENGTH)
     expires_at = close_loops.renew(
         store,

@@ -5,12 +5,10 @@ import logging
 import sqlite3
 from collections.abc import Sequence
 from http import HTTPStatus
-from math import inf
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Request, Response
 from pydantic import Field, StringConstraints
-from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.datastructures import State
 
@@ -35,9 +33,6 @@ from server.routes.common import (
 log = logging.getLogger(__name__)
 
 router = APIRouter(prefix="/v1/leases", tags=["leases"])
-
-#: Seconds between two looks for leases that have expired.
-SWEEP_SECONDS = 1.0
 
 Fence = Annotated[int, Field(ge=0, le=MAX_INTEGER)]
 
@@ -89,25 +84,17 @@ class FenceBody(Body):
     fence: Fence
 
 
-class Sweep:
-    """Takes back what silent workers hold, once in a while however many ask for work."""
-
-    def __init__(self) -> None:
-        self._last = -inf
-
-    async def __call__(self, engine: Engine, *, now: float) -> int:
-        """Return how many instances came back; 0 if the last time was just before."""
-        if self._last <= now < self._last + SWEEP_SECONDS:
-            return 0
-        self._last = now
-        return await asyncio.to_thread(leases.reap, engine, now=now)
+async def sweep(state: State, now: float) -> None:
+    """Take back what silent workers hold, if that was not done just before."""
+    if state.sweep.is_due(now):
+        state.metrics.lost.inc(await asyncio.to_thread(state.sweep, now))
 
 
 async def lease(body: LeaseBody, request: Request) -> Response:
     """Lease instances of one study; 204: nothing to do now; 409: nothing that the worker fits."""
     state, wanted = request.app.state, requested(body)
     now, ttl = state.clock(), state.settings.lease_seconds
-    state.metrics.lost.inc(await state.sweep(state.engine, now=now))
+    await sweep(state, now)
     with state.metrics.lease_seconds.time():
         try:
             _, found = await state.exchange(Exchange(request=wanted, now=now, ttl=ttl))
@@ -155,10 +142,16 @@ def granted(grant: Grant, state: State) -> dict[str, Any]:
 
 @router.post("/{lease_id}/renew")
 def renew(
-    lease_id: LeaseId, body: FenceBody, store: Store, settings: Configured, now: Now
+    lease_id: LeaseId,
+    body: FenceBody,
+    request: Request,
+    store: Store,
+    settings: Configured,
+    now: Now,
 ) -> dict[str, Any]:
     """Keep a lease for another ttl."""
     ttl = settings.lease_seconds
+    request.app.state.sweep.catch_up(now)
     expires_at = leases.renew(store, lease_id, fence=body.fence, now=now, ttl=ttl)
     return {"expires_at": expires_at, "ttl_seconds": ttl}
 

@@ -23,7 +23,7 @@ from server.operations.fleet import results
 from server.operations.fleet.exchange import Exchange, Grant, Ineligible, Post
 from server.operations.study import studies
 from server.routes.common import Body, Direct, Id, Name, Store, as_json, example
-from server.routes.fleet.leases import Fence, LeaseBody, granted, requested
+from server.routes.fleet.leases import Fence, LeaseBody, granted, requested, sweep
 from server.routes.study.studies import show
 from server.settings import Settings
 from server.states import REFUSALS, Verdict
@@ -100,7 +100,7 @@ async def post(body: ResultsBody, request: Request) -> Response:
         judgements, _ = await state.exchange(Exchange(posted=posted, now=now, ttl=ttl))
     else:
         asked = requested(body.next)
-        measures.lost.inc(await state.sweep(state.engine, now=now))
+        await sweep(state, now)
         with measures.lease_seconds.time():
             both = Exchange(posted=posted, request=asked, now=now, ttl=ttl)
             judgements, found = await state.exchange(both)

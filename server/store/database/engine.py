@@ -15,6 +15,8 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection, Engine
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 
+from server.store.database.prepared import failure
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -79,13 +81,16 @@ def writing(engine: Engine) -> Iterator[Connection]:
     SQLite has one writer at a time. The threads of this process queue on a lock, which wakes the
     next one at once; SQLite's own busy handler sleeps and polls, and is left for other processes.
     """
-    sqlite_only = engine.dialect.name == "sqlite"
+    sqlite_only, command = engine.dialect.name == "sqlite", "BEGIN IMMEDIATE"
     lock = engine.get_execution_options()["writer"] if sqlite_only else nullcontext()
     with lock, engine.connect() as connection:
         connection = connection.execution_options(immediate=True)
         with connection.begin():
             # It takes the write lock now and need never start again.
-            _begin(connection, "BEGIN IMMEDIATE")
+            try:
+                _begin(connection, command)
+            except sqlite3.Error as error:
+                raise failure(error, connection.dialect, command, ()) from error
             yield connection
 
 

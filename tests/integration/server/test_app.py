@@ -42,19 +42,20 @@ def test_rows_are_freed_only_by_who_has_listened_for_that_long(
     monkeypatch.setattr(web.asyncio, "to_thread", here)
     asked = count(1)
 
-    def reap(_engine: object, **_: float) -> int:
+    def sweep(_now: float) -> int:
         if next(asked) == 2:
             raise NotFoundError("a study was deleted meanwhile")
         return 0
 
-    monkeypatch.setattr(web.lease_operations, "reap", reap)
     monkeypatch.setattr(web.close_loop_operations, "reap", lambda *_, **__: 0)
     monkeypatch.setattr(web.comparisons, "give_up", lambda *_, **__: None)
     monkeypatch.setattr(web.reruns, "free_stranded_rows", free)
     engine: Any = None
+    swept: Any = sweep
+    settings = Settings(token=SecretStr("t" * 16), lease_seconds=60.0, stranded_seconds=100.0)
     with pytest.raises(asyncio.CancelledError):
         measures = Metrics(engine, lambda: now[0])
-        asyncio.run(web._reap_for_ever(engine, measures, lambda: now[0], ttl=60.0, patience=100.0))
+        asyncio.run(web._reap_for_ever(swept, engine, measures, lambda: now[0], settings))
     # Looks every 15 s, from 1000 on; the first after 100 s is at 1105.
     assert freed_at == [1105.0, 1120.0, 1135.0, 1150.0, 1165.0, 1180.0, 1195.0]
 

@@ -214,3 +214,17 @@ def test_without_work_it_asks_before_its_time_only_if_there_is_more_to_ask_for(
     assert leases.request(0.1) is None
     leases.ask_soon()
     assert leases.request(0.1) is not None
+
+
+def test_a_lease_is_renewed_until_its_last_result_is_posted(
+    leases: Leases, coordinator: Coordinator
+) -> None:
+    granted(leases)
+    for ticket in list(leases.queue):
+        leases.finish(ticket, 0.1)
+    # Posting them takes longer than the lease would last.
+    leases.renew(10.0)
+    leases.renew(20.0)
+    leases.release()
+    leases.renew(30.0)
+    assert coordinator.told == [("renew", "l", 7)] * 2

@@ -1,0 +1,56 @@
+"""Taking back what silent workers hold, as far as somebody was there to hear them."""
+
+import logging
+from collections.abc import Callable
+from math import inf
+from time import monotonic
+
+from sqlalchemy.engine import Engine
+
+from server.operations.fleet import leases
+
+log = logging.getLogger(__name__)
+
+#: Seconds between two looks, however many ask for work.
+SWEEP_SECONDS = 1.0
+#: A coordinator that is late by less is busy, and not away.
+BUSY_SECONDS = 1.0
+
+
+class Sweep:
+    """Takes back expired leases, unless the coordinator or its database was away meanwhile.
+
+    A worker renews at every third of a lease. If nobody looked after leases for half of one, its
+    silence is not the worker's: those that are open last anew.
+
+    Args:
+        engine: of the database.
+        ttl: seconds that a lease lasts.
+        ticks: seconds by a clock that nobody sets.
+    """
+
+    def __init__(self, engine: Engine, ttl: float, ticks: Callable[[], float] = monotonic) -> None:
+        self._engine, self._ttl, self._ticks = engine, ttl, ticks
+        self._looked_at = -inf
+        self._there_at = ticks()
+
+    def is_due(self, now: float) -> bool:
+        """Say whether the last look was not just before."""
+        return not self._looked_at <= now < self._looked_at + SWEEP_SECONDS
+
+    def __call__(self, now: float) -> int:
+        """Return how many instances came back."""
+        self._looked_at = now
+        self.catch_up(now)
+        lost = leases.reap(self._engine, now=now)
+        self._there_at = self._ticks()
+        return lost
+
+    def catch_up(self, now: float) -> None:
+        """Have open leases last anew if nobody was there to renew them."""
+        away = self._ticks() - self._there_at
+        if away <= max(self._ttl / 2.0, BUSY_SECONDS):
+            return
+        leases.extend_open_leases(self._engine, now=now, ttl=self._ttl)
+        self._there_at = self._ticks()
+        log.warning("nobody could renew a lease for %.0f s: those that are open last anew", away)

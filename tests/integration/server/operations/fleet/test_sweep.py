@@ -1,0 +1,137 @@
+"""Silence of workers counts while somebody is there to hear them."""
+
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy.engine import Engine
+from sqlalchemy.exc import OperationalError
+
+from server.operations.fleet import leases
+from server.operations.fleet.sweep import SWEEP_SECONDS, Sweep
+from server.operations.study import studies
+from server.records import Plan
+from server.store import create_engine, upgrade
+from server.store.database import engine as database
+from server.store.database.engine import is_away, writing
+from tests.testbed.coordinators import exchanges
+
+Drawing = Callable[..., Plan]
+
+TTL = 60.0
+
+
+class Ticks:
+    """Seconds that pass as they are told to."""
+
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def ticks() -> Ticks:
+    return Ticks()
+
+
+@pytest.fixture
+def sweep(engine: Engine, plan: Drawing, ticks: Ticks) -> Sweep:
+    """What looks after leases, of which one holds three instances of a study."""
+    studies.create(engine, plan(), key=None, digest="", now=0.0)
+    held(engine)
+    return Sweep(engine, TTL, ticks)
+
+
+def held(engine: Engine) -> Any:
+    asked = {"models": ["ishigami"], "host": "h", "versions": {}}
+    return exchanges.grant(engine, worker="w", max_instances=3, now=0.0, ttl=TTL, **asked)
+
+
+def quarters(sweep: Sweep, ticks: Ticks, until: float) -> list[int]:
+    """Return how many instances come back at each quarter of a lease."""
+    found = []
+    while ticks.now < until:
+        ticks.now += TTL / 4.0
+        found.append(sweep(ticks.now))
+    return found
+
+
+def test_a_worker_that_falls_silent_while_all_is_well_loses_its_lease(
+    sweep: Sweep, ticks: Ticks
+) -> None:
+    assert quarters(sweep, ticks, TTL) == [0, 0, 0, 3]
+
+
+@pytest.mark.parametrize("away", [TTL / 2.0 + 1.0, TTL, 100.0 * TTL])
+def test_silence_while_a_coordinator_stood_still_is_no_worker_s(
+    sweep: Sweep, ticks: Ticks, away: float
+) -> None:
+    assert quarters(sweep, ticks, TTL / 2.0) == [0, 0]
+    ticks.now += away
+    assert sweep(ticks.now) == 0
+    # What is silent from now on is lost.
+    assert quarters(sweep, ticks, ticks.now + TTL) == [0, 0, 0, 3]
+
+
+def test_who_renews_first_after_an_absence_keeps_its_lease(
+    engine: Engine, sweep: Sweep, ticks: Ticks
+) -> None:
+    other = held(engine).lease
+    ticks.now += 2.0 * TTL
+    sweep.catch_up(ticks.now)
+    until = leases.renew(engine, other.id, fence=other.fence, now=ticks.now, ttl=TTL)
+    assert until == 3.0 * TTL
+
+
+def test_silence_while_the_database_was_away_is_no_worker_s(
+    engine: Engine, sweep: Sweep, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def away(*_: Any, **__: Any) -> int:
+        raise OperationalError("BEGIN", {}, Exception("it is away"))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(leases, "reap", away)
+        patch.setattr(leases, "extend_open_leases", away)
+        for _ in range(3):
+            ticks.now += TTL / 2.0
+            with pytest.raises(OperationalError):
+                sweep(ticks.now)
+    assert sweep(ticks.now + TTL) == 0
+    (study,) = studies.every(engine)
+    assert (study.leased, study.failures) == (3, {})
+
+
+def test_a_short_delay_of_a_short_lease_is_no_absence(
+    engine: Engine, sweep: Sweep, ticks: Ticks
+) -> None:
+    short = Sweep(engine, 0.5, ticks)
+    ticks.now = 0.9
+    assert short(2.0 * TTL) == 3
+
+
+def test_however_many_ask_it_is_looked_once_a_while(sweep: Sweep) -> None:
+    assert sweep.is_due(5.0)
+    sweep(5.0)
+    assert not sweep.is_due(5.0 + SWEEP_SECONDS / 2.0)
+    assert sweep.is_due(5.0 + SWEEP_SECONDS)
+    # A clock that was set back.
+    assert sweep.is_due(4.0)
+
+
+def test_a_file_that_another_process_keeps_to_itself_fails_as_a_database_that_is_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(database, "BUSY_SECONDS", 0)
+    url = f"sqlite:///{tmp_path}/used.sqlite3"
+    upgrade(url)
+    engine = create_engine(url)
+    other = sqlite3.connect(tmp_path / "used.sqlite3", isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    with pytest.raises(OperationalError) as failed, writing(engine):
+        pass
+    assert is_away(failed.value)
+    other.close()
+    engine.dispose()
