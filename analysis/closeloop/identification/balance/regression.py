@@ -26,6 +26,8 @@ SCATTERED = 5
 #: quick second should hold nearly all of it; it only has to win blocks by so many errors of their
 #: ranks. Set on one delay of the unkind bench (tuning seeds): 0.98 of the loss, 1.3 errors.
 WHOLE_GAIN, WHOLE_Z = 0.8, 2.5
+#: Share of a loss that is rounding: the solver's ridge alone is a tenth of it.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -314,10 +316,13 @@ def _best_fit(
 
 
 def compare(worse: np.ndarray, better: np.ndarray) -> tuple[float, float]:
-    """Return the summed difference of two models' block losses and its standard error."""
+    """Return the summed difference of two models' block losses and its standard error.
+
+    The error is at least what rounding makes: the same torque under two names differs by that.
+    """
     difference = worse - better
-    count = len(difference)
-    return float(difference.sum()), float(np.sqrt(count) * difference.std(ddof=1)) + 1e-300
+    error = float(np.sqrt(len(difference)) * difference.std(ddof=1))
+    return float(difference.sum()), max(error, ROUNDING * float(worse.sum()), 1e-300)
 
 
 def rank_z(worse: np.ndarray, better: np.ndarray) -> float:
