@@ -26,6 +26,7 @@ from analysis.closeloop.identification.nameable import (
     beyond_physics,
     corrects,
     drives,
+    lowest,
     refusal,
 )
 from analysis.closeloop.session.recording import Recording
@@ -211,7 +212,7 @@ def _best(
     """
     if candidate.effect.channel:
         return _best_channel(model, rows, candidate, thetas)
-    effect = candidate.effect
+    effect, lower = candidate.effect, lowest(model, candidate)
     base, base_lower = model.base(rows)
     variants = []
     for theta, stacked in _stacked(model, rows, candidate, thetas, joint):
@@ -225,7 +226,7 @@ def _best(
         together = [[variant] for variant in variants]
     found = []
     for several in together:
-        scored = score(rows, model.target(rows), base, base_lower, several, effect.lower)
+        scored = score(rows, model.target(rows), base, base_lower, several, lower)
         own = scored.coefficients[base.shape[1] :]
         sizes = dict(zip(scored.variant.kept, own.tolist(), strict=True))
         alone = effect.has_to_agree and effect.beyond(joint, scored.variant.theta, sizes)
@@ -238,7 +239,7 @@ def _best(
         effect=effect,
         joint=candidate.joint,
         columns=effect.columns(joint, scored.variant.theta),
-        lower=effect.lower,
+        lower=lower,
         theta=scored.variant.theta,
         kept=scored.variant.kept,
         candidate=candidate,

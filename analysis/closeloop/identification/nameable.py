@@ -81,6 +81,20 @@ def corrects(model: Model, candidate: Candidate) -> bool:
     )
 
 
+def lowest(model: Model, candidate: Candidate) -> tuple[float, ...]:
+    """Return the lower bounds of an effect's coefficients beside what the device's file declares.
+
+    Its constant friction or damping, the first of them, may take away as much as is declared.
+    """
+    effect, joint, device = candidate.effect, candidate.joint, model.recording.device
+    declared = 0.0
+    if "coulomb_friction" in (effect.name, *effect.includes):
+        declared = float(device.friction[joint])
+    elif effect.name == "viscous_friction":
+        declared = float(device.model.dof_damping[joint])
+    return effect.bound(0) - declared, *(effect.lower[1:] or effect.lower)
+
+
 def drives(model: Model, scored: Score, candidate: Candidate) -> bool:
     """Whether the fitted friction gives energy to the joint: then it is no friction."""
     columns = kept_columns(model.terms[-1])[candidate.joint]

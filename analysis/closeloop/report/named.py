@@ -203,7 +203,8 @@ def _parameters(
             every = _moved(fits, candidate, joint, theta, key)
         elif reading.column in own:
             value = reading.of(own, scale)
-            lowest = reading.lowest(effect.bound(reading.column), scale)
+            bound = part.bound(reading.column) if isinstance(part, Term) else -np.inf
+            lowest = reading.lowest(bound, scale)
             every = np.asarray(reading.of(refitted, scale))
             free = fits.interval(every, float(value))
         else:

@@ -80,6 +80,27 @@ ARM = Plant(
     encoder=2 * np.pi / 2**17,
     noise=0.08,
 )
+#: A limb whose elbow turns about a vertical axis: no gravity weighs it.
+LIMB = Plant(
+    mjcf="""<mujoco>
+  <compiler angle="radian"/>
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <body name="fore">
+      <joint name="elbow" axis="0 0 1" armature="0.02" frictionloss="0"/>
+      <inertial pos="0.15 0 0" mass="1.4" diaginertia="0.008 0.03 0.03"/>
+    </body>
+  </worldbody>
+</mujoco>
+""",
+    joints=("elbow",),
+    centre=(1.0,),
+    amplitude=(0.6,),
+    kp=(150.0,),
+    kd=(8.0,),
+    encoder=2 * np.pi / 2**17,
+    noise=0.05,
+)
 
 
 def write_recordings(

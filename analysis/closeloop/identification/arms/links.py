@@ -106,18 +106,21 @@ def fit_links(
         moments: A'b.
         pseudo: declared pseudo-inertias, (links, 4, 4).
         strength: of the divergence from them, in the units of the squares.
-        lower: bounds of the free columns, (p,); one that is left is held at zero.
+        lower: bounds of the free columns, (p,); one that would leave its own is held there.
     """
     size = len(lower)
     free = np.arange(size)
     out = np.zeros(len(moments))
     while True:
         index = np.concatenate([free, np.arange(size, len(moments))]).astype(int)
-        found = _newton(hessian[np.ix_(index, index)], moments[index], pseudo, strength, len(free))
+        # What is held stands in `out` already.
+        beside = (moments - hessian @ out)[index]
+        found = _newton(hessian[np.ix_(index, index)], beside, pseudo, strength, len(free))
         broken = found[: len(free)] < lower[free]
         if not broken.any():
             out[index] = found
             return out
+        out[free[broken]] = lower[free[broken]]
         free = free[~broken]
 
 

@@ -60,7 +60,7 @@ def inverse_of(matrix: np.ndarray) -> np.ndarray:
 def solve(gram: np.ndarray, lower: np.ndarray) -> np.ndarray:
     """Return the least-squares coefficients of a Gram matrix whose last row is the target.
 
-    A coefficient that would leave its bound of zero is held there (an active set that only grows).
+    A coefficient that would leave its bound is held there (an active set that only grows).
     """
     size = len(gram) - 1
     free = list(range(size))
@@ -72,11 +72,14 @@ def solve(gram: np.ndarray, lower: np.ndarray) -> np.ndarray:
     while free:
         part = every if len(free) == size else every[np.ix_(free, free)]
         found = np.linalg.solve(part, moments[free]) / scale[free]
-        broken = [i for i, value in zip(free, found, strict=True) if value < lower[i]]
+        below = {i: value - lower[i] for i, value in zip(free, found, strict=True)}
+        broken = [i for i, distance in below.items() if distance < 0.0]
         if not broken:
             coefficients[free] = found
             break
-        worst = min(broken, key=lambda i: float(found[free.index(i)] * scale[i]))
+        worst = min(broken, key=lambda i: float(below[i] * scale[i]))
+        coefficients[worst] = lower[worst]
+        moments = moments - every[:, worst] * scale[worst] * lower[worst]
         free.remove(worst)
     return coefficients
 

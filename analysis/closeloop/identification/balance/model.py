@@ -53,6 +53,10 @@ class Term:
         assert self.effect is not None
         return Candidate(effect=self.effect, joint=self.joint)
 
+    def bound(self, column: int) -> float:
+        """Return the lower bound of a column's coefficient."""
+        return self.lower[min(column, len(self.lower) - 1)]
+
     @property
     def rubs(self) -> bool:
         """Whether the motion does not determine its torque at rest."""
@@ -134,7 +138,7 @@ class Model:
         parts, bounds = [np.empty((len(rows.weight), 0))], []
         for term in self.terms:
             parts.append(self._stacked(term, rows))
-            bounds += [term.lower[min(i, len(term.lower) - 1)] for i in term.kept]
+            bounds += [term.bound(i) for i in term.kept]
         return np.concatenate(parts, axis=1), np.array(bounds)
 
     def _stacked(self, term: Term, rows: Rows) -> np.ndarray:

@@ -190,7 +190,7 @@ def leave_out(model: Model, rows: Rows, coefficients: np.ndarray) -> Fits:
     bounds = np.concatenate([lower, np.full(len(slopes), -np.inf)])
     gram = table.T @ table
     whole = solve(gram, bounds)
-    inverse = _covariance(gram, whole)
+    inverse = _covariance(gram, np.flatnonzero(whole * (whole > bounds)))
     steps = np.maximum(np.sqrt(inverse.diagonal()), 1e-9 * (1.0 + np.abs(whole)))
     fits, sizes, white = [whole, *(whole + np.diag(steps))], [], []
     for clusters in partitions(rows):
@@ -222,10 +222,9 @@ def _solve_each(grams: np.ndarray, bounds: np.ndarray) -> list[np.ndarray]:
     ]
 
 
-def _covariance(gram: np.ndarray, whole: np.ndarray) -> np.ndarray:
+def _covariance(gram: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Return the covariance of the fit to white noise of variance one; zero for what is held."""
-    free = np.flatnonzero(whole)
-    out = np.zeros((len(whole), len(whole)))
+    out = np.zeros((len(gram) - 1, len(gram) - 1))
     out[np.ix_(free, free)] = inverse_of(gram[np.ix_(free, free)])
     return out
 

@@ -7,8 +7,9 @@ import pytest
 
 from analysis.closeloop.identification.balance.model import Candidate, Model, Term, evaluate
 from analysis.closeloop.identification.balance.regression import select_rows
-from analysis.closeloop.identification.nameable import refusal
+from analysis.closeloop.identification.nameable import lowest, refusal
 from sim.effects.catalogue import BY_NAME
+from sim.effects.elements import add_damping
 from tests.testbed.sessions.rich import ELBOW, rich_recording
 
 
@@ -39,3 +40,21 @@ def test_an_effect_that_is_mostly_imitated_is_named_if_it_takes_nearly_all(
         scored, variant=replace(scored.variant, columns=rows.stack({ELBOW: inertia}, 1))
     )
     assert bool(refusal(declared, rows, candidate, scored, current)) is refused
+
+
+def test_friction_may_take_away_what_the_device_declares_and_no_more() -> None:
+    recording = rich_recording()
+    spec = recording.device.spec.copy()
+    name = recording.device.joints[ELBOW]
+    spec.joint(name).frictionloss = 0.5
+    add_damping(spec.joint(name), 0.2)
+    rubbing = replace(recording, device=replace(recording.device, spec=spec))
+
+    def bounds(effect: str, joint: int = ELBOW) -> tuple[float, ...]:
+        return lowest(Model(rubbing), Candidate(effect=BY_NAME[effect], joint=joint))
+
+    assert bounds("coulomb_friction")[0] == -0.5
+    assert bounds("viscous_friction")[0] == -0.2
+    # Only its level when fast is declared.
+    assert bounds("stribeck_friction") == (-0.5, 0.0)
+    assert bounds("hysteresis")[0] == bounds("coulomb_friction", 1 - ELBOW)[0] == 0.0

@@ -37,8 +37,11 @@ def test_a_mass_is_never_negative_whatever_was_measured() -> None:
     assert found[1] == pytest.approx(-2.0, abs=0.05)
 
 
-def test_a_bounded_coefficient_is_held_at_zero_beside_the_links() -> None:
-    data = np.zeros((5, 1 + 2 * PARAMETERS))
-    data[:, 0] = 1.0
-    found = fit_links(data.T @ data, data.T @ np.full(5, -3.0), PSEUDO, 1.0, np.array([0.0]))
-    assert found == pytest.approx(np.zeros(21), abs=1e-6)
+@pytest.mark.parametrize("bound", [0.0, -1.0])
+def test_a_bounded_coefficient_is_held_at_its_bound_beside_the_links(bound: float) -> None:
+    data = np.zeros((5, 2 + 2 * PARAMETERS))
+    data[:, :2] = np.column_stack([np.ones(5), np.arange(5.0)])
+    target, lower = np.full(5, -3.0), np.array([bound, -np.inf])
+    found = fit_links(data.T @ data, data.T @ target, PSEUDO, 1.0, lower)
+    slope = float(np.arange(5.0) @ (target - bound) / (np.arange(5.0) @ np.arange(5.0)))
+    assert found == pytest.approx([bound, slope, *np.zeros(20)], abs=1e-6)

@@ -30,6 +30,17 @@ def test_a_bounded_coefficient_stays_at_zero() -> None:
     )
 
 
+def test_a_bounded_coefficient_stays_at_a_bound_below_zero_and_the_others_allow_for_it() -> None:
+    rng = np.random.default_rng(2)
+    x = rng.standard_normal((300, 2)) + 0.5
+    target = x @ [2.0, -1.0]
+    gram = np.column_stack([x, target]).T @ np.column_stack([x, target])
+    assert solve(gram, np.array([-np.inf, -1.5])) == pytest.approx([2.0, -1.0])
+    held = solve(gram, np.array([-np.inf, -0.7]))
+    rest = target + 0.7 * x[:, 1]
+    assert held == pytest.approx([float(x[:, 0] @ rest / (x[:, 0] @ x[:, 0])), -0.7])
+
+
 def test_a_column_of_one_part_alone_is_exactly_zero_without_it() -> None:
     rng = np.random.default_rng(3)
     table = rng.standard_normal((90, 3))

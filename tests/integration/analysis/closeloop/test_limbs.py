@@ -1,0 +1,62 @@
+"""A limb in a simulated device: what its model declares too much, and names that K depends on."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from analysis.closeloop.loop import analyse
+from tests.testbed.sessions.plants import LIMB, write_recordings
+
+STIFFNESS, DAMPING = 4.0, 0.3
+#: The limb as it is in the true model.
+LIMP = f'springref="1.2" stiffness="{STIFFNESS}" damping="{DAMPING}"'
+ATTRIBUTES = 'armature="0.02" frictionloss="0"'
+
+
+def rubbing(friction: float) -> str:
+    """Return the attributes of a joint with friction, Nm."""
+    return ATTRIBUTES.replace('frictionloss="0"', f'frictionloss="{friction}"')
+
+
+def answered(folder: Path, declared: str, real: str) -> dict[str, Any]:
+    """Return the answer to a session of a limb whose joint is declared otherwise than it is."""
+    plant = replace(LIMB, mjcf=LIMB.changed(ATTRIBUTES, declared))
+    truth = LIMB.changed(ATTRIBUTES, f"{real} {LIMP}")
+    write_recordings(folder, plant, 2, truth=truth, seconds=8.0, trials=4)
+    session = json.loads((folder / "session.json").read_text())
+    session["declared_effects"] = [{"effect": "viscoelastic_joint", "joint": "elbow"}]
+    (folder / "session.json").write_text(json.dumps(session))
+    return analyse(folder).report
+
+
+@pytest.mark.parametrize("real", [0.2, 0.0])
+def test_friction_that_is_declared_too_high_is_a_negative_difference(
+    real: float, tmp_path: Path
+) -> None:
+    report = answered(tmp_path, rubbing(0.5), rubbing(real))
+    (found,) = report["effects"]
+    assert (found["name"], found["joint"]) == ("coulomb_friction", "elbow")
+    torque = found["parameters"]["torque"]
+    assert torque["value"] == pytest.approx(real - 0.5, abs=0.02) and torque["value"] >= -0.5
+    low, high = torque["ci90"]
+    assert -0.5 <= low <= torque["value"] < high
+    assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(STIFFNESS, rel=0.02)
+
+
+@pytest.mark.parametrize("real", [0.005, 0.03])
+def test_without_gravity_an_inertia_and_a_gain_leave_the_stiffness_as_it_was(
+    real: float, tmp_path: Path
+) -> None:
+    """They are one torque: only rounding says which of them predicts better."""
+    report = answered(tmp_path, ATTRIBUTES, f'armature="{real}"')
+    assert report["verdict"] == "not_identifiable"
+    (found,) = report["effects"]
+    alike = {found["name"], *found["indistinguishable_from"]}
+    assert {"added_inertia", "torque_gain"} <= alike
+    stiffness = report["impedance"]["elbow"]["stiffness"]
+    assert stiffness["after"] == stiffness["before"]
+    low, high = stiffness["ci90_after"]
+    assert low < STIFFNESS < high and low < stiffness["after"] < high
