@@ -9,6 +9,7 @@ from analysis.closeloop.session.reading import read_session
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.stretches import record
 from analysis.closeloop.session.trial_csv import read_trial
+from analysis.closeloop.units import check_units
 from sim.effects.catalogue import BY_NAME
 
 
@@ -27,4 +28,5 @@ def load_session(folder: Path) -> Recording:
         trials.append(checked_trial(trial, device, session.limb_joints))
     recording = record(replace(session, trials=tuple(trials)), device)
     check_signs(recording)
+    check_units(recording)
     return recording

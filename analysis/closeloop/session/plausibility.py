@@ -225,19 +225,11 @@ def check_signs(recording: Recording) -> None:
         SessionError: names the joint's effort column in the first trial.
     """
     for joint in recording.joints:
-        rows = np.isin(recording.trial, recording.fit_trials)
-        rows &= np.isfinite(recording.effort[:, joint])
-        for piece in recording.slices:
-            # Whoever pushes a joint that is held drives its motor.
-            for hold in recording.held(joint, piece):
-                rows[piece.start + hold.start : piece.start + hold.stop] = False
+        rows = in_motion(recording, joint)
         if int(rows.sum()) < LEAST_MOTION * recording.rate:
             continue
-        velocity = recording.velocity[rows, joint]
         effort, known = recording.effort[rows, joint], recording.inverse[rows, joint]
-        position = recording.position[rows, joint]
-        moving = np.tanh(velocity / recording.rest_speed[joint])
-        unknown = np.column_stack([np.ones_like(velocity), position, velocity, moving])
+        velocity, unknown = recording.velocity[rows, joint], unknown_columns(recording, joint)[rows]
         table = np.column_stack([known, unknown])
         found = np.linalg.lstsq(table, effort, rcond=None)[0]
         rest = effort - table @ found
@@ -261,6 +253,24 @@ def check_signs(recording: Recording) -> None:
                 "motor; effort is positive along the joint's axis, as position is"
             )
             raise SessionError(why, file=first, column=f"{name}.effort", line=2)
+
+
+def in_motion(recording: Recording, joint: int) -> np.ndarray:
+    """Return the samples in which a joint's own motor moves it, (n,)."""
+    rows = np.isin(recording.trial, recording.fit_trials)
+    rows &= np.isfinite(recording.effort[:, joint])
+    for piece in recording.slices:
+        # Whoever pushes a joint that is held drives its motor.
+        for hold in recording.held(joint, piece):
+            rows[piece.start + hold.start : piece.start + hold.stop] = False
+    return rows
+
+
+def unknown_columns(recording: Recording, joint: int) -> np.ndarray:
+    """Return the columns of an offset, stiffness, damping and Coulomb friction, (n, 4)."""
+    position, velocity = recording.position[:, joint], recording.velocity[:, joint]
+    moving = np.tanh(velocity / recording.rest_speed[joint])
+    return np.column_stack([np.ones_like(velocity), position, velocity, moving])
 
 
 def _independent(known: np.ndarray, unknown: np.ndarray, effort: np.ndarray) -> bool:
