@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 #: Prefix of the custom texts and actuators of applied torques.
 PREFIX = "effect_"
+#: Share of a principal moment by which two others may fall short of it: rounding.
+ROUNDING = 1e-9
 
 
 def joint_of(spec: "mujoco.MjSpec", joint: str) -> "mujoco.MjsJoint":
@@ -113,7 +115,7 @@ def add_point_mass(
         place: where in the body's frame, m; one number is a distance towards its centre of mass.
 
     Raises:
-        ValueError: what is left would have no mass.
+        ValueError: no body can have the mass or the inertia that would be left.
     """
     import mujoco
 
@@ -134,6 +136,14 @@ def add_point_mass(
     for part, there in ((own, centre), (mass, at)):
         d = there - joined
         inertia = inertia + part * (d @ d * np.eye(3) - np.outer(d, d))
+    if mass < 0:
+        least, middle, most = np.linalg.eigvalsh(inertia)
+        # A rod's are equal but for rounding.
+        if min(least, least + middle - most) < -ROUNDING * most:
+            raise ValueError(
+                f"without {-mass:.3g} kg there, {body.name} would have an inertia that no body "
+                "has; check its declared mass and inertia, and the unit of the effort"
+            )
     _set_body(spec, body.name, own + mass, joined, inertia)
 
 

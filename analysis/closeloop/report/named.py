@@ -195,12 +195,16 @@ def _parameters(
             refitted = dict(zip(term.kept, spread.T, strict=True))
     scale = gain(model, coefficients, candidate.joint)
     entries: dict[str, dict[str, Any]] = {}
-    limits = effect.limits(joint)
+    limits = dict(effect.limits(joint))
     for key, reading in effect.readings(joint, theta).items():
         free = None
         if reading.column is None:
-            value, lowest = reading.of({}), -np.inf
+            # Its limits here also say where another effect begins; beyond these it is nothing.
+            natural = effect.parameters[key]
+            limits[key] = natural.floor, natural.ceiling
+            value, lowest = reading.of({}), natural.floor
             every = _moved(fits, candidate, joint, theta, key)
+            free = fits.interval(every, float(value))
         elif reading.column in own:
             value = reading.of(own, scale)
             bound = part.bound(reading.column) if isinstance(part, Term) else -np.inf
@@ -213,7 +217,8 @@ def _parameters(
         interval = list(fits.interval(every, float(value), lowest))
         what = effect.parameters[key].description
         entries[key] = {"value": value, "ci90": interval, "unit": unit, "description": what}
-        if free is not None and part.candidate is not None and not _is_difference(model, part):
+        signed = reading.column is not None and _is_difference(model, part)
+        if free is not None and part.candidate is not None and not signed:
             entries[key] |= {"free": free, "limits": limits[key]}
     return entries
 

@@ -60,14 +60,17 @@ def _with_effect(
 
     A coefficient that a declared effect took over is nothing of this effect's own.
     """
-    effect, trial, warnings = BY_NAME[name], spec.copy(), []
+    effect, trial = BY_NAME[name], spec.copy()
     try:
         element = effect.add(trial, joint, {**dict.fromkeys(effect.coefficients, 0.0), **values})
-        trial.compile()
     except ValueError as error:
-        element = None
-        warnings.append(f"model_after.xml lacks {name}: {error}")
-    if element is not None:
-        return trial, element, []
-    warnings.append(f"model_after.xml lacks {name} of {joint}: MuJoCo has no element for it")
-    return spec, None, warnings
+        return spec, None, [f"model_after.xml lacks {name} of {joint}: {error}"]
+    if element is None:
+        why = "MuJoCo has no element for it"
+        return spec, None, [f"model_after.xml lacks {name} of {joint}: {why}"]
+    try:
+        trial.compile()
+    except ValueError:
+        why = "no body or joint can be what it makes of them; check the declared model and the data"
+        return spec, None, [f"model_after.xml lacks {name} of {joint}: {why}"]
+    return trial, element, []

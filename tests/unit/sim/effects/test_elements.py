@@ -93,6 +93,11 @@ def test_more_mass_than_there_is_cannot_be_taken_away() -> None:
         BY_NAME["payload"].add(spec(), "elbow", {"mass": -5.0, "distance": 0.2})
 
 
+def test_more_inertia_than_there_is_cannot_be_taken_away() -> None:
+    with pytest.raises(ValueError, match="an inertia that no body has"):
+        BY_NAME["payload"].add(spec(), "elbow", {"mass": -1.2, "distance": 0.3})
+
+
 def test_a_torque_offset_needs_no_control() -> None:
     model = added("torque_offset", {"torque": 1.5})
     data = mujoco.MjData(model)

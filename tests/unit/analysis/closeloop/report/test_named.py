@@ -1,20 +1,26 @@
-"""An estimate whose interval spans what it cannot be is refused."""
+"""An estimate whose interval spans what it cannot be is refused, as is what no body can be."""
 
 from typing import Any
 
 import mujoco
+import numpy as np
 import pytest
 
 from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.balance.model import Candidate, Model, Term, unfitted
+from analysis.closeloop.identification.balance.uncertainty import Fits
 from analysis.closeloop.report.named import (
     _if_it_can_be,
+    _parameters,
     refused_values,
     spans_nonsense,
     undetermined,
 )
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.session.device import Device
+from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.effects import Arm
+from tests.testbed.sessions.rich import ELBOW, TRUTH, rich_recording
 from tests.testbed.sessions.synthetic import mjcf
 
 MASS = (0.0, float("inf"))
@@ -63,6 +69,65 @@ def test_a_refused_mass_has_no_value_and_is_not_in_the_model() -> None:
     assert "lacks payload of elbow" in warnings[0] and elements[0].startswith("none")
     model = mujoco.MjModel.from_xml_string(xml)
     assert model.body("forearm").mass[0] == pytest.approx(device.model.body("forearm").mass[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("payload", {"mass": -1.2, "distance": 0.3}),
+        ("added_inertia", {"inertia": -5.0}),
+    ],
+)
+def test_what_no_body_can_be_is_told_once_and_in_words(
+    name: str, parameters: dict[str, float]
+) -> None:
+    device = Device(mujoco.MjSpec.from_string(mjcf(Arm())), ())
+    values = {key: {"value": value} for key, value in parameters.items()}
+    effect = {"name": name, "joint": "elbow", "parameters": values}
+    report = {
+        "declared": [],
+        "impedance": {},
+        "verdict": Verdict.EFFECT_FOUND,
+        "effects": [effect],
+    }
+    _, _, (said,) = repaired_model(device, report)
+    assert said.startswith(f"model_after.xml lacks {name} of elbow: ")
+    assert "A + B" not in said and "no element" not in said and "\n" not in said
+
+
+def stribeck_velocity(spread: float) -> dict[str, Any]:
+    """Return it as reported where four trials left out move it by `spread` of its top speed."""
+    found = Candidate(effect=BY_NAME["stribeck_friction"], joint=ELBOW)
+    recording = rich_recording()
+    theta, coefficients = TRUTH["stribeck_friction"]
+    columns = found.effect.columns(unfitted(recording, ELBOW), theta)
+    term = Term(
+        joint=ELBOW,
+        columns=columns,
+        lower=found.effect.lower,
+        theta=theta,
+        kept=(0, 1),
+        effect=found.effect,
+        candidate=found,
+    )
+    moved = spread * np.array([0.0, 0.0, 0.0, 0.0, 1.0, -1.0, 1.0, -1.0])
+    fits = Fits(
+        coefficients=np.tile(coefficients, (8, 1)),
+        thetas={(*found.key, "speed"): theta["speed"] + moved},
+        steps=np.ones(3),
+        sizes=(4,),
+        white=(np.eye(3),),
+    )
+    model = Model(recording).with_term(term)
+    own = _parameters(model, np.array(coefficients), fits, term)["stribeck_velocity"]
+    return _if_it_can_be(own)
+
+
+def test_what_no_column_gives_ends_where_it_means_something_or_has_no_value() -> None:
+    unsure, unknown = stribeck_velocity(0.065), stribeck_velocity(0.2)
+    assert unsure["ci90"][0] == 1e-3 < unsure["value"] < unsure["ci90"][1]
+    assert unknown["value"] is None and unknown["ci90"] is None
+    assert "spans what it cannot be" in unknown["refused"]
 
 
 @pytest.mark.parametrize(
