@@ -124,7 +124,9 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.clock = own_clock = steady()
     app.state.readiness = Readiness(app.state.engine)
     app.state.metrics = Metrics(app.state.engine, lambda: float(app.state.clock()))
-    app.state.sweep = Sweep(app.state.engine, settings.lease_seconds)
+    app.state.sweep = Sweep(
+        app.state.engine, lambda: float(app.state.clock()), settings.lease_seconds
+    )
     app.state.idle = Idle()
     #: So many uploaded sessions are looked at at once.
     app.state.looks = asyncio.Semaphore(CHECKS)
@@ -203,7 +205,7 @@ async def _reap_for_ever(
         await asyncio.sleep(settings.lease_seconds / 4.0)
         freed = 0
         try:
-            lost = await in_thread(sweep, clock())
+            lost = await in_thread(sweep)
             silent = await in_thread(close_loop_operations.reap, engine, now=clock())
             if silent:
                 log.warning("%d close-loops came back from workers that fell silent", silent)

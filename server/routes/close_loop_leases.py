@@ -130,7 +130,7 @@ def renew(
 ) -> dict[str, Any]:
     """Keep a job for another ttl, and say what its worker is at."""
     ttl = settings.lease_seconds
-    request.app.state.sweep.catch_up(now)
+    request.app.state.sweep.catch_up()
     progress = None if body.progress is None else cut(body.progress, PROGRESS_LENGTH)
     expires_at = close_loops.renew(
         store,

@@ -35,6 +35,8 @@ def renew(engine: Engine, lease_id: str, *, fence: int, now: float, ttl: float) 
         objection = objection_to_renewal(lease, fence=fence, now=now)
         if lease is None or objection is not None:
             raise ConflictError(f"lease {lease_id!r} cannot be renewed: {objection}")
+        # It may have waited since `now`, while all were extended.
+        until = max(until, lease.expires_at)
         leases.extend(connection, lease, now=now, until=until)
     return until
 

@@ -7,7 +7,9 @@ from time import monotonic
 
 from sqlalchemy.engine import Engine
 
+from server.clocks import Clock
 from server.operations.fleet import leases
+from server.store.database.engine import writing
 
 log = logging.getLogger(__name__)
 
@@ -25,32 +27,38 @@ class Sweep:
 
     Args:
         engine: of the database.
+        clock: the coordinator's.
         ttl: seconds that a lease lasts.
         ticks: seconds by a clock that nobody sets.
     """
 
-    def __init__(self, engine: Engine, ttl: float, ticks: Callable[[], float] = monotonic) -> None:
-        self._engine, self._ttl, self._ticks = engine, ttl, ticks
+    def __init__(
+        self, engine: Engine, clock: Clock, ttl: float, ticks: Callable[[], float] = monotonic
+    ) -> None:
+        self._engine, self._clock, self._ttl, self._ticks = engine, clock, ttl, ticks
         self._looked_at = -inf
         self._there_at = ticks()
 
-    def is_due(self, now: float) -> bool:
+    def is_due(self) -> bool:
         """Say whether the last look was not just before."""
-        return not self._looked_at <= now < self._looked_at + SWEEP_SECONDS
+        return not self._looked_at <= self._clock() < self._looked_at + SWEEP_SECONDS
 
-    def __call__(self, now: float) -> int:
+    def __call__(self) -> int:
         """Return how many instances came back."""
-        self._looked_at = now
-        self.catch_up(now)
-        lost = leases.reap(self._engine, now=now)
+        self._looked_at = self._clock()
+        # Whoever keeps the database to itself keeps workers from renewing, too.
+        with writing(self._engine):
+            pass
+        self.catch_up()
+        lost = leases.reap(self._engine, now=self._clock())
         self._there_at = self._ticks()
         return lost
 
-    def catch_up(self, now: float) -> None:
+    def catch_up(self) -> None:
         """Have open leases last anew if nobody was there to renew them."""
         away = self._ticks() - self._there_at
         if away <= max(self._ttl / 2.0, BUSY_SECONDS):
             return
-        leases.extend_open_leases(self._engine, now=now, ttl=self._ttl)
+        leases.extend_open_leases(self._engine, now=self._clock(), ttl=self._ttl)
         self._there_at = self._ticks()
         log.warning("nobody could renew a lease for %.0f s: those that are open last anew", away)

@@ -84,17 +84,17 @@ class FenceBody(Body):
     fence: Fence
 
 
-async def sweep(state: State, now: float) -> None:
+async def sweep(state: State) -> None:
     """Take back what silent workers hold, if that was not done just before."""
-    if state.sweep.is_due(now):
-        state.metrics.lost.inc(await asyncio.to_thread(state.sweep, now))
+    if state.sweep.is_due():
+        state.metrics.lost.inc(await asyncio.to_thread(state.sweep))
 
 
 async def lease(body: LeaseBody, request: Request) -> Response:
     """Lease instances of one study; 204: nothing to do now; 409: nothing that the worker fits."""
     state, wanted = request.app.state, requested(body)
     now, ttl = state.clock(), state.settings.lease_seconds
-    await sweep(state, now)
+    await sweep(state)
     with state.metrics.lease_seconds.time():
         try:
             _, found = await state.exchange(Exchange(request=wanted, now=now, ttl=ttl))
@@ -151,7 +151,7 @@ def renew(
 ) -> dict[str, Any]:
     """Keep a lease for another ttl."""
     ttl = settings.lease_seconds
-    request.app.state.sweep.catch_up(now)
+    request.app.state.sweep.catch_up()
     expires_at = leases.renew(store, lease_id, fence=body.fence, now=now, ttl=ttl)
     return {"expires_at": expires_at, "ttl_seconds": ttl}
 

@@ -100,7 +100,7 @@ async def post(body: ResultsBody, request: Request) -> Response:
         judgements, _ = await state.exchange(Exchange(posted=posted, now=now, ttl=ttl))
     else:
         asked = requested(body.next)
-        await sweep(state, now)
+        await sweep(state)
         with measures.lease_seconds.time():
             both = Exchange(posted=posted, request=asked, now=now, ttl=ttl)
             judgements, found = await state.exchange(both)

@@ -42,7 +42,7 @@ def test_rows_are_freed_only_by_who_has_listened_for_that_long(
     monkeypatch.setattr(web.asyncio, "to_thread", here)
     asked = count(1)
 
-    def sweep(_now: float) -> int:
+    def sweep() -> int:
         if next(asked) == 2:
             raise NotFoundError("a study was deleted meanwhile")
         return 0

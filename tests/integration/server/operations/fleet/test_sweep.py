@@ -1,7 +1,8 @@
 """Silence of workers counts while somebody is there to hear them."""
 
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import OperationalError
 
 from server.operations.fleet import leases
+from server.operations.fleet import sweep as module
 from server.operations.fleet.sweep import SWEEP_SECONDS, Sweep
 from server.operations.study import studies
 from server.records import Plan
@@ -42,7 +44,7 @@ def sweep(engine: Engine, plan: Drawing, ticks: Ticks) -> Sweep:
     """What looks after leases, of which one holds three instances of a study."""
     studies.create(engine, plan(), key=None, digest="", now=0.0)
     held(engine)
-    return Sweep(engine, TTL, ticks)
+    return Sweep(engine, ticks, TTL, ticks)
 
 
 def held(engine: Engine) -> Any:
@@ -55,7 +57,7 @@ def quarters(sweep: Sweep, ticks: Ticks, until: float) -> list[int]:
     found = []
     while ticks.now < until:
         ticks.now += TTL / 4.0
-        found.append(sweep(ticks.now))
+        found.append(sweep())
     return found
 
 
@@ -71,7 +73,7 @@ def test_silence_while_a_coordinator_stood_still_is_no_worker_s(
 ) -> None:
     assert quarters(sweep, ticks, TTL / 2.0) == [0, 0]
     ticks.now += away
-    assert sweep(ticks.now) == 0
+    assert sweep() == 0
     # What is silent from now on is lost.
     assert quarters(sweep, ticks, ticks.now + TTL) == [0, 0, 0, 3]
 
@@ -81,7 +83,7 @@ def test_who_renews_first_after_an_absence_keeps_its_lease(
 ) -> None:
     other = held(engine).lease
     ticks.now += 2.0 * TTL
-    sweep.catch_up(ticks.now)
+    sweep.catch_up()
     until = leases.renew(engine, other.id, fence=other.fence, now=ticks.now, ttl=TTL)
     assert until == 3.0 * TTL
 
@@ -98,8 +100,9 @@ def test_silence_while_the_database_was_away_is_no_worker_s(
         for _ in range(3):
             ticks.now += TTL / 2.0
             with pytest.raises(OperationalError):
-                sweep(ticks.now)
-    assert sweep(ticks.now + TTL) == 0
+                sweep()
+    ticks.now += TTL
+    assert sweep() == 0
     (study,) = studies.every(engine)
     assert (study.leased, study.failures) == (3, {})
 
@@ -107,18 +110,41 @@ def test_silence_while_the_database_was_away_is_no_worker_s(
 def test_a_short_delay_of_a_short_lease_is_no_absence(
     engine: Engine, sweep: Sweep, ticks: Ticks
 ) -> None:
-    short = Sweep(engine, 0.5, ticks)
+    short = Sweep(engine, lambda: ticks.now + TTL, 0.5, ticks)
     ticks.now = 0.9
-    assert short(2.0 * TTL) == 3
+    assert short() == 3
 
 
-def test_however_many_ask_it_is_looked_once_a_while(sweep: Sweep) -> None:
-    assert sweep.is_due(5.0)
-    sweep(5.0)
-    assert not sweep.is_due(5.0 + SWEEP_SECONDS / 2.0)
-    assert sweep.is_due(5.0 + SWEEP_SECONDS)
-    # A clock that was set back.
-    assert sweep.is_due(4.0)
+def test_however_many_ask_it_is_looked_once_a_while(sweep: Sweep, ticks: Ticks) -> None:
+    ticks.now = 5.0
+    assert sweep.is_due()
+    sweep()
+    found = []
+    for moment in (5.0 + SWEEP_SECONDS / 2.0, 5.0 + SWEEP_SECONDS, 4.0):
+        ticks.now = moment
+        found.append(sweep.is_due())
+    # The last by a clock that was set back.
+    assert found == [False, True, True]
+
+
+def test_silence_while_somebody_kept_the_database_is_no_worker_s(
+    engine: Engine, sweep: Sweep, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @contextmanager
+    def waited(_: Engine) -> Iterator[None]:
+        ticks.now += 2.0 * TTL
+        yield
+
+    ticks.now = TTL / 4.0
+    monkeypatch.setattr(module, "writing", waited)
+    assert sweep() == 0
+
+
+def test_a_renewal_that_had_to_wait_shortens_no_lease(engine: Engine, sweep: Sweep) -> None:
+    other = held(engine).lease
+    leases.extend_open_leases(engine, now=30.0, ttl=TTL)
+    until = leases.renew(engine, other.id, fence=other.fence, now=10.0, ttl=TTL)
+    assert until == 30.0 + TTL
 
 
 def test_a_file_that_another_process_keeps_to_itself_fails_as_a_database_that_is_away(
