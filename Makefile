@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 # Tests share the cores; whoever is done first takes over half of what another has left.
-PYTEST := $(BIN)/python -m pytest --dist worksteal
+PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist worksteal
 
 # What one of the hundreds of processes has compiled, the next one only reads.
 unexport PYTHONDONTWRITEBYTECODE
@@ -26,10 +26,10 @@ browser:  ## Install Chromium, in which tests look at the pages, where there is 
 	else echo "install Chromium or Chrome: without one the tests of the pages are skipped"; fi
 
 test: $(READY)  ## Run every test (unit, integration with real processes, acceptance)
-	$(PYTEST) --numprocesses 4  # also on two cores: many tests wait for processes and clocks
+	$(PYTEST)
 
 unit: $(READY)  ## Run the unit tests, which take seconds
-	$(PYTEST) --numprocesses logical --maxprocesses 4 tests/unit
+	$(PYTEST) tests/unit
 
 lint: $(READY)  ## Look at style, format, types and which room imports which
 	$(BIN)/ruff check .
