@@ -1,4 +1,4 @@
-"""The parent process of a worker: keeps leases alive, children busy and results safe."""
+"""The parent process of a worker: keeps children busy and results safe."""
 
 import logging
 import time
@@ -16,6 +16,7 @@ from worker import backoff
 from worker.close_loop.jobs import CloseLoopJobs
 from worker.leases import LeaseRequest, Leases, Ticket
 from worker.posting import Posting
+from worker.renewing import Renewals
 from worker.spool import Spool
 
 log = logging.getLogger(__name__)
@@ -31,6 +32,7 @@ class Agent:
     """One worker, from its first lease to its last result."""
 
     leases: Leases
+    renewals: Renewals
     pool: Pool
     #: Where results wait to be acknowledged.
     spool: Spool
@@ -72,6 +74,7 @@ class Agent:
         if adopted := self.spool.adopt():
             log.info("found %d results of an earlier worker that nobody has acknowledged", adopted)
         busy_at = time.monotonic()
+        self.renewals.start()
         if self.close_loop_jobs is not None:
             self.close_loop_jobs.start()
         try:
@@ -131,6 +134,7 @@ class Agent:
         self.finished += len(finished)
 
     def _start_children(self) -> None:
+        self.leases.drop_lost()
         while self.leases.queue and self.pool.free > self._lent:
             bundle, away = self._next_bundle()
             if bundle:
@@ -154,10 +158,8 @@ class Agent:
         return bundle, False
 
     def _talk(self, now: float) -> None:
-        """Post, renew, release and lease as is due; stay silent for a while if nobody answers."""
+        """Post, release and lease as is due; stay silent for a while if nobody answers."""
         try:
-            # First: a coordinator that takes its time over results must not take the leases.
-            self.leases.renew(now)
             # A request for work takes along what there is to post, which saves a request.
             asks = self._request(now) is not None and len(self.spool) > 0
             if asks or now >= self._post_at or self.leases.any_finished:
@@ -167,8 +169,8 @@ class Agent:
                         # An answer may take a while, in which the children must not stand idle.
                         self._collect(0.0)
                         self._start_children()
-                        self.leases.renew(time.monotonic())
                     self._posting.post(batch, self._request(now))
+                    self.renewals.progress()
                 self._post_at = now + POST_SECONDS
                 self.leases.release()
             if request := self._request(now):
@@ -182,6 +184,7 @@ class Agent:
             if self._failures:
                 log.info("the coordinator answers again")
             self._failures = 0
+            self.renewals.progress()
 
     def _request(self, now: float) -> LeaseRequest | None:
         """Return what to ask for now; None if there is enough to do, or it is too early."""
@@ -231,5 +234,6 @@ class Agent:
             log.warning("left without a farewell: %s", error)
         if left := len(self.spool):
             log.warning("%d results stay on disk for the next worker to post", left)
+        self.renewals.close()
         self.spool.close()
         log.info("finished %d instances", self.finished)

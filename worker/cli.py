@@ -34,10 +34,13 @@ from worker.leases import Leases
 from worker.machine import describe
 from worker.models.canaries import Canaries
 from worker.models.offered import WorkerModels
+from worker.renewing import Renewals
 from worker.spool import Spool
 
-#: Seconds to wait for one answer: well under a lease's time to live, so that leases stay renewed.
+#: Seconds to wait for an answer: to a renewal, well under a lease's time to live; and to all else,
+#: since what is taken for lost on a slow way is done again.
 ANSWER_SECONDS = 10.0
+PATIENCE_SECONDS = 30.0
 #: The shortest --lifetime, seconds.
 SHORTEST_LIFE = 10.0
 #: A signal that comes again within so many seconds is the same one.
@@ -166,7 +169,7 @@ def work(
     logging.getLogger("httpx2").setLevel(logging.WARNING)
     count = processes or available_cores()
     with (
-        Client(url, token, timeout=ANSWER_SECONDS) as client,
+        Client(url, token, timeout=PATIENCE_SECONDS) as client,
         Client(url, token, timeout=ANSWER_SECONDS) as second_client,
     ):
         worker: dict[str, Any] = {
@@ -182,17 +185,19 @@ def work(
         canaries = Canaries(pool=beside)
         offered = WorkerModels(client=client, places=places, canaries=canaries)
         offered.announce(worker["id"])
+        leases = Leases(
+            client=client,
+            worker=worker,
+            models=offered.offered,
+            processes=count,
+            batch=batch,
+            left=max_instances,
+            leave_at=leave_at,
+            rng=Random(),
+        )
         agent = Agent(
-            leases=Leases(
-                client=client,
-                worker=worker,
-                models=offered.offered,
-                processes=count,
-                batch=batch,
-                left=max_instances,
-                leave_at=leave_at,
-                rng=Random(),
-            ),
+            leases=leases,
+            renewals=Renewals(leases=leases, client=second_client, rng=Random()),
             pool=Pool(count, instance_seconds, memory_mb=memory_mb),
             spool=Spool(folder, worker["id"]),
             max_idle=max_idle,

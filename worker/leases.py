@@ -46,6 +46,8 @@ class Lease:
     open: set[Any] = field(default_factory=set)
     #: Some of it will not be computed here; the coordinator must hear of it.
     given_up: bool = False
+    #: The coordinator has said that it is over.
+    lost: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,17 +197,25 @@ class Leases:
             if lease.id == lease_id:
                 lease.renew_at = renewal_time(now, lease.ttl_seconds)
 
-    def renew(self, now: float) -> None:
+    def renew(self, client: Client, now: float) -> None:
         """Renew what is due, also if only its results are still to be posted.
 
-        Of a lease that is lost, nothing more is begun.
+        Another thread may call this, on a connection of its own, whatever is done meanwhile.
         """
-        held = (one for one in self._held if one.open or not one.given_up)
-        for lease in [one for one in held if now >= one.renew_at]:
-            if _if_still_held(partial(self.client.renew, lease.id, lease.fence)):
-                self.extend(lease.id, now)
+        for lease in [*self._held]:
+            if now < lease.renew_at or lease.lost or (lease.given_up and not lease.open):
                 continue
-            log.warning("lease %s expired: its instances go to other workers", lease.id)
+            if _if_still_held(partial(client.renew, lease.id, lease.fence)):
+                lease.renew_at = renewal_time(now, lease.ttl_seconds)
+            else:
+                lease.lost = True
+
+    def drop_lost(self) -> None:
+        """Begin nothing more of leases that are over."""
+        for lease in [one for one in self._held if one.lost]:
+            # One that has all its results may have ended by the very post that is under way.
+            if lease.open:
+                log.warning("lease %s expired: its instances go to other workers", lease.id)
             self._held.remove(lease)
             # What runs goes on: a result that arrives late is still taken if nobody was faster.
             self.queue = deque(ticket for ticket in self.queue if ticket.lease is not lease)

@@ -53,6 +53,8 @@ class Posting:
             ServerError: the coordinator fails; the batch stays in the spool.
             RehybError: it does not answer, or refuses the token; the same.
         """
+        # However long the answer takes: the lease lasts from a moment after this one.
+        now = time.monotonic()
         try:
             answer = self._send(batch, request)
         except Invalid as error:
@@ -82,7 +84,6 @@ class Posting:
                 log.warning(
                     "instance %s: %s: %s", one["instance"], one["verdict"], one.get("detail")
                 )
-        now = time.monotonic()
         self.leases.extend(batch.lease, now)
         if request is not None:
             self.leases.take(answer.get("next"), answer.get("misfit"), now)

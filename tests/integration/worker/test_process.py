@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.testbed.fleet.bad_network import BadNetwork
 from tests.testbed.fleet.lab import Lab, until
 from worker.cli import SAME_SIGNAL_SECONDS
 
@@ -167,6 +168,20 @@ def test_a_worker_waits_for_a_coordinator_that_is_not_there_yet_and_outlasts_its
     assert lab.client.progress(study)["ok"] == 2000
     worker.terminate()
     assert worker.wait(20) == 0
+
+
+def test_posts_that_take_longer_than_a_lease_lose_no_instance(tmp_path: Path) -> None:
+    lab = Lab(tmp_path, REHYB_LEASE_SECONDS="2")
+    network = BadNetwork([lab.port], seed=1, trouble=0.0, slow={"/v1/results": 3.0})
+    try:
+        study = lab.client.submit({**STUDY, "rows": 5})["id"]
+        lab.start_worker("--url", network.url)
+        until(lambda: lab.client.progress(study)["state"] == "complete", 60.0)
+        found = lab.client.all_instances(study)
+        assert [one["attempts"] for one in found] == [{}] * 20
+    finally:
+        network.close()
+        lab.close()
 
 
 def test_a_worker_with_a_wrong_token_says_so_in_one_sentence(lab: Lab) -> None:

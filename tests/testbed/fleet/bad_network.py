@@ -5,9 +5,10 @@ import random
 import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from types import MappingProxyType
 
 FAULTS = ("dropped", "answer lost", "delayed", "repeated", "reordered")
 
@@ -20,8 +21,16 @@ class BadNetwork:
     has long tried again.
     """
 
-    def __init__(self, ports: Sequence[int], seed: int, trouble: float = 0.08) -> None:
+    def __init__(
+        self,
+        ports: Sequence[int],
+        seed: int,
+        trouble: float = 0.08,
+        slow: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         self.faults: Counter[str] = Counter()
+        #: Seconds by which requests of these paths arrive late, always.
+        self._slow = slow
         self._targets = ports
         self._rng = random.Random(seed)
         self._trouble = trouble
@@ -29,6 +38,9 @@ class BadNetwork:
 
         class Handler(BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.1"
+
+            def do_GET(self) -> None:
+                network.forward(self)
 
             def do_POST(self) -> None:
                 network.forward(self)
@@ -53,41 +65,44 @@ class BadNetwork:
             fault = self._rng.choice(FAULTS)
             self.faults[fault] += 1
         handler.close_connection = True
+        time.sleep(self._slow.get(handler.path, 0.0))
         if fault == "dropped":
             return
         if fault == "reordered":
-            self._deliver_later(handler.path, dict(handler.headers.items()), body)
+            self._deliver_later(handler, dict(handler.headers.items()), body)
             return
         if fault == "delayed":
             time.sleep(self._rng.uniform(0.1, 1.0))
         try:
             headers = dict(handler.headers.items())
-            answer = self._ask(handler.path, headers, body)
+            answer = self._ask(handler, headers, body)
             if fault == "repeated":
-                answer = self._ask(handler.path, headers, body)
+                answer = self._ask(handler, headers, body)
             if fault != "answer lost":
                 self._pass_on(handler, *answer)
         except OSError:
             # The coordinator is away, or the worker is: either finds a closed connection.
             return
 
-    def _deliver_later(self, path: str, headers: dict[str, str], body: bytes) -> None:
+    def _deliver_later(
+        self, handler: BaseHTTPRequestHandler, headers: dict[str, str], body: bytes
+    ) -> None:
         def deliver() -> None:
             with suppress(OSError):
-                self._ask(path, headers, body)
+                self._ask(handler, headers, body)
 
         timer = threading.Timer(self._rng.uniform(0.5, 4.0), deliver)
         timer.daemon = True
         timer.start()
 
     def _ask(
-        self, path: str, headers: dict[str, str], body: bytes
+        self, handler: BaseHTTPRequestHandler, headers: dict[str, str], body: bytes
     ) -> tuple[int, list[tuple[str, str]], bytes]:
         target = self._rng.choice(self._targets)
         connection = http.client.HTTPConnection("127.0.0.1", target, timeout=20)
         try:
             headers = {k: v for k, v in headers.items() if k.lower() != "host"}
-            connection.request("POST", path, body, headers)
+            connection.request(handler.command, handler.path, body, headers)
             response = connection.getresponse()
             return response.status, response.getheaders(), response.read()
         except http.client.HTTPException as error:

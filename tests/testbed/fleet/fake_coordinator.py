@@ -13,6 +13,7 @@ from models.running.pool import Finished
 from rehyb.client import Client
 from worker.agent import Agent
 from worker.leases import Leases
+from worker.renewing import Renewals
 from worker.spool import Spool
 
 
@@ -37,12 +38,14 @@ class Coordinator:
         self.sizes: list[int] = []
         #: Knows nothing of requests for work that come with results.
         self.old = False
+        #: Everything gets through but results.
+        self.clogged = False
 
     def __call__(self, request: httpx2.Request) -> httpx2.Response:
         path = request.url.path
         self.calls.append(path)
-        if self.away:
-            self.away -= 1
+        if self.away or (self.clogged and path == "/v1/results"):
+            self.away -= self.away > 0
             raise httpx2.ConnectError("connection refused")
         if self.status:
             return httpx2.Response(self.status, json={"title": "no", "detail": "not this token"})
@@ -166,8 +169,9 @@ class Work:
         self.agent = self.new_agent()
 
     def new_agent(self, name: str = "w1", max_instances: int | None = None) -> Agent:
+        client = Client("http://c", "t", transport=httpx2.MockTransport(self.coordinator))
         leases = Leases(
-            client=Client("http://c", "t", transport=httpx2.MockTransport(self.coordinator)),
+            client=client,
             worker={"id": name, "host": "h", "versions": {}},
             models=lambda _: {"ishigami": ""},
             processes=self.pool.processes,
@@ -177,6 +181,7 @@ class Work:
         )
         return Agent(
             leases=leases,
+            renewals=Renewals(leases=leases, client=client, rng=Random(1)),
             pool=self.pool,  # type: ignore[arg-type]
             spool=Spool(self.folder, name),
             max_idle=self.max_idle,

@@ -27,18 +27,22 @@ def until(ask: Callable[[], object], seconds: float = 30.0) -> None:
 
 
 class Lab:
-    """A coordinator and the workers started for it, all in one folder."""
+    """A coordinator and the workers started for it, all in one folder.
 
-    def __init__(self, folder: Path) -> None:
+    `settings`: variables of the environment of all of them.
+    """
+
+    def __init__(self, folder: Path, **settings: str) -> None:
         self.folder = folder
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
+            self.port = probe.getsockname()[1]
         self.environment = os.environ | {
             "REHYB_TOKEN": TOKEN,
-            "REHYB_URL": f"http://127.0.0.1:{port}",
-            "REHYB_PORT": str(port),
+            "REHYB_URL": f"http://127.0.0.1:{self.port}",
+            "REHYB_PORT": str(self.port),
             "REHYB_DATABASE_URL": f"sqlite:///{folder}/lab.sqlite3",
+            **settings,
         }
         self.client = Client(self.environment["REHYB_URL"], TOKEN)
         self.processes: list[subprocess.Popen[bytes] | warm.Process] = []

@@ -129,6 +129,28 @@ def test_nothing_more_of_an_expired_lease_is_begun_but_what_runs_is_still_posted
     assert set(work.coordinator.results) == {"a"}
 
 
+def test_a_lease_is_not_kept_for_ever_when_renewals_get_through_and_results_do_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("worker.renewing.TICK_SECONDS", 0.002)
+    monkeypatch.setattr("worker.renewing.STUCK_SECONDS", 0.1)
+    monkeypatch.setattr("worker.backoff.CAP_SECONDS", 0.02)
+    work = Work(tmp_path, [["a"]], max_idle=None)
+    work.coordinator.ttl = 0.03
+    work.coordinator.clogged = True
+    begun = time.monotonic()
+    later: list[int] = []
+
+    def done() -> bool:
+        if time.monotonic() > begun + 0.4 and not later:
+            later.append(len(work.coordinator.renewals))
+        return time.monotonic() > begun + 0.6
+
+    work.run_until(work.agent, done)
+    assert 0 < len(work.coordinator.renewals) == later[0]
+    assert work.spooled() == 1
+
+
 def test_a_refused_result_is_not_posted_again(tmp_path: Path) -> None:
     work = Work(tmp_path, [["a", "b"]])
     work.coordinator.refused = {"a"}

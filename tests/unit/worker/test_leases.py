@@ -61,26 +61,45 @@ def test_a_lease_is_renewed_at_a_third_of_its_life_and_under_its_fence(
     leases: Leases, coordinator: Coordinator
 ) -> None:
     granted(leases)
-    leases.renew(9.9)
+    client: Any = coordinator
+    leases.renew(client, 9.9)
     assert coordinator.told == []
-    leases.renew(10.0)
-    leases.renew(19.9)
+    leases.renew(client, 10.0)
+    leases.renew(client, 19.9)
     assert coordinator.told == [("renew", "l", 7)]
     # Results posted under it extend it as well.
     leases.extend("l", 19.9)
-    leases.renew(29.8)
+    leases.renew(client, 29.8)
     assert len(coordinator.told) == 1
 
 
 def test_of_a_lease_that_is_lost_nothing_more_is_begun_or_told(
-    leases: Leases, coordinator: Coordinator
+    leases: Leases, coordinator: Coordinator, caplog: pytest.LogCaptureFixture
 ) -> None:
     granted(leases)
     coordinator.lost = True
-    leases.renew(10.0)
+    client: Any = coordinator
+    leases.renew(client, 10.0)
+    leases.drop_lost()
+    leases.renew(client, 20.0)
     leases.release()
     assert (len(leases), len(leases.queue)) == (0, 0)
     assert coordinator.told == [("renew", "l", 7)]
+    assert "lease l expired" in caplog.text
+
+
+def test_a_lease_that_ended_with_its_last_result_is_dropped_without_alarm(
+    leases: Leases, coordinator: Coordinator, caplog: pytest.LogCaptureFixture
+) -> None:
+    granted(leases)
+    while leases.queue:
+        leases.finish(leases.queue.popleft(), 1.0)
+    # The post that brings them has arrived, and its answer has not.
+    coordinator.lost = True
+    client: Any = coordinator
+    leases.renew(client, 10.0)
+    leases.drop_lost()
+    assert (len(leases), caplog.text) == (0, "")
 
 
 @pytest.mark.parametrize("give_up", [Leases.give_up_queue, Leases.give_up])
@@ -223,8 +242,9 @@ def test_a_lease_is_renewed_until_its_last_result_is_posted(
     for ticket in list(leases.queue):
         leases.finish(ticket, 0.1)
     # Posting them takes longer than the lease would last.
-    leases.renew(10.0)
-    leases.renew(20.0)
+    client: Any = coordinator
+    leases.renew(client, 10.0)
+    leases.renew(client, 20.0)
     leases.release()
-    leases.renew(30.0)
+    leases.renew(client, 30.0)
     assert coordinator.told == [("renew", "l", 7)] * 2
