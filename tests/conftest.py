@@ -11,10 +11,10 @@ from uuid import uuid4
 import pytest
 import sqlalchemy as sa
 
+from rehyb.threads import limit_threads
 from tests.testbed.coordinators.postgresql import serving
 
-# Of small matrices one thread makes as quick work as several, which would wait for each other.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+limit_threads()
 
 #: Names a running server instead, with a role that may make databases.
 VARIABLE = "REHYB_TEST_POSTGRES_URL"

@@ -12,6 +12,7 @@ from rehyb.cli.operate import database, pilots, services, tokens
 from rehyb.cli.study import analyses, files, precision, reports, studies, surrogates
 from rehyb.cli.study import control as control  # its commands join those of `studies`
 from rehyb.errors import Invalid, RehybError
+from rehyb.threads import limit_threads
 
 app = typer.Typer(
     help="Simulate, sample and rank what makes a robot's arm-stiffness measurement wrong.",
@@ -52,6 +53,7 @@ app.command()(interpretation.interpret)
 
 def main() -> None:
     """Run the command; a failure is one sentence on stderr."""
+    limit_threads()
     try:
         app(prog_name="rehyb")
     except RehybError as error:
