@@ -56,24 +56,26 @@ class ActivationPattern:
         self.horizon = self.delay if self._gain > 0.0 else len(reference)
         #: The human joint's velocity before each step, rad/s; the caller fills it, shape (n,).
         self.velocity = np.zeros(len(reference))
-        self._lengthens = np.sign(lengthening)
+        shape = (len(reference), len(lengthening))
+        self._unstretched = np.broadcast_to(np.clip(self.level, 0.0, 1.0)[:, None], shape)
+        #: Which muscles a positive velocity stretches, and which a negative one.
+        self._stretched = lengthening > 0.0, lengthening < 0.0
 
     def activations(self, first: int, count: int) -> np.ndarray:
         """Return the activations of `count` steps from `first`, shape (count, muscles).
 
         Needs `velocity` up to `delay` steps before the last of them.
         """
-        felt = np.zeros(count)
+        steps = slice(first, first + count)
         begin, end = first - self.delay, first - self.delay + count
-        if end > 0:
-            felt[max(0, -begin) :] = self.velocity[max(0, begin) : end]
-        excess = np.maximum(np.abs(felt) - self._threshold, 0.0)
-        level = self.level[first : first + count, None]
-        if self._gain > 0.0 and excess.any():
-            stretched = np.sign(felt)[:, None] * self._lengthens > 0.0
-            level = level + self._gain * excess[:, None] * stretched
-        activations: np.ndarray = np.minimum(np.maximum(level, 0.0), 1.0)
-        return np.broadcast_to(activations, (count, len(self._lengthens)))
+        felt = self.velocity[max(0, begin) : max(0, end)]
+        excess = np.abs(felt) - self._threshold
+        if self._gain <= 0.0 or not (excess > 0.0).any():
+            return self._unstretched[steps]
+        added = np.zeros((count, len(self._stretched[0])))
+        stretched = np.where(felt[:, None] > 0.0, *self._stretched)
+        added[count - len(felt) :] = self._gain * np.maximum(excess, 0.0)[:, None] * stretched
+        return np.asarray(np.minimum(np.maximum(self.level[steps, None] + added, 0.0), 1.0))
 
 
 def muscle_lengthening(
