@@ -3,8 +3,9 @@
 `python -m benchmarks.interpretation.calibration BANK [--wearers 500] [--keep FOLDER]`
 
 Wearers are drawn with a seed of their own (7141), which neither the bank nor any choice has seen;
-those with slack straps (7143) too. Those with friction (7112) were reported on before, and nothing
-was chosen on them. `--keep` keeps what was simulated and uses it again.
+those with slack straps (7143) and with one cut (7145, 7146) too. Those with friction (7112) were
+reported on before, and nothing was chosen on them. `--keep` keeps what was simulated and uses it
+again.
 """
 
 import argparse
@@ -25,7 +26,7 @@ from analysis.interpretation.plan import half_width_after, steps
 from benchmarks.interpretation.judging import Judged, judge, subgroups
 from benchmarks.interpretation.others import print_called, print_header, print_other_muscles
 from benchmarks.interpretation.plans import print_plans, print_rows
-from benchmarks.interpretation.wearers import Wearers, simulated
+from benchmarks.interpretation.wearers import Wearers, simulated, strap_cut
 from benchmarks.machine import describe_machine
 
 #: Seeds of wearers who are reported on, and what is changed in them.
@@ -34,6 +35,8 @@ STRANGE = (
     ("undeclared friction of 2.8 Nm", FRICTION, {"robot_friction": 2.8}),
     ("both straps slack, 4 N", SLACK, {"strap_tension": 4.0}),
 )
+#: Seeds of wearers one of whose straps is cut, and which.
+CUT = (("upper arm's strap cut", 7145, 0), ("forearm's strap cut", 7146, 1))
 #: What an answer rests on.
 WHATEVER, BY_SETS = "whatever the muscles are", "if they are one of the bank's sets"
 #: What two tape measures and scales say.
@@ -177,6 +180,10 @@ def _strange(
             print_called(name, bank, interpreter, seed, other)
         else:
             print(f"  {name}: every assessment failed")
+    for name, seed, limb in CUT:
+        with strap_cut(limb):
+            other = simulated(bank.population, seed, range(max(asked.strange)), keep=asked.keep)
+        print_called(name, bank, interpreter, seed, other)
 
 
 def _encoders(bank: Bank, interpreter: Interpreter, wearers: Wearers, zero: np.ndarray) -> None:

@@ -3,9 +3,12 @@
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from unittest import mock
 
+import mujoco
 import numpy as np
 
 from analysis.interpretation.bank.bank import KEPT, Samples
@@ -13,9 +16,11 @@ from analysis.interpretation.bank.population import Population
 from analysis.interpretation.bank.sampling import parameters_of
 from analysis.interpretation.recording import Recording
 from sim.assessment.assess import assess
+from sim.assessment.donning import close_straps
 from sim.assessment.summary import Motion, motion_of, summary_of
 from sim.parameters.conditions import split
 from sim.robot.device import NESM
+from sim.system.system import System
 
 #: Joints of the device.
 JOINTS = 4
@@ -105,3 +110,21 @@ def simulated(
             failed=np.array(json.dumps(samples.failed)),
         )
     return Wearers(samples=samples, recorded=np.array(recorded))
+
+
+@contextmanager
+def strap_cut(limb: int) -> Iterator[None]:
+    """Cut the straps of the upper arm (0) or of the forearm (1) once they are closed.
+
+    No detector judges how the arm is held: a robot in a clinic has none, and records on.
+    """
+
+    def close(system: System, data: mujoco.MjData, stiffness: np.ndarray) -> None:
+        close_straps(system, data, stiffness)
+        system.model.tendon_stiffness[np.split(system.straps, 2)[limb]] = 0.0
+
+    with (
+        mock.patch("sim.assessment.donning.close_straps", close),
+        mock.patch("sim.assessment.validity.HOLD_BOUNDS", ()),
+    ):
+        yield
