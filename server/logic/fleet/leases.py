@@ -9,6 +9,20 @@ def has_expired(lease: Lease, now: float) -> bool:
     return lease.state == LeaseState.OPEN and lease.expires_at <= now
 
 
+def went_unheard(lease: Lease, *, last_seen: float, ttl: float) -> bool:
+    """Say whether a lease that ran out was one of which its worker had never heard.
+
+    Whoever holds a lease speaks of it at every third of its life. A worker that went on speaking,
+    but not of this one, never got the answer that granted it.
+
+    Args:
+        lease: that ran out.
+        last_seen: when its worker last said anything.
+        ttl: seconds that a lease lasts from the last word about it.
+    """
+    return last_seen >= lease.expires_at - ttl / 2.0
+
+
 def objection_to_renewal(lease: Lease | None, *, fence: int, now: float) -> str | None:
     """Say in a sentence why the bearer may not renew the lease; None if it may."""
     if lease is None:

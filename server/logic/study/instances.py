@@ -25,6 +25,9 @@ BUDGETS: Mapping[str, int] = {
 #: Those of them that a worker may report; the others only the coordinator concludes.
 RETRIED = (Outcome.CRASHED, Outcome.TIMED_OUT)
 RESERVED = (Outcome.LOST, Outcome.INVALID)
+#: Counted if a worker never heard that it was given the instance: of no budget, as the instance has
+#: no part in it, but others are asked first.
+UNHEARD = "unheard"
 #: It comes back so many times the budget at most, however many hosts have not tried it.
 PATIENCE = 2
 
@@ -55,6 +58,11 @@ def held(instances: Mapping[Place, Instance], *, lease: str) -> dict[Place, Inst
 def handed_back(instance: Instance) -> Instance:
     """Return an instance that its worker gave up unharmed: nothing is counted."""
     return replace(instance, state=_PENDING, lease=None)
+
+
+def unheard(instance: Instance, host: str) -> Instance:
+    """Return an instance that was granted in an answer which got lost on its way to `host`."""
+    return handed_back(_counted(instance, UNHEARD, host))
 
 
 def reopened(instance: Instance, *, unbound: bool) -> Instance:
@@ -111,16 +119,8 @@ def after_attempt(
     Returns:
         The instance, pending again, and None; or, the budget spent, done and with its final result.
     """
-    count = instance.attempts.get(cause, 0) + 1
-    hosts = instance.hosts.get(cause, ())
-    if host is not None and host not in hosts:
-        hosts = (*hosts, host)
-    counted = replace(
-        instance,
-        attempts={**instance.attempts, cause: count},
-        avoid=host,
-        hosts={**instance.hosts, cause: hosts} if hosts else instance.hosts,
-    )
+    counted = _counted(instance, cause, host)
+    count, hosts = counted.attempts[cause], counted.hosts.get(cause, ())
     if not _is_spent(count, hosts, BUDGETS[cause], at_work):
         return handed_back(counted), None
     final = Result(
@@ -133,3 +133,16 @@ def after_attempt(
         wall_seconds=wall_seconds,
     )
     return settled(counted), final
+
+
+def _counted(instance: Instance, cause: str, host: str | None) -> Instance:
+    """Return an instance that came back once more for a cause, from `host` if anybody knows."""
+    hosts = instance.hosts.get(cause, ())
+    if host is not None and host not in hosts:
+        hosts = (*hosts, host)
+    return replace(
+        instance,
+        attempts={**instance.attempts, cause: instance.attempts.get(cause, 0) + 1},
+        avoid=host,
+        hosts={**instance.hosts, cause: hosts} if hosts else instance.hosts,
+    )

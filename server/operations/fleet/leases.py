@@ -1,14 +1,20 @@
 """Leases that were granted: keeping them, and taking back what nobody works on any more."""
 
 from contextlib import suppress
+from enum import Enum, auto
 from math import inf
 
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError, NotFoundError
 from server.logic.fleet.comparisons import put_back
-from server.logic.fleet.leases import expiry, objection_to_release, objection_to_renewal
-from server.logic.study.instances import after_attempt, handed_back, held
+from server.logic.fleet.leases import (
+    expiry,
+    objection_to_release,
+    objection_to_renewal,
+    went_unheard,
+)
+from server.logic.study.instances import after_attempt, handed_back, held, unheard
 from server.operations.fleet.served import ServedStudy
 from server.records import Instance, Lease, Place, Result, Study
 from server.states import ComparisonState, LeaseState, Outcome
@@ -17,6 +23,17 @@ from server.store.database.engine import alone_at, reading, writing
 from server.store.fleet import leases, workers
 from server.store.fleet.turns import Seen, Turn, at_once, turn_within
 from server.store.study import studies
+
+
+class Ended(Enum):
+    """How a lease ended that was taken back."""
+
+    #: By its worker, which counts against nothing.
+    RELEASED = auto()
+    #: By silence, which counts against what it held.
+    LOST = auto()
+    #: Its worker never heard of it.
+    UNHEARD = auto()
 
 
 def renew(engine: Engine, lease_id: str, *, fence: int, now: float, ttl: float) -> float:
@@ -56,28 +73,31 @@ def release(engine: Engine, lease_id: str, *, fence: int, now: float) -> None:
         study = studies.find(connection, lease.study, lock=True)
         lease = leases.find(connection, lease_id)
         if lease is not None and lease.state == LeaseState.OPEN:
-            at_once(_take_back(turn_within(connection), study, lease, lost=False, now=now))
+            at_once(_take_back(turn_within(connection), study, lease, Ended.RELEASED, now=now))
 
 
-def reap(engine: Engine, *, now: float) -> int:
-    """Take back what expired leases still hold, as lost; returns how many instances that were.
+def reap(engine: Engine, *, now: float, ttl: float) -> int:
+    """Take back what expired leases still hold; returns how many instances that were.
 
-    0 if another coordinator is at it.
+    They count as lost if the worker is silent, and not if it never heard of its lease. 0 if another
+    coordinator is at it.
     """
     with alone_at(engine, "sweep") as mine:
-        return _reap(engine, now) if mine else 0
+        return _reap(engine, now, ttl) if mine else 0
 
 
-def _reap(engine: Engine, now: float) -> int:
+def _reap(engine: Engine, now: float, ttl: float) -> int:
     with reading(engine) as connection:
         concerned = leases.studies_with_expired(connection, now=now)
     lost = 0
     for study_id in concerned:
         with writing(engine) as connection:
             study = studies.find(connection, study_id, lock=True)
-            for lease in leases.expired(connection, study_id, now=now):
-                turn = turn_within(connection)
-                study, count = at_once(_take_back(turn, study, lease, lost=True, now=now))
+            for lease, last_seen in leases.expired(connection, study_id, now=now):
+                turn, ended = turn_within(connection), Ended.LOST
+                if went_unheard(lease, last_seen=last_seen, ttl=ttl):
+                    ended = Ended.UNHEARD
+                study, count = at_once(_take_back(turn, study, lease, ended, now=now))
                 lost += count
     return lost
 
@@ -106,11 +126,9 @@ def extend_open_leases(engine: Engine, *, now: float, ttl: float) -> None:
 
 
 async def _take_back(
-    turn: Turn, study: Study, lease: Lease, *, lost: bool, now: float
+    turn: Turn, study: Study, lease: Lease, ended: Ended, *, now: float
 ) -> tuple[Study, int]:
     """End an open lease of a locked study: what it holds waits again.
-
-    `lost`: its worker fell silent, which counts against what it held; else it comes back unharmed.
 
     Returns:
         The study as it is now, and how many instances came back.
@@ -119,7 +137,9 @@ async def _take_back(
     served = ServedStudy(turn, study, Seen(rows=rows))
     served.begin(now)
     changes = served.changes
-    changes.ended[LeaseState.EXPIRED if lost else LeaseState.RELEASED] = [lease.id]
+    lost = ended == Ended.LOST
+    released = ended == Ended.RELEASED
+    changes.ended[LeaseState.RELEASED if released else LeaseState.EXPIRED] = [lease.id]
     asked = await turn.opinions_of(lease) if lease.compares else ()
     changes.compared += [
         put_back(one, counted=lost) for one in asked if one.state == ComparisonState.LEASED
@@ -136,9 +156,11 @@ async def _take_back(
             )
             if final is not None:
                 filed.append(final)
-    else:
+    elif released:
         after = {place: handed_back(one) for place, one in mine.items()}
         changes.heard[lease.worker] = 0
+    else:
+        after = {place: unheard(one, lease.host) for place, one in mine.items()}
     await served.settle(study, lease, before=rows, after=after, filed=filed)
     await served.write()
     return served.study or study, len(mine)

@@ -50,7 +50,7 @@ class Sweep:
         with writing(self._engine):
             pass
         self.catch_up()
-        lost = leases.reap(self._engine, now=self._clock())
+        lost = leases.reap(self._engine, now=self._clock(), ttl=self._ttl)
         self._there_at = self._ticks()
         return lost
 

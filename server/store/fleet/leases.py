@@ -63,11 +63,16 @@ def studies_with_expired(connection: Connection, *, now: float) -> Sequence[str]
     return connection.scalars(_WITH_EXPIRED, {"now": now}).all()
 
 
-def expired(connection: Connection, study_id: str, *, now: float) -> list[Lease]:
-    """Return, locked, the leases of a study that have run out, in the order they were granted."""
-    query = _EVERY.where(_IS_OPEN, leases.c.expires_at <= now, leases.c.study_id == study_id)
+def expired(connection: Connection, study_id: str, *, now: float) -> list[tuple[Lease, float]]:
+    """Return, locked, the leases of a study that have run out, in the order they were granted.
+
+    Each with when its worker last said anything.
+    """
+    query = _EVERY.add_columns(workers.c.last_seen).where(
+        _IS_OPEN, leases.c.expires_at <= now, leases.c.study_id == study_id
+    )
     query = query.order_by(leases.c.fence).with_for_update(of=leases)
-    return [lease_of(row) for row in connection.execute(query).all()]
+    return [(lease_of(row[:-1]), row.last_seen) for row in connection.execute(query).all()]
 
 
 def workers_of(connection: Connection, study_id: str, *, now: float) -> int:

@@ -166,7 +166,7 @@ class Protocol:
         """Count an attempt; `given_up` may end the instance."""
         slot.counts[cause] += 1
         slot.lease = None
-        if slot.counts[cause] >= 2 * BUDGETS[cause]:
+        if cause in BUDGETS and slot.counts[cause] >= 2 * BUDGETS[cause]:
             slot.result = (cause, None)
 
     def given_up(self, study_id: str, at: Place, cause: str) -> None:
@@ -213,7 +213,8 @@ class Protocol:
         for lease in self.leases.values():
             if lease.study in self.studies and lease.state == "open" and lease.expires <= now:
                 lease.state = "expired"
-                self._take_back(lease, cause="lost")
+                silent = self.heard[lease.host] < lease.expires - self.ttl / 2.0
+                self._take_back(lease, cause="lost" if silent else "unheard")
 
     def _take_back(self, lease: Lease, cause: str | None) -> None:
         study = self.studies[lease.study]

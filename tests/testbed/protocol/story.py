@@ -227,7 +227,7 @@ class Story(Beside):
     def take_back(self) -> None:
         """Do what the coordinator does by itself every quarter of a lease's time."""
         engine, now = self.app.state.engine, self.now
-        leases.reap(engine, now=now)
+        leases.reap(engine, now=now, ttl=TTL)
         self.model.reap(now)
         self._settle()
         comparisons.give_up(engine, now=now, patience=PATIENCE)

@@ -59,7 +59,7 @@ def study_id(
 
 def finish(engine: Engine, study_id: str, report: Callable[..., Report]) -> object:
     """Have a study finished; returns its indices."""
-    leases.reap(engine, now=1000.0)
+    leases.reap(engine, now=1000.0, ttl=60.0)
     while found := exchanges.grant(
         engine,
         worker="v",

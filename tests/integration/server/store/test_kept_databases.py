@@ -89,7 +89,7 @@ def test_a_database_that_was_kept_comes_up_to_date_goes_back_and_is_worked_off(
     assert check.faults(engine) == []
     assert counted(engine) == before
     # What the vanished worker held comes back first.
-    leases.reap(engine, now=1e12)
+    leases.reap(engine, now=1e12, ttl=60.0)
     work_off(engine, now=1e12)
     after = counted(engine)
     assert {after["done"][0], after["under way"][0]} == {"complete"}

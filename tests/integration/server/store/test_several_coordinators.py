@@ -21,7 +21,7 @@ def test_one_of_them_sweeps_and_the_next_one_when_it_is_gone(engine: Engine) -> 
         assert (first, second) == (True, False)
         with alone_at(other, "analysis") as something_else:
             assert something_else
-        assert leases.reap(other, now=0.0) == 0
+        assert leases.reap(other, now=0.0, ttl=60.0) == 0
     with alone_at(other, "sweep") as second:
         assert second
     other.dispose()

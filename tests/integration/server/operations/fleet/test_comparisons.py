@@ -176,7 +176,7 @@ def test_a_second_opinion_that_does_not_come_is_asked_for_three_times(
     leases.release(engine, returned.lease.id, fence=returned.lease.fence, now=now)
     assert len(asked_of(lease(engine, "b", now=now))) == 4
     now += TTL
-    assert leases.reap(engine, now=now) == 0
+    assert leases.reap(engine, now=now, ttl=TTL) == 0
     crashed = lease(engine, "c", now=now)
     assert set(post(engine, crashed, report, outcome="crashed", now=now)) == {"accepted"}
     nonsense = lease(engine, "b", now=now)

@@ -130,7 +130,7 @@ def test_rows_of_a_kind_of_machine_that_is_gone_begin_anew_elsewhere(
     gone = lease(engine, MAC, 3)
     assert gone is not None
     post(engine, gone, reports(gone, report)[:2])
-    leases.reap(engine, now=TTL)
+    leases.reap(engine, now=TTL, ttl=TTL)
     assert places(lease(engine, LINUX, 8, now=TTL)) == []
     assert reruns.free_stranded_rows(engine, now=100.0, patience=3600.0) == 0
     assert reruns.free_stranded_rows(engine, now=3700.0, patience=3600.0) == 1

@@ -17,7 +17,7 @@ from server.logic.study.plans import MAX_ROWS
 from server.logic.study.points import instance_id, parameters
 from server.operations.fleet import leases, results
 from server.operations.fleet.exchange import Grant
-from server.operations.study import studies
+from server.operations.study import instances, studies
 from server.records import Plan, Study
 from server.store.database.engine import reading, writing
 from server.store.database.schema import instances as instances_table
@@ -159,9 +159,9 @@ def test_what_expired_leases_held_is_handed_out_again_before_new_rows(
 ) -> None:
     create(engine, plan())
     first = leased(engine, n=2)
-    assert leases.reap(engine, now=TTL - 0.1) == 0
-    assert leases.reap(engine, now=TTL) == 2
-    assert leases.reap(engine, now=TTL) == 0
+    assert leases.reap(engine, now=TTL - 0.1, ttl=TTL) == 0
+    assert leases.reap(engine, now=TTL, ttl=TTL) == 2
+    assert leases.reap(engine, now=TTL, ttl=TTL) == 0
     again = leased(engine, n=3, now=TTL, worker="v")
     assert again.lease.instances == (*first.lease.instances, (0, 2))
 
@@ -172,7 +172,7 @@ def test_renewing_keeps_a_lease_and_an_expired_one_is_not_renewed(
     create(engine, plan())
     held = leased(engine).lease
     assert leases.renew(engine, held.id, fence=held.fence, now=50.0, ttl=TTL) == 110.0
-    assert leases.reap(engine, now=100.0) == 0
+    assert leases.reap(engine, now=100.0, ttl=TTL) == 0
     with pytest.raises(ConflictError, match=r"the lease expired 10\.0 s ago"):
         leases.renew(engine, held.id, fence=held.fence, now=120.0, ttl=TTL)
     with pytest.raises(ConflictError, match="fence"):
@@ -185,8 +185,8 @@ def test_posting_keeps_a_lease_too(engine: Engine, plan: Drawing, report: Report
     create(engine, plan())
     grant = leased(engine)
     post(engine, grant, [report(ids(grant)[0])], now=50.0)
-    assert leases.reap(engine, now=100.0) == 0
-    assert leases.reap(engine, now=110.0) == 2
+    assert leases.reap(engine, now=100.0, ttl=TTL) == 0
+    assert leases.reap(engine, now=110.0, ttl=TTL) == 2
 
 
 def test_a_late_post_is_taken_but_revives_no_lease(
@@ -195,7 +195,7 @@ def test_a_late_post_is_taken_but_revives_no_lease(
     create(engine, plan())
     grant = leased(engine)
     assert post(engine, grant, [report(ids(grant)[0])], now=TTL)[0].verdict == "accepted"
-    assert leases.reap(engine, now=TTL) == 2
+    assert leases.reap(engine, now=TTL, ttl=TTL) == 2
 
 
 def test_a_lease_is_over_with_the_last_of_its_results(
@@ -231,7 +231,7 @@ def test_an_instance_lost_five_times_is_final(engine: Engine, plan: Drawing) -> 
         assert studies.get(engine, study.id).state == "running"
         leased(engine, n=4, now=now)
         now += TTL
-        assert leases.reap(engine, now=now) == 4
+        assert leases.reap(engine, now=now, ttl=TTL) == 4
     lost = studies.get(engine, study.id)
     assert (lost.state, lost.failures, lost.rows_complete) == ("complete", {"lost": 4}, 1)
     assert lease(engine, now=now) is None
@@ -240,11 +240,43 @@ def test_an_instance_lost_five_times_is_final(engine: Engine, plan: Drawing) -> 
     assert "which fell silent" in result.reason
 
 
+def test_a_lease_of_which_its_worker_never_heard_is_noted_and_goes_to_another_host_first(
+    engine: Engine, plan: Drawing
+) -> None:
+    study = create(engine, plan(rows=2))
+    leased(engine, n=4)
+    leased(engine, n=1, worker="v", host="other")
+    # It speaks on, but of something else.
+    lease(engine, n=1, now=TTL / 2.0, models=["none"])
+    other = leased(engine, n=1, now=TTL / 2.0, worker="v", host="other")
+    assert leases.reap(engine, now=TTL, ttl=TTL) == 5
+    assert other.lease.instances == ((1, 1),)
+    first = [(0, position) for position in range(4)]
+    noted = [instances.account(engine, study.id, place)[1] for place in first]
+    assert [(one["attempts"], one["hosts"]) for one in noted] == [
+        ({"unheard": 1}, {"unheard": ("h",)})
+    ] * 4
+    assert leased(engine, n=1, now=TTL).lease.instances == ((1, 0),)
+    again = leased(engine, n=4, now=TTL, worker="v", host="other")
+    assert again.lease.instances == (*first,)
+
+
+def test_a_worker_that_falls_silent_soon_after_its_last_word_about_a_lease_has_lost_it(
+    engine: Engine, plan: Drawing
+) -> None:
+    study = create(engine, plan(rows=1))
+    for number in range(5):
+        leased(engine, n=4, now=number * TTL)
+        lease(engine, now=number * TTL + TTL / 3.0)
+        assert leases.reap(engine, now=(number + 1) * TTL, ttl=TTL) == 4
+    assert studies.get(engine, study.id).failures == {"lost": 4}
+
+
 def test_a_coordinator_that_was_away_excuses_silence(engine: Engine, plan: Drawing) -> None:
     create(engine, plan())
     held = leased(engine).lease
     leases.extend_open_leases(engine, now=500.0, ttl=TTL)
-    assert leases.reap(engine, now=559.0) == 0
+    assert leases.reap(engine, now=559.0, ttl=TTL) == 0
     assert leases.renew(engine, held.id, fence=held.fence, now=559.0, ttl=TTL) == 619.0
 
 
@@ -252,8 +284,8 @@ def test_a_clock_that_was_set_back_lengthens_no_lease(engine: Engine, plan: Draw
     create(engine, plan())
     leased(engine, now=3600.0)
     leases.extend_open_leases(engine, now=0.0, ttl=TTL)
-    assert leases.reap(engine, now=TTL - 1.0) == 0
-    assert leases.reap(engine, now=TTL) == 3
+    assert leases.reap(engine, now=TTL - 1.0, ttl=TTL) == 0
+    assert leases.reap(engine, now=TTL, ttl=TTL) == 3
 
 
 def test_workers_are_remembered_with_what_they_did(
@@ -300,7 +332,7 @@ def test_whatever_workers_do_nothing_is_lost_or_counted_twice(
     now = 0.0
     for action, number, outcome in actions:
         if action == "lease":
-            leases.reap(engine, now=now)
+            leases.reap(engine, now=now, ttl=TTL)
             if grant := lease(engine, n=number + 1, now=now):
                 grants.append(grant)
         elif action == "wait":
@@ -328,7 +360,7 @@ def test_whatever_workers_do_nothing_is_lost_or_counted_twice(
     # Whatever happened, one diligent worker brings the study to its end.
     for _ in range(3):
         now += TTL
-        leases.reap(engine, now=now)
+        leases.reap(engine, now=now, ttl=TTL)
         while grant := lease(engine, n=8, now=now):
             post(engine, grant, [report(i) for i in ids(grant)], now=now)
     done = studies.get(engine, study.id)

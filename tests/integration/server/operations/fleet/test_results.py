@@ -130,7 +130,7 @@ def test_an_instance_nobody_was_given_is_unknown(
 def test_the_faster_of_two_holders_fills_the_slot(
     engine: Engine, grant: Grant, lease: Leasing, report: Reporting
 ) -> None:
-    leases.reap(engine, now=60.0)
+    leases.reap(engine, now=60.0, ttl=60.0)
     second = lease("v", 4, now=60.0)
     assert second.lease.instances == grant.lease.instances
     first = _names(grant)[0]

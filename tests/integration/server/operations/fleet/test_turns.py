@@ -239,7 +239,7 @@ def test_a_late_result_is_not_given_out_again_in_the_same_turn(
     asked = Exchange(now=0.0, ttl=TTL, request=asking("w", 4))
     (answer,) = turns.take(study.id, lambda: [asked]).answers
     assert isinstance(answer[1], Grant)
-    leases.reap(engine, now=100.0)
+    leases.reap(engine, now=100.0, ttl=TTL)
     late = Exchange(now=101.0, ttl=TTL, posted=posting(answer[1], [(n, {}) for n in range(4)]))
     other = Exchange(now=101.0, ttl=TTL, request=asking("v", 4))
     (said, _), (_, found) = turns.take(study.id, lambda: [late, other]).answers

@@ -104,7 +104,7 @@ def test_a_study_that_drains_with_its_last_row_is_complete(engine: Engine, plan:
     study = create(engine, plan(rows=1))
     lease(engine, n=1)
     studies.switch(engine, study.id, StudyState.DRAINING)
-    leases.reap(engine, now=TTL)
+    leases.reap(engine, now=TTL, ttl=TTL)
     work_off(engine, now=TTL)
     assert studies.get(engine, study.id).state == "complete"
 

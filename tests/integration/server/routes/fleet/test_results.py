@@ -101,6 +101,22 @@ def test_asking_for_work_takes_back_what_expired(
     assert again["fence"] > lease["fence"]
 
 
+def test_what_is_granted_in_answers_that_get_lost_does_not_count_as_lost(
+    client: TestClient, study: Json, clock: Any
+) -> None:
+    for _ in range(20):
+        # Its worker never hears the answer, and asks again.
+        client.post("/v1/leases", json=asking())
+        clock.advance(25.0)
+    clock.advance(60.0)
+    progress = client.get(f"/v1/studies/{study['id']}/progress").json()
+    assert (progress["state"], progress["failures"]) == ("running", {})
+    lease = client.post("/v1/leases", json=asking()).json()
+    answer = client.post("/v1/results", json=posting(lease, [*map(result, lease["instances"])]))
+    assert answer.status_code == 200
+    assert client.get(f"/v1/studies/{study['id']}/progress").json()["state"] == "complete"
+
+
 def test_expired_leases_are_looked_for_once_a_second_however_many_ask(
     app: FastAPI, client: TestClient, lease: Json, clock: Any
 ) -> None:

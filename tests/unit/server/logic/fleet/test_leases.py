@@ -10,6 +10,7 @@ from server.logic.fleet.leases import (
     objection_to_release,
     objection_to_renewal,
     objection_to_results,
+    went_unheard,
 )
 from server.records import Lease
 
@@ -82,6 +83,17 @@ def test_results_may_come_late_but_not_from_somebody_else(
     lease: Lease, fence: int, worker: str, says: str | None
 ) -> None:
     assert objection_to_results(lease, fence=fence, worker=worker) == says
+
+
+@pytest.mark.parametrize(
+    ("last_seen", "unheard"),
+    [(0.0, False), (20.0, False), (29.9, False), (30.0, True), (60.0, True), (61.0, True)],
+)
+def test_a_worker_that_spoke_in_the_last_half_of_a_lease_but_not_of_it_never_heard_of_it(
+    last_seen: float, unheard: bool
+) -> None:
+    lease = replace(LEASE, expires_at=60.0)
+    assert went_unheard(lease, last_seen=last_seen, ttl=60.0) is unheard
 
 
 def test_a_lease_lasts_a_ttl_from_the_last_word() -> None:

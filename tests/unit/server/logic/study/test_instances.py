@@ -12,6 +12,7 @@ from server.logic.study.instances import (
     may_try,
     reopened,
     settled,
+    unheard,
 )
 from server.records import Instance
 
@@ -55,6 +56,15 @@ def test_one_cause_does_not_use_up_another_s_budget() -> None:
 def test_giving_an_instance_back_unharmed_counts_nothing() -> None:
     instance = handed_back(HELD)
     assert (instance.state, instance.lease, instance.attempts) == ("pending", None, {})
+
+
+def test_what_a_worker_never_heard_of_uses_up_no_budget_however_often() -> None:
+    instance = HELD
+    for count in range(1, 30):
+        instance = unheard(instance, "h")
+        assert (instance.state, instance.lease) == ("pending", None)
+        assert (instance.attempts, instance.hosts) == ({"unheard": count}, {"unheard": ("h",)})
+    assert not may_try(instance, "h", {"h", "other"})
 
 
 def test_a_settled_instance_is_held_by_nobody() -> None:
