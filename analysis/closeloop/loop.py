@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
-from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.interface import beyond_interface
 from analysis.closeloop.identification.tracing import trace
+from analysis.closeloop.identification.winding import wound_up
 from analysis.closeloop.judgement.agreement import agreed
 from analysis.closeloop.judgement.events import find_events, spared
 from analysis.closeloop.judgement.identified import hidden_effects
@@ -46,19 +47,24 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
         return still_answer(recording, find_events(Model(recording), recording))
     found = trace(recording, progress)
     progress("torque that is local in time")
-    loads = unnamed_loads(found)
+    known = wound_up(found)
+    loads = unnamed_loads(known)
     # What a load takes is no push, and a push beside it is not seen before the load is known.
     carrying = {load.trial for load in loads}
-    events = tuple(e for e in find_events(found.model, recording) if e.trial not in carrying)
+    events = tuple(e for e in find_events(known.model, recording) if e.trial not in carrying)
     if events:
         # What somebody pushed is no reason to name an effect, nor to bend a stiffness.
         recording = spared(recording, events)
         if _rests(recording):
             return still_answer(recording, events)
         found = trace(recording, progress)
-        loads = unnamed_loads(found)
+        loads = unnamed_loads(wound_up(found))
     progress("errors and intervals")
-    found = agreed(beyond_interface(found))
+    found = beyond_interface(found)
+    if impedances(*found.fits[0]):
+        # A limb is what it is; values of a robot are for a file in which friction turns at once.
+        found = wound_up(found)
+    found = agreed(found)
     hidden = hidden_effects(*found.fits[1], found.rows)
     outcome = outcome_of(found, events, loads, structures(found.model, found.rows), hidden)
     return Answer(

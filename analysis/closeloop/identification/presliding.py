@@ -15,15 +15,18 @@ from analysis.closeloop.identification.balance.model import (
     Model,
     Term,
     evaluate,
+    kept_columns,
     unfitted,
+    with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare, takes_all
 from sim.effects.motion import PRESLIDING_SHARE
 
 #: How far friction is moved and widened in time, s.
 SHIFT = 0.01
-#: Ways over which friction may wind up, over the longest that is presliding.
-WAYS = (0.5, 1.0)
+#: Ways over which friction may wind up, over the longest that is presliding: octaves, since a way
+#: between two of them is a sum of both to within 3 % of the friction.
+WAYS = (0.125, 0.25, 0.5, 1.0)
 #: Parameters of how friction turns, and their value where it turns at once.
 TURNS, AT_ONCE = frozenset({"smooth"}), 1e-6
 #: Standard errors that an effect has to gain beside friction that is free to do so.
@@ -46,7 +49,7 @@ def only_presliding(
     # Beside what the device itself declares, Coulomb friction is another level and no other turn.
     beside_found = any(term.rubs and term.joint == joint for term in model.terms)
     if effect.winds or (effect.rubs and beside_found):
-        free = _free_winding(model, joint, model.terms)
+        free = free_winding(model, joint, model.terms)
         if free is None or not _wound(free, beside, model, rows):
             return False
         return effect.winds or _nothing_beside(free, beside, model, rows, least)
@@ -80,7 +83,7 @@ def _wound(free: Term, beside: Model, model: Model, rows: Rows) -> bool:
 def free_turning(model: Model, joint: int) -> list[Term]:
     """Return terms that let a joint's friction turn in any way: in time, and wound up."""
     terms = model.terms
-    free = _free_presliding(model, joint, terms), _free_winding(model, joint, terms)
+    free = _free_presliding(model, joint, terms), free_winding(model, joint, terms)
     return [term for term in free if term is not None]
 
 
@@ -91,11 +94,21 @@ def with_free_presliding(model: Model, joints: Iterable[int]) -> Model:
     """
     declared = tuple(term for term in model.terms if term.candidate is None)
     for joint in joints:
-        ways = _free_presliding(model, joint, declared), _free_winding(model, joint, declared)
+        ways = _free_presliding(model, joint, declared), free_winding(model, joint, declared)
         for free in ways:
             if free is not None:
                 model = model.with_term(free)
     return model
+
+
+def winding_freely(model: Model, joint: int, rows: Rows) -> Model:
+    """Return the model with a joint's friction, declared or found, free to wind up; or as it is.
+
+    What winds up by its own law does so already.
+    """
+    sliding = tuple(t for t in model.terms if t.effect is not None and not t.effect.winds)
+    free = free_winding(model, joint, sliding)
+    return model if free is None else with_independent(model, free, rows)
 
 
 def _free_presliding(model: Model, joint: int, terms: tuple[Term, ...]) -> Term | None:
@@ -118,7 +131,7 @@ def _free_presliding(model: Model, joint: int, terms: tuple[Term, ...]) -> Term 
     return Term(joint=joint, columns={joint: both}, kept=tuple(range(both.shape[1])))
 
 
-def _free_winding(model: Model, joint: int, terms: tuple[Term, ...]) -> Term | None:
+def free_winding(model: Model, joint: int, terms: tuple[Term, ...]) -> Term | None:
     """Return a term that lets a joint's friction wind up over presliding's way; None without any.
 
     Bristles bend by up to `PRESLIDING_SHARE` of half the travel before friction slides (Dahl 1968):
@@ -136,19 +149,23 @@ def _free_winding(model: Model, joint: int, terms: tuple[Term, ...]) -> Term | N
         return None
     recorded = unfitted(model.recording, joint)
     sign = np.sign(recorded.velocity)
-    at_once = []
+    at_once, own = [], []
     for term in rubbing:
         assert term.effect is not None
         theta = {**term.theta, **dict.fromkeys(TURNS & term.theta.keys(), AT_ONCE)}
         at_once.append(term.effect.columns(recorded, theta)[joint][:, list(term.kept)])
-    levels = [*at_once, sign[:, None]] if built_in else at_once
-    level = np.concatenate(levels, axis=1) * sign[:, None]
+        own.append(kept_columns(term)[joint])
+    if built_in:
+        at_once.append(sign[:, None])
+        own.append(model.recording.built_in_direction[:, [joint]])
+    turned = np.concatenate(at_once, axis=1)
+    level = turned * sign[:, None]
     longest = PRESLIDING_SHARE * recorded.travel[1]
-    # Of what the device itself declares the level is not free.
-    wound = at_once + [
+    # Differences, which are nothing while the joint slides: they leave the level what it is.
+    free = [turned - np.concatenate(own, axis=1)] + [
         level * (recorded.wound(share * longest, exponent) - sign)[:, None]
         for share in WAYS
         for exponent in (1.0, 0.0)
     ]
-    columns = np.concatenate(wound, axis=1)
+    columns = np.concatenate(free, axis=1)
     return Term(joint=joint, columns={joint: columns}, kept=tuple(range(columns.shape[1])))

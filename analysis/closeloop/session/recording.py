@@ -98,8 +98,12 @@ class Recording:
     @cached_property
     def inverse(self) -> np.ndarray:
         """Torque that the declared chain needs, declared Coulomb friction included."""
-        sign = np.tanh(self.velocity / (0.5 * self.rest_speed))
-        return np.asarray(self.rigid + self.device.friction * sign)
+        return np.asarray(self.rigid + self.device.friction * self.built_in_direction)
+
+    @cached_property
+    def built_in_direction(self) -> np.ndarray:
+        """Which way declared Coulomb friction acts, -1 to 1."""
+        return np.asarray(np.tanh(self.velocity / (0.5 * self.rest_speed)))
 
     @cached_property
     def rigid(self) -> np.ndarray:

@@ -22,6 +22,7 @@ from analysis.closeloop.identification.balance.regression import (
     rank_z,
     takes_all,
 )
+from analysis.closeloop.identification.presliding import winding_freely
 from analysis.closeloop.identification.selection import (
     LARGE_GAIN,
     LARGE_Z,
@@ -48,10 +49,23 @@ def with_share(model: Model, rows: Rows, links: Links) -> Model:
     loads = [load for load in loads if _plausible(load, model, links)]
     best = min(loads, key=lambda load: load.loss, default=None)
     block_wins = shared_by_joints(alone, block, rows)
-    if best is not None and shared_by_joints(alone, best, rows):
-        further = best.loss - block.loss > MIN_LATER_GAIN * best.loss
-        if not (block_wins and further and sure(best.losses, block.losses, rows.fold_of_block)):
-            return _loaded(model, rows, links, best)
+    load_wins = best is not None and shared_by_joints(alone, best, rows)
+    if not (block_wins or load_wins):
+        return model
+    # Friction that winds up leaves torque at the ends of movements, as wrong links do.
+    wound = model
+    for joint in rows.joints:
+        wound = winding_freely(wound, joint, rows)
+    free = WholeFit(wound, rows, links)
+    every_wound = range(len(wound.terms))
+    turning = free.alone(every_wound)
+    block_wins = block_wins and shared_by_joints(turning, free.with_links(every_wound), rows)
+    if best is not None and load_wins:
+        assert best.link is not None
+        if shared_by_joints(turning, free.with_load(every_wound, best.link), rows):
+            further = best.loss - block.loss > MIN_LATER_GAIN * best.loss
+            if not (block_wins and further and sure(best.losses, block.losses, rows.fold_of_block)):
+                return _loaded(model, rows, links, best)
     return with_links(model, links, block.links) if block_wins else model
 
 

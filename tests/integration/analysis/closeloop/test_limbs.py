@@ -5,10 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from analysis.closeloop.loop import analyse
-from tests.testbed.sessions.plants import LIMB, write_recordings
+from sim.effects.laws.transmission import Hysteresis
+from tests.testbed.sessions.plants import LIMB, STEP, Beyond, write_recordings
 
 STIFFNESS, DAMPING = 4.0, 0.3
 #: The limb as it is in the true model.
@@ -21,11 +23,13 @@ def rubbing(friction: float) -> str:
     return ATTRIBUTES.replace('frictionloss="0"', f'frictionloss="{friction}"')
 
 
-def answered(folder: Path, declared: str, real: str) -> dict[str, Any]:
+def answered(
+    folder: Path, declared: str, real: str, beyond: Beyond | None = None
+) -> dict[str, Any]:
     """Return the answer to a session of a limb whose joint is declared otherwise than it is."""
     plant = replace(LIMB, mjcf=LIMB.changed(ATTRIBUTES, declared))
     truth = LIMB.changed(ATTRIBUTES, f"{real} {LIMP}")
-    write_recordings(folder, plant, 2, truth=truth, seconds=8.0, trials=4)
+    write_recordings(folder, plant, 2, truth=truth, beyond=beyond, seconds=8.0, trials=4)
     session = json.loads((folder / "session.json").read_text())
     session["declared_effects"] = [{"effect": "viscoelastic_joint", "joint": "elbow"}]
     (folder / "session.json").write_text(json.dumps(session))
@@ -60,3 +64,26 @@ def test_without_gravity_an_inertia_and_a_gain_leave_the_stiffness_as_it_was(
     assert stiffness["after"] == stiffness["before"]
     low, high = stiffness["ci90_after"]
     assert low < STIFFNESS < high and low < stiffness["after"] < high
+
+
+def test_friction_that_winds_up_before_it_slides_is_no_push_and_no_stiffness(
+    tmp_path: Path,
+) -> None:
+    """Over 3 mrad; taken for friction that turns with the velocity it was worth 2 % of K."""
+    state = 0.0
+
+    def friction(_time: float, _q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        nonlocal state
+        state = Hysteresis.wound(state, float(v[0]) * STEP, 0.003, 1.0)
+        return np.array([-0.5 * state])
+
+    report = answered(tmp_path, ATTRIBUTES, ATTRIBUTES, friction)
+    (found,) = report["effects"]
+    assert found["name"] == "coulomb_friction"
+    assert found["parameters"]["torque"]["value"] == pytest.approx(0.5, rel=0.02)
+    stiffness = report["impedance"]["elbow"]["stiffness"]
+    assert stiffness["after"] == pytest.approx(STIFFNESS, rel=0.003)
+    low, high = stiffness["ci90_after"]
+    assert low <= STIFFNESS <= high
+    assert not any(left["events"] for left in report["unexplained"].values())
+    assert any("winds up before it slides" in line for line in report["warnings"])

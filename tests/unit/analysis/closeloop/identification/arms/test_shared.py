@@ -1,9 +1,16 @@
-"""Left-out rows show an effect by how residuals go with it, before their losses do."""
+"""What joints share has to gain beside ordinary friction, and what left-out rows show of it."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from analysis.closeloop.identification.arms.shared import nested_z
-from analysis.closeloop.identification.balance.regression import compare
+from analysis.closeloop.identification.arms.links import links_of
+from analysis.closeloop.identification.arms.robot import with_ordinary
+from analysis.closeloop.identification.arms.shared import nested_z, with_share
+from analysis.closeloop.identification.balance.model import Model, unfitted
+from analysis.closeloop.identification.balance.regression import compare, select_rows
+from tests.testbed.sessions.rich import ELBOW, rich_recording
 
 #: Seconds, rows a second, and folds of a short trial.
 SECONDS, ROWS, FOLDS = 14, 24, 6
@@ -40,3 +47,21 @@ def test_noise_shows_no_offset() -> None:
     assert np.mean(nested) < 0.0
     assert np.mean(nested > 2.0) < 0.05
     assert np.mean(nested > 3.0) < 0.01
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.3])
+def test_links_are_others_than_declared_only_if_friction_that_winds_up_does_not_say_so(
+    mass: float,
+) -> None:
+    """It leaves torque at the ends of movements, where gravity has turned most."""
+    still = rich_recording(20)
+    effort = np.array(still.inverse)
+    effort += mass * still.mass_torque(ELBOW, np.array([0.0, 0.0, -0.15]))
+    for joint in still.joints:
+        effort[:, joint] += 0.8 * unfitted(still, joint).wound(0.006)
+    effort += 0.02 * np.random.default_rng(5).standard_normal(effort.shape)
+    arm = replace(still, effort=still.filtered(effort), cache={})
+    rows = select_rows(arm, (0,))
+    model = with_ordinary(Model(arm), rows)
+    shared = with_share(model, rows, links_of(arm))
+    assert (shared is not model) == (mass > 0.0)
