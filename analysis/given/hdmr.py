@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
+from scipy.linalg import cho_factor, cho_solve
 
 Array = NDArray[np.float64]
 
@@ -54,14 +55,15 @@ def shares_at(x: Array) -> Callable[[Array], Array]:
     """Return the shares of the functions as fitted (Li et al. 2010), of any output: SALib's `S`."""
     rows, factors = x.shape
     basis = _splines(x)
-    normal = basis.T @ basis + PENALTY * np.eye(basis.shape[1])
+    normal = cho_factor(basis.T @ basis + PENALTY * np.eye(basis.shape[1]))
 
     def of_output(y: Array) -> Array:
         centred = y - y.mean()
-        coefficients = np.linalg.solve(normal, basis.T @ centred)
-        functions = (basis * coefficients).reshape(rows, factors, -1).sum(axis=-1)
+        together = centred @ basis
+        # The covariance of the output and the sum of a factor's splines times their coefficients.
+        shares = (together * cho_solve(normal, together)).reshape(factors, -1).sum(axis=-1)
         # Covariances divide by n - 1 and the variance by n, as theirs.
-        found: Array = centred @ functions / (centred @ centred) * rows / (rows - 1)
+        found: Array = shares / (centred @ centred) * rows / (rows - 1)
         return found
 
     return of_output

@@ -4,7 +4,6 @@ OpenTURNS gives the same numbers (`tests/unit/analysis/given` compares them), in
 with the cube of the rows; intervals need them again and again.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,21 +45,10 @@ def hsic(x: Array, y: Array) -> Hsic:
 
 def r2_hsic(x: Array, y: Array) -> Array:
     """Return R2-HSIC (Da Veiga 2015) as `hsic` does, without the test."""
-    return r2_hsic_at(x)(y)
-
-
-def r2_hsic_at(x: Array) -> Callable[[Array], Array]:
-    """Return R2-HSIC (Da Veiga 2015) of any output of these factors: `r2_hsic` of many at once."""
-    factors = [_gram(column) for column in x.T]
-    of_factors = [_unbiased(factor, factor) for factor in factors]
-
-    def of_output(y: Array) -> Array:
-        output = _gram(y)
-        own = _unbiased(output, output)
-        both = zip(factors, of_factors, strict=True)
-        return np.array([_share(_unbiased(one, output), of_one * own) for one, of_one in both])
-
-    return of_output
+    output = _gram(y)
+    own = _unbiased(output, output)
+    factors = (_gram(column) for column in x.T)
+    return np.array([_share(_unbiased(k, output), _unbiased(k, k) * own) for k in factors])
 
 
 def hsic_of_pairs(x: Array) -> tuple[Array, Array]:

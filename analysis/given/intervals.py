@@ -8,8 +8,9 @@ which move less smoothly, by the bootstrap (Efron 1979).
 
 Of an index to which chance adds squares, both see too much: in half the rows chance is twice as
 large, and a row that is drawn twice agrees with itself. Halves count the variance of that part
-twice, as the jackknife does (Efron and Stein 1981, The jackknife estimate of variance), and the
-bootstrap counts it two or three times. Permuting the output says how large the part is.
+twice, as the jackknife does (Efron and Stein 1981, The jackknife estimate of variance), and more
+often if more is taken off for the bias of half the rows than of all; the bootstrap counts it two or
+three times. Permuting the output says how large the part is, in all rows and in half of them.
 """
 
 from collections.abc import Callable
@@ -58,25 +59,31 @@ def by_bootstrap(index: Index, x: Array, y: Array, rng: np.random.Generator) -> 
     return variance
 
 
-def by_chance(index: Callable[[Array], Array], y: Array, rng: np.random.Generator) -> Chance:
+def by_chance(
+    index: Callable[[Array], Array],
+    y: Array,
+    rng: np.random.Generator,
+    permutations: int = PERMUTATIONS,
+) -> Chance:
     """Return mean and variance over permutations (Khorashadi Zadeh et al. 2017, section 2.3).
 
     Args:
         index: of any output of the factors there are.
     """
-    found = np.stack([index(rng.permutation(y)) for _ in range(PERMUTATIONS)])
+    found = np.stack([index(rng.permutation(y)) for _ in range(permutations)])
     return Chance(mean=found.mean(axis=0), variance=found.var(axis=0, ddof=1))
 
 
-def half_width(variance: Array, by_chance: Array, level: float) -> Array:
+def half_width(variance: Array, by_chance: Array, level: float, seen: float = 2.0) -> Array:
     """Return half the width of an interval (Efron and Stein 1981).
 
     Args:
         variance: from `by_halves` or `by_bootstrap`.
-        by_chance: how much of an index's variance is of what chance adds, which is taken off once,
-            as far as all of `variance` may be such.
+        by_chance: how much of an index's variance is of what chance adds.
         level: between 0 and 1.
+        seen: how many times that is in `variance`, which is taken off but for once, as far as all
+            of `variance` may be such.
     """
-    left = np.maximum(variance - by_chance, 0.5 * variance)
+    left = np.maximum(variance - (seen - 1.0) * by_chance, variance / seen)
     half: Array = -stdtrit(CUTS, (1.0 - level) / 2.0) * np.sqrt(left)
     return half

@@ -13,8 +13,15 @@ from numpy.typing import NDArray
 
 from analysis.given.delta import delta
 from analysis.given.hdmr import PIECES, hdmr, hdmr_at
-from analysis.given.hsic import r2_hsic, r2_hsic_at
-from analysis.given.intervals import by_bootstrap, by_chance, by_halves, half_width
+from analysis.given.hsic import r2_hsic
+from analysis.given.intervals import (
+    PERMUTATIONS,
+    Chance,
+    by_bootstrap,
+    by_chance,
+    by_halves,
+    half_width,
+)
 from analysis.given.pawn import SLICES, pawn
 
 Array = NDArray[np.float64]
@@ -28,13 +35,23 @@ def rbd_fast(x: Array, y: Array) -> Array:
 
     Tarantola, Gatelli and Mara 2006; for any sample Plischke 2010; bias Tissot and Prieur 2012.
     """
+    return rbd_fast_at(x)(y)
+
+
+def rbd_fast_at(x: Array) -> Callable[[Array], Array]:
+    """Return `rbd_fast` of any output of these factors (Tarantola et al. 2006)."""
     from SALib.analyze.rbd_fast import permute_outputs, unskew_S1
     from scipy.signal import periodogram
 
-    # All factors at once: SALib's periodogram of each alone takes its time to begin.
-    _, power = periodogram(np.stack([permute_outputs(column, y) for column in x.T]))
-    raw = power[:, 1 : HARMONICS + 1].sum(axis=1) / power[:, 1:].sum(axis=1)
-    return np.asarray(unskew_S1(raw, HARMONICS, len(y)), dtype=np.float64)
+    order = np.stack([permute_outputs(column, np.arange(len(x))) for column in x.T])
+
+    def of_output(y: Array) -> Array:
+        # All factors at once: SALib's periodogram of each alone takes its time to begin.
+        _, power = periodogram(y[order])
+        raw = power[:, 1 : HARMONICS + 1].sum(axis=1) / power[:, 1:].sum(axis=1)
+        return np.asarray(unskew_S1(raw, HARMONICS, len(y)), dtype=np.float64)
+
+    return of_output
 
 
 def unless_still(index: Callable[[Array, Array], Array]) -> Callable[[Array, Array], Array]:
@@ -47,22 +64,21 @@ def unless_still(index: Callable[[Array, Array], Array]) -> Callable[[Array, Arr
 
 
 def _unexplained(value: Array, chance: Array) -> Array:
-    """Return the share of the variance that a factor does not explain."""
-    return np.clip(1.0 - value, 0.0, 1.0)
+    """Return the square of the share of the variance that a factor does not explain."""
+    share: Array = np.clip(1.0 - value, 0.0, 1.0) ** 2
+    return share
 
 
 def _unexplained_by_all(value: Array, chance: Array) -> Array:
-    """Return the root of the share of the variance that the factors together do not explain.
+    """Return r (1 + r) / 2 of the share r of the variance that the factors do not explain together.
 
-    (The share itself is what theory of normal errors says, but what is left is seldom normal: the
-    root was set on samples of `benchmarks.sensitivity.dependent` that it does not report.)
+    Each coefficient of a function that is fitted to nothing is u a, with u^2 = r of what nothing
+    explains, and by chance the others' functions have v b with it, v^2 = 1 - r, a and b as good as
+    normal. The covariance of output and function is the sum of (u a)^2 + u v a b, of variance
+    2 r^2 + r (1 - r) = r (1 + r) (Kendall and Stuart 1977, chapter 15); of noise alone, 2.
     """
-    return np.sqrt(np.clip(1.0 - np.full_like(value, value.sum()), 0.0, 1.0))
-
-
-def _all(value: Array, chance: Array) -> Array:
-    """Return 1: of a dependence of any form none of what chance adds can be told apart."""
-    return np.ones_like(value)
+    left = np.clip(1.0 - value.sum(), 0.0, 1.0)
+    return np.full_like(value, left * (1.0 + left) / 2.0)
 
 
 def _beside(value: Array, chance: Array) -> Array:
@@ -70,7 +86,7 @@ def _beside(value: Array, chance: Array) -> Array:
 
     (The power was set on samples of `benchmarks.sensitivity.dependent` that it does not report.)
     """
-    share: Array = np.clip(chance / np.maximum(value, 1e-300), 0.0, 1.0) ** 4
+    share: Array = np.clip(chance / np.maximum(value, 1e-300), 0.0, 1.0) ** 8
     return share
 
 
@@ -95,10 +111,14 @@ class Measure:
     index: Callable[[Array, Array], Array]
     #: Of the variance, from index, x, y and a generator (`analysis.given.intervals`).
     variance: Callable[..., Array]
-    #: Of value and chance, shape (factors,) each: how large what chance adds to the index is, as a
-    #: share of what it adds to one of a factor that does nothing.
-    #: None of one that adds next to nothing.
+    #: Of value and chance, shape (factors,) each: the variance of what chance adds to the index, as
+    #: a share of what it is of a factor that does nothing where all the output is noise. None: as
+    #: little can be told apart from what a weak factor does, nothing is taken off.
     rest: Callable[[Array, Array], Array] | None
+    #: How often the output is permuted to tell that, and whether it is in halves of the sample too,
+    #: where more is taken off for a bias than of all rows.
+    permutations: int = PERMUTATIONS
+    of_halves: bool = False
     #: It grows with the square of the rows, or is slow: of more rows so many are drawn.
     most_rows: int
     #: No index is below: of what only noise can be, an interval ends there.
@@ -125,15 +145,26 @@ class Measure:
         """
         value = self.index(x, y)
         variance = self.variance(self.index, x, y, rng)
-        added, chance = np.zeros_like(value), np.zeros_like(value)
+        nothing = np.zeros_like(value)
+        chance, added, seen = Chance(mean=nothing, variance=nothing), nothing, 2.0
         if self.rest is not None:
             # A permuted output varies as the output does.
-            permuted = by_chance(self.at(x) if self.at else partial(self.index, x), y, rng)
-            chance, added = permuted.mean, permuted.variance
-            added = added * self.rest(value, chance) ** 2
-        half = half_width(variance, added, level)
-        low = value - half if self.least is None else np.maximum(value - half, self.least)
-        return Found(value=value, low=low, high=value + half, chance=chance)
+            chance = by_chance(self._at(x), y, rng, self.permutations)
+            added = chance.variance * self.rest(value, chance.mean)
+        half = rng.permutation(len(y))[: len(y) // 2]
+        if self.of_halves and np.ptp(y[half]) > 0.0:
+            of_half = by_chance(self._at(x[half]), y[half], rng, self.permutations)
+            # `by_halves` has half the variance of each. One number for all factors: to tell it of
+            # each would take as many times the permutations.
+            of_all = max(chance.variance.sum(), 1e-300)
+            seen = max(0.5 * float(of_half.variance.sum()) / of_all, 1.0)
+        half_length = half_width(variance, added, level, seen)
+        low = value - half_length
+        low = low if self.least is None else np.maximum(low, self.least)
+        return Found(value=value, low=low, high=value + half_length, chance=chance.mean)
+
+    def _at(self, x: Array) -> Callable[[Array], Array]:
+        return self.at(x) if self.at else partial(self.index, x)
 
 
 MEASURES = (
@@ -141,8 +172,11 @@ MEASURES = (
         name="rbd_fast",
         symbol="S",
         index=unless_still(rbd_fast),
+        at=rbd_fast_at,
         variance=by_halves,
         rest=_unexplained,
+        permutations=64,
+        of_halves=True,
         most_rows=20_000,
         least=None,
         biased=False,
@@ -159,6 +193,8 @@ MEASURES = (
         at=hdmr_at,
         variance=by_halves,
         rest=_unexplained_by_all,
+        permutations=64,
+        of_halves=True,
         most_rows=5_000,
         least=None,
         biased=False,
@@ -199,9 +235,8 @@ MEASURES = (
         name="hsic",
         symbol="R²-HSIC",
         index=unless_still(r2_hsic),
-        at=r2_hsic_at,
         variance=by_halves,
-        rest=_all,
+        rest=None,
         most_rows=1_000,
         least=None,
         biased=False,

@@ -94,10 +94,44 @@ def test_halves_of_a_mean_give_its_standard_error() -> None:
     assert half[0] == pytest.approx(1.746 / np.sqrt(4000.0), rel=0.5)
 
 
-def test_what_chance_adds_is_counted_once_and_takes_half_of_the_variance_at_most() -> None:
+def test_what_chance_adds_is_counted_once_and_is_all_of_the_variance_at_most() -> None:
     added = np.array([0.0, 1.0, 3.0])
     half = half_width(np.full(3, 4.0), added, 0.9)
     assert half**2 / half[0] ** 2 == pytest.approx([1.0, 0.75, 0.5])
+    # Seen two and a half times in the variance, it is one part of two and a half.
+    half = half_width(np.full(3, 4.0), added, 0.9, seen=2.5)
+    assert half**2 / half[0] ** 2 == pytest.approx([1.0, 0.625, 0.4])
+
+
+def test_chance_adds_to_hdmr_beside_others_what_its_measure_says() -> None:
+    rng = np.random.default_rng(3)
+
+    def spread(signal: float) -> Any:
+        found = []
+        for _ in range(600):
+            x = rng.random((120, 2))
+            noise = rng.normal(0.0, np.sqrt(1.0 - signal), 120)
+            found.append(hdmr.hdmr(x, np.sqrt(12.0 * signal) * x[:, 0] + noise)[1])
+        return np.var(found)
+
+    # Two estimates of a variance from 600 draws each are off by 8 %.
+    for signal in (0.5, 0.8):
+        said = measures._unexplained_by_all(np.array([signal, 0.0]), np.zeros(2))
+        assert spread(signal) / spread(0.0) == pytest.approx(said[1], rel=0.3)
+
+
+@pytest.mark.parametrize("name", ["rbd_fast", "hdmr"])
+def test_of_a_factor_that_does_nothing_intervals_are_as_long_as_chance_is(name: str) -> None:
+    (measure,) = (one for one in measures.MEASURES if one.name == name)
+    rng = np.random.default_rng(4)
+    found = []
+    for _ in range(40):
+        x = rng.random((128, 2))
+        found.append(measure.estimate(x, rng.normal(size=128), 0.9, rng))
+    value, low, high = (np.array([getattr(f, e) for f in found]) for e in ("value", "low", "high"))
+    half = 1.746 * np.sqrt(value.var())
+    # Chance taken off but for once; as if halves saw it twice, they were longer by a third.
+    assert np.mean(high - low) / 2.0 == pytest.approx(half, rel=0.25)
 
 
 def test_every_measure_has_an_interval_and_says_what_it_assumes(answered: Any) -> None:
