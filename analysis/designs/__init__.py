@@ -9,6 +9,7 @@ their quantiles (Devroye 1986, Non-uniform random variate generation, section II
 """
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
@@ -47,6 +48,8 @@ _POINTS = {
     "sobol_paired": sobol,
     "latin_hypercube": latin_hypercube,
 }
+#: Orders of the factors that are made, and kept, at a time: of as many rows as points are.
+_ORDERS_AT_ONCE = 1024
 #: Of these, a factor's two coordinates in a row are neighbours.
 _PAIRED = ("sobol_blocks", "sobol_paired")
 
@@ -110,6 +113,20 @@ def orders_of(sampling: str, seed: int, rows: Sequence[int], factors: int) -> ND
 
     Shape (rows, factors).
     """
+    part, offset = np.divmod(np.asarray(rows, dtype=np.int64), _ORDERS_AT_ONCE)
+    parts, place = np.unique(part, return_inverse=True)
+    made = np.stack([_orders(sampling, seed, one, factors) for one in parts.tolist()])
+    found: NDArray[np.intp] = made[place, offset]
+    return found
+
+
+@lru_cache(maxsize=64)
+def _orders(sampling: str, seed: int, part: int, factors: int) -> NDArray[np.intp]:
+    """Return the orders of `_ORDERS_AT_ONCE` rows: made with the design, needed with its results.
+
+    (Opening a stream of random bits for each row takes longer than all else that is done to it.)
+    """
+    rows = range(part * _ORDERS_AT_ONCE, (part + 1) * _ORDERS_AT_ONCE)
     ends = points(sampling, seed, rows, 2 * factors + 2)[:, 2 * factors :]
     return shapley_orders(seed, rows, ends, factors)
 
@@ -161,10 +178,10 @@ def unit_row(
     if method in SINGLE_POINTS:
         single = _POINTS[sampling](seed, row, factors)[None]
         return single if correlation is None else dependent(single, correlation, range(factors))
-    point = _point(sampling, seed, row, factors, 2 if method == "shapley" else 0)
+    point = _point(sampling, seed, row, factors, 2 if method == "shapley" else 0)[: 2 * factors]
     if method == "shapley":
-        order = shapley_orders(seed, [row], point[None, 2 * factors :], factors)[0].tolist()
-        found = shapley_row(point[: 2 * factors], order)
+        order = orders_of(sampling, seed, [row], factors)[0].tolist()
+        found = shapley_row(point, order)
         return found if correlation is None else dependent(found, correlation, order)
     if method == "morris":
         return radial_row(point)

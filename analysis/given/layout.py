@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.designs.radial import legs
 from analysis.sensitivity.estimators import Estimate, Estimator, MorrisEstimator, estimator_class
+from analysis.sensitivity.estimators.weightings import FIRST, WEIGHTINGS
 
 Array = NDArray[np.float64]
 
@@ -79,24 +80,41 @@ def indices(layout: Layout, x: Array, y: Array, level: float) -> dict[str, Estim
         x, y: of the whole sample, shape (runs, factors) and (runs, outputs), nan where a run has no
             output.
     """
-    rows = len(layout.places)
+    # Replicates take most of the time, and few rows or heavy tails alone need them.
+    found = _indices(layout, x, y, level, FIRST)
+    if any(np.isnan(one.low[~np.isnan(one.value)]).any() for one in found.values()):
+        found = _indices(layout, x, y, level, WEIGHTINGS)
+    return found
+
+
+def _indices(
+    layout: Layout, x: Array, y: Array, level: float, weightings: int
+) -> dict[str, Estimate]:
     estimator: Estimator
     if layout.method == "morris":
         low, high = x.min(axis=0), x.max(axis=0)
-        estimator = _Given(((x - low) / (high - low))[layout.places], outputs=y.shape[1])
+        points = ((x - low) / (high - low))[layout.places]
+        estimator = _Given(points, outputs=y.shape[1], weightings=weightings)
     else:
         estimator = estimator_class(layout.method)(
-            sampling=_SAMPLING, seed=0, factors=x.shape[1], outputs=y.shape[1]
+            sampling=_SAMPLING,
+            seed=0,
+            factors=x.shape[1],
+            outputs=y.shape[1],
+            weightings=weightings,
         )
-    estimator.add_rows(range(rows), y[layout.places])
+    estimator.add_rows(range(len(layout.places)), y[layout.places])
     return estimator.indices(level)
 
 
 class _Given(MorrisEstimator):
     """Elementary effects of points that are no function of a seed."""
 
-    def __init__(self, points: Array, *, outputs: int) -> None:
-        super().__init__(sampling=_SAMPLING, seed=0, factors=points.shape[-1], outputs=outputs)
+    def __init__(self, points: Array, *, outputs: int, weightings: int) -> None:
+        factors = points.shape[-1]
+        super().__init__(
+            sampling=_SAMPLING, seed=0, factors=factors, outputs=outputs, weightings=weightings
+        )
         self._points = points
 
     def _designed(self, rows: Sequence[int]) -> Array:

@@ -1,9 +1,10 @@
 """The same samples given to SALib and OpenTURNS: how far values differ, and what each takes.
 
 `python -m benchmarks.sensitivity.rivals` prints the page `docs/measurements/rivals.md`. Each is
-asked for all that it says of one output with its intervals, as it makes them by default; of times,
-in processor time, the least of `REPEATS` counts. Where another program's value has another
-definition, what it is made of is compared instead.
+asked for all that it says of one output with its intervals, as it makes them by default, and ours
+of designs for these, without what the service keeps beside them to tell how stable a ranking is
+(`WITH_ALL`, in lines of their own). Of times, in processor time, the least of `REPEATS` counts.
+Where another program's value has another definition, what it is made of is compared instead.
 """
 
 import time
@@ -21,7 +22,8 @@ from analysis.designs import DEFAULT_SAMPLING, unit_rows
 from analysis.given.hdmr import PIECES, shares_at
 from analysis.given.measures import MEASURES
 from analysis.given.pawn import pawn
-from analysis.sensitivity.estimators import Estimator, estimator_class
+from analysis.sensitivity.estimators import Estimator, ShapleyEffects, estimator_class
+from analysis.sensitivity.estimators.weightings import FIRST, WEIGHTINGS
 from benchmarks.machine import describe_machine
 
 Array = NDArray[np.float64]
@@ -34,6 +36,9 @@ REPEATS = 5
 LONG = 2.0
 LEVEL = 0.9
 SEED = 1000
+#: How many weightings of rows estimators keep: for values alone, for intervals, and all.
+VALUES, WITH_INTERVALS, WITH_ALL = 1, FIRST, WEIGHTINGS
+_AND_ALL = ", and 200 replicates, which tell how stable rankings are"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,14 +88,15 @@ def _designed(rows: int) -> Iterator[Line]:
             found = salib_sobol.analyze(problem, in_order, calc_second_order=False, seed=1)
         return np.asarray(found["ST"])
 
-    yield Line(
-        index="S, ST",
-        program="SALib",
-        rows=rows,
-        ours=lambda: _indices("saltelli", y)["total_order"],
-        theirs=salib,
-        note="ST; its S centres on another mean",
-    )
+    for kept, note in ((WITH_INTERVALS, "; its S centres on another mean"), (WITH_ALL, _AND_ALL)):
+        yield Line(
+            index="S, ST",
+            program="SALib",
+            rows=rows,
+            ours=partial(lambda kept: _indices("saltelli", y, kept)["total_order"], kept),
+            theirs=salib,
+            note="ST" + note,
+        )
     import openturns as ot
 
     ot.ResourceMap.SetAsUnsignedInteger("TBB-ThreadsNumber", 1)
@@ -109,7 +115,7 @@ def _designed(rows: int) -> Iterator[Line]:
         index="S, ST",
         program="OpenTURNS",
         rows=rows,
-        ours=lambda: _indices("saltelli", y)["total_order"],
+        ours=lambda: _indices("saltelli", y, WITH_INTERVALS)["total_order"],
         theirs=openturns,
         note="ST (Jansen) in shares of the variance of A and B, as ours",
     )
@@ -121,18 +127,19 @@ def _designed(rows: int) -> Iterator[Line]:
         found = salib_radial.analyze(problem, flat, of_radial.ravel(), sample_sets=rows, seed=1)
         return np.stack([found["mu"], found["mu_star"], found["sigma"]])
 
-    def our_effects() -> Array:
-        found = _indices("morris", of_radial)
+    def our_effects(kept: int) -> Array:
+        found = _indices("morris", of_radial, kept)
         return np.stack([found["mu"], found["mu_star"], found["sigma"]])
 
-    yield Line(
-        index="mu, mu*, sigma",
-        program="SALib",
-        rows=rows,
-        ours=our_effects,
-        theirs=salib_effects,
-        note="with intervals of all three; theirs of mu* only",
-    )
+    for kept, note in ((WITH_INTERVALS, "; theirs of mu* only"), (WITH_ALL, _AND_ALL)):
+        yield Line(
+            index="mu, mu*, sigma",
+            program="SALib",
+            rows=rows,
+            ours=partial(our_effects, kept),
+            theirs=salib_effects,
+            note="with intervals of all three" + note,
+        )
     ordered = _points("shapley", rows)
     shared = g_function(ordered)
     order = [0, *range(FACTORS, 0, -1)]
@@ -142,14 +149,21 @@ def _designed(rows: int) -> Iterator[Line]:
         found = salib_shapley.analyze(problem, trajectory, shared[:, order].ravel())
         return np.asarray(found["shapley_normalized"])
 
-    yield Line(
-        index="Shapley effects",
-        program="SALib",
-        rows=rows,
-        ours=lambda: _indices("shapley", shared)["shapley"],
-        theirs=salib_effects_of_shapley,
-        note="with full and independent indices and all intervals; theirs without any",
-    )
+    for kind, kept, note in (
+        (ShapleyEffects, VALUES, "without intervals, as theirs"),
+        (ShapleyEffects, WITH_INTERVALS, "with intervals; theirs without any"),
+        (estimator_class("shapley"), WITH_ALL, "with full and independent indices" + _AND_ALL),
+    ):
+        yield Line(
+            index="Shapley effects",
+            program="SALib",
+            rows=rows,
+            ours=partial(
+                lambda kind, kept: _indices("shapley", shared, kept, kind)["shapley"], kind, kept
+            ),
+            theirs=salib_effects_of_shapley,
+            note=note,
+        )
 
 
 def _given() -> Iterator[Line]:
@@ -246,10 +260,12 @@ def _points(method: str, rows: int) -> Array:
     return unit_rows(method, DEFAULT_SAMPLING, SEED, range(rows), FACTORS)
 
 
-def _indices(method: str, y: Array) -> dict[str, Array]:
-    """Return the indices of rows (rows, width) by our estimators, made with their intervals."""
-    estimator: Estimator = estimator_class(method)(
-        sampling=DEFAULT_SAMPLING, seed=SEED, factors=FACTORS, outputs=1
+def _indices(
+    method: str, y: Array, kept: int, kind: type[Estimator] | None = None
+) -> dict[str, Array]:
+    """Return the indices of rows (rows, width) by our estimators with so many weightings."""
+    estimator: Estimator = (kind or estimator_class(method))(
+        sampling=DEFAULT_SAMPLING, seed=SEED, factors=FACTORS, outputs=1, weightings=kept
     )
     estimator.add_rows(range(len(y)), y[..., None])
     return {name: found.value[0] for name, found in estimator.indices(LEVEL).items()}

@@ -7,7 +7,7 @@ from analysis.sensitivity.estimators.estimator import OF_PAIRS, Estimator, Momen
 from analysis.sensitivity.estimators.intervals import Estimate
 from analysis.sensitivity.estimators.morris import MorrisEstimator
 from analysis.sensitivity.estimators.saltelli import SaltelliEstimator, SecondOrderEstimator
-from analysis.sensitivity.estimators.shapley import ShapleyEstimator
+from analysis.sensitivity.estimators.shapley import ShapleyEffects, ShapleyEstimator
 from analysis.sensitivity.estimators.single_points import Sample, SinglePoints
 from analysis.sensitivity.estimators.statistic import Statistic, interaction
 
@@ -35,6 +35,7 @@ __all__ = [
     "SaltelliEstimator",
     "Sample",
     "SecondOrderEstimator",
+    "ShapleyEffects",
     "ShapleyEstimator",
     "SinglePoints",
     "Statistic",

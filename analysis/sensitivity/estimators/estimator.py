@@ -55,6 +55,9 @@ class Estimator(ABC):
         factors, outputs: how many.
         indicators: how many of the outputs, the last ones, say something of every run, also of a
             failed one. They alone do not make a row count as used.
+        weightings: how many of `analysis.sensitivity.estimators.weightings` it keeps, the first
+            ones; None: all that the class does. With 1 indices have no intervals, and with `FIRST`
+            none where these keep a share of what independent rows err (`Statistic.apart`).
     """
 
     method: ClassVar[str]
@@ -73,16 +76,24 @@ class Estimator(ABC):
     sample_sums: ClassVar[tuple[str, ...]] = ()
     sample_output_sums: ClassVar[tuple[str, ...]] = ()
     #: How many of the weightings it keeps, the first ones.
-    weightings: ClassVar[int] = WEIGHTINGS
+    weightings: int = WEIGHTINGS
 
     def __init__(
-        self, *, sampling: str, seed: int, factors: int, outputs: int, indicators: int = 0
+        self,
+        *,
+        sampling: str,
+        seed: int,
+        factors: int,
+        outputs: int,
+        indicators: int = 0,
+        weightings: int | None = None,
     ) -> None:
         self.sampling = sampling
         self.seed = seed
         self.factors = factors
         self.outputs = outputs
         self.indicators = indicators
+        self.weightings = weightings or self.weightings
         self.width = row_width(self.method, factors)
         #: Rows, and those of which at least one index could use a part.
         self.rows = 0
@@ -119,7 +130,7 @@ class Estimator(ABC):
         if not rows:
             return
         usable = np.where(np.abs(values) <= LARGEST_OUTPUT, values, np.nan)
-        weighting = weights(self.sampling, self.seed, rows)
+        weighting = weights(self.sampling, self.seed, rows, self.weightings)
         self.rows += len(rows)
         self.least = np.fmin(self.least, np.fmin.reduce(usable, axis=(0, 1)))
         self.most = np.fmax(self.most, np.fmax.reduce(usable, axis=(0, 1)))

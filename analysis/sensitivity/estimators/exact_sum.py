@@ -16,6 +16,12 @@ LIMB_BITS = 32
 #: How many terms one matrix product may sum: limb 2**32 * weight 2**4 * terms 2**16 < 2**53.
 _TERMS_PER_PRODUCT = 2**16
 
+#: Of so few weightings, copying the limbs takes longer than reading the weights.
+_FEW_WEIGHTINGS = 16
+
+#: As many numbers are cut at a time as a processor keeps near, of so many rows at least.
+_NUMBERS_AT_ONCE, _ROWS_AT_ONCE = 2**15, 1024
+
 #: Beyond, a power of two is no double.
 _LARGEST_EXPONENT = 1000
 
@@ -41,7 +47,8 @@ def split(values: NDArray[np.float64]) -> tuple[int, list[NDArray[np.float64]]]:
     limbs: list[NDArray[np.float64]] = []
     rest, place = values, high
     while not limbs or rest.any():
-        limb = np.trunc(_times_power(rest, -LIMB_BITS * place))
+        limb = _times_power(rest, -LIMB_BITS * place)
+        np.trunc(limb, out=limb)
         rest = rest - _times_power(limb, LIMB_BITS * place)
         limbs.append(limb)
         place -= 1
@@ -82,18 +89,22 @@ class ExactSums:
         Raises:
             ValueError: a term is not finite.
         """
-        per_row, rows, _ = terms.shape
-        size = max(_TERMS_PER_PRODUCT // max(per_row, 1), 1)
+        per_row, rows, width = terms.shape
+        near = max(_NUMBERS_AT_ONCE // max(per_row * width, 1), _ROWS_AT_ONCE)
+        size = max(min(_TERMS_PER_PRODUCT // max(per_row, 1), near), 1)
         for start in range(0, rows, size):
             batch = slice(start, start + size)
             low, limbs = split(terms[:, batch])
             # In floating point for the speed of BLAS: every partial sum is a whole number below
             # 2**53, so the product is exact in whatever order it is taken.
-            # All limbs at once, since reading the weights takes longer than multiplying them.
-            whole = np.stack([limb[0] if per_row == 1 else limb.sum(axis=0) for limb in limbs], 1)
-            product = weights[:, batch] @ whole.reshape(len(whole), -1)
-            whole_sums = product.astype(np.int64).reshape(len(weights), *whole.shape[1:])
-            self._include(low, np.moveaxis(whole_sums, 1, 0), columns)
+            whole = [limb[0] if per_row == 1 else limb.sum(axis=0) for limb in limbs]
+            if len(weights) <= _FEW_WEIGHTINGS:
+                product = np.stack([weights[:, batch] @ limb for limb in whole])
+            else:
+                # All limbs at once, since reading the weights takes longer than multiplying them.
+                found = weights[:, batch] @ np.concatenate(whole, axis=1)
+                product = np.moveaxis(found.reshape(len(weights), len(whole), width), 1, 0)
+            self._include(low, product.astype(np.int64), columns)
 
     def merge(self, other: "ExactSums") -> None:
         """Add the sums of `other`."""
@@ -138,8 +149,10 @@ class ExactSums:
         below = max(self.low - low, 0)
         above = max(low + len(limbs) - (self.low + len(self.limbs)), 0)
         if below or above:
-            self.limbs = np.pad(self.limbs, ((below, above), (0, 0), (0, 0)))
-            self.low -= below
+            # As `numpy.pad` does, which takes ten times as long.
+            more = np.zeros((below + len(self.limbs) + above, *self.shape), dtype=np.int64)
+            more[below : below + len(self.limbs)] = self.limbs
+            self.limbs, self.low = more, self.low - below
         start = low - self.low
         self.limbs[start : start + len(limbs), :, columns] += limbs
 

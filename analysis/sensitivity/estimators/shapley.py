@@ -60,19 +60,21 @@ class ShapleyEstimator(Estimator):
         """Return the kurtosis of each output (`saltelli.kurtosis_of`), shape (outputs,)."""
         return kurtosis_of(self._weighted(1), self._weighted_sample())
 
+    def _effects(self, sums: Weighted) -> Index:
+        """Return the Shapley effects of every output and factor."""
+        whole = 0.5 * sums.mean("between_squared")[..., None]
+        return Index(
+            weighted=share(sums.mean("gain"), whole),
+            count=sums.count("gain"),
+            whole=whole,
+            apart=FLOOR * heaviness(self.kurtosis())[:, None],
+        )
+
     def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
         """Return "shapley", and the four indices of the module's docstring."""
-        whole = 0.5 * sums.mean("between_squared")[..., None]
+        found = {"shapley": self._effects(sums)}
         variance = sums.variance("value", ddof=0)[..., None]
-        apart = FLOOR * heaviness(self.kurtosis())[:, None]
-        found = {
-            "shapley": Index(
-                weighted=share(sums.mean("gain"), whole),
-                count=sums.count("gain"),
-                whole=whole,
-                apart=apart,
-            )
-        }
+        apart = found["shapley"].apart
         for name, pair in _FIRSTS.items():
             mean = sums.mean("value")[..., None]
             centred = sums.mean(f"{pair}_product") - mean * sums.mean(f"{pair}_difference")
@@ -100,36 +102,42 @@ class ShapleyEstimator(Estimator):
             )
         return found
 
-    def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
+    def _of_effects(self, order: NDArray[np.intp], values: NDArray[np.float64]) -> Terms:
+        """Return what rows of these orders add to the sums of Shapley effects."""
         k = self.factors
-        order = orders_of(self.sampling, self.seed, rows, k)
         a, b = values[:, 0], values[:, 1]  # rows, outputs
         # A less the points that keep 0, 1, ..., k factors of A.
         apart = np.concatenate([a[:, None] - values[:, 1 : k + 1], 0.0 * a[:, None]], axis=1)
         gain = 0.5 * (apart[:, :-1] - apart[:, 1:]) * (apart[:, :-1] + apart[:, 1:])
-        every = np.arange(len(rows))[:, None]
         by_factor = np.empty_like(gain)
-        by_factor[every, order] = gain
-
-        def of(place: int, terms: NDArray[np.float64]) -> NDArray[np.float64]:
-            """Return terms (rows, outputs) as those of the factor at a place of the order."""
-            spread = np.full((len(rows), k, values.shape[2]), np.nan)
-            spread[every[:, 0], order[:, place]] = terms
-            return np.moveaxis(spread, 1, 2)[None]
-
-        # Beside A, the points that share with it the first factor only, and the last only.
-        alone = {"first": (0, values[:, 2] - b), "last": (-1, values[:, k + 2] - b)}
-        moved = {"moved_first": (0, values[:, k + 1] - a), "moved_last": (-1, values[:, k] - a)}
+        by_factor[np.arange(len(values))[:, None], order] = gain
         points = np.moveaxis(values[:, :2], 1, 0)
         between = np.abs(a - b)
         between_size = np.where(between <= LARGEST_FOURTH, between, np.nan)
-        terms: dict[str, NDArray[np.float64]] = {
+        return {
             "gain": np.moveaxis(by_factor, 1, 2)[None],
             "value": points,
             "value_squared": points,
             "between_squared": (a - b)[None],
             "between_fourth": (between_size**2 * between_size**2)[None],
         }
+
+    def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
+        k = self.factors
+        order = orders_of(self.sampling, self.seed, rows, k)
+        a, b = values[:, 0], values[:, 1]  # rows, outputs
+        every = np.arange(len(rows))
+
+        def of(place: int, terms: NDArray[np.float64]) -> NDArray[np.float64]:
+            """Return terms (rows, outputs) as those of the factor at a place of the order."""
+            spread = np.full((len(rows), k, values.shape[2]), np.nan)
+            spread[every, order[:, place]] = terms
+            return np.moveaxis(spread, 1, 2)[None]
+
+        # Beside A, the points that share with it the first factor only, and the last only.
+        alone = {"first": (0, values[:, 2] - b), "last": (-1, values[:, k + 2] - b)}
+        moved = {"moved_first": (0, values[:, k + 1] - a), "moved_last": (-1, values[:, k] - a)}
+        terms = dict(self._of_effects(order, values))
         for name, (place, difference) in alone.items():
             product = a * difference
             terms[f"{name}_product"] = of(place, product)
@@ -142,3 +150,18 @@ class ShapleyEstimator(Estimator):
             terms[f"{name}_size"] = of(place, size)
             terms[f"{name}_fourth"] = of(place, (size * size) * (size * size))
         return terms
+
+
+class ShapleyEffects(ShapleyEstimator):
+    """Shapley effects alone, of the same rows in a part of the time."""
+
+    factor_sums = ("gain",)
+    sample_sums = ()
+
+    def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
+        """Return "shapley"."""
+        return {"shapley": self._effects(sums)}
+
+    def _terms(self, rows: Sequence[int], values: NDArray[np.float64]) -> Terms:
+        order = orders_of(self.sampling, self.seed, rows, self.factors)
+        return self._of_effects(order, values)

@@ -176,10 +176,14 @@ def kept_apart(found: Estimate, weighted: Array, apart: Array, level: float) -> 
 
     Args:
         found: the interval.
-        weighted: the index in the sample and its replicates, shape (1 + replicates, ...).
+        weighted: the index in the sample and its replicates, shape (1 + replicates, ...); without
+            any replicate an interval that keeps a share is unknown.
         apart: the share; broadcasts to (...).
         level: of the interval.
     """
+    if len(weighted) == 1:
+        low, high = (np.where(apart > 0.0, np.nan, end) for end in (found.low, found.high))
+        return Estimate(value=found.value, low=low, high=high)
     known = ~np.isnan(weighted[1:])
     n = np.maximum(known.sum(axis=0), 1)
     kept = np.where(known, weighted[1:], 0.0)

@@ -30,15 +30,23 @@ WEIGHTINGS = FIRST + REPLICATES
 SQUARED = "_squared"
 
 
-def weights(sampling: str, seed: int, rows: Sequence[int]) -> NDArray[np.float64]:
+def weights(
+    sampling: str, seed: int, rows: Sequence[int], stop: int = WEIGHTINGS
+) -> NDArray[np.float64]:
     """Return how often each row counts in what is summed, shape (WEIGHTINGS, rows).
 
     For the jackknife (Tukey 1958) and the Poisson bootstrap (Hanley and MacGibbon 2006). In the
     place of all rows but a block's the block itself is summed: fewer terms, as good.
+
+    Args:
+        stop: how many weightings are wanted, the first ones.
     """
-    found = np.ones((WEIGHTINGS, len(rows)))
-    found[1:FIRST] = np.arange(BLOCKS)[:, None] == blocks_of(sampling, seed, rows)
-    found[FIRST:] = replicate_weights(seed, rows)
+    found = np.ones((stop, len(rows)))
+    if stop > 1:
+        blocks = blocks_of(sampling, seed, rows)
+        found[1:FIRST] = np.arange(BLOCKS)[: stop - 1, None] == blocks
+    if stop > FIRST:
+        found[FIRST:] = replicate_weights(seed, rows)[: stop - FIRST]
     return found
 
 

@@ -28,6 +28,8 @@ from analysis.designs.distributions import (
     Triangular,
     Uniform,
 )
+from analysis.designs.points import latin_hypercube
+from analysis.designs.shapley import shapley_orders
 from sim.parameters.anthropometric import STUDY
 
 NAMES = ("a", "b", "c")
@@ -104,6 +106,15 @@ def test_points_share_the_first_factors_of_the_order_bit_for_bit(
         assert (found[1 + j, order[j:]] != found[0, order[j:]]).all()
     again = unit_row("shapley", "sobol_blocks", seed, row, k, correlation)
     assert np.array_equal(found, again)
+
+
+def test_an_order_is_the_same_in_whatever_company_it_is_asked_for() -> None:
+    rows = [2047, 5, 1024, 1023, 5]
+    together = orders_of("latin_hypercube", 3, rows, 5)
+    for row, order in zip(rows, together, strict=True):
+        assert np.array_equal(orders_of("latin_hypercube", 3, [row], 5)[0], order)
+        point = latin_hypercube(3, row, 12)[None]
+        assert np.array_equal(shapley_orders(3, [row], point[:, 10:], 5)[0], order)
 
 
 def test_each_factor_is_first_and_last_equally_often() -> None:

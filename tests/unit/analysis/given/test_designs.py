@@ -17,6 +17,7 @@ from analysis.given.refusals import GivenError
 from analysis.given.sample import choose
 from analysis.given.spread import in_parts, quasi_random, sharing_nothing
 from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
+from analysis.sensitivity.estimators.weightings import WEIGHTINGS
 from tests.testbed.given import ROWS, ishigami, written
 
 
@@ -34,7 +35,8 @@ def test_a_saltelli_design_of_any_order_is_recognised_and_estimated() -> None:
         assert found is not None and found.method == "saltelli"
         indices = layout.indices(found, x, ishigami(x)[:, None], 0.9)
         for name, index in ours.indices(0.9).items():
-            assert np.array_equal(indices[name].value, index.value)
+            for end in ("value", "low", "high"):
+                assert np.array_equal(getattr(indices[name], end), getattr(index, end))
         independent = x[found.independent].reshape(2, 8, 3)
         assert np.array_equal(independent, design[:, :2].swapaxes(0, 1))
 
@@ -51,6 +53,21 @@ def test_a_morris_design_is_recognised_and_estimated(sampling: str) -> None:
     ours = MorrisEstimator(sampling=sampling, seed=4, factors=3, outputs=2)
     ours.add_rows(range(12), y.reshape(12, 4, 2))
     assert effects == pytest.approx(ours.indices(0.9)["mu"].value * reach)
+
+
+@pytest.mark.parametrize("rows", [40, 256])
+def test_intervals_of_a_design_are_the_same_without_replicates_where_none_are_needed(
+    rows: int,
+) -> None:
+    x = np.concatenate([unit_row("morris", "sobol", 4, row, 2) for row in range(rows)])
+    y = (x[:, 0] * x[:, 1])[:, None]
+    found = layout.recognise(x)
+    assert found is not None
+    ours = layout._indices(found, x, y, 0.9, WEIGHTINGS)
+    for name, index in layout.indices(found, x, y, 0.9).items():
+        assert not np.isnan(index.low).any()
+        for end in ("value", "low", "high"):
+            assert np.array_equal(getattr(index, end), getattr(ours[name], end))
 
 
 def test_no_design_is_seen_in_random_points(points: Any) -> None:

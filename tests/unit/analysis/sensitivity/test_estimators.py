@@ -20,6 +20,7 @@ from analysis.sensitivity.estimators import (
     SinglePoints,
     estimator_class,
 )
+from analysis.sensitivity.estimators.weightings import FIRST
 from tests.testbed.estimators import CLASSES, FACTORS, OUTPUTS, SEED, empty, fed, values_of
 
 
@@ -231,6 +232,31 @@ def test_estimators_of_different_studies_do_not_merge(cls: type[Estimator]) -> N
 def test_values_of_another_shape_are_refused(cls: type[Estimator]) -> None:
     with pytest.raises(ValueError, match=r"values must have shape \(1, "):
         empty(cls).add_rows([0], np.zeros((1, 2, OUTPUTS)))
+
+
+@pytest.mark.parametrize("cls", CLASSES)
+def test_fewer_weightings_leave_the_same_values_and_the_intervals_that_blocks_alone_tell(
+    cls: type[Estimator],
+) -> None:
+    values = values_of(cls, 24)
+    whole = fed(cls, values)
+    for weightings in (1, FIRST):
+        fewer = cls(
+            sampling="sobol", seed=SEED, factors=FACTORS, outputs=OUTPUTS, weightings=weightings
+        )
+        fewer.add_rows(range(24), values)
+        for name, index in fewer.indices().items():
+            expected = whole.indices()[name]
+            assert np.array_equal(index.value, expected.value)
+            apart = whole.statistics()[name].apart
+            unknown = weightings == 1 or (apart is not None and np.any(apart > 0.0))
+            for end in ("low", "high"):
+                found, wanted = getattr(index, end), getattr(expected, end)
+                assert np.all(np.isnan(found) | (found == wanted))
+                assert unknown or np.array_equal(found, wanted, equal_nan=True)
+                assert not unknown or np.isnan(found).any()
+        with pytest.raises(ValueError, match="cannot merge sums of shape"):
+            fewer.merge(whole)
 
 
 def test_every_method_has_its_estimator() -> None:

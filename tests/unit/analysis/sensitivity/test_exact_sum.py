@@ -91,6 +91,16 @@ def test_large_batches_are_as_exact_as_small_ones() -> None:
     assert total_of(sums) == 160_000 * 15 * Fraction(1.0 + 2.0**-52)
 
 
+@pytest.mark.parametrize("weightings", [2, 40])
+def test_many_columns_are_summed_in_parts_and_as_exactly(weightings: int) -> None:
+    values = np.random.default_rng(5).normal(1.0, 1e3, (1, 2500, 33))
+    sums = ExactSums(weightings, 33)
+    sums.add(slice(0, 33), np.ones((weightings, 2500)), values)
+    numbers, shift = sums.integers(slice(0, 33)), sums.shift
+    rounded = divide(numbers, np.ones_like(numbers), shift)
+    assert rounded.tolist() == [[math.fsum(one) for one in values[0].T]] * weightings
+
+
 @settings(deadline=None)
 @given(st.floats(-1e100, 1e100).filter(lambda x: x == 0.0 or abs(x) > 1e-100))
 def test_a_square_is_exact(value: float) -> None:

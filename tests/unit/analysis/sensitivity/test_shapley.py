@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.special import ndtri
 
 from analysis.designs import unit_row
-from analysis.sensitivity.estimators import SaltelliEstimator, ShapleyEstimator
+from analysis.sensitivity.estimators import SaltelliEstimator, ShapleyEffects, ShapleyEstimator
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse
 from analysis.sensitivity.study_state import StudyState
@@ -63,6 +63,16 @@ def test_indices_are_those_of_the_closed_form(
     for name, truth in truths(known).items():
         assert found[name].value[0] == pytest.approx(truth, abs=0.12 if "_" in name else 0.05), name
     assert found["shapley"].value.sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_effects_alone_are_the_same_to_the_last_bit() -> None:
+    points = np.stack([unit_row("shapley", "sobol_blocks", 12, row, 3) for row in range(24)])
+    alone = ShapleyEffects(sampling="sobol_blocks", seed=12, factors=3, outputs=1)
+    alone.add_rows(range(24), ishigami(points)[..., None])
+    (found,) = alone.indices().values()
+    whole = estimated(ishigami, None, 24)["shapley"]
+    for end in ("value", "low", "high"):
+        assert np.array_equal(getattr(found, end), getattr(whole, end))
 
 
 def test_of_independent_ishigami_effects_are_the_published_ones() -> None:
