@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from analysis.designs import orders_of
 from analysis.sensitivity.estimators.estimator import Estimator, Terms
 from analysis.sensitivity.estimators.saltelli import kurtosis_of, share
+from analysis.sensitivity.estimators.shares import longer
 from analysis.sensitivity.estimators.statistic import Index
 from analysis.sensitivity.estimators.tails import FLOOR, LARGEST_FOURTH, heaviness, tail
 from analysis.sensitivity.estimators.weightings import Weighted
@@ -74,7 +75,7 @@ class ShapleyEstimator(Estimator):
         """Return "shapley", and the four indices of the module's docstring."""
         found = {"shapley": self._effects(sums)}
         variance = sums.variance("value", ddof=0)[..., None]
-        apart = found["shapley"].apart
+        apart, sides = found["shapley"].apart, longer(self.kurtosis()[:, None])
         for name, pair in _FIRSTS.items():
             mean = sums.mean("value")[..., None]
             centred = sums.mean(f"{pair}_product") - mean * sums.mean(f"{pair}_difference")
@@ -92,6 +93,7 @@ class ShapleyEstimator(Estimator):
                 power=1,
                 whole=variance,
                 apart=apart,
+                longer=sides,
                 tail=tail(
                     half=sample.mean(f"{pair}_root")[0],
                     first=sample.mean(f"{pair}_size")[0],

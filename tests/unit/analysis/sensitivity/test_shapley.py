@@ -12,6 +12,7 @@ from scipy.special import ndtri
 
 from analysis.designs import unit_row
 from analysis.sensitivity.estimators import SaltelliEstimator, ShapleyEffects, ShapleyEstimator
+from analysis.sensitivity.estimators.shares import LOW
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse
 from analysis.sensitivity.study_state import StudyState
@@ -73,6 +74,16 @@ def test_effects_alone_are_the_same_to_the_last_bit() -> None:
     whole = estimated(ishigami, None, 24)["shapley"]
     for end in ("value", "low", "high"):
         assert np.array_equal(getattr(found, end), getattr(whole, end))
+
+
+def test_total_indices_allow_for_a_tail_as_far_as_the_output_may_have_one() -> None:
+    points = np.stack([unit_row("shapley", "sobol_blocks", 12, row, 2) for row in range(64)])
+    estimator = ShapleyEstimator(sampling="sobol_blocks", seed=12, factors=2, outputs=2)
+    even, heavy = np.sign(points[..., 0] - 0.5), points[..., 0] ** 12
+    estimator.add_rows(range(64), np.stack([even, heavy], axis=-1))
+    for name in ("full_total_order", "independent_total_order"):
+        sides = estimator.statistics()[name].longer
+        assert sides is not None and sides[0] == 1.0 and sides[1] == LOW
 
 
 def test_of_independent_ishigami_effects_are_the_published_ones() -> None:
