@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import httpx2
 
-from rehyb.client.wire import Wire, is_plain
+from rehyb.client.wire import Answer, Wire, answered, is_plain
 from rehyb.errors import Invalid, RehybError, ServerError, Unauthorized, Unreachable, refusal
 from rehyb.whole_files import whole_file
 
@@ -19,6 +19,8 @@ Json = dict[str, Any]
 Body = Mapping[str, Any] | None
 Headers = Mapping[str, str] | None
 
+#: `json.dumps` would make a new one for every body.
+_JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 #: Bodies longer than this are sent compressed.
 COMPRESS_BYTES = 50_000
 DEFAULT_URL = "http://127.0.0.1:8787"
@@ -89,26 +91,24 @@ class Connection:
             return None
         return body_of(response)
 
-    def _note_pause(self, response: httpx2.Response) -> None:
-        seconds = response.headers.get("Retry-After", "")
+    def _note_pause(self, response: Answer) -> None:
+        seconds = response.header("Retry-After")
         self.retry_after = float(seconds) if seconds.isdigit() else 1.0
 
     def _request(
         self, method: str, path: str, body: Body = None, headers: Headers = None
-    ) -> httpx2.Response:
+    ) -> Answer:
         response = self._send(method, path, body, headers)
         if not response.is_success:
             raise error_of(response)
         return response
 
-    def _send(
-        self, method: str, path: str, body: Body = None, headers: Headers = None
-    ) -> httpx2.Response:
+    def _send(self, method: str, path: str, body: Body = None, headers: Headers = None) -> Answer:
         try:
             address = self._address(path)
             if body is None:
                 return self._ask(method, address, headers or {})
-            content = json.dumps(body, allow_nan=False).encode()
+            content = _JSON.encode(body).encode()
             headers = {"Content-Type": "application/json", **(headers or {})}
             if len(content) > COMPRESS_BYTES:
                 content = gzip.compress(content, compresslevel=1)
@@ -123,10 +123,11 @@ class Connection:
 
     def _ask(
         self, method: str, url: httpx2.URL, headers: Mapping[str, str], content: bytes = b""
-    ) -> httpx2.Response:
+    ) -> Answer:
         if self._wire is not None:
             return self._wire.request(method, url, headers, content)
-        return self._http.request(method, url, content=content or None, headers=headers)
+        given = content or None
+        return answered(self._http.request(method, url, content=given, headers=headers))
 
     def _join(self, path: str) -> httpx2.URL:
         """Return the address of a path at the coordinator."""
@@ -151,7 +152,7 @@ class Connection:
             ):
                 if response.status_code != HTTPStatus.OK:
                     response.read()
-                    raise error_of(response)
+                    raise error_of(answered(response))
                 for chunk in response.iter_bytes():
                     file.write(chunk)
                     on_chunk()
@@ -164,7 +165,7 @@ class Connection:
         `content`: content, files, params and headers as httpx2 takes them.
         """
         try:
-            response = self._http.post(path, timeout=UPLOAD_SECONDS, **content)
+            response = answered(self._http.post(path, timeout=UPLOAD_SECONDS, **content))
         except httpx2.TransportError as error:
             raise self._unreachable(error) from error
         if not response.is_success:
@@ -172,21 +173,21 @@ class Connection:
         return body_of(response)
 
 
-def body_of(response: httpx2.Response) -> Json:
+def body_of(response: Answer) -> Json:
     """Return the JSON object that an answer holds; ServerError if it holds none."""
     try:
         body = response.json()
     except ValueError:
         body = None
     if not isinstance(body, dict):
-        raise ServerError(f"{response.request.url} did not answer with a JSON object")
+        raise ServerError(f"{response.url} did not answer with a JSON object")
     return body
 
 
-def error_of(response: httpx2.Response) -> RehybError:
+def error_of(response: Answer) -> RehybError:
     """Turn a refusal into the error that a caller can tell apart, worded by the coordinator."""
     try:
         problem = response.json()
     except ValueError:
         problem = None
-    return refusal(response.status_code, problem, str(response.request.url))
+    return refusal(response.status_code, problem, response.url)

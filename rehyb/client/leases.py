@@ -23,7 +23,7 @@ class Leases(Connection):
     def health(self) -> Json:
         """Return {"status", "date"}: "ok" if the coordinator lives, and its clock (RFC 9110)."""
         response = self._request("GET", "/healthz")
-        return {**body_of(response), "date": response.headers.get("Date")}
+        return {**body_of(response), "date": response.header("Date") or None}
 
     def lease(
         self, *, worker: Mapping[str, Any], models: Sequence[str], max_instances: int

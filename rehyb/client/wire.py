@@ -5,11 +5,14 @@ and a worker with quick instances does little else. What is not plain (TLS, a pr
 such a client all the same: `connection` decides.
 """
 
+import json
+import select
 import socket
 from collections.abc import Mapping
 from contextlib import suppress
-from functools import lru_cache
+from dataclasses import dataclass
 from http import HTTPStatus
+from typing import Any
 from urllib.request import getproxies
 
 import httptools
@@ -27,6 +30,38 @@ class WireError(OSError):
     """The other side does not speak HTTP, or has hung up in the middle of an answer."""
 
 
+@dataclass(slots=True)
+class Answer:
+    """An answer to a request, read to its end: what a coordinator's client needs of one."""
+
+    status_code: int
+    content: bytes
+    #: What was asked.
+    url: str
+    headers: list[tuple[bytes, bytes]]
+
+    @property
+    def is_success(self) -> bool:
+        """Whether what was asked for was done."""
+        return HTTPStatus.OK <= self.status_code < HTTPStatus.MULTIPLE_CHOICES
+
+    def header(self, name: str) -> str:
+        """Return what a header says; empty: it is not there."""
+        wanted = name.lower().encode("ascii")
+        said = [value for given, value in self.headers if given.lower() == wanted]
+        return b", ".join(said).decode("latin-1")
+
+    def json(self) -> Any:
+        """Return the value that it holds; ValueError if it is no JSON."""
+        return json.loads(self.content)
+
+
+def answered(response: httpx2.Response) -> Answer:
+    """Return an answer that a general client has read."""
+    content, url = response.content, str(response.request.url)
+    return Answer(response.status_code, content, url, response.headers.raw)
+
+
 class Wire:
     """Kept connections to one host. Threads may share it: each request has a connection to itself.
 
@@ -42,16 +77,15 @@ class Wire:
         host = url.netloc.decode("ascii")
         self._headers = _lines({"Host": host, "Accept": "*/*", **headers})
         self._idle: list[socket.socket] = []
-        # What an answer is an answer to; a worker asks for the same few all the time.
-        self._request = lru_cache(maxsize=64)(httpx2.Request)
 
     def request(
         self, method: str, url: httpx2.URL, headers: Mapping[str, str], content: bytes = b""
-    ) -> httpx2.Response:
+    ) -> Answer:
         """Send a request and return the answer, read to its end.
 
         Raises:
             OSError: nobody answers, or not in HTTP.
+            httpx2.DecodingError: the answer cannot be unpacked.
             Invalid: a header cannot be sent.
         """
         head = b"%s %s HTTP/1.1\r\n%s%sContent-Length: %d\r\n\r\n" % (
@@ -66,22 +100,22 @@ class Wire:
             # An answer may come, and the rest of the request be unwanted, before it is sent.
             with suppress(BrokenPipeError, ConnectionResetError):
                 _send(connection, head + content)
-            answer = _read(connection)
+            found = _read(connection)
         except BaseException:
             connection.close()
             raise
-        if answer.keep:
+        if found.keep:
             self._idle.append(connection)
         else:
             connection.close()
-        response = httpx2.Response(
-            answer.status,
-            headers=answer.headers,
-            stream=httpx2.ByteStream(b"".join(answer.body)),
-            request=self._request(method, url),
-        )
-        response.read()
-        return response
+        answer = Answer(found.status, b"".join(found.body), str(url), found.headers)
+        if answer.header("content-encoding"):
+            # Nobody asked for it, but a server in between may pack what it likes.
+            packed = httpx2.Response(
+                answer.status_code, headers=found.headers, content=answer.content
+            )
+            answer.content = packed.content
+        return answer
 
     def close(self) -> None:
         """Close what is kept."""
@@ -119,7 +153,7 @@ def is_plain(url: httpx2.URL, token: str, *, direct: bool) -> bool:
     )
 
 
-class _Answer:
+class _Reading:
     """An answer as it arrives; httptools calls its methods."""
 
     def __init__(self) -> None:
@@ -166,8 +200,8 @@ class _Answer:
             self.complete, self.keep = True, self._parser.should_keep_alive()
 
 
-def _read(connection: socket.socket) -> _Answer:
-    answer = _Answer()
+def _read(connection: socket.socket) -> _Reading:
+    answer = _Reading()
     while not answer.complete:
         if chunk := connection.recv(CHUNK):
             answer.feed(chunk)
@@ -185,17 +219,9 @@ def _send(connection: socket.socket, data: bytes) -> None:
 
 def _readable(connection: socket.socket) -> bool:
     """Say whether there is something to read, if only the end, between two requests."""
-    seconds = connection.gettimeout()
-    connection.setblocking(False)
-    try:
-        connection.recv(1, socket.MSG_PEEK)
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True
-    finally:
-        connection.settimeout(seconds)
-    return True
+    looking = select.poll()
+    looking.register(connection, select.POLLIN)
+    return bool(looking.poll(0))
 
 
 def _lines(headers: Mapping[str, str]) -> bytes:
