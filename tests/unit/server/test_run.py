@@ -1,9 +1,10 @@
-"""An answer leaves in one piece, whatever uvicorn writes it in."""
+"""Answers leave in one piece, and no look for garbage keeps them waiting."""
 
 import asyncio
+import gc
 from collections.abc import Callable
 
-from server.run import WholeAnswers
+from server.run import WholeAnswers, leave_alone_what_stays
 
 
 class Wire:
@@ -72,3 +73,16 @@ def test_nothing_is_sent_to_who_has_gone() -> None:
         transport.__getattr__("close")()
 
     assert sent(speak).packets == []
+
+
+def test_garbage_is_looked_for_among_what_is_new_only() -> None:
+    threshold, frozen = gc.get_threshold(), gc.get_freeze_count()
+    here_before = object.__new__(type("Here", (), {}))
+    try:
+        leave_alone_what_stays()
+        assert gc.get_freeze_count() > frozen
+        assert not any(one is here_before for one in gc.get_objects())
+        assert gc.get_threshold()[0] > threshold[0]
+    finally:
+        gc.unfreeze()
+        gc.set_threshold(*threshold)
