@@ -1,14 +1,14 @@
 """What follows from a study's plan: its points, their names, and what the analysis is told."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from analysis.designs import instance_parameters
 from analysis.designs.distributions import scales
 from analysis.sensitivity.records import StudyPlan
 from models.factors import SEED
-from server.records import Plan, Study
+from server.records import Place, Plan, Study
 
 
 def instance_id(study_id: str, row: int, position: int) -> str:
@@ -46,6 +46,26 @@ def point(plan: Plan, row: int, values: Mapping[str, float]) -> dict[str, Any]:
         "parameters": {name: x for name, x in values.items() if name != SEED.name},
         "model_seed": seed,
     }
+
+
+def told(study: Study, places: Sequence[Place]) -> list[dict[str, Any]]:
+    """Return instances as a worker is told of them, with their parameters, which no table holds."""
+    plan = study.plan
+    rows = {row: parameters(plan, row) for row in {row for row, _ in places}}
+    # What a worker gives as lists, and what it leaves out unless it is asked.
+    curves = {"curves": {name: c.as_json() for name, c in plan.curves.items()}}
+    return [
+        {
+            "id": instance_id(study.id, row, position),
+            "study": study.id,
+            "model": plan.model,
+            "row": row,
+            "position": position,
+            **point(plan, row, rows[row][position]),
+            **(curves if plan.curves else {}),
+        }
+        for row, position in places
+    ]
 
 
 def for_analysis(study: Study) -> StudyPlan:

@@ -2,9 +2,12 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import field
+from typing import Any
 
 from server.logic.fleet.hosts import host_class
 from server.logic.fleet.verdicts import Judgement, Report
+from server.logic.study.points import told
 from server.records import Introduction, Lease, Study, record
 
 _STUDY = re.compile(r"[0-9a-f]{1,32}")
@@ -72,6 +75,13 @@ class Grant:
 
     lease: Lease
     study: Study
+    _told: list[dict[str, Any]] = field(default_factory=list)
+
+    def instances(self) -> list[dict[str, Any]]:
+        """Return the instances as the worker is told of them; they are made once."""
+        if not self._told:
+            self._told.extend(told(self.study, self.lease.instances))
+        return self._told
 
 
 @record

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from sqlalchemy.engine import Engine
 
-from server.operations.fleet.exchange import Answer, Deferred, Exchange, Served
+from server.operations.fleet.exchange import Answer, Deferred, Exchange, Grant, Served
 from server.operations.fleet.turns import next_turn, serve_within, take_turn
 from server.store.database.write_batching import WriteBatches
 from server.store.fleet.turns import TurnConnection
@@ -59,6 +59,7 @@ class Exchanges:
 
     async def _serve(self, turns: TurnConnection) -> None:
         """Take one turn after the other while anybody waits."""
+        loop = asyncio.get_running_loop()
         while self._waiting:
             study = self._waiting[0][1].study or self._next_study
             taken: list[Waiting] = []
@@ -68,10 +69,14 @@ class Exchanges:
                 taken += found
                 return [exchange for _, exchange in taken]
 
+            def ahead(grant: Grant) -> None:
+                # The event loop comes to it when the server writes the turn.
+                loop.call_soon(grant.instances)
+
             answers: Sequence[Served | None]
             try:
                 async with turns.turn() as turn:
-                    found = await take_turn(turn, study, collect)
+                    found = await take_turn(turn, study, collect, ahead)
                 answers, self._next_study = found.answers, found.next_study
             except Exception:
                 # What comes of it by itself each is told; perhaps the server is away.

@@ -150,5 +150,5 @@ class ServedStudy:
         judgements, found = answer
         if isinstance(found, Grant):
             lease = replace(found.lease, fence=self._fences[found.lease.id])
-            found = Grant(lease=lease, study=found.study)
+            found = replace(found, lease=lease)
         return judgements, found

@@ -14,7 +14,7 @@ from sqlalchemy.engine import Connection
 from server.logic.fleet.comparisons import GATHER_SECONDS
 from server.logic.fleet.verdicts import Judgement
 from server.operations.fleet import leasing, results
-from server.operations.fleet.exchange import Deferred, Exchange, Post, Served
+from server.operations.fleet.exchange import Deferred, Exchange, Grant, Post, Served
 from server.operations.fleet.served import ServedStudy
 from server.records import record
 from server.store.fleet.turns import Turn, at_once, turn_within
@@ -39,13 +39,19 @@ class Taken:
     next_study: str = ""
 
 
-async def take_turn(turn: Turn, study_id: str, waiting: Callable[[], Sequence[Exchange]]) -> Taken:
+async def take_turn(
+    turn: Turn,
+    study_id: str,
+    waiting: Callable[[], Sequence[Exchange]],
+    ahead: Callable[[Grant], object] = lambda _: None,
+) -> Taken:
     """Serve all who wait, one after the other.
 
     Args:
         turn: the transaction.
         study_id: the study that is locked; empty: none.
         waiting: returns who waits, once it is: the longer that takes, the more there are.
+        ahead: is given each lease before it is written, which may fail.
     """
     study = await turn.lock(study_id) if study_id else None
     exchanges = waiting()
@@ -65,6 +71,9 @@ async def take_turn(turn: Turn, study_id: str, waiting: Callable[[], Sequence[Ex
     if study is not None and (more := served.rows_of(posts) - named):
         served.fill(await turn.rows(study, more))
     answers = [await _serve(served, one) for one in exchanges]
+    for _, found in answers:
+        if isinstance(found, Grant):
+            ahead(found)
     await served.write(end=True)
     # Only now every lease has its fence.
     answers = [served.with_fence(answer) for answer in answers]

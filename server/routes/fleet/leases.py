@@ -13,7 +13,6 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.datastructures import State
 
 from server.errors import ConflictError
-from server.logic.study.points import instance_id, parameters, point
 from server.operations.fleet import leases
 from server.operations.fleet.exchange import Exchange, Grant, Ineligible, LeaseRequest
 from server.records import Introduction
@@ -136,7 +135,7 @@ def granted(grant: Grant, state: State) -> dict[str, Any]:
         "fence": lease.fence,
         "expires_at": lease.expires_at,
         "ttl_seconds": state.settings.lease_seconds,
-        "instances": _instances(grant),
+        "instances": grant.instances(),
     }
 
 
@@ -161,23 +160,3 @@ def release(lease_id: LeaseId, body: FenceBody, store: Store, now: Now) -> dict[
     """Give back, unharmed, what a lease still holds."""
     leases.release(store, lease_id, fence=body.fence, now=now)
     return {"released": True}
-
-
-def _instances(grant: Grant) -> list[dict[str, Any]]:
-    """Return the leased instances with their parameters, which no table holds."""
-    plan = grant.study.plan
-    rows = {row: parameters(plan, row) for row in {row for row, _ in grant.lease.instances}}
-    # What a worker gives as lists, and what it leaves out unless it is asked.
-    curves = {"curves": {name: c.as_json() for name, c in plan.curves.items()}}
-    return [
-        {
-            "id": instance_id(grant.study.id, row, position),
-            "study": grant.study.id,
-            "model": plan.model,
-            "row": row,
-            "position": position,
-            **point(plan, row, rows[row][position]),
-            **(curves if plan.curves else {}),
-        }
-        for row, position in grant.lease.instances
-    ]

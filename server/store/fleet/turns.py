@@ -196,10 +196,12 @@ class Turn:
             *(self._pending(id_, kind, hints[kind], most) for kind, most in asks.items()),
         )
         pending = {}
+        # None waits before the first that was known, if those that were found are all there are.
+        before = study is not None and study.returned > sum(map(len, waiting))
         for (kind, most), here in zip(asks.items(), waiting, strict=True):
-            if len(here) < most and hints[kind]:
+            if before and len(here) < most and hints[kind]:
                 (here,) = await self._ask(self._pending(id_, kind, 0, most))
-            self._note(id_, kind, here)
+            self._first_pending[id_, kind] = here[0][0] if here else 0
             pending[kind] = [instances.from_row(row) for row in here]
         first_served, due = _wanted(work, opinions)
         return Seen(
@@ -305,9 +307,6 @@ class Turn:
 
     def _pending(self, study_id: str, kind: str, first: int, most: int) -> list[Words]:
         return sql.PENDING.words(self._kind, study_id, kind, first, most)
-
-    def _note(self, study_id: str, kind: str, rows: Rows) -> None:
-        self._first_pending[study_id, kind] = rows[0][0] if rows else 0
 
 
 def turn_within(connection: Connection) -> Turn:

@@ -1,13 +1,16 @@
 """What a turn asks PostgreSQL: in few trips, by statements planned once, by way of indexes."""
 
+import asyncio
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 from sqlalchemy.engine import Engine
 
-from server.operations.fleet import leases
+from server.logic.study.points import told
+from server.operations.fleet import exchange, leases
 from server.operations.fleet.exchange import Exchange, Grant, Post
+from server.operations.fleet.exchanges import Exchanges
 from server.operations.study import studies
 from server.records import Plan
 from server.store.database.pipeline import Pipeline
@@ -29,9 +32,9 @@ def test_an_instance_of_any_name_disturbs_no_turn(
     engine: Engine, turns: Turns, plan: Callable[..., Plan]
 ) -> None:
     post = Post(reports=[report("\0 ' or 1:0:0")], lease="l", fence=1, worker="w")
-    exchange = Exchange(now=0.0, ttl=TTL, posted=post)
-    assert exchange.study == ""
-    ((judgements, found),) = turns.take(exchange.study, lambda: [exchange]).answers
+    posted = Exchange(now=0.0, ttl=TTL, posted=post)
+    assert posted.study == ""
+    ((judgements, found),) = turns.take(posted.study, lambda: [posted]).answers
     assert [judgement.verdict for judgement in judgements] == ["unknown"] and found is None
 
 
@@ -98,17 +101,69 @@ def test_an_instance_that_came_back_is_passed_over_by_few_turns(
     assert (0, 0) in given
 
 
-def test_a_worker_that_finds_nothing_to_do_costs_two_trips(
-    turns: Turns, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    trips: list[list[str]] = []
+@pytest.fixture
+def trips(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Return where trips are written down, each when it has come back: how statements begin."""
+    made: list[list[str]] = []
     trip = Pipeline.trip
 
     async def counted(self: Pipeline, statements: Any) -> Any:
-        trips.append([text.split()[0] for text, _ in statements])
-        return await trip(self, statements)
+        found = await trip(self, statements)
+        made.append([text.split()[0] for text, _ in statements])
+        return found
 
     monkeypatch.setattr(Pipeline, "trip", counted)
+    return made
+
+
+def test_who_wants_more_than_waits_costs_no_further_trip(
+    engine: Engine, turns: Turns, plan: Callable[..., Plan], trips: list[list[str]]
+) -> None:
+    study, _ = studies.create(engine, plan(rows=9), key=None, digest="", now=0.0)
+    width, places = study.plan.width, []
+    # After the second it is known that those before the second row have gone.
+    for wanted in (width + 1, 1, width):
+        trips.clear()
+        asked = Exchange(now=0.0, ttl=TTL, request=asking("w", wanted))
+        ((_, found),) = turns.take(study.id, lambda asked=asked: [asked]).answers
+        assert isinstance(found, Grant)
+        places += found.lease.instances
+    assert places == [divmod(number, width) for number in range(2 * width + 2)]
+    assert len(trips) == 3
+
+
+def test_points_of_a_lease_are_made_while_the_server_writes_it(
+    engine: Engine,
+    plan: Callable[..., Plan],
+    trips: list[list[str]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    study, _ = studies.create(engine, plan(rows=1), key=None, digest="", now=0.0)
+    made_after: list[int] = []
+
+    def making(*given: Any) -> Any:
+        made_after.append(len(trips))
+        return told(*given)
+
+    monkeypatch.setattr(exchange, "told", making)
+
+    async def asked() -> Any:
+        exchanges = Exchanges(engine)
+        request = asking("w", 2)
+        _, found = await exchanges(Exchange(now=0.0, ttl=TTL, request=request, first=study.id))
+        await exchanges.close()
+        return found
+
+    found = asyncio.run(asked())
+    assert found.lease.fence > 0
+    assert found.instances() == told(study, found.lease.instances)
+    # To lock, to look, to write.
+    assert len(trips) == 3 and made_after == [2]
+
+
+def test_a_worker_that_finds_nothing_to_do_costs_two_trips(
+    turns: Turns, trips: list[list[str]]
+) -> None:
     asked = Exchange(now=0.0, ttl=TTL, request=asking("w", 4))
     assert turns.take("", lambda: [asked]).answers == [([], None)]
     # What there is to do, and second opinions that are wanted; the worker was heard from.
