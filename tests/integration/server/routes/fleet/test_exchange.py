@@ -3,10 +3,11 @@
 from typing import Any
 
 import pytest
-from fastapi import FastAPI
+from fastapi import FastAPI, Response
 from fastapi.testclient import TestClient
 
 from server.operations import check
+from server.routes.fleet import results
 from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, is_problem, posting, result
 
 
@@ -53,6 +54,23 @@ def test_the_answer_brings_verdicts_and_the_next_lease(
     progress = client.get(f"/v1/studies/{study['id']}/progress").json()
     assert (progress["ok"], progress["leased"]) == (5, 3)
     assert check.faults(app.state.engine) == []
+
+
+def test_a_worker_is_answered_before_its_results_are_counted(
+    client: TestClient, lease: Json, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order: list[str] = []
+    answer = Response.__call__
+
+    async def answering(self: Response, *given: Any) -> None:
+        order.append("answered")
+        await answer(self, *given)
+
+    monkeypatch.setattr(Response, "__call__", answering)
+    monkeypatch.setattr(results, "_note", lambda *_: order.append("counted"))
+    exchange(client, lease, asking(max_instances=3))
+    client.get("/healthz")
+    assert order == ["answered", "counted", "answered"]
 
 
 def test_results_that_are_refused_keep_nobody_from_the_next_lease(
