@@ -20,6 +20,7 @@ from analysis.closeloop.identification.balance.model import (
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare, takes_all
+from sim.effects.catalogue import BY_NAME
 from sim.effects.motion import PRESLIDING_SHARE
 
 #: How far friction is moved and widened in time, s.
@@ -49,6 +50,8 @@ def only_presliding(
     # Beside what the device itself declares, Coulomb friction is another level and no other turn.
     beside_found = any(term.rubs and term.joint == joint for term in model.terms)
     if effect.winds or (effect.rubs and beside_found):
+        if effect.winds and free_winding(model, joint, model.terms) is None:
+            model = _rubbing(model, joint)
         free = free_winding(model, joint, model.terms)
         if free is None or not _wound(free, beside, model, rows):
             return False
@@ -56,6 +59,17 @@ def only_presliding(
     free = _free_presliding(model, joint, model.terms)
     return (
         free is not None and not effect.at_reversals and _nothing_beside(free, beside, model, rows)
+    )
+
+
+def _rubbing(model: Model, joint: int) -> Model:
+    """Return the model with Coulomb friction: the least that can wind up over presliding's way."""
+    effect, theta = BY_NAME["coulomb_friction"], dict.fromkeys(TURNS, AT_ONCE)
+    columns = effect.columns(unfitted(model.recording, joint), theta)
+    return model.with_term(
+        Term(
+            joint=joint, columns=columns, lower=effect.lower, kept=(0,), theta=theta, effect=effect
+        )
     )
 
 

@@ -26,13 +26,14 @@ def elbow() -> Recording:
     return replace(rich_recording(), joints=(ELBOW,), cache={})
 
 
-def named_beside_friction(elbow: Recording, way: float, friction: float) -> bool:
+def named(elbow: Recording, way: float, friction: float, *, alone: bool = False) -> bool:
     """Whether hysteresis passes beside Coulomb friction; it is there over a way, 1 Nm.
 
     Args:
         elbow: without friction.
         way: over half the travel.
         friction: that slides at once, Nm.
+        alone: whether it is the first effect instead.
     """
     joint = unfitted(elbow, ELBOW)
     effort = np.array(elbow.inverse)
@@ -54,7 +55,7 @@ def named_beside_friction(elbow: Recording, way: float, friction: float) -> bool
         )
         for name, theta in thetas.items()
     ]
-    model = Model(loud, terms=(terms[0],))
+    model = Model(loud, terms=() if alone else (terms[0],))
     candidate = terms[1].candidate
     assert candidate is not None
     beside = model.with_term(terms[1])
@@ -62,11 +63,19 @@ def named_beside_friction(elbow: Recording, way: float, friction: float) -> bool
 
 
 def test_friction_that_winds_up_over_presliding_s_way_is_no_hysteresis(elbow: Recording) -> None:
-    assert not named_beside_friction(elbow, 0.7 * PRESLIDING_SHARE, 0.0)
+    assert not named(elbow, 0.7 * PRESLIDING_SHARE, 0.0)
 
 
 def test_what_winds_up_over_a_longer_way_is_hysteresis_beside_friction(elbow: Recording) -> None:
-    assert named_beside_friction(elbow, 0.15, 1.0)
+    assert named(elbow, 0.15, 1.0)
+
+
+@pytest.mark.parametrize(("way", "hysteresis"), [(0.3 * PRESLIDING_SHARE, False), (0.1, True)])
+def test_a_first_effect_that_winds_up_is_judged_beside_friction_that_does(
+    elbow: Recording, way: float, hysteresis: bool
+) -> None:
+    """Friction that turns at once is no rival: hysteresis of the shortest way is nearer."""
+    assert named(elbow, way, 0.0, alone=True) is hysteresis
 
 
 def stribeck_beside_friction(elbow: Recording, effort: np.ndarray, smooth: float) -> bool:
