@@ -13,6 +13,7 @@ from analysis.closeloop.identification.balance.model import (
     Given,
     Model,
     Term,
+    evaluate,
     unfitted,
     with_independent,
 )
@@ -22,7 +23,6 @@ from analysis.closeloop.identification.balance.regression import (
     rank_z,
     takes_all,
 )
-from analysis.closeloop.identification.presliding import winding_freely
 from analysis.closeloop.identification.selection import (
     LARGE_GAIN,
     LARGE_Z,
@@ -32,6 +32,7 @@ from analysis.closeloop.identification.selection import (
     MIN_Z,
     wins_in_folds,
 )
+from analysis.closeloop.identification.winding import with_winding
 from analysis.closeloop.session.link_torque import carriers
 from sim.effects.laws.inertia import PLACE, LinkInertia
 
@@ -53,19 +54,17 @@ def with_share(model: Model, rows: Rows, links: Links) -> Model:
     if not (block_wins or load_wins):
         return model
     # Friction that winds up leaves torque at the ends of movements, as wrong links do.
-    wound = model
-    for joint in rows.joints:
-        wound = winding_freely(wound, joint, rows)
-    free = WholeFit(wound, rows, links)
-    every_wound = range(len(wound.terms))
-    turning = free.alone(every_wound)
-    block_wins = block_wins and shared_by_joints(turning, free.with_links(every_wound), rows)
+    wound, _, at = with_winding(model, evaluate(model, rows), rows)
+    if at:
+        free, every_wound = WholeFit(wound, rows, links), range(len(wound.terms))
+        turning = free.alone(every_wound)
+        block_wins = block_wins and shared_by_joints(turning, free.with_links(every_wound), rows)
+        if best is not None and best.link is not None and load_wins:
+            load_wins = shared_by_joints(turning, free.with_load(every_wound, best.link), rows)
     if best is not None and load_wins:
-        assert best.link is not None
-        if shared_by_joints(turning, free.with_load(every_wound, best.link), rows):
-            further = best.loss - block.loss > MIN_LATER_GAIN * best.loss
-            if not (block_wins and further and sure(best.losses, block.losses, rows.fold_of_block)):
-                return _loaded(model, rows, links, best)
+        further = best.loss - block.loss > MIN_LATER_GAIN * best.loss
+        if not (block_wins and further and sure(best.losses, block.losses, rows.fold_of_block)):
+            return _loaded(model, rows, links, best)
     return with_links(model, links, block.links) if block_wins else model
 
 
