@@ -11,6 +11,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter, percentile_filter
 
+from analysis.closeloop.session.plausibility import MAX_HINGE, saturated_line
 from analysis.interpretation.bank.population import Population
 from sim.assessment.summary import AFTER, BEFORE, Motion, half_way
 from sim.parameters.target import ELBOW_TARGET
@@ -52,6 +53,12 @@ def impossible(motion: Motion) -> str | None:
     for name in ("theta", "velocity", "torque"):
         if np.abs(getattr(motion, name)).max() > LARGEST:
             return f"{name} has values above {LARGEST:g}: angles are in rad, torques in Nm"
+    farthest = float(np.abs(motion.theta).max())
+    if farthest > MAX_HINGE:
+        return (
+            f"an angle reaches {farthest:g} rad, which no limb does: angles are in radians, and "
+            "these look like degrees"
+        )
     if dead := [
         f"J{number + 1}"
         for number, (angle, velocity) in enumerate(
@@ -69,6 +76,12 @@ def impossible(motion: Motion) -> str | None:
         return (
             f"the torque of the moved joint is {torque[0] + 0.0:g} Nm in every sample: it was not "
             "recorded"
+        )
+    line = saturated_line(torque, motion.theta[:, joint])
+    if line is not None:
+        return (
+            f"the torque of the moved joint is saturated: it stays at {torque[line - 2]:g} Nm "
+            "while the joint moves; repeat the movement below the motor's limit"
         )
     return None
 

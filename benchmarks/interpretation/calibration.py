@@ -3,9 +3,9 @@
 `python -m benchmarks.interpretation.calibration BANK [--wearers 500] [--keep FOLDER]`
 
 Wearers are drawn with a seed of their own (7141), which neither the bank nor any choice has seen;
-those with slack straps (7143) and with one cut (7145, 7146) too. Those with friction (7112) were
-reported on before, and nothing was chosen on them. `--keep` keeps what was simulated and uses it
-again.
+those with slack straps (7143), with one cut (7145, 7146) and at the ends (7161, 7162) too. Those
+with friction (7112) were reported on before, and nothing was chosen on them. `--keep` keeps what
+was simulated and uses it again.
 """
 
 import argparse
@@ -37,6 +37,10 @@ STRANGE = (
 )
 #: Seeds of wearers one of whose straps is cut, and which.
 CUT = (("upper arm's strap cut", 7145, 0), ("forearm's strap cut", 7146, 1))
+#: Seeds of stiff wearers at the ends of lengths, the lengths (m) between which their upper arms
+#: are, and their least passive stiffness, Nm/rad.
+ENDS = (("stiff and short", 7161, (0.0, 0.29)), ("stiff and long", 7162, (0.35, 1.0)))
+STIFF = 3.0
 #: What an answer rests on.
 WHATEVER, BY_SETS = "whatever the muscles are", "if they are one of the bank's sets"
 #: What two tape measures and scales say.
@@ -75,6 +79,7 @@ def main() -> None:
     _ways(bank, fresh, {WHATEVER: (judged, known), BY_SETS: (by_sets, told)})
     print_other_muscles(bank, FRESH, wearers)
     _strange(bank, interpreter, wearers, asked)
+    _ends(bank, interpreter, asked)
     _encoders(bank, interpreter, wearers, zero)
     _next(interpreter, fresh, zero)
     print_plans(interpreter, fresh, zero)
@@ -184,6 +189,26 @@ def _strange(
         with strap_cut(limb):
             other = simulated(bank.population, seed, range(max(asked.strange)), keep=asked.keep)
         print_called(name, bank, interpreter, seed, other)
+
+
+def _ends(bank: Bank, interpreter: Interpreter, asked: argparse.Namespace) -> None:
+    """Print how often intervals hold of stiff limbs at the ends of lengths, told and untold."""
+    names = bank.population.names
+    print("\nends of lengths                     n   90 % of K hold   half width   bias")
+    for name, seed, (low, high) in ENDS:
+        drawn = bank.population.draw(seed, np.arange(1 << 15))
+        length = drawn[:, names.index("upper_arm_length")]
+        stiff = drawn[:, names.index("passive_stiffness")] > STIFF
+        rows = np.flatnonzero(stiff & (length > low) & (length < high))[: max(asked.strange)]
+        samples = simulated(bank.population, seed, rows.tolist(), keep=asked.keep).samples
+        zero = bank.population.zero_errors(seed, samples.rows, JOINTS)
+        for what, known in (("", None), (", measured", TAPE)):
+            judged = judge(interpreter, samples, zero, known, seed=seed)
+            everyone = np.ones(len(samples), bool)
+            print(
+                f"  {name + what:32}{len(samples):4}{100 * judged.coverage(everyone):14.1f}"
+                f"{np.median(judged.half_widths[:, 0]):14.2f}{judged.errors[:, 0].mean():10.2f}"
+            )
 
 
 def _encoders(bank: Bank, interpreter: Interpreter, wearers: Wearers, zero: np.ndarray) -> None:

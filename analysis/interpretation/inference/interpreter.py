@@ -187,8 +187,9 @@ class Interpreter:
         if self.any_muscles is None:
             return self.look_by_sets(recorded)
         scaled = self.features.scaled(recorded[None])[0]
-        beside = self._mean(self.inputs(recorded[None]))[0, _sizing(self.population)]
-        return self.any_muscles.look(scaled, beside[len(TARGETS) :])
+        inputs = self.inputs(recorded[None])
+        beside = self._mean(inputs)[0, _sizing(self.population)]
+        return self.any_muscles.look(scaled, inputs[0], beside[len(TARGETS) :])
 
     def look_by_sets(self, recorded: np.ndarray) -> View:
         """Return what a recording says if the limb's muscles are one of the bank's sets."""

@@ -23,10 +23,18 @@ class RowErrors:
     errors: np.ndarray
     #: How large these are to expect, as the other rows tell it, shape (rows, both).
     spreads: np.ndarray
+    #: By how much the targets are off for each unit that column `pulling` is, beside their own
+    #: errors, shape (rows, TARGETS).
+    pulls: np.ndarray | None = None
+    pulling: int = 0
 
-    def around(self, spread: np.ndarray) -> np.ndarray:
-        """Return covariances (k, both, both) of errors that are as large as `spread` (k, both)."""
-        return np.asarray(spread[:, :, None] * self._together * spread[:, None, :])
+    def around(self, spread: np.ndarray, pull: np.ndarray | None = None) -> np.ndarray:
+        """Return covariances (k, both, both) of errors that are as large as `spread` (k, both).
+
+        `pull`: as `pulls`, where they are looked at, shape (k, TARGETS).
+        """
+        own = spread[:, :, None] * self._together * spread[:, None, :]
+        return np.asarray(own if pull is None else _pulled(own, pull, self.pulling))
 
     def as_measured(self, columns: np.ndarray, sds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return errors of `columns` if they were measured, and covariances, of the bank's rows.
@@ -34,15 +42,20 @@ class RowErrors:
         The covariances are of targets and `columns`, shape (rows, both, both).
         """
         noise = self.noise[:, columns] * sds
-        chosen = np.concatenate([np.arange(len(TARGETS)), columns]).astype(int)
+        chosen = np.concatenate([np.arange(len(TARGETS)), columns, [self.pulling]]).astype(int)
         spread, together = self.spreads[:, chosen], self._together[np.ix_(chosen, chosen)]
+        covariances = spread[:, :, None] * together * spread[:, None, :]
+        if self.pulls is not None:
+            covariances = _pulled(covariances, self.pulls, len(chosen) - 1)
         # What is measured is off by what it is measured to: so are the differences to its mean.
-        return self.errors[:, columns] + noise, spread[:, :, None] * together * spread[:, None, :]
+        return self.errors[:, columns] + noise, covariances[:, :-1, :-1]
 
     def scores(self, columns: np.ndarray, sds: np.ndarray) -> np.ndarray:
         """Return sorted scores of the bank's rows if `columns` were measured, (rows, TARGETS)."""
         surprise, covariances = self.as_measured(columns, sds)
         own = self.errors[:, : len(TARGETS)]
+        if self.pulls is not None:
+            own = own + self.pulls * self.errors[:, [self.pulling]]
         centre, spread = corrected(np.zeros_like(own), covariances, surprise, sds)
         return np.sort((own - centre) / spread, axis=0)
 
@@ -88,3 +101,11 @@ class View:
         surprise = values - self.mean[columns]
         centre, spread = corrected(self.mean[: len(TARGETS)], own, surprise, sds)
         return Posterior(centre=centre, spread=spread, scores=self.rows.scores(columns, sds))
+
+
+def _pulled(covariances: np.ndarray, pull: np.ndarray, pulling: int) -> np.ndarray:
+    """Return covariances (k, m, m) of targets and others if targets are off with one of these."""
+    count = len(TARGETS)
+    moved = np.array(np.broadcast_to(np.eye(covariances.shape[-1]), covariances.shape))
+    moved[:, :count, pulling] += pull
+    return np.asarray(moved @ covariances @ np.swapaxes(moved, -1, -2))

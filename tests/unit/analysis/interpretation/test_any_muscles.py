@@ -15,10 +15,13 @@ NOBODY = np.array([], dtype=int)
 NOTHING = np.array([])
 
 
-def limbs(shifts: dict[int, float], count: int, seed: int) -> tuple[np.ndarray, ...]:
+def limbs(
+    shifts: dict[int, float], count: int, seed: int, bending: float = 0.0
+) -> tuple[np.ndarray, ...]:
     """Recordings, targets with a factor's score, and sets of muscles that shift what shows of K.
 
-    The factor is half of what the recording does not show. All targets are K.
+    The factor is half of what the recording does not show. All targets are K. The last column is
+    the length, which changes what regressions mean by `bending`.
     """
     rng = np.random.default_rng(seed)
     scaled = rng.standard_normal((count, len(CURVES) + len(ESTIMATES)))
@@ -27,20 +30,37 @@ def limbs(shifts: dict[int, float], count: int, seed: int) -> tuple[np.ndarray, 
     shown = scaled[:, len(CURVES)]
     off = np.array([shifts[one] for one in muscles.tolist()])
     stiffness = 2.0 * shown + off + 0.3 * factor + 0.1 * rng.standard_normal(count)
-    return scaled, np.column_stack([*[stiffness] * len(TARGETS), factor]), muscles
+    length = rng.standard_normal(count)
+    stiffness += bending * shown * length
+    return scaled, np.column_stack([*[stiffness] * len(TARGETS), factor, length]), muscles
 
 
-def learnt(judged: np.ndarray | None = None) -> AnyMuscles:
-    scaled, outputs, muscles = limbs({0: -0.6, 1: 0.0, 2: 0.6}, 600, seed=1)
-    everyone = np.ones(600, dtype=bool)
+def learnt_from(
+    rows: tuple[np.ndarray, ...],
+    judged: np.ndarray | None = None,
+    beside: np.ndarray | None = None,
+) -> AnyMuscles:
+    """Learn from `limbs`, of which `judged` make the interval; nothing but luck tells a length."""
+    scaled, outputs, muscles = rows
+    judged = np.ones(len(scaled), dtype=bool) if judged is None else judged
+    beside = np.empty((judged.sum(), 0)) if beside is None else beside
     return AnyMuscles.fit(
-        scaled, outputs, muscles, everyone if judged is None else judged, np.empty((600, 0))
+        scaled, telling(scaled), outputs, muscles, judged, beside, len(TARGETS) + 1
     )
 
 
-def believed(model: AnyMuscles, scaled: np.ndarray, length: float | None = None) -> Posterior:
-    beside = NOTHING if length is None else np.array([length])
-    return model.look(scaled, beside).posterior(NOBODY, NOTHING, NOTHING)
+def learnt() -> AnyMuscles:
+    return learnt_from(limbs({0: -0.6, 1: 0.0, 2: 0.6}, 600, seed=1))
+
+
+def telling(scaled: np.ndarray) -> np.ndarray:
+    """Return inputs that tell no length."""
+    return scaled[..., :3]
+
+
+def believed(model: AnyMuscles, scaled: np.ndarray, beside: float | None = None) -> Posterior:
+    own = NOTHING if beside is None else np.array([beside])
+    return model.look(scaled, telling(scaled), own).posterior(NOBODY, NOTHING, NOTHING)
 
 
 def held(posteriors: list[Posterior], truths: np.ndarray, target: int = 0) -> float:
@@ -62,7 +82,10 @@ def test_what_is_measured_on_the_patient_moves_it_to_the_truth() -> None:
     column, sd = np.array([len(TARGETS)]), np.array([0.05])
     before = [believed(model, one) for one in scaled]
     pairs = zip(scaled, truths, strict=True)
-    after = [model.look(one, NOTHING).posterior(column, truth[column], sd) for one, truth in pairs]
+    after = [
+        model.look(one, telling(one), NOTHING).posterior(column, truth[column], sd)
+        for one, truth in pairs
+    ]
     assert after[0].half_width() < before[0].half_width()
     errors = [
         [abs(p.centre[0] - t[0]) for p, t in zip(f, truths, strict=True)] for f in (before, after)
@@ -72,12 +95,12 @@ def test_what_is_measured_on_the_patient_moves_it_to_the_truth() -> None:
 
 
 def test_rows_without_contact_teach_and_those_with_it_judge() -> None:
-    scaled, outputs, muscles = limbs({0: -0.1, 1: 0.0, 2: 0.1}, 600, seed=1)
-    judged = np.arange(600) >= 500
+    rows = limbs({0: -0.1, 1: 0.0, 2: 0.1}, 600, seed=1)
+    judged, outputs = np.arange(600) >= 500, rows[1]
     # Contact adds to K.
     outputs[judged, : len(TARGETS)] += 1.5
-    model = AnyMuscles.fit(scaled, outputs, muscles, judged, np.empty((100, 0)))
-    assert model.errors.shape == (100, len(TARGETS) + 1)
+    model = learnt_from(rows, judged)
+    assert model.errors.shape == (100, len(TARGETS) + 2)
     assert abs(model.errors[:, 0].mean()) < 0.2
     fresh, truths, _ = limbs({0: -0.1, 1: 0.0, 2: 0.1}, 200, seed=4)
     truths[:, : len(TARGETS)] += 1.5
@@ -85,11 +108,31 @@ def test_rows_without_contact_teach_and_those_with_it_judge() -> None:
     assert held(found, truths) == pytest.approx(0.9, abs=0.06)
 
 
-def test_only_regressions_and_the_movement_count() -> None:
+def test_a_length_that_is_measured_says_what_regressions_mean_of_such_an_arm() -> None:
+    """A stiff short arm erred by as much as the interval is wide, and as much when measured."""
+    sets = {0: -0.1, 1: 0.0, 2: 0.1}
+    model = learnt_from(limbs(sets, 600, seed=1, bending=0.6))
+    scaled, truths, _ = limbs(sets, 400, seed=6, bending=0.6)
+    stiff_and_short = (scaled[:, len(CURVES)] > 0.5) & (truths[:, -1] < -0.5)
+    scaled, truths = scaled[stiff_and_short], truths[stiff_and_short]
+    column, sd = np.array([len(TARGETS) + 1]), np.array([0.05])
+    alone = [believed(model, one) for one in scaled]
+    told = [
+        model.look(one, telling(one), NOTHING).posterior(column, truth[column], sd)
+        for one, truth in zip(scaled, truths, strict=True)
+    ]
+    assert np.mean([p.centre[0] - t[0] for p, t in zip(alone, truths, strict=True)]) > 0.5
+    assert abs(np.mean([p.centre[0] - t[0] for p, t in zip(told, truths, strict=True)])) < 0.15
+    assert held(told, truths) > 0.8
+    assert np.mean([p.half_width() for p in told]) < 0.7 * np.mean([p.half_width() for p in alone])
+
+
+def test_only_regressions_the_movement_and_what_tells_the_length_count() -> None:
     model = learnt()
     scaled, _, _ = limbs({0: 0.0}, 1, seed=5)
     other = scaled.copy()
     other[:, WINDOWS : len(CURVES)] += 5.0
+    assert np.all(telling(other) == telling(scaled))
     one, two = (believed(model, s[0]).centre[0] for s in (scaled, other))
     assert one == two
 
@@ -102,12 +145,12 @@ def test_a_bank_of_one_set_of_muscles_cannot_tell() -> None:
 
 
 def test_it_is_as_wide_as_errors_are_at_such_a_length() -> None:
-    scaled, outputs, muscles = limbs({0: -0.1, 1: 0.0, 2: 0.1}, 600, seed=1)
+    rows = limbs({0: -0.1, 1: 0.0, 2: 0.1}, 600, seed=1)
     rng = np.random.default_rng(5)
-    length = rng.standard_normal((600, 1))
-    outputs[:, 0] += 0.5 * np.abs(length[:, 0]) * rng.standard_normal(600)
-    model = AnyMuscles.fit(scaled, outputs, muscles, np.ones(600, dtype=bool), length)
-    amid, long = (believed(model, scaled[0], one) for one in (0.0, 2.0))
+    beside = rng.standard_normal((600, 1))
+    rows[1][:, 0] += 0.5 * np.abs(beside[:, 0]) * rng.standard_normal(600)
+    model = learnt_from(rows, beside=beside)
+    amid, long = (believed(model, rows[0][0], one) for one in (0.0, 2.0))
     assert long.half_width() > 1.5 * amid.half_width()
 
 

@@ -88,6 +88,22 @@ def test_what_no_sensor_reads_is_one_sentence(
         raise ValueError(said)
 
 
+def test_angles_in_degrees_are_named() -> None:
+    said = impossible(replace(movement(), theta=np.degrees(movement().theta)))
+    assert said is not None and said.endswith("angles are in radians, and these look like degrees")
+
+
+def test_a_motor_at_its_limit_while_the_joint_moves_is_named() -> None:
+    motion = movement()
+    bell = 6.0 * np.exp(-((motion.time - 2.6) ** 2))
+    torque = motion.torque.copy()
+    torque[:, 3] = bell + 0.1 * np.random.default_rng(3).standard_normal(len(bell))
+    assert impossible(replace(motion, torque=torque)) is None
+    torque[:, 3] = np.minimum(torque[:, 3], 4.0)
+    said = impossible(replace(motion, torque=torque))
+    assert said is not None and "is saturated: it stays at 4 Nm while the joint moves" in said
+
+
 @pytest.mark.parametrize("spoilt", [0.0, 1e-7])
 def test_steps_of_a_torque_are_found_also_among_odd_samples(spoilt: float) -> None:
     """Whether written with single precision, or with a sample between two steps."""
