@@ -58,7 +58,7 @@ class Study:
     def may_be_given_up(self) -> bool:
         """Say whether an instance came back so often that the coordinator may end it."""
         return any(
-            one.result is None and any(n >= BUDGETS[cause] for cause, n in one.counts.items())
+            one.result is None and any(one.counts[cause] >= most for cause, most in BUDGETS.items())
             for one in self.slots.values()
         )
 
