@@ -148,7 +148,7 @@ async def _take_back(
     filed: list[Result] = []
     mine = held(rows, lease=lease.id)
     if lost:
-        at_work = await turn.hosts_at_work(study, lease.host_class, now=now)
+        at_work = await served.at_work(study, lease.host_class)
         reason = f"lost with lease {lease.id} of worker {lease.worker}, which fell silent"
         for place, one in mine.items():
             after[place], final = after_attempt(

@@ -141,7 +141,7 @@ async def _returned(
             return found
         served.stale = True
     await served.write()
-    at_work = await served.turn.hosts_at_work(study, kind, now=exchange.now)
+    at_work = await served.at_work(study, kind)
     if not at_work - {host}:
         return await served.turn.returned(study, kind, host, tried=None, limit=most)
     found = await served.turn.returned(study, kind, host, tried=False, limit=most)

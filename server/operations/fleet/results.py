@@ -136,7 +136,7 @@ async def _judged(
         return judged()
     except _HostsWantedError:
         await served.write()
-        hosts = await served.turn.hosts_at_work(study, lease.host_class, now=exchange.now)
+        hosts = await served.at_work(study, lease.host_class)
         return judged()
 
 

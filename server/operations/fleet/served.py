@@ -7,10 +7,12 @@ its end. What is rare asks the database, after all that was decided before has b
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
+from server.logic.fleet.hosts import GONE_SECONDS
 from server.logic.study.studies import with_changes
 from server.operations.fleet.exchange import Exchange, Grant, Post, Served
 from server.records import Instance, Lease, Place, Result, Study
 from server.states import InstanceState
+from server.store.fleet.rare import hosts_at_work
 from server.store.fleet.turn_changes import Changes
 from server.store.fleet.turns import Seen, Turn
 
@@ -120,6 +122,11 @@ class ServedStudy:
         self.changes.settle(lease.id, before, after, whole=not (late or holds))
         self.changes.filed += [(lease.worker, result) for result in filed]
         return holds
+
+    async def at_work(self, study: Study, kind: str | None) -> set[str]:
+        """Return the hosts of a kind of machine that work on a study."""
+        heard_after = self._now - GONE_SECONDS
+        return await hosts_at_work(self.turn, study, kind, now=self._now, heard_after=heard_after)
 
     async def other(self, study_id: str) -> Study | None:
         """Return a study, which may be this one or one that is not locked; None if it is gone."""

@@ -54,7 +54,7 @@ class Prepared:
 
     def __init__(
         self,
-        statement: sa.Insert | sa.Update | sa.Select[Any],
+        statement: sa.Insert | sa.Update | sa.Select[Any] | sa.CompoundSelect[Any],
         *names: str,
         index: str | None = None,
     ) -> None:
@@ -100,7 +100,7 @@ class Prepared:
     def _compile(self, dialect: Dialect) -> _Compiled:
         by_place: Any = _SQLITE_STYLE if dialect.name == "sqlite" else "format"
         kind: type[DefaultDialect] = type(dialect)  # type: ignore[assignment]
-        writes = not isinstance(self._statement, sa.Select)
+        writes = not isinstance(self._statement, sa.Select | sa.CompoundSelect)
         found = self._statement.compile(
             dialect=kind(paramstyle=by_place), column_keys=self._names or None if writes else None
         )

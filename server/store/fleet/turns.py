@@ -26,7 +26,7 @@ from sqlalchemy.engine import Connection, Dialect, Engine
 from server.records import Comparison, Instance, Lease, Place, Result, Study, record
 from server.store import models
 from server.store.database.prepared import Words, failure
-from server.store.fleet import comparisons, leases, results, workers
+from server.store.fleet import comparisons, leases, results
 from server.store.fleet import turn_statements as sql
 from server.store.fleet.turn_changes import Changes
 from server.store.study import instances, studies
@@ -154,7 +154,7 @@ class Turn:
         end: Sequence[Words] = (),
     ) -> None:
         self.trip = trip
-        self._dialect = dialect
+        self.dialect = self._dialect = dialect
         self._kind = dialect.name
         self._first_pending = first_pending
         self._begin, self._end = begin, end
@@ -242,12 +242,6 @@ class Turn:
         """Return a study that is not locked; None if it is gone."""
         (found,) = await self.trip([studies.FIND.words(self._dialect, study_id)])
         return studies.study_of(found[0]) if found else None
-
-    async def hosts_at_work(self, study: Study, kind: str | None, *, now: float) -> set[str]:
-        """Return the hosts of a kind of machine that work on a study now."""
-        asked = workers.HOSTS_AT_WORK.words(self._dialect, study.id, now, kind)
-        (found,) = await self.trip([asked])
-        return {host for (host,) in found}
 
     async def returned(
         self, study: Study, kind: str, host: str, *, tried: bool | None, limit: int

@@ -11,18 +11,43 @@ from server.store.database.engine import insert
 from server.store.database.prepared import Prepared
 from server.store.database.schema import leases, loop_workers, studies, workers
 
+#: Who finished one of so many latest leases and still speaks is at work, between two of them, too.
+#: Not who gives them back: an instance would wait for ever for a host that does no more.
+_LATEST_LEASES = 1000
+
 # Built once: see `server.store.study.studies`.
-HOSTS_AT_WORK = Prepared(
+_HOSTS = (
     sa.select(workers.c.host)
     .select_from(leases.join(workers, workers.c.id == leases.c.worker_id))
     .where(
-        # As the index has it: see `server.store.study.instances`.
-        leases.c.state == sa.literal_column("'open'"),
         leases.c.study_id == sa.bindparam("of_study"),
-        leases.c.expires_at > sa.bindparam("now"),
         leases.c.host_class == sa.bindparam("of_class"),
     )
-    .distinct()
+)
+_OTHERS = leases.alias("others")
+_NOW: sa.BindParameter[Any] = sa.bindparam("now")
+HOSTS_AT_WORK = Prepared(
+    sa.union(
+        # As the index has it: see `server.store.study.instances`.
+        _HOSTS.where(leases.c.state == sa.literal_column("'open'"), leases.c.expires_at > _NOW),
+        _HOSTS.where(
+            leases.c.state == sa.literal_column("'finished'"),
+            leases.c.fence
+            > sa.select(sa.func.max(_OTHERS.c.fence)).scalar_subquery() - _LATEST_LEASES,
+            workers.c.last_seen > sa.bindparam("heard_after"),
+            # Who is at work on another study may be so for long.
+            ~sa.exists().where(
+                _OTHERS.c.worker_id == workers.c.id,
+                _OTHERS.c.state == sa.literal_column("'open'"),
+                _OTHERS.c.expires_at > _NOW,
+                _OTHERS.c.study_id != sa.bindparam("of_study"),
+            ),
+        ),
+    ),
+    "of_study",
+    "now",
+    "of_class",
+    "heard_after",
 )
 _HEARD_FROM = Prepared(
     sa.update(workers)

@@ -16,6 +16,7 @@ from sqlalchemy.engine import Engine
 
 from server.operations import close_loops
 from server.operations.fleet import leases
+from server.operations.fleet import served as served_study
 from server.operations.fleet.exchange import Exchange, Grant, LeaseRequest, Post
 from server.operations.fleet.turns import take_turn
 from server.operations.study import studies
@@ -100,7 +101,7 @@ def test_a_turn_and_who_extends_its_leases_never_wait_for_each_other(
         "a coordinator that starts": partial(leases.extend_open_leases, engine),
     }
     extending: list[Future[Any]] = []
-    hosts_at_work = Turn.hosts_at_work
+    hosts_at_work = served_study.hosts_at_work
 
     async def stop(*given: Any, **named: Any) -> set[str]:
         # What the turn has decided by now is written.
@@ -110,7 +111,7 @@ def test_a_turn_and_who_extends_its_leases_never_wait_for_each_other(
             wait_for_a_lock(engine)
         return await hosts_at_work(*given, **named)
 
-    monkeypatch.setattr(Turn, "hosts_at_work", stop)
+    monkeypatch.setattr(served_study, "hosts_at_work", stop)
     names = [f"{study.id}:{row}:{position}" for row, position in other.lease.instances]
     served = turn(
         engine,
@@ -136,7 +137,7 @@ def test_turns_of_two_studies_never_wait_for_each_other(
     b, y = turn(engine, second, asking("b", second), asking("y", second))
     others: list[Future[Any]] = []
     stopped: list[str] = []
-    hosts_at_work = Turn.hosts_at_work
+    hosts_at_work = served_study.hosts_at_work
 
     async def stop(turn_: Turn, study: Study, *given: Any, **named: Any) -> set[str]:
         if study.id not in stopped:
@@ -149,7 +150,7 @@ def test_turns_of_two_studies_never_wait_for_each_other(
                 wait_for_a_lock(engine, lambda: "the first is over" in stopped)
         return await hosts_at_work(turn_, study, *given, **named)
 
-    monkeypatch.setattr(Turn, "hosts_at_work", stop)
+    monkeypatch.setattr(served_study, "hosts_at_work", stop)
     turn(engine, first, asking("b", first), crashed(a), asking("a", first), crashed(x))
     stopped.append("the first is over")
     (other,) = others

@@ -7,10 +7,12 @@ import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy.engine import Engine
 
+from server.logic.fleet.hosts import GONE_SECONDS
 from server.logic.fleet.verdicts import Report
 from server.logic.study.instances import BUDGETS, PATIENCE, after_attempt, may_try
 from server.logic.study.points import instance_id
 from server.operations import check
+from server.operations.fleet import leases
 from server.operations.fleet.exchange import Grant
 from server.operations.study import instances, studies
 from server.records import Instance, Plan
@@ -90,7 +92,7 @@ def test_who_has_not_tried_it_comes_first_and_who_failed_last_comes_last(
     assert may_try(slot, host, at_work) is may
 
 
-def lease(engine: Engine, host: str, n: int = 1) -> Grant:
+def lease(engine: Engine, host: str, n: int = 1, now: float = 0.0) -> Grant:
     grant = exchanges.grant(
         engine,
         worker=f"of {host}",
@@ -98,7 +100,7 @@ def lease(engine: Engine, host: str, n: int = 1) -> Grant:
         versions={},
         models=["ishigami"],
         max_instances=n,
-        now=0.0,
+        now=now,
         ttl=TTL,
     )
     assert grant is not None
@@ -131,6 +133,57 @@ def test_what_crashes_goes_from_host_to_host_and_the_others_go_on(
     assert found["result"]["outcome"] == "crashed"
     assert found["hosts"] == {"crashed": tuple(NAMES[:3])}
     assert check.faults(engine) == []
+
+
+def crashed_between_leases_of_another(
+    engine: Engine, plan: Callable[..., Plan], report: Callable[..., Report]
+) -> Grant:
+    """Have an instance crash while another host, which had a lease before, holds none."""
+    studies.create(engine, plan(rows=9), key=None, digest="", now=0.0)
+    post(engine, lease(engine, "good"), report)
+    grant = lease(engine, "bad")
+    post(engine, grant, report, outcome="crashed", outputs={})
+    return grant
+
+
+def test_a_broken_host_spoils_nothing_alone_while_another_is_between_two_leases(
+    engine: Engine, plan: Callable[..., Plan], report: Callable[..., Report]
+) -> None:
+    crashed = crashed_between_leases_of_another(engine, plan, report)
+    for _ in range(5):
+        other = lease(engine, "bad")
+        assert other.lease.instances != crashed.lease.instances
+        post(engine, other, report)
+    assert lease(engine, "good").lease.instances == crashed.lease.instances
+
+
+def test_nobody_waits_for_a_host_that_gives_back_whatever_it_gets(
+    engine: Engine, plan: Callable[..., Plan], report: Callable[..., Report]
+) -> None:
+    studies.create(engine, plan(rows=9), key=None, digest="", now=0.0)
+    grant = lease(engine, "bad")
+    idle = lease(engine, "idle").lease
+    leases.release(engine, idle.id, fence=idle.fence, now=0.0)
+    post(engine, grant, report, outcome="crashed", outputs={})
+    assert lease(engine, "bad").lease.instances == grant.lease.instances
+
+
+def test_nobody_waits_for_a_host_that_is_gone(
+    engine: Engine, plan: Callable[..., Plan], report: Callable[..., Report]
+) -> None:
+    crashed = crashed_between_leases_of_another(engine, plan, report)
+    again = lease(engine, "bad", now=GONE_SECONDS)
+    assert again.lease.instances == crashed.lease.instances
+
+
+def test_nobody_waits_for_a_host_that_is_at_work_on_another_study(
+    engine: Engine, plan: Callable[..., Plan], report: Callable[..., Report]
+) -> None:
+    crashed = crashed_between_leases_of_another(engine, plan, report)
+    first, _ = studies.create(engine, plan(rows=1), key="2", digest="", now=1.0)
+    studies.prioritise(engine, first.id, 5)
+    assert lease(engine, "good", n=8).study.id == first.id
+    assert lease(engine, "bad").lease.instances == crashed.lease.instances
 
 
 def test_names_of_hosts_are_compared_as_they_are(

@@ -169,11 +169,11 @@ def _before(twin: Twin, exchange: Exchange, later: Exchange) -> Served:
     """Serve what of an exchange was served before the rest was left to another turn."""
     if later.posted is not None:
         return [], Deferred(rest=exchange)
-    rest = replace(exchange, posted=None)
+    # What the study had nothing for then it may have something for when others have come and gone.
     if exchange.posted is None:
-        return [], Deferred(rest=rest)
+        return [], Deferred(rest=later)
     judgements, _ = twin.alone(replace(exchange, request=None))
-    return judgements, Deferred(rest=rest)
+    return judgements, Deferred(rest=later)
 
 
 def _reports(rng: Random, held: Grant | None) -> list[tuple[int, dict[str, Any]]]:
