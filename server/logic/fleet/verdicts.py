@@ -60,6 +60,7 @@ def judge_all(
     places: Mapping[str, Place],
     instances: Mapping[Place, Instance],
     stored: Mapping[Place, Result],
+    taken_back: Collection[Place] = (),
     **known: Any,
 ) -> list[Judgement]:
     """Judge reports one after the other, each in the light of those before it.
@@ -68,13 +69,20 @@ def judge_all(
         places: of the instances that the lease was given.
         instances: those that are named, as they stand.
         stored: the final results of those that are done.
+        taken_back: those whose result was taken back since the lease was granted.
         known: lease, outputs, curves and at_work as in `judge`.
     """
     instances, stored = dict(instances), dict(stored)
     judgements = []
     for report in reports:
         place = places.get(report.instance, (-1, -1))
-        judgement = judge(report, instance=instances.get(place), stored=stored.get(place), **known)
+        judgement = judge(
+            report,
+            instance=instances.get(place),
+            stored=stored.get(place),
+            taken_back=place in taken_back,
+            **known,
+        )
         if judgement.instance is not None:
             instances[place] = judgement.instance
         if judgement.result is not None:
@@ -92,6 +100,7 @@ def judge(
     outputs: Sequence[str],
     curves: Mapping[str, Curve] = _NONE,
     at_work: Callable[[], Collection[str]] = tuple,
+    taken_back: bool = False,
 ) -> Judgement:
     """Judge one report on an instance.
 
@@ -101,6 +110,7 @@ def judge(
         outputs: the outputs an "ok" result must carry; of a curve, every point.
         curves: those that it must carry as lists, by name.
         at_work: returns the hosts of the lease's class that work on the study now.
+        taken_back: whether it had a final result that was taken back since the lease was granted.
     """
 
     def say(verdict: Verdict, detail: str = "", **changes: Any) -> Judgement:
@@ -126,9 +136,16 @@ def judge(
             return say(Verdict.DUPLICATE)
         detail = f"the instance already has another result, {stored.outcome}"
         return say(Verdict.CONFLICT, detail, conflict=result)
+    if not held and taken_back:
+        # Or the same request, repeated by a network, would undo what an operator has decided.
+        return say(Verdict.DUPLICATE, "its result was taken back meanwhile: it runs again")
     if not held and instance.host_class != lease.host_class:
         # Its bits may not be mixed with those that the rest of the row will have.
-        detail = "the row was given to another kind of machine meanwhile"
+        detail = (
+            "the row was given to another kind of machine meanwhile"
+            if instance.host_class is not None
+            else "the row is to be begun anew, on any kind of machine"
+        )
         return say(Verdict.CONFLICT, detail, conflict=result)
     if result.outcome not in RETRIED:
         # As `say` would, without its detour: most reports end here.

@@ -16,6 +16,7 @@ from server.records import Instance, Lease, Place, Result, Study, record
 from server.states import InstanceState, LeaseState, Verdict
 from server.store.database.engine import reading
 from server.store.fleet import results
+from server.store.fleet.rare import taken_back
 
 #: Results read out per transaction, so that a slow reader keeps nobody waiting.
 PAGE = 1000
@@ -107,12 +108,15 @@ async def _judged(
     before: Mapping[Place, Instance],
 ) -> list[Judgement]:
     """Judge reports; what is rarely needed for that is asked for."""
-    done = {place for place, one in before.items() if one.state == _DONE}
-    done &= {places[report.instance] for report in posted.reports if report.instance in places}
+    named = {places[report.instance] for report in posted.reports if report.instance in places}
+    elsewhere = [at for at in named & before.keys() if before[at].lease != lease.id]
+    done = {at for at in elsewhere if before[at].state == _DONE}
     stored: Mapping[Place, Result] = {}
     if done:
         await served.write()
         stored = await served.turn.results_at(study, done)
+    late = {*elsewhere} - done
+    again = await taken_back(served.turn, study, lease, late) if late else ()
     hosts: Collection[str] | None = None
 
     def at_work() -> Collection[str]:
@@ -130,6 +134,7 @@ async def _judged(
             outputs=study.plan.outputs,
             curves=study.plan.curves,
             at_work=at_work,
+            taken_back=again,
         )
 
     try:

@@ -65,6 +65,7 @@ class Protocol:
             host=host,
             kind=kind,
             places=places,
+            granted=now,
             expires=now + self.ttl,
             compares=compares,
         )
@@ -154,6 +155,8 @@ class Protocol:
             return "duplicate"
         if slot.result is not None:
             return "duplicate" if slot.result == (outcome, y) else "conflict"
+        if not held and slot.taken_back_at > lease.granted:
+            return "duplicate"
         if not held and slot.kind != lease.kind:
             return "conflict"
         if outcome in RETRIED:
@@ -241,7 +244,7 @@ class Protocol:
             held = {row for (row, _), one in study.slots.items() if one.lease is not None}
             for (row, _), slot in study.slots.items():
                 if row in waiting - held:
-                    slot.reopen(unbound=True)
+                    slot.reopen(unbound=True, now=now)
             study.recount()
 
     def restart(self, now: float) -> None:
@@ -285,7 +288,7 @@ class Protocol:
         return 200
 
     def rerun(
-        self, study_id: str, which: str, outcomes: Collection[str] | None
+        self, study_id: str, which: str, outcomes: Collection[str] | None, now: float
     ) -> tuple[int, int | None]:
         """Run results again; returns the status of the answer and how many are taken back."""
         study = self.studies.get(study_id)
@@ -303,6 +306,6 @@ class Protocol:
         else:
             again = [*study.slots]
         for at in again:
-            study.slots[at].reopen(unbound=which == "all")
+            study.slots[at].reopen(unbound=which == "all", now=now)
         study.recount()
         return 200, len([at for at in again if at in done])

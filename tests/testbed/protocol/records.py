@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 Place = tuple[int, int]
@@ -28,9 +29,13 @@ class Slot:
     result: tuple[str, float | None] | None = None
     #: How often it came back, by cause.
     counts: Counter[str] = field(default_factory=Counter)
+    #: When a result that a worker had reported was last taken back.
+    taken_back_at: float = -inf
 
-    def reopen(self, *, unbound: bool) -> None:
+    def reopen(self, *, unbound: bool, now: float) -> None:
         """Have it run again, with nothing held against it."""
+        if self.result is not None and self.result[0] not in BUDGETS:
+            self.taken_back_at = now
         self.lease = self.result = None
         self.counts = Counter()
         if unbound:
@@ -110,6 +115,7 @@ class Lease:
     host: str
     kind: str
     places: list[Place]
+    granted: float
     expires: float
     #: Whether it asks for second opinions, which are never results.
     compares: bool

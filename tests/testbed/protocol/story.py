@@ -92,7 +92,7 @@ class Story(Beside):
         body = {"which": which, "outcomes": outcomes}
         answer = self._ask("POST", f"/studies/{study}/rerun", body)
         if answer is not None:
-            status, taken_back = self.model.rerun(study, which, outcomes)
+            status, taken_back = self.model.rerun(study, which, outcomes, self.now)
             told = answer.json().get("taken_back")
             assert answer.status_code == status
             assert told == taken_back or (self.again and told == 0)

@@ -17,7 +17,7 @@ from server.logic.study.plans import MAX_ROWS
 from server.logic.study.points import instance_id, parameters
 from server.operations.fleet import leases, results
 from server.operations.fleet.exchange import Grant
-from server.operations.study import instances, studies
+from server.operations.study import instances, reruns, studies
 from server.records import Plan, Study
 from server.store.database.engine import reading, writing
 from server.store.database.schema import instances as instances_table
@@ -238,6 +238,23 @@ def test_an_instance_lost_five_times_is_final(engine: Engine, plan: Drawing) -> 
     (result, worker), *_ = results.in_order(engine, lost)
     assert worker == "w"
     assert "which fell silent" in result.reason
+
+
+def test_a_result_of_an_instance_that_was_lost_and_runs_again_is_taken_however_late(
+    engine: Engine, plan: Drawing, report: Reporting
+) -> None:
+    study = create(engine, plan(rows=1))
+    grants = []
+    for number in range(5):
+        grants.append(leased(engine, n=4, now=number * TTL))
+        leases.reap(engine, now=(number + 1) * TTL, ttl=TTL)
+    now = 6 * TTL
+    reruns.rerun(engine, study.id, which="failed", outcomes=None, now=now)
+    first = grants[0]
+    assert {v.verdict for v in post(engine, first, [report(i) for i in ids(first)], now)} == {
+        "accepted"
+    }
+    assert studies.get(engine, study.id).ok_count == 4
 
 
 def test_a_lease_of_which_its_worker_never_heard_is_noted_and_goes_to_another_host_first(

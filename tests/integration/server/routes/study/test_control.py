@@ -11,10 +11,8 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from analysis.sensitivity.service import catch_up
 from server.operations.study.result_log import StoreResultLog
-
-Json = dict[str, Any]
-
-STUDY: Json = {"name": "first", "model": "ishigami", "method": "saltelli", "rows": 2}
+from tests.testbed.clock import Clock
+from tests.testbed.coordinators.rest_bodies import STUDY, Json, posting, result
 
 
 @pytest.fixture
@@ -73,6 +71,35 @@ def test_the_failed_run_again(client: TestClient, study: str) -> None:
     progress = client.get(f"/v1/studies/{study}/progress").json()
     assert (progress["state"], progress["ok"], progress["failures"]) == ("complete", 10, {})
     assert client.post(f"/v1/studies/{study}/rerun", json={"which": "x"}).status_code == 422
+
+
+@pytest.mark.parametrize("which", ["failed", "all"])
+def test_a_request_that_is_repeated_does_not_undo_that_its_results_were_taken_back(
+    client: TestClient, study: str, clock: Clock, which: str
+) -> None:
+    lease = dict(client.post("/v1/leases", json=asking()).json())
+    failed = [result(one, outcome="diverged", outputs={}) for one in lease["instances"]]
+    assert client.post("/v1/results", json=posting(lease, failed)).status_code == 200
+    clock.advance(1.0)
+    rerun = client.post(f"/v1/studies/{study}/rerun", json={"which": which}).json()
+    assert rerun["taken_back"] == 10
+    clock.advance(1.0)
+
+    def repeat() -> set[tuple[str, str]]:
+        verdicts = client.post("/v1/results", json=posting(lease, failed)).json()["verdicts"]
+        return {(one["verdict"], one["detail"]) for one in verdicts}
+
+    told = {("duplicate", "its result was taken back meanwhile: it runs again")}
+    assert repeat() == told
+    again = dict(client.post("/v1/leases", json=asking()).json())
+    assert repeat() == told
+    # Its own late results are as good as any.
+    clock.advance(100.0)
+    client.post("/v1/leases", json=asking())
+    good = client.post("/v1/results", json=posting(again, [*map(result, again["instances"])]))
+    assert {one["verdict"] for one in good.json()["verdicts"]} == {"accepted"}
+    progress = client.get(f"/v1/studies/{study}/progress").json()
+    assert (progress["state"], progress["ok"]) == ("complete", 10)
 
 
 def test_a_worker_that_fits_nothing_is_told_why(client: TestClient, study: str) -> None:

@@ -231,11 +231,28 @@ def test_a_row_given_to_another_kind_of_machine_takes_no_bits_of_this_one(
         "the row was given to another kind of machine meanwhile",
     )
     assert verdict.conflict is not None and verdict.result is None
+    unbound = replace(FULL, state="pending", lease=None, host_class=None)
+    waits = judge(report("i"), instance=unbound, stored=None, lease=ON_B, outputs=["y"])
+    assert (waits.verdict, waits.detail) == (
+        "conflict",
+        "the row is to be begun anew, on any kind of machine",
+    )
     kept = replace(moved, lease="mine")
     assert (
         judge(report("i"), instance=kept, stored=None, lease=ON_B, outputs=["y"]).verdict
         == "accepted"
     )
+
+
+def test_what_was_taken_back_is_not_taken_again_but_from_who_computes_it_anew(
+    report: Reporting,
+) -> None:
+    known: Any = {"stored": None, "lease": ON_B, "outputs": ["y"], "taken_back": True}
+    for again in (replace(FULL, state="pending", lease=None), replace(FULL, lease="other")):
+        verdict = judge(report("i"), instance=again, **known)
+        assert (verdict.verdict, verdict.instance) == ("duplicate", None)
+        assert verdict.detail == "its result was taken back meanwhile: it runs again"
+    assert judge(report("i"), instance=replace(FULL, lease="mine"), **known).verdict == "accepted"
 
 
 @pytest.mark.parametrize("changes", [{"outcome": "crashed", "outputs": None}, {"outputs": {}}])
