@@ -50,6 +50,8 @@ class Judgement:
     instance: Instance | None = None
     #: The instance's final result; None if there is none to store.
     result: Result | None = None
+    #: A result in place of the stored `lost`, which says no more than that none had come.
+    instead: Result | None = None
     #: A result that contradicts the stored one; None if there is none.
     conflict: Result | None = None
 
@@ -85,8 +87,8 @@ def judge_all(
         )
         if judgement.instance is not None:
             instances[place] = judgement.instance
-        if judgement.result is not None:
-            stored[place] = judgement.result
+        if (found := judgement.result or judgement.instead) is not None:
+            stored[place] = found
         judgements.append(judgement)
     return judgements
 
@@ -131,7 +133,7 @@ def judge(
     result = as_result(report, instance.row, instance.position, outputs, curves)
     if result.outcome in RETRIED and not held:
         return say(Verdict.DUPLICATE, "this attempt no longer counts")
-    if stored is not None:
+    if stored is not None and stored.outcome != Outcome.LOST:
         if stored.same_as(result):
             return say(Verdict.DUPLICATE)
         detail = f"the instance already has another result, {stored.outcome}"
@@ -147,6 +149,8 @@ def judge(
             else "the row is to be begun anew, on any kind of machine"
         )
         return say(Verdict.CONFLICT, detail, conflict=result)
+    if stored is not None:
+        return say(_ACCEPTED, "the instance had been given up as lost", instead=result)
     if result.outcome not in RETRIED:
         # As `say` would, without its detour: most reports end here.
         return Judgement(

@@ -72,6 +72,18 @@ def with_changes(
     )
 
 
+def with_found(study: Study, found: Sequence[Result]) -> Study:
+    """Return a study in which results have come for instances that were given up as lost."""
+    failed = [result.outcome for result in found if result.outcome != Outcome.OK]
+    failures = Counter(study.failures) - Counter({Outcome.LOST: len(found)}) + Counter(failed)
+    return replace(
+        study,
+        ok_count=study.ok_count + len(found) - len(failed),
+        failures=dict(failures),
+        edition=study.edition + 1,
+    )
+
+
 def recounted(
     study: Study, *, outcomes: Mapping[str, int], rows_complete: int, leased: int
 ) -> Study:

@@ -13,7 +13,7 @@ from server.operations.fleet import comparisons
 from server.operations.fleet.exchange import Deferred, Exchange, Post
 from server.operations.fleet.served import ServedStudy
 from server.records import Instance, Lease, Place, Result, Study, record
-from server.states import InstanceState, LeaseState, Verdict
+from server.states import InstanceState, LeaseState, Outcome, Verdict
 from server.store.database.engine import reading
 from server.store.fleet import results
 from server.store.fleet.rare import taken_back
@@ -88,6 +88,9 @@ async def _file(
     after = {(one.row, one.position): one for one in changed}
     final = [j.result for j in judgements if j.result is not None]
     holds = await served.settle(study, lease, before=before, after=after, filed=final)
+    found = [j.instead for j in judgements if j.instead is not None]
+    if found:
+        await served.find(lease, found)
     changes = served.changes
     changes.conflicts += [(posted.worker, j.conflict) for j in judgements if j.conflict is not None]
     changes.asked += [
@@ -95,7 +98,7 @@ async def _file(
         for place in await _compared(served, study, final, posted.share)
     ]
     _keep_or_end(served, lease, holds, exchange)
-    return Taken(judgements=judgements, done=len(final))
+    return Taken(judgements=judgements, done=len(final) + len(found))
 
 
 async def _judged(
@@ -115,7 +118,7 @@ async def _judged(
     if done:
         await served.write()
         stored = await served.turn.results_at(study, done)
-    late = {*elsewhere} - done
+    late = {at for at in elsewhere if at not in stored or stored[at].outcome == Outcome.LOST}
     again = await taken_back(served.turn, study, lease, late) if late else ()
     hosts: Collection[str] | None = None
 

@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from server.logic.fleet.hosts import GONE_SECONDS
-from server.logic.study.studies import with_changes
+from server.logic.study.studies import with_changes, with_found
 from server.operations.fleet.exchange import Exchange, Grant, Post, Served
 from server.records import Instance, Lease, Place, Result, Study
 from server.states import InstanceState
-from server.store.fleet.rare import hosts_at_work
+from server.store.fleet.rare import hosts_at_work, put_in_place
 from server.store.fleet.turn_changes import Changes
 from server.store.fleet.turns import Seen, Turn
 
@@ -122,6 +122,13 @@ class ServedStudy:
         self.changes.settle(lease.id, before, after, whole=not (late or holds))
         self.changes.filed += [(lease.worker, result) for result in filed]
         return holds
+
+    async def find(self, lease: Lease, found: Sequence[Result]) -> None:
+        """Put results in place of those `lost`, of which it was only said that none had come."""
+        assert self.study is not None
+        await self.write()
+        await put_in_place(self.turn, self.study, lease.worker, found, now=self._now)
+        self.study = with_found(self.study, found)
 
     async def at_work(self, study: Study, kind: str | None) -> set[str]:
         """Return the hosts of a kind of machine that work on a study."""

@@ -1,8 +1,10 @@
 """What turns ask of the database only where something went wrong."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
-from server.records import Lease, Place, Study
+from models.curves import packed
+from server.records import Lease, Place, Result, Study
+from server.store.database.prepared import as_text
 from server.store.fleet import workers
 from server.store.fleet.turn_statements import Sets
 from server.store.fleet.turns import Turn
@@ -13,6 +15,21 @@ SELECT row, position FROM superseded
 WHERE study_id = %s AND superseded_at > (SELECT granted_at FROM leases WHERE id = %s)
   AND outcome NOT IN ('crashed', 'timed_out', 'invalid', 'lost') AND CAST(row AS text) {any}
 """)
+
+_AT = "WHERE study_id = %s AND row = %s AND position = %s"
+_KEEP = Sets(f"""
+INSERT INTO superseded (superseded_at, why, study_id, row, position, outcome, outputs, reason,
+    worker_id, received_at)
+SELECT %s, %s, study_id, row, position, outcome, outputs, reason, worker_id, received_at
+FROM results {_AT}
+""")
+_REPLACE = Sets(f"""
+UPDATE results SET worker_id = %s, outcome = %s, outputs = %s, reason = %s, state = %s,
+    wall_seconds = %s {_AT}
+""")
+_START_OVER = [
+    Sets(f"DELETE FROM {table} WHERE study_id = %s") for table in ("estimator_states", "snapshots")
+]
 
 
 async def hosts_at_work(
@@ -35,3 +52,22 @@ async def taken_back(
     rows = [str(row) for row in sorted({row for row, _ in places})]
     (found,) = await turn.trip(_TAKEN_BACK.words(turn.dialect.name, study.id, lease.id, rows))
     return {(row, position) for row, position in found} & {*places}
+
+
+async def put_in_place(
+    turn: Turn, study: Study, worker: str, found: Iterable[Result], *, now: float
+) -> None:
+    """Replace final results, which are kept as superseded; the analysis starts over.
+
+    Each keeps number and time of what it replaces, so that nothing else of the log changes.
+    """
+    kind = turn.dialect.name
+    words = [word for table in _START_OVER for word in table.words(kind, study.id)]
+    for one in found:
+        place = study.id, one.row, one.position
+        words += _KEEP.words(kind, now, "lost", *place)
+        outputs = None if one.outputs is None else as_text(packed(one.outputs))
+        state = None if one.state is None else as_text(one.state)
+        said = worker, one.outcome, outputs, one.reason, state, one.wall_seconds
+        words += _REPLACE.words(kind, *said, *place)
+    await turn.trip(words)

@@ -153,7 +153,7 @@ class Protocol:
             return "invalid"
         if outcome in RETRIED and not held:
             return "duplicate"
-        if slot.result is not None:
+        if slot.result not in (None, ("lost", None)):
             return "duplicate" if slot.result == (outcome, y) else "conflict"
         if not held and slot.taken_back_at > lease.granted:
             return "duplicate"

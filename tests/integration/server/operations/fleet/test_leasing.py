@@ -373,7 +373,8 @@ def test_whatever_workers_do_nothing_is_lost_or_counted_twice(
         assert counted(standing) == recount(engine, study.id)
         stored = {(r.row, r.position): r.outcome for r, _ in results.in_order(engine, standing)}
         assert filled.items() <= stored.items(), "a final result was changed"
-        filled = stored
+        # One that was given up as lost may still come.
+        filled = {place: outcome for place, outcome in stored.items() if outcome != "lost"}
     # Whatever happened, one diligent worker brings the study to its end.
     for _ in range(3):
         now += TTL

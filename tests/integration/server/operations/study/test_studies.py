@@ -12,6 +12,7 @@ from analysis.sensitivity.service import analyse, catch_up
 from server.errors import ConflictError, NotFoundError
 from server.logic.fleet.verdicts import Report
 from server.logic.study.points import for_analysis, instance_id
+from server.operations import check
 from server.operations.fleet import leases, results
 from server.operations.fleet.exchange import Grant
 from server.operations.study import reruns, studies
@@ -176,6 +177,46 @@ def test_only_the_failed_run_again_and_the_indices_forget_the_failure(
     with reading(engine) as connection:
         kept = connection.execute(sa.select(superseded.c.outcome, superseded.c.why)).all()
     assert [tuple(row) for row in kept] == [("diverged", "failed")] * 2
+
+
+def test_a_result_that_comes_after_its_instance_was_lost_for_good_is_counted_like_any(
+    engine: Engine, plan: Drawing
+) -> None:
+    study = create(engine, plan(rows=3))
+    grants = []
+    for number in range(5):
+        grants.append(lease(engine, now=number * TTL))
+        leases.reap(engine, now=(number + 1) * TTL, ttl=TTL)
+    work_off(engine, now=5 * TTL)
+    before = indices(engine, study.id)
+    late = grants[1]
+    assert late is not None
+    reports = [
+        Report(
+            instance=instance_id(study.id, row, position),
+            outcome="slipped" if position == 3 else "ok",
+            outputs={"y": 10.0 * row + position**2},
+            reason="",
+            state={"note": "late"},
+            wall_seconds=0.1,
+        )
+        for row, position in late.lease.instances
+    ]
+    for verdict in ("accepted", "duplicate"):
+        told = exchanges.hand_in(engine, late.lease, reports, now=400.0)
+        assert [*told] == [verdict] * 4
+    found = studies.get(engine, study.id)
+    assert (found.state, found.ok_count, found.failures) == ("complete", 11, {"slipped": 1})
+    assert check.faults(engine) == []
+    after = indices(engine, study.id)
+    assert after == in_one_go(engine, study.id) != before
+    with reading(engine) as connection:
+        kept = connection.execute(sa.select(superseded)).all()
+    assert {(one.outcome, one.why) for one in kept} == {("lost", "lost")}
+    again = create(engine, plan(rows=3), now=500.0)
+    work_off(engine, now=500.0, fail={(0, 3)})
+    other = indices(engine, again.id)
+    assert after["outputs"] == other["outputs"]
 
 
 def test_only_failures_of_the_named_kind_run_again(engine: Engine, plan: Drawing) -> None:

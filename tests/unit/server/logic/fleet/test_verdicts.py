@@ -113,6 +113,29 @@ def test_another_result_for_a_filled_slot_is_a_conflict_and_kept_as_one(
     assert (judgement.instance, judgement.result) == (None, None)
 
 
+LOST = replace(STORED, outcome="lost", outputs=None)
+
+
+@pytest.mark.parametrize("changes", [{}, {"outcome": "slipped", "outputs": None}])
+def test_what_comes_after_an_instance_was_given_up_as_lost_is_its_result(
+    changes: dict[str, Any], report: Reporting
+) -> None:
+    judgement = judged(report("i", **changes), DONE, LOST)
+    assert judgement.verdict == "accepted"
+    assert judgement.instead is not None
+    assert judgement.instead.outcome == changes.get("outcome", "ok")
+    assert (judgement.instance, judgement.result, judgement.conflict) == (None, None, None)
+
+
+def test_of_what_is_final_nothing_but_a_loss_gives_way(report: Reporting) -> None:
+    for outcome in ("crashed", "timed_out", "invalid", "slipped"):
+        stored = replace(LOST, outcome=outcome)
+        assert judged(report("i"), DONE, stored).verdict == "conflict"
+    assert judged(report("i", outcome="crashed"), DONE, LOST).verdict == "duplicate"
+    other = replace(DONE, host_class="other kind")
+    assert judged(report("i"), other, LOST).verdict == "conflict"
+
+
 def test_an_instance_the_lease_never_held_is_unknown(report: Reporting) -> None:
     judgement = judged(report("i"), None)
     assert judgement.verdict == "unknown"
@@ -346,3 +369,12 @@ def test_reports_of_one_request_are_judged_in_the_light_of_those_before(report: 
         "unknown",
     ]
     assert [one.about for one in judgements] == ["i", "i", "i", "j", "j", "stranger"]
+    found = judge_all(
+        [report("i"), report("i"), report("i", outputs={"y": 2.0})],
+        places={"i": (0, 2)},
+        instances={(0, 2): DONE},
+        stored={(0, 2): LOST},
+        lease=MINE,
+        outputs=["y"],
+    )
+    assert [one.verdict for one in found] == ["accepted", "duplicate", "conflict"]

@@ -172,6 +172,19 @@ def test_results_that_are_taken_back_open_a_complete_study_again(study: Making) 
     assert (paused.state, paused.ok_count) == ("paused", 0)
 
 
+def test_what_is_found_after_all_is_no_longer_lost_and_makes_earlier_readings_obsolete(
+    study: Making,
+) -> None:
+    before = study(result_count=12, ok_count=8, failures={"lost": 3, "slipped": 1}, edition=3)
+    good = Result(
+        row=0, position=0, outcome="ok", outputs={}, reason="", state=None, wall_seconds=None
+    )
+    after = studies.with_found(before, [good, replace(good, outcome="slipped")])
+    assert (after.ok_count, after.failures) == (9, {"lost": 1, "slipped": 2})
+    assert (after.result_count, after.edition) == (12, 4)
+    assert studies.with_found(after, [good]).failures == {"slipped": 2}
+
+
 @pytest.mark.parametrize("state", ["complete", "cancelled"])
 def test_what_has_ended_is_not_paused(study: Making, state: str) -> None:
     with pytest.raises(ConflictError) as refused:
