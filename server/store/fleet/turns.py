@@ -154,7 +154,7 @@ class Turn:
         end: Sequence[Words] = (),
     ) -> None:
         self.trip = trip
-        self.dialect = self._dialect = dialect
+        self.dialect = dialect
         self._kind = dialect.name
         self._first_pending = first_pending
         self._begin, self._end = begin, end
@@ -162,7 +162,7 @@ class Turn:
 
     async def lock(self, study_id: str) -> Study | None:
         """Lock a study; None if there is none of that id."""
-        (found,) = await self._ask([studies.FIND_LOCKED.words(self._dialect, study_id)])
+        (found,) = await self._ask([studies.FIND_LOCKED.words(self.dialect, study_id)])
         return studies.study_of(found[0]) if found else None
 
     async def look(
@@ -226,7 +226,7 @@ class Turn:
         Returns:
             The fences of the new leases.
         """
-        statements = changes.statements(self._dialect, before, study, now)
+        statements = changes.statements(self.dialect, before, study, now)
         found = await self.trip([*statements, *(self._end if end else ())])
         self.committed = end
         # Those who are locked have a name and no more.
@@ -240,14 +240,14 @@ class Turn:
 
     async def study(self, study_id: str) -> Study | None:
         """Return a study that is not locked; None if it is gone."""
-        (found,) = await self.trip([studies.FIND.words(self._dialect, study_id)])
+        (found,) = await self.trip([studies.FIND.words(self.dialect, study_id)])
         return studies.study_of(found[0]) if found else None
 
     async def returned(
         self, study: Study, kind: str, host: str, *, tried: bool | None, limit: int
     ) -> list[Instance]:
         """Return instances that wait for a machine; see `instances.pending`."""
-        asked = instances.pending(self._dialect, study.id, kind, host, tried=tried, limit=limit)
+        asked = instances.pending(self.dialect, study.id, kind, host, tried=tried, limit=limit)
         (found,) = await self._ask(asked)
         first = sorted(found, key=lambda row: row[:2])[:limit]
         return [instances.from_row(row) for row in first]
@@ -255,7 +255,7 @@ class Turn:
     async def results_at(self, study: Study, places: Collection[Place]) -> dict[Place, Result]:
         """Return the final results at places, leaving out those that have none."""
         rows = sorted({row for row, _ in places})
-        asked = [results.OF_ROW.words(self._dialect, study.id, row) for row in rows]
+        asked = [results.OF_ROW.words(self.dialect, study.id, row) for row in rows]
         (found,) = await self._ask(asked)
         stored = map(results.result_of, found)
         by_place = {(result.row, result.position): result for result in stored}
@@ -263,26 +263,26 @@ class Turn:
 
     async def is_deterministic(self, model: str) -> bool:
         """Say whether another machine would compute the same; as far as is known it would."""
-        (found,) = await self.trip([models.DESCRIPTION.words(self._dialect, model)])
+        (found,) = await self.trip([models.DESCRIPTION.words(self.dialect, model)])
         return not found or models.description_of(found[0]).deterministic
 
     async def opinions_wanted(self, host: str, *, asked_by: float) -> list[str]:
         """Return the studies in which a second opinion of `host` was asked for by then."""
         (found,) = await self.trip(
-            [comparisons.STUDIES_WAITING.words(self._dialect, host, asked_by)]
+            [comparisons.STUDIES_WAITING.words(self.dialect, host, asked_by)]
         )
         return [study_id for (study_id,) in found]
 
     async def opinions_for(self, study: Study, host: str, *, limit: int) -> list[Comparison]:
         """Return up to so many second opinions of `host` that are asked for."""
         (found,) = await self.trip(
-            [comparisons.WAITING_FOR.words(self._dialect, study.id, host, limit)]
+            [comparisons.WAITING_FOR.words(self.dialect, study.id, host, limit)]
         )
         return [comparisons.comparison_of(row) for row in found]
 
     async def opinions_of(self, lease: Lease) -> list[Comparison]:
         """Return what a lease was given."""
-        (found,) = await self.trip([comparisons.OF_LEASE.words(self._dialect, lease.id)])
+        (found,) = await self.trip([comparisons.OF_LEASE.words(self.dialect, lease.id)])
         return [comparisons.comparison_of(row) for row in found]
 
     async def _ask(self, *parts: Sequence[Words]) -> list[Rows]:
