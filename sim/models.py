@@ -168,6 +168,11 @@ ASSESSMENTS: Mapping[str, Setup] = MappingProxyType(
                 description="elbow, explicit contact, cuffs where the authors have them",
                 device="nesm_authors",
             ),
+            Setup(
+                name="elbow_passive",
+                description="elbow, explicit contact, passive joints align the robot's elbow",
+                device="nesm_passive",
+            ),
             *(
                 Setup(
                     name=name,

@@ -21,9 +21,10 @@ FORWARD = (
 
 
 def settle(system: System, data: mujoco.MjData, forces: EffectForces) -> np.ndarray:
-    """Let the arm hang at rest in the robot, which stands at the start.
+    """Let the arm hang at rest in the robot, whose motors stand at the start.
 
-    There is no history in springs, so that Newton's method on the human angles replaces the hold.
+    There is no history in springs, so that Newton's method on the human angles, and those of the
+    robot's passive joints, replaces the hold.
 
     Returns:
         The torque that holds each joint of the robot, Nm, shape (number of joints,).
@@ -34,7 +35,11 @@ def settle(system: System, data: mujoco.MjData, forces: EffectForces) -> np.ndar
     model = system.model
     data.act[model.actuator_actadr[system.contracted]] = system.activation
     data.time = HOLD
-    angles, dofs = system.human_qpos, system.human_dof
+    angles = np.concatenate([system.human_qpos, system.passive_qpos])
+    dofs = np.concatenate([system.human_dof, system.passive_dof])
+    # Friction lets them rest anywhere near: where they would without it.
+    friction = model.dof_frictionloss[system.passive_dof].copy()
+    model.dof_frictionloss[system.passive_dof] = 0.0
     data.qpos[system.exo_qpos] = system.start
 
     def net_torque() -> np.ndarray:
@@ -58,6 +63,7 @@ def settle(system: System, data: mujoco.MjData, forces: EffectForces) -> np.ndar
         change = -np.linalg.solve(slope, torque)
         data.qpos[angles] = here + change * min(1.0, REACH / np.abs(change).max())
         torque = net_torque()
+    model.dof_frictionloss[system.passive_dof] = friction
     if not np.abs(torque).max() < AT_REST:
         left = np.abs(torque).max()
         reason = f"the arm does not come to rest in the springs: {left:.2g} Nm are left"

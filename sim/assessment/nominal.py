@@ -134,6 +134,9 @@ def nominal_spec(
     # The declared joints have no stops: what a stop would add to the inverse is not a human torque.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     add_exoskeleton(spec, NO_GAINS, device=device)
+    # An aligned arm moves no passive joint, and no encoder would show it.
+    for name in device.passive:
+        spec.delete(spec.joint(name))
     upper_cuff, forearm_cuff = device.cuffs
     arm = _aligned_arm_poses(device)
     humerus = spec.body(upper_cuff.link).add_body(name="humerus", **arm["humerus"])

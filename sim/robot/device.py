@@ -18,6 +18,8 @@ from sim.robot.cuff import Cuff
 #: Joints by the number of the human joint they move: abduction, flexion, rotation, elbow.
 JOINTS = ("J1", "J2", "J3", "J4")
 ELBOW_JOINT = JOINTS[3]
+#: How names of joints begin that no motor turns.
+PASSIVE = "passive_"
 #: Actuators of this group are switched off while the start is locked.
 MOTOR_GROUP = 1
 #: Devices that have a name.
@@ -51,13 +53,15 @@ class Device:
     path: Path
     #: Its joints, a subset of JOINTS, in the order of the chain.
     joints: tuple[str, ...]
-    #: Angle of each in the file's own pose, rad.
+    #: Angle of each of `joints` in the file's own pose, rad.
     zero: tuple[float, ...]
     gains: Gains
     #: Cuffs of upper arm and forearm.
     cuffs: tuple[Cuff, Cuff]
     #: By the name of the target.
     starts: Mapping[str, Start]
+    #: Joints that no motor turns and no encoder sees: they begin at 0 and give way.
+    passive: tuple[str, ...] = ()
 
     def __hash__(self) -> int:
         return hash(self.path)
@@ -115,11 +119,13 @@ class _WrongFileError(Exception):
 
 
 def _read(name: str, path: Path, model: mujoco.MjModel) -> Device:
-    joints = tuple(model.joint(i).name for i in range(model.njnt))
-    if ELBOW_JOINT not in joints or not set(joints) <= set(JOINTS):
+    names = [model.joint(i).name for i in range(model.njnt)]
+    joints = tuple(name for name in names if name in JOINTS)
+    passive = tuple(name for name in names if name.startswith(PASSIVE))
+    if ELBOW_JOINT not in joints or len(joints) + len(passive) < len(names):
         raise _WrongFileError(
             f"its joints must be {ELBOW_JOINT} (the elbow) and any of {', '.join(JOINTS[:3])}, "
-            f"not {', '.join(joints) or 'none'}"
+            f"and passive ones {PASSIVE}..., not {', '.join(names) or 'none'}"
         )
     motors = {model.actuator(i).name for i in range(model.nu)}
     if motors != {f"{joint}_motor" for joint in joints}:
@@ -127,8 +133,11 @@ def _read(name: str, path: Path, model: mujoco.MjModel) -> Device:
             f"its actuators must be {', '.join(f'{joint}_motor' for joint in joints)}, "
             f"not {', '.join(sorted(motors)) or 'none'}"
         )
-    if (model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any() or not model.jnt_limited.all():
-        raise _WrongFileError("every joint must be a hinge with a range")
+    hinge, slide = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+    for i, joint in enumerate(names):
+        kind = model.jnt_type[i]
+        if not model.jnt_limited[i] or (kind != hinge and (kind != slide or joint in joints)):
+            raise _WrongFileError("every joint must be a hinge with a range, or a passive slide")
     if model.neq or model.ntendon or model.nsensor:
         raise _WrongFileError("it may have no equality constraints, tendons or sensors")
     numerics = {model.numeric(i).name: model.numeric(i).data for i in range(model.nnumeric)}
@@ -137,6 +146,9 @@ def _read(name: str, path: Path, model: mujoco.MjModel) -> Device:
     keys = {model.key(i).name: model.key(i).qpos for i in range(model.nkey)}
     if "elbow" not in keys:
         raise _WrongFileError('it needs a keyframe "elbow" with the joint angles at the start')
+    idle = [names.index(name) for name in passive]
+    if any(pose[idle].any() for pose in (model.qpos0, *keys.values())):
+        raise _WrongFileError("its passive joints must stand at 0, also in keyframes")
     sites = {model.site(i).name for i in range(model.nsite)}
     for site in CUFF_SITES:
         if site not in sites:
@@ -148,18 +160,19 @@ def _read(name: str, path: Path, model: mujoco.MjModel) -> Device:
         name=name,
         path=path,
         joints=joints,
-        zero=tuple(float(angle) for angle in model.qpos0),
+        zero=tuple(float(angle) for angle in model.qpos0[[names.index(j) for j in joints]]),
         gains=Gains(kp=float(kp), kv=float(kv), ki=float(ki)),
-        cuffs=_read_cuffs(model, joints, keys["elbow"]),
-        starts={target: _start(model, angles) for target, angles in keys.items()},
+        cuffs=_read_cuffs(model, keys["elbow"]),
+        starts={target: _start(model, joints, angles) for target, angles in keys.items()},
+        passive=passive,
     )
 
 
-def _read_cuffs(
-    model: mujoco.MjModel, joints: tuple[str, ...], start: np.ndarray
-) -> tuple[Cuff, Cuff]:
+def _read_cuffs(model: mujoco.MjModel, start: np.ndarray) -> tuple[Cuff, Cuff]:
     """Return both cuffs, placed along limbs that are straight while the elbow is."""
-    data = _posed(model, np.where(np.array(joints) == ELBOW_JOINT, 0.0, start))
+    straight = start.copy()
+    straight[model.joint(ELBOW_JOINT).qposadr] = 0.0
+    data = _posed(model, straight)
     limb = _limb_axes(data)
     forearm = _site_axes(data, CUFF_SITES[1])
     axis, anchor = data.joint(ELBOW_JOINT).xaxis, data.joint(ELBOW_JOINT).xanchor
@@ -206,11 +219,11 @@ def _cuff(model: mujoco.MjModel, name: str, joint: tuple[float, float], place: n
     )
 
 
-def _start(model: mujoco.MjModel, angles: np.ndarray) -> Start:
+def _start(model: mujoco.MjModel, joints: tuple[str, ...], angles: np.ndarray) -> Start:
     """Return a start; the human joints turn about left, up and the arm's own axis in turn."""
     flexion, abduction, rotation = _exact(_turns(_limb_axes(_posed(model, angles))))
     return Start(
-        angles=tuple(float(angle) for angle in angles),
+        angles=tuple(float(angles[model.joint(joint).qposadr[0]]) for joint in joints),
         human_shoulder=(abduction, flexion - np.pi / 2, rotation),
     )
 

@@ -53,6 +53,14 @@ class System:
         return self._joints(self.device.joints, "dofadr")
 
     @cached_property
+    def passive_qpos(self) -> np.ndarray:
+        return self._joints(self.device.passive, "qposadr")
+
+    @cached_property
+    def passive_dof(self) -> np.ndarray:
+        return self._joints(self.device.passive, "dofadr")
+
+    @cached_property
     def human_qpos(self) -> np.ndarray:
         return self._joints(HUMAN_JOINTS, "qposadr")
 
@@ -145,4 +153,6 @@ class System:
         return float(low), float(high)
 
     def _joints(self, names: tuple[str, ...], attribute: str) -> np.ndarray:
-        return np.array([getattr(self.model.joint(name), attribute)[0] for name in names])
+        return np.array(
+            [getattr(self.model.joint(name), attribute)[0] for name in names], dtype=int
+        )
