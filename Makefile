@@ -89,8 +89,9 @@ bench-closeloop: $(READY)  ## Print how often closing the loop names the right e
 bench-closeloop-unkind: $(READY)  ## The same on robots under control with unkind sensors (ARGS="--jobs 2 --arms 20")
 	$(BIN)/python -m benchmarks.closeloop.unkind $(ARGS)
 
-picture: $(READY)  ## Draw the arm in the exoskeleton (docs/understand/system.png)
+picture: $(READY)  ## Draw the arm in the exoskeleton (docs/understand/system.png), and with passive joints
 	$(BIN)/python -m sim.pictures.rendering docs/understand/system.png
+	$(BIN)/python -m sim.pictures.rendering docs/pictures/passive.png nesm_passive
 
 measurement: $(READY)  ## Run the command of docs/measurements/PAGE.md and write its figures (PAGE=cycle)
 	$(BIN)/python -m benchmarks.measurement $(PAGE)

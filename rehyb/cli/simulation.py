@@ -57,7 +57,8 @@ def assess(
         bool, typer.Option("--outside-range", help="Allow values far outside a factor's range.")
     ] = False,
     device: Annotated[
-        str, typer.Option(help="nesm, elbow_orthosis or an MJCF file (docs/devices.md).")
+        str,
+        typer.Option(help="nesm, nesm_passive, elbow_orthosis or an MJCF file (docs/devices.md)."),
     ] = "nesm",
 ) -> Answer:
     """Simulate one stiffness assessment of the elbow or the shoulder.

@@ -1,4 +1,4 @@
-"""Pictures of the arm in the exoskeleton: `python -m sim.pictures.rendering FILE.png`."""
+"""Pictures of the arm in the exoskeleton: `python -m sim.pictures.rendering FILE.png [DEVICE]`."""
 
 import sys
 from math import radians
@@ -10,6 +10,7 @@ import numpy as np
 
 from sim.parameters.wearer import NOMINAL_WEARER
 from sim.pictures.figures import new_figure
+from sim.robot.device import NESM, load_device
 from sim.system.build import build_system
 from sim.system.start import reset_to_start
 from sim.system.system import System
@@ -81,15 +82,15 @@ class Stage:
         return pixels[::-1]
 
 
-def draw_system(path: Path) -> str:
-    """Draw the nominal wearer on the way; return "rendered" or "drawn".
+def draw_system(path: Path, device: str = NESM.name) -> str:
+    """Draw the nominal wearer of a device on the way; return "rendered" or "drawn".
 
     Where EGL or OSMesa and the extra `rendering` are installed MuJoCo renders the scene, without a
     display; elsewhere a side view is drawn from the same geometry.
     """
-    system = build_system(NOMINAL_WEARER)
+    system = build_system(NOMINAL_WEARER, device=load_device(device))
     data = reset_to_start(system)
-    data.qpos[[system.exo_qpos[3], system.human_qpos[3]]] = ELBOW_ANGLE
+    data.qpos[[system.exo_qpos[system.elbow], system.human_qpos[3]]] = ELBOW_ANGLE
     mujoco.mj_forward(system.model, data)
     try:
         with Stage(system) as stage:
@@ -145,6 +146,6 @@ def _draw_side_view(system: System, data: mujoco.MjData, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        sys.exit("usage: python -m sim.pictures.rendering FILE.png")
-    print(f"{sys.argv[1]}: {draw_system(Path(sys.argv[1]))}")
+    if len(sys.argv) not in (2, 3):
+        sys.exit("usage: python -m sim.pictures.rendering FILE.png [DEVICE]")
+    print(f"{sys.argv[1]}: {draw_system(Path(sys.argv[1]), *sys.argv[2:])}")
