@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.given.hdmr import hdmr
 from analysis.interpretation.answer import unfamiliar
 from analysis.interpretation.bank.bank import Bank, Samples, load_bank
 from analysis.interpretation.inference.interpreter import Interpreter
@@ -26,11 +25,12 @@ from analysis.interpretation.plan import half_width_after, steps
 from benchmarks.interpretation.judging import Judged, judge, subgroups
 from benchmarks.interpretation.others import print_called, print_header, print_other_muscles
 from benchmarks.interpretation.plans import print_plans, print_rows
-from benchmarks.interpretation.wearers import Wearers, simulated, strap_cut
+from benchmarks.interpretation.ways import BY_SETS, TAPE, WHATEVER, print_ways
+from benchmarks.interpretation.wearers import FRESH, Wearers, simulated, strap_cut
 from benchmarks.machine import describe_machine
 
-#: Seeds of wearers who are reported on, and what is changed in them.
-FRESH, FRICTION, SLACK = 7141, 7112, 7143
+#: Seeds of wearers who are reported on beside fresh ones, and what is changed in them.
+FRICTION, SLACK = 7112, 7143
 STRANGE = (
     ("undeclared friction of 2.8 Nm", FRICTION, {"robot_friction": 2.8}),
     ("both straps slack, 4 N", SLACK, {"strap_tension": 4.0}),
@@ -41,10 +41,6 @@ CUT = (("upper arm's strap cut", 7145, 0), ("forearm's strap cut", 7146, 1))
 #: are, and their least passive stiffness, Nm/rad.
 ENDS = (("stiff and short", 7161, (0.0, 0.29)), ("stiff and long", 7162, (0.35, 1.0)))
 STIFF = 3.0
-#: What an answer rests on.
-WHATEVER, BY_SETS = "whatever the muscles are", "if they are one of the bank's sets"
-#: What two tape measures and scales say.
-TAPE = {"upper_arm_length": 0.005, "forearm_length": 0.005, "forearm_mass": 0.1}
 
 
 def main() -> None:
@@ -76,7 +72,7 @@ def main() -> None:
     told = judge(interpreter, fresh, zero, TAPE, seed=FRESH, look=Interpreter.look_by_sets)
     print(f"\nthe same, {BY_SETS}")
     _coverage(interpreter, fresh, told, ("all",))
-    _ways(bank, fresh, {WHATEVER: (judged, known), BY_SETS: (by_sets, told)})
+    print_ways(bank, fresh, {WHATEVER: (judged, known), BY_SETS: (by_sets, told)})
     print_other_muscles(bank, FRESH, wearers)
     _strange(bank, interpreter, wearers, asked)
     _ends(bank, interpreter, asked)
@@ -134,43 +130,6 @@ def _coverage(
     print(f"  ranks of K uniform: p {judged.uniformity():.2f}; of D: p {judged.uniformity(1):.2f}")
     counts = np.histogram(judged.ranks[:, 0], 10, (0.0, 1.0))[0]
     print("  ranks of K in tenths: " + " ".join(map(str, counts)))
-
-
-def _ways(bank: Bank, fresh: Samples, answers: Mapping[str, tuple[Judged, Judged]]) -> None:
-    """Print what errors of K_h are left by each way to make them smaller, and by both together.
-
-    Personal identification alone is K_h by least squares of the affine regression and of what tapes
-    and scales say, on the bank's rows with contact. Below each are the factors that explain most of
-    what is left, as first-order shares of given samples. Of each answer: without and with these.
-    """
-    columns = [bank.population.names.index(name) for name in TAPE]
-    told = np.array(list(TAPE.values())) * np.random.default_rng(FRESH).standard_normal(
-        (len(fresh), len(TAPE))
-    )
-
-    def inputs(samples: Samples, off: np.ndarray) -> np.ndarray:
-        measured = samples.factors[:, columns] + off
-        return np.column_stack([np.ones(len(samples)), samples.of("stiffness_estimate"), measured])
-
-    truth = targets_of(bank.contact)[:, 0]
-    weights = np.linalg.lstsq(inputs(bank.contact, np.zeros((1, len(TAPE)))), truth)[0]
-    personal = inputs(fresh, told) @ weights - targets_of(fresh)[:, 0]
-    affine = -fresh.of("stiffness_estimate")[:, 0] - targets_of(fresh)[:, 0]
-    print("\nways to a smaller error of K_h, Nm/rad       mean     sd   90 % of errors are below")
-    for name, error in (
-        ("affine alone", affine),
-        ("affine, lengths and mass identified", personal),
-        *(
-            (f"{name}{measured}", judged.errors[:, 0])
-            for name, pair in answers.items()
-            for measured, judged in zip(("", ", identified"), pair, strict=True)
-        ),
-    ):
-        worst = np.quantile(np.abs(error), 0.9)
-        print(f"  {name:48}{error.mean():5.2f}{error.std():7.2f}{worst:10.2f}")
-        shares = hdmr(fresh.factors, error)
-        most = [f"{bank.population.names[i]} {shares[i]:.2f}" for i in np.argsort(-shares)[:4]]
-        print(f"      of its variance: {', '.join(most)}; all alone {shares.sum():.2f}")
 
 
 def _strange(

@@ -19,11 +19,15 @@ from sim.assessment.assess import assess
 from sim.assessment.donning import close_straps
 from sim.assessment.summary import Motion, motion_of, summary_of
 from sim.parameters.conditions import split
+from sim.parameters.fidelity import CAMPAIGN
 from sim.robot.device import NESM
 from sim.system.system import System
 
 #: Joints of the device.
 JOINTS = 4
+#: Seed of wearers whom neither a bank nor any choice has seen.
+FRESH = 7141
+_FIDELITIES = {"contact": CAMPAIGN.name, "bushing": "bushing"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +66,8 @@ def simulated(
     *,
     changed: Mapping[str, float] | None = None,
     keep: Path | None = None,
+    device: str = NESM.name,
+    level: str = "contact",
 ) -> Wearers:
     """Return wearers `rows` of `seed`, from a file of the folder `keep` if they were kept.
 
@@ -71,8 +77,12 @@ def simulated(
         rows: their numbers.
         changed: values of factors that replace what was drawn.
         keep: where what was simulated is kept.
+        device: a name or a path, with as many driven joints as the NESM.
+        level: "contact" or "bushing".
     """
-    path = keep / f"{seed}-{len(rows)}.npz" if keep else None
+    worn = "" if device == NESM.name else f"-{Path(device).stem}"
+    worn += "" if level == "contact" else f"-{level}"
+    path = keep / f"{seed}-{len(rows)}{worn}.npz" if keep else None
     if path is not None and path.exists():
         with np.load(path, allow_pickle=False) as file:
             own = {name: file[name] for name in ("rows", "factors", "values", "recorded")}
@@ -82,8 +92,8 @@ def simulated(
     factors = population.draw(seed, np.asarray(rows))
     chosen, values, recorded, failed = [], [], [], Counter[str]()
     for i, drawn in enumerate(factors):
-        parameters = parameters_of(population, drawn, "contact") | dict(changed or {})
-        found = assess(parameters)
+        parameters = parameters_of(population, drawn, level) | dict(changed or {})
+        found = assess(parameters, device=device, fidelity=_FIDELITIES[level])
         if found.outcome != "ok" or found.record is None:
             failed[found.outcome] += 1
             continue
