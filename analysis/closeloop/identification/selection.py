@@ -1,14 +1,13 @@
 """Choose the effect to add: worth its parameters, and the simplest of those that are as good."""
 
 import numpy as np
-from scipy.stats import norm
 
+from analysis.closeloop.identification.balance.luck import more_than_luck
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import (
     Rows,
     Score,
     compare,
-    rank_z,
     takes_all,
 )
 from analysis.closeloop.identification.findings import Option, Step
@@ -16,15 +15,6 @@ from analysis.closeloop.identification.forms import only_form
 from analysis.closeloop.identification.presliding import free_turning, only_presliding
 from sim.effects.catalogue import BY_NAME
 
-#: A gain must exceed this many of its standard errors: some 30 candidates at each of three steps.
-MIN_Z = 4.0
-#: The same chance where one effect alone is asked about, not the best of `TRIED` (Bonferroni 1936).
-TRIED = 30
-ALONE_Z = float(norm.isf(TRIED * norm.sf(MIN_Z)))
-#: The same where the best pair of many is asked about.
-PAIR_Z = float(norm.isf(norm.sf(MIN_Z) / TRIED))
-#: Fewer seconds of motion show nothing: their spread says little of a gain's error.
-LEAST_BLOCKS = 6
 #: Least share of the held-out loss that a gain takes, below which no number in a report changes.
 MIN_GAIN = 0.03
 #: A later effect has to take this share of what the first left: what a form that is a little wrong
@@ -36,10 +26,6 @@ EQUAL_SHARE = 0.005
 #: than that is what smoothing, or a joint that is not quite held, does to the declared torque. What
 #: takes nearly all that is left only has to exceed what smoothing does in these trials.
 MIN_TORQUE = 0.008
-#: A gain that a few moments carry (inertia, at the ends of a ramp) has a large error of its own:
-#: one of this share is real too if it exceeds fewer errors but comes back in several folds, or wins
-#: nearly every block, and those folds that lose by it lose next to nothing.
-LARGE_GAIN, LARGE_Z, LARGE_FOLDS, LARGE_LOST = 0.25, 2.5, 3, 0.05
 
 
 def choose(
@@ -143,41 +129,6 @@ def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
     if option.gain <= max(least, matters):
         return False
     return more_than_luck(current.losses, option.score.losses, rows.fold_of_block)
-
-
-def more_than_luck(
-    worse: np.ndarray, better: np.ndarray, fold_of_block: np.ndarray, least_z: float = MIN_Z
-) -> bool:
-    """Whether a gain on rows that nothing was fitted to is real: by its error, or by its size.
-
-    Args: as of `wins_in_folds`, and how many errors or ranks are more than chance.
-    """
-    gain, error = compare(worse, better)
-    if len(worse) < LEAST_BLOCKS:
-        return False
-    if gain > least_z * error or takes_all(worse, better):
-        return True
-    if gain <= LARGE_GAIN * float(worse.sum()):
-        return False
-    if gain > LARGE_Z * error and wins_in_folds(worse, better, fold_of_block):
-        return True
-    return wins_in_folds(worse, better, fold_of_block, least=1) and rank_z(worse, better) > least_z
-
-
-def wins_in_folds(
-    worse: np.ndarray, better: np.ndarray, fold_of_block: np.ndarray, least: int = LARGE_FOLDS
-) -> bool:
-    """Whether a gain comes back in several folds, and those that lose by it lose next to nothing.
-
-    Args:
-        worse: losses of blocks, (blocks,).
-        better: the same under the other model.
-        fold_of_block: number of each block's fold.
-        least: folds that have to win.
-    """
-    folds = np.bincount(fold_of_block, worse - better)
-    won, lost = float(folds[folds > 0].sum()), float(-folds[folds < 0].sum())
-    return lost < LARGE_LOST * won and int((folds > LARGE_LOST * won).sum()) >= least
 
 
 def _nested(option: Option, taken: Option) -> bool:

@@ -8,11 +8,11 @@ does: K came out 0.2 to 6 % too high. It is no second effect and gets no name
 
 from dataclasses import replace
 
+from analysis.closeloop.identification.balance.luck import ALONE_Z, more_than_luck
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, Score
 from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.identification.presliding import winding_freely
-from analysis.closeloop.identification.selection import ALONE_Z, more_than_luck
 
 NOTE = (
     "friction of {} winds up before it slides: what is fitted beside it allows for that, "

@@ -16,10 +16,10 @@ from analysis.closeloop.identification.arms.shared import sure
 from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_and_place
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import with_load
+from analysis.closeloop.identification.balance.luck import LEAST_BLOCKS
 from analysis.closeloop.identification.balance.model import Model, Term
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.findings import Carried, Trace
-from analysis.closeloop.identification.selection import LEAST_BLOCKS
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording
 

@@ -24,6 +24,7 @@ from analysis.closeloop.identification.arms.shared import (
 )
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
 from analysis.closeloop.identification.balance.declared import PLACED, placed
+from analysis.closeloop.identification.balance.luck import MIN_Z
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
@@ -42,11 +43,7 @@ from analysis.closeloop.identification.candidates import candidates, refined
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing.steps import Grown, grow
 from analysis.closeloop.identification.presliding import only_presliding
-from analysis.closeloop.identification.selection import (
-    MIN_GAIN,
-    MIN_TORQUE,
-    MIN_Z,
-)
+from analysis.closeloop.identification.selection import MIN_GAIN, MIN_TORQUE
 from sim.effects.catalogue import BY_NAME
 
 #: What every joint of a robot may have.

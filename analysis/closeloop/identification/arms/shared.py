@@ -8,6 +8,7 @@ from scipy.stats import norm, t
 from analysis.closeloop.identification.arms.links import Links
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
 from analysis.closeloop.identification.balance.declared import PLACED
+from analysis.closeloop.identification.balance.luck import LARGE_GAIN, LARGE_Z, MIN_Z, wins_in_folds
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Given,
@@ -23,15 +24,7 @@ from analysis.closeloop.identification.balance.regression import (
     rank_z,
     takes_all,
 )
-from analysis.closeloop.identification.selection import (
-    LARGE_GAIN,
-    LARGE_Z,
-    MIN_GAIN,
-    MIN_LATER_GAIN,
-    MIN_TORQUE,
-    MIN_Z,
-    wins_in_folds,
-)
+from analysis.closeloop.identification.selection import MIN_GAIN, MIN_LATER_GAIN, MIN_TORQUE
 from analysis.closeloop.identification.winding import with_winding
 from analysis.closeloop.session.link_torque import carriers
 from sim.effects.laws.inertia import PLACE, LinkInertia

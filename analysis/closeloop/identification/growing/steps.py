@@ -4,6 +4,12 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 from analysis.closeloop.identification.balance.declared import declared_again
+from analysis.closeloop.identification.balance.luck import (
+    ALONE_Z,
+    LARGE_GAIN,
+    PAIR_Z,
+    more_than_luck,
+)
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
 from analysis.closeloop.identification.balance.regression import (
     Rows,
@@ -21,14 +27,10 @@ from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing.freed import freed, held
 from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.selection import (
-    ALONE_Z,
-    LARGE_GAIN,
     MIN_GAIN,
     MIN_LATER_GAIN,
-    PAIR_Z,
     carries_more,
     choose,
-    more_than_luck,
 )
 
 #: Effects that are looked for at a time.

@@ -7,9 +7,10 @@ from typing import cast
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification.balance.luck import ALONE_Z, more_than_luck
 from analysis.closeloop.identification.balance.regression import Rows, Score, select_rows
 from analysis.closeloop.identification.findings import Option
-from analysis.closeloop.identification.selection import ALONE_Z, MIN_TORQUE, _worth, more_than_luck
+from analysis.closeloop.identification.selection import MIN_TORQUE, _worth
 from analysis.closeloop.session.recording import Recording
 from tests.testbed.sessions.rich import ELBOW
 

@@ -1,0 +1,55 @@
+"""Whether a gain on rows that nothing was fitted to is more than luck."""
+
+import numpy as np
+from scipy.stats import norm
+
+from analysis.closeloop.identification.balance.regression import compare, rank_z, takes_all
+
+#: A gain must exceed this many of its standard errors: some 30 candidates at each of three steps.
+MIN_Z = 4.0
+#: The same chance where one effect alone is asked about, not the best of `TRIED` (Bonferroni 1936).
+TRIED = 30
+ALONE_Z = float(norm.isf(TRIED * norm.sf(MIN_Z)))
+#: The same where the best pair of many is asked about.
+PAIR_Z = float(norm.isf(norm.sf(MIN_Z) / TRIED))
+#: Fewer seconds of motion show nothing: their spread says little of a gain's error.
+LEAST_BLOCKS = 6
+#: A gain that a few moments carry (inertia, at the ends of a ramp) has a large error of its own:
+#: one of this share is real too if it exceeds fewer errors but comes back in several folds, or wins
+#: nearly every block, and those folds that lose by it lose next to nothing.
+LARGE_GAIN, LARGE_Z, LARGE_FOLDS, LARGE_LOST = 0.25, 2.5, 3, 0.05
+
+
+def more_than_luck(
+    worse: np.ndarray, better: np.ndarray, fold_of_block: np.ndarray, least_z: float = MIN_Z
+) -> bool:
+    """Whether a gain on rows that nothing was fitted to is real: by its error, or by its size.
+
+    Args: as of `wins_in_folds`, and how many errors or ranks are more than chance.
+    """
+    gain, error = compare(worse, better)
+    if len(worse) < LEAST_BLOCKS:
+        return False
+    if gain > least_z * error or takes_all(worse, better):
+        return True
+    if gain <= LARGE_GAIN * float(worse.sum()):
+        return False
+    if gain > LARGE_Z * error and wins_in_folds(worse, better, fold_of_block):
+        return True
+    return wins_in_folds(worse, better, fold_of_block, least=1) and rank_z(worse, better) > least_z
+
+
+def wins_in_folds(
+    worse: np.ndarray, better: np.ndarray, fold_of_block: np.ndarray, least: int = LARGE_FOLDS
+) -> bool:
+    """Whether a gain comes back in several folds, and those that lose by it lose next to nothing.
+
+    Args:
+        worse: losses of blocks, (blocks,).
+        better: the same under the other model.
+        fold_of_block: number of each block's fold.
+        least: folds that have to win.
+    """
+    folds = np.bincount(fold_of_block, worse - better)
+    won, lost = float(folds[folds > 0].sum()), float(-folds[folds < 0].sum())
+    return lost < LARGE_LOST * won and int((folds > LARGE_LOST * won).sum()) >= least
