@@ -76,7 +76,7 @@ def every_plan(
     names = dict(zip(columns.tolist(), to, strict=True))
     # First what is known and stays so, which all sets begin with.
     order = sorted({*before, *after}, key=lambda column: column in after)
-    errors = view.rows.errors
+    errors = view.rows.of_targets
     rows = _rows(view, np.array(order, dtype=int))
 
     def width(found: _Rows) -> float:

@@ -1,5 +1,6 @@
 """Every set of steps is looked at, and each as if it were the only one."""
 
+import numpy as np
 import pytest
 
 from analysis.interpretation import plan
@@ -26,10 +27,18 @@ def interpreter() -> Interpreter:
     return Interpreter.read(bank())
 
 
-@pytest.fixture(scope="module", params=[Interpreter.look, Interpreter.look_by_sets])
+@pytest.fixture(scope="module", params=["sets", "any", "with a length"])
 def view(interpreter: Interpreter, request: pytest.FixtureRequest) -> View:
-    found: View = request.param(interpreter, samples(2, 1).of(*RECORDED)[0])
-    return found
+    recording = samples(2, 1).of(*RECORDED)[0]
+    if request.param == "sets":
+        return interpreter.look_by_sets(recording)
+    if request.param == "any":
+        return interpreter.look(recording)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("analysis.interpretation.inference.any_muscles.LENGTH", "forearm_length")
+        view = Interpreter.fit(bank()).look(recording)
+    assert view.rows.pulls is not None and np.abs(view.rows.pulls).max() > 0.0
+    return view
 
 
 @pytest.mark.parametrize("known", KNOWN)
