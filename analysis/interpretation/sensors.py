@@ -11,7 +11,8 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter, percentile_filter
 
-from analysis.closeloop.session.plausibility import MAX_HINGE, saturated_line
+from analysis.closeloop.session.device import MAX_HINGE
+from analysis.closeloop.session.runs import saturated_line
 from analysis.interpretation.bank.population import Population
 from sim.assessment.summary import AFTER, BEFORE, Motion, half_way
 from sim.parameters.target import ELBOW_TARGET

@@ -29,7 +29,8 @@ from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import with_free_presliding
 from analysis.closeloop.judgement.holds import rest_events, spread
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.signals import lowpass, runs
+from analysis.closeloop.session.runs import runs
+from analysis.closeloop.session.signals import lowpass
 
 #: An event's peak and its flanks, over the spread of the residual (from its median).
 PEAK, FLANK = 6.0, 2.5

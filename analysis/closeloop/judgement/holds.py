@@ -12,7 +12,7 @@ from scipy.stats import norm
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.floor import last_digit
 from analysis.closeloop.session.recording import MOVING, Recording
-from analysis.closeloop.session.signals import runs
+from analysis.closeloop.session.runs import runs
 
 #: An event's flanks and its peak, over the spread of a course: stiction creeps.
 FLANK, PEAK = 2.5, 8.0

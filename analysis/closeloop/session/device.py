@@ -12,6 +12,8 @@ import numpy as np
 mujoco.set_mju_user_warning(lambda message: None)
 
 
+#: A hinge of a limb, or one with a declared range, that goes further is recorded in degrees.
+MAX_HINGE = 2 * np.pi
 #: How far beyond the last link a load may hang, m.
 GRIP = 0.15
 

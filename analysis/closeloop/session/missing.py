@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.session.contents import Trial
-from analysis.closeloop.session.signals import runs
+from analysis.closeloop.session.runs import runs
 
 #: A joint this many of its encoder's steps a sample fast cannot stand still for one sample.
 CLEAR_STEPS = 3.0

@@ -10,12 +10,10 @@ from scipy.stats import median_abs_deviation, siegelslopes
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import Trial
-from analysis.closeloop.session.device import Device
+from analysis.closeloop.session.device import MAX_HINGE, Device
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.signals import runs
+from analysis.closeloop.session.runs import saturated_line
 
-#: A hinge of a limb, or one with a declared range, that goes further is recorded in degrees.
-MAX_HINGE = 2 * np.pi
 #: A hinge that may turn for ever is recorded in degrees if it turns faster than that, rad/s: no
 #: robot's joint does 600 turns a minute.
 MAX_SPEED = 60.0
@@ -27,11 +25,6 @@ DEGREES = 180.0 / np.pi
 STUCK_RUN = 0.1
 STUCK = 0.02
 STUCK_SHARE = 0.05
-#: Share of samples at a plateau, and its shortest run, that make a saturated effort.
-SATURATED_SHARE = 0.01
-SATURATED_RUN = 10
-#: Over such a run a joint at rest moves less than this share of what it moves on average.
-RESTING_SHARE = 0.1
 STILL = "no position changes; if the joints were not held, look at the encoders"
 #: Length over which the effort of a held joint is averaged, s, and by how many spreads of single
 #: samples, or last digits, it changes if the joint is not held. Both were chosen before the still
@@ -185,34 +178,6 @@ def _check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np
         raise SessionError(
             why, file=trial.file, column=column if gain > 1 else f"{joint}.position", line=row + 2
         )
-
-
-def saturated_line(effort: np.ndarray, position: np.ndarray) -> int | None:
-    """Return the line where a saturated stretch of `effort` begins, or None.
-
-    A clipped signal piles up at its largest or smallest value: many samples in unbroken runs at
-    exactly that value and hardly any just below it, while the joint moves on. The top of a smooth
-    quantised one takes as long over the next four steps as at its extreme one, and a joint that is
-    held at rest needs the same effort all the time.
-    """
-    spread = float(np.ptp(effort))
-    levels = np.unique(effort)
-    if len(levels) < 20:
-        return None
-    near = max(0.005 * spread, 4.5 * float(np.diff(levels).min()))
-    pace = float(np.ptp(position)) / len(position)
-    for extreme, sign in ((effort.max(), 1.0), (effort.min(), -1.0)):
-        at = effort == extreme
-        below = (sign * (extreme - effort) < near) & ~at
-        count = int(at.sum())
-        if count < max(SATURATED_RUN, SATURATED_SHARE * len(effort)) or count < 2 * below.sum():
-            continue
-        longest = max(runs(at), key=lambda run: run.stop - run.start)
-        length = longest.stop - longest.start
-        moved = float(np.ptp(position[longest]))
-        if length >= SATURATED_RUN and moved >= RESTING_SHARE * pace * length:
-            return int(longest.start) + 2
-    return None
 
 
 def check_signs(recording: Recording) -> None:

@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.link_torque import ChainMotion, chain_motion
+from analysis.closeloop.session.runs import runs
 from analysis.closeloop.session.signals import (
     LEAST_MEASURED,
     REST_SHARE,
@@ -17,7 +18,6 @@ from analysis.closeloop.session.signals import (
     lagged,
     lowpass,
     lowpass_measured,
-    runs,
     shifted,
     slope,
     through,

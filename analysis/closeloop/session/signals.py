@@ -6,7 +6,7 @@ never smoothed where errors are reported; for fitting, effort and every regresso
 low-pass, so that what the filter takes away it takes from both sides.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 
@@ -211,10 +211,3 @@ def _discrete(
     """
     forward, back = bilinear(above, below, rate)
     return forward, back, lfilter_zi(forward, back)
-
-
-def runs(marked: np.ndarray) -> Iterator[slice]:
-    """Yield where a boolean array is true without a break."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(int), [0]])))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        yield slice(int(start), int(stop))

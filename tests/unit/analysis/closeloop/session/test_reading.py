@@ -9,7 +9,8 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.judgement.events import find_events
 from analysis.closeloop.load import load_session
-from analysis.closeloop.session.plausibility import saturated_line, works
+from analysis.closeloop.session.plausibility import works
+from analysis.closeloop.session.runs import saturated_line
 from tests.testbed.sessions.small import HEADER, Folder
 
 
