@@ -1,6 +1,5 @@
 """Leasing from the database: handing out, taking back, counting."""
 
-from collections.abc import Callable
 from contextlib import suppress
 from math import inf
 from typing import Any
@@ -12,57 +11,27 @@ from hypothesis import strategies as st
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError, NotFoundError
-from server.logic.fleet.verdicts import Report, Verdict
 from server.logic.study.plans import MAX_ROWS
 from server.logic.study.points import instance_id, parameters
 from server.operations.fleet import leases, results
 from server.operations.fleet.exchange import Grant
-from server.operations.study import instances, reruns, studies
-from server.records import Plan, Study
+from server.operations.study import studies
+from server.records import Study
 from server.store.database.engine import reading, writing
 from server.store.database.schema import instances as instances_table
 from server.store.database.schema import results as results_table
 from server.store.database.schema import studies as study_table
 from server.store.fleet import workers
-from tests.testbed.coordinators import exchanges
-
-Drawing = Callable[..., Plan]
-Reporting = Callable[..., Report]
-
-TTL = 60.0
-
-
-def create(engine: Engine, plan: Plan, now: float = 0.0) -> Study:
-    return studies.create(engine, plan, key=None, digest="", now=now)[0]
-
-
-def lease(
-    engine: Engine, *, n: int = 3, now: float = 0.0, worker: str = "w", **changes: Any
-) -> Grant | None:
-    asked = {"models": ["ishigami"], "host": "h", "versions": {}, **changes}
-    return exchanges.grant(engine, worker=worker, max_instances=n, now=now, ttl=TTL, **asked)
-
-
-def leased(engine: Engine, **changes: Any) -> Grant:
-    grant = lease(engine, **changes)
-    assert grant is not None
-    return grant
-
-
-def post(engine: Engine, grant: Grant, reports: list[Report], now: float = 0.0) -> list[Verdict]:
-    return exchanges.post(
-        engine,
-        reports,
-        lease_id=grant.lease.id,
-        fence=grant.lease.fence,
-        worker=grant.lease.worker,
-        now=now,
-        ttl=TTL,
-    )
-
-
-def ids(grant: Grant) -> list[str]:
-    return [instance_id(grant.study.id, *place) for place in grant.lease.instances]
+from tests.testbed.coordinators.leasing import (
+    TTL,
+    Drawing,
+    Reporting,
+    create,
+    ids,
+    lease,
+    leased,
+    post,
+)
 
 
 def recount(engine: Engine, study_id: str) -> dict[str, Any]:
@@ -222,87 +191,6 @@ def test_a_released_instance_comes_back_at_once_and_unharmed(engine: Engine, pla
         leases.release(engine, held.id, fence=held.fence, now=1.0)
     with pytest.raises(ConflictError, match="cannot be released: the fence"):
         leases.release(engine, held.id, fence=0, now=1.0)
-
-
-def test_an_instance_lost_five_times_is_final(engine: Engine, plan: Drawing) -> None:
-    study = create(engine, plan(rows=1))
-    now = 0.0
-    for _ in range(5):
-        assert studies.get(engine, study.id).state == "running"
-        leased(engine, n=4, now=now)
-        now += TTL
-        assert leases.reap(engine, now=now, ttl=TTL) == 4
-    lost = studies.get(engine, study.id)
-    assert (lost.state, lost.failures, lost.rows_complete) == ("complete", {"lost": 4}, 1)
-    assert lease(engine, now=now) is None
-    (result, worker), *_ = results.in_order(engine, lost)
-    assert worker == "w"
-    assert "which fell silent" in result.reason
-
-
-def test_a_result_of_an_instance_that_was_lost_and_runs_again_is_taken_however_late(
-    engine: Engine, plan: Drawing, report: Reporting
-) -> None:
-    study = create(engine, plan(rows=1))
-    grants = []
-    for number in range(5):
-        grants.append(leased(engine, n=4, now=number * TTL))
-        leases.reap(engine, now=(number + 1) * TTL, ttl=TTL)
-    now = 6 * TTL
-    reruns.rerun(engine, study.id, which="failed", outcomes=None, now=now)
-    first = grants[0]
-    assert {v.verdict for v in post(engine, first, [report(i) for i in ids(first)], now)} == {
-        "accepted"
-    }
-    assert studies.get(engine, study.id).ok_count == 4
-
-
-def test_a_lease_of_which_its_worker_never_heard_is_noted_and_goes_to_another_host_first(
-    engine: Engine, plan: Drawing
-) -> None:
-    study = create(engine, plan(rows=2))
-    leased(engine, n=4)
-    leased(engine, n=1, worker="v", host="other")
-    # It speaks on, but of something else.
-    lease(engine, n=1, now=TTL / 2.0, models=["none"])
-    other = leased(engine, n=1, now=TTL / 2.0, worker="v", host="other")
-    assert leases.reap(engine, now=TTL, ttl=TTL) == 5
-    assert other.lease.instances == ((1, 1),)
-    first = [(0, position) for position in range(4)]
-    noted = [instances.account(engine, study.id, place)[1] for place in first]
-    assert [(one["attempts"], one["hosts"]) for one in noted] == [
-        ({"unheard": 1}, {"unheard": ("h",)})
-    ] * 4
-    assert leased(engine, n=1, now=TTL).lease.instances == ((1, 0),)
-    again = leased(engine, n=4, now=TTL, worker="v", host="other")
-    assert again.lease.instances == (*first,)
-
-
-def test_a_worker_that_falls_silent_soon_after_its_last_word_about_a_lease_has_lost_it(
-    engine: Engine, plan: Drawing
-) -> None:
-    study = create(engine, plan(rows=1))
-    for number in range(5):
-        leased(engine, n=4, now=number * TTL)
-        lease(engine, now=number * TTL + TTL / 3.0)
-        assert leases.reap(engine, now=(number + 1) * TTL, ttl=TTL) == 4
-    assert studies.get(engine, study.id).failures == {"lost": 4}
-
-
-def test_a_coordinator_that_was_away_excuses_silence(engine: Engine, plan: Drawing) -> None:
-    create(engine, plan())
-    held = leased(engine).lease
-    leases.extend_open_leases(engine, now=500.0, ttl=TTL)
-    assert leases.reap(engine, now=559.0, ttl=TTL) == 0
-    assert leases.renew(engine, held.id, fence=held.fence, now=559.0, ttl=TTL) == 619.0
-
-
-def test_a_clock_that_was_set_back_lengthens_no_lease(engine: Engine, plan: Drawing) -> None:
-    create(engine, plan())
-    leased(engine, now=3600.0)
-    leases.extend_open_leases(engine, now=0.0, ttl=TTL)
-    assert leases.reap(engine, now=TTL - 1.0, ttl=TTL) == 0
-    assert leases.reap(engine, now=TTL, ttl=TTL) == 3
 
 
 def test_workers_are_remembered_with_what_they_did(
