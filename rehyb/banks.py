@@ -40,7 +40,7 @@ def sample_on_fleet(
     from analysis.interpretation.bank.study import study_of
     from analysis.interpretation.build import check_rows
 
-    check_rows(rows)
+    check_rows(rows, contact_rows)
     wanted = {"bushing": rows, "contact": contact_rows}
     bodies = {
         level: study_of(bank.population, bank.seed, level, count)

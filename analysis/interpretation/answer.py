@@ -5,16 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtri
 
 from analysis.interpretation.bank.bank import PLACES, Bank
 from analysis.interpretation.errors import InterpretationError
-from analysis.interpretation.friction import rubs
-from analysis.interpretation.inference.familiarity import CALLED_STRANGE
 from analysis.interpretation.inference.features import RECORDED
 from analysis.interpretation.inference.interpreter import LEAST_CONTACT, Interpreter, Known
 from analysis.interpretation.inference.posterior import TARGETS, Posterior
-from analysis.interpretation.inference.rounding import ALLOWED, moved_by_rounding
 from analysis.interpretation.inference.rows import targets_of
 from analysis.interpretation.inference.view import View
 from analysis.interpretation.plan import (
@@ -25,10 +21,9 @@ from analysis.interpretation.plan import (
     steps,
 )
 from analysis.interpretation.recording import Recording
-from analysis.interpretation.sensors import misread, posture
-from analysis.interpretation.sensors import steps as steps_of
+from analysis.interpretation.strange import contrary, unfamiliar
 from sim.models import WINDOWS
-from sim.robot.device import NESM, load_device
+from sim.robot.device import NESM
 
 #: What is said of a recording that is unlike the bank's.
 ADVICE = (
@@ -43,8 +38,6 @@ MORE_CONTACT = (
     f"build the bank with {LEAST_CONTACT} or more --contact-rows: until then the intervals are the "
     "population's own"
 )
-#: Share of samples that may be single ones far from their neighbours; ours, as `sensors.SPAN`.
-MOST_REPLACED = 0.01
 #: `muscle_model`: whose muscles an answer holds for.
 ANY, BANKS = "any", "the bank's"
 PROBABILITIES = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
@@ -108,7 +101,7 @@ def interpret(bank: Bank, question: Question) -> dict[str, Any]:
         return common | _unknown(bank, question, few, MORE_CONTACT)
     values = recording.values()
     view, by_sets = interpreter.look(values), interpreter.look_by_sets(values)
-    why = unfamiliar(bank, interpreter, recording, values) or _contrary(interpreter, by_sets, known)
+    why = unfamiliar(bank, interpreter, recording, values) or contrary(interpreter, by_sets, known)
     posterior = interpreter.infer(view, known)
     offered = steps(interpreter, known)
     after = {step.factor: half_width_after(interpreter, view, known, (step,)) for step in offered}
@@ -150,99 +143,10 @@ def _notes(recording: Recording) -> Iterator[str]:
         yield f"{listed} of session.json: not used here; what is known of the wearer is `--known`"
 
 
-def unfamiliar(
-    bank: Bank, interpreter: Interpreter, recording: Recording, values: np.ndarray
-) -> str | None:
-    """Return why a recording (its `values`, too) is unlike the bank's, or None."""
-    for name, count in recording.replaced.items():
-        if count > MOST_REPLACED * len(recording.motion.time):
-            return f"{count} samples of the {name} are far from their neighbours"
-    features, familiarity = interpreter.features, interpreter.familiarity
-    gain, off = recording.velocity_check()
-    allowed = _velocity_error(interpreter)
-    if off > allowed:
-        return (
-            f"the elbow's velocity is not the slope of its angle over time: it is {gain:.2f} times "
-            f"it, and off by {off:.2g} rad/s, where {allowed:.2g} is as much as goes unnoticed"
-        )
-    device = load_device(NESM.name)
-    if why := posture(recording.motion, device, contact=interpreter.correction is not None):
-        return why
-    if why := misread(recording.motion, device, bank.population):
-        return why
-    if why := _coarse(bank, interpreter, recording):
-        return why
-    if why := rubs(recording.motion, device, bank.population):
-        return why
-    scaled = features.scaled(values[None])[0]
-    if offset := familiarity.offset(scaled):
-        which, found, most = offset
-        scale = features.scale[1, WINDOWS * which]
-        # The motor's torque is subtracted in its curve.
-        what, sign, unit = (f"torque of J{which}", -1, "Nm") if which else ("angle of J4", 1, "rad")
-        return (
-            f"the {what} has an offset of about {sign * found * scale:+.2g} {unit} that the bank's "
-            f"recordings do not have ({most * scale:.2g} {unit} at most)"
-        )
-    distance, limit = familiarity.distance(scaled), familiarity.limit
-    if distance > limit:
-        return (
-            f"{familiarity.strangest(scaled)} is unlike the bank's recordings (squared "
-            f"distance {distance:.0f}, of the bank's own {limit:.0f} at most)"
-        )
-    return None
-
-
-def _coarse(bank: Bank, interpreter: Interpreter, recording: Recording) -> str | None:
-    """Return whose torque is recorded in too large steps, or None."""
-    apart = steps_of(recording.motion)
-    moved = moved_by_rounding(interpreter, bank, apart)
-    if moved <= ALLOWED:
-        return None
-    alone = [moved_by_rounding(interpreter, bank, apart * one) for one in np.eye(len(apart))]
-    worst = int(np.argmax(alone))
-    allowed = apart[worst] * ALLOWED / moved
-    return (
-        f"the torque of {NESM.joints[worst]} is recorded in steps of {apart[worst]:.2g} Nm, which "
-        f"move K by {moved:.2g} of its half width: record in steps of {allowed:.2g} Nm or less"
-    )
-
-
-def _contrary(interpreter: Interpreter, view: View, known: tuple[Known, ...]) -> str | None:
-    """Return what is known that does not go with the recording, or None.
-
-    `view`: by the bank's sets of muscles, which tells factors best. With the paper's muscles left
-    out of a bank 12 % of 125 wearers of whom lengths and a mass are known rightly are called so.
-    """
-    if not known:
-        return None
-    found, limit, worst = interpreter.surprise(view, known)
-    if found <= limit:
-        return None
-    one = known[worst]
-    unit = interpreter.population.units()[one.name]
-    return (
-        f"what was measured on the patient does not go with the recording, most of all "
-        f"{one.name} {one.value:g} {unit}: measure again; if it stays so, the limb's muscles are "
-        f"unlike the bank's (squared distance {found:.0f}, of the bank's own {limit:.0f} at most)"
-    )
-
-
-def _velocity_error(interpreter: Interpreter) -> float:
-    """Return what a velocity may be off by, rad/s, root mean square.
-
-    Times the damping of the bank's regressions it is a torque that its sensors' zero error has in
-    all but CALLED_STRANGE; without such an error, what these regressions leave.
-    """
-    usual = interpreter.features.scale[0]
-    torque = interpreter.population.torque_zero * float(ndtri(1.0 - CALLED_STRANGE / 2.0))
-    torque = torque or abs(float(usual[RECORDED.index("residual")]))
-    return torque / abs(float(usual[RECORDED.index("affine_damping")]))
-
-
 def _said(step: Step, width: float) -> dict[str, Any]:
+    unit = "" if step.unit == "1" else f" {step.unit}"
     return {
-        "do": f"measure {step.factor} to {step.to:g}: {step.how}",
+        "do": f"measure {step.factor} to {step.to:g}{unit}: {step.how}",
         "factor": step.factor,
         "to": step.to,
         "minutes": step.minutes,

@@ -15,7 +15,7 @@ from analysis.interpretation.bank.bank import (
 from analysis.interpretation.bank.population import Population
 from analysis.interpretation.bank.sampling import sample
 from analysis.interpretation.errors import InterpretationError
-from analysis.interpretation.inference.interpreter import LEAST_ROWS, Interpreter
+from analysis.interpretation.inference.interpreter import LEAST_CONTACT, LEAST_ROWS, Interpreter
 from sim.evaluation import versions
 
 #: Called with what is done, how many are and how many there are.
@@ -59,7 +59,7 @@ def grow(
         raise InterpretationError(
             "this bank was made by other versions of rehyb, MuJoCo or NumPy: build a new one"
         )
-    check_rows(rows)
+    check_rows(rows, contact_rows)
     grown = replace(
         bank,
         fitted={},
@@ -88,15 +88,21 @@ def learnt(bank: Bank, progress: Progress = lambda what, done, total: None) -> B
     return found
 
 
-def check_rows(rows: int) -> None:
+def check_rows(rows: int, contact_rows: int) -> None:
     """Refuse a bank of which too little could be learnt, before it is simulated.
 
     Raises:
-        InterpretationError: `rows` without contact are too few.
+        InterpretationError: `rows` without contact, or `contact_rows` with it, are too few.
     """
     if rows < LEAST_ROWS:
         raise InterpretationError(
             f"{rows} rows without contact are too few to learn from: take {LEAST_ROWS} or more"
+        )
+    if 0 < contact_rows < LEAST_CONTACT:
+        raise InterpretationError(
+            f"{contact_rows} rows with contact are too few to learn what contact changes and how "
+            f"far intervals must reach: take {LEAST_CONTACT} or more, some of which fail, or 0 for "
+            "limbs that are held without contact"
         )
 
 

@@ -24,8 +24,9 @@ class Step:
     """One thing to measure on the patient, or on the robot."""
 
     factor: str
-    #: Standard deviation that is reached.
+    #: Standard deviation that is reached, and its unit ("1" of a share).
     to: float
+    unit: str
     minutes: float
     how: str
 
@@ -60,8 +61,15 @@ def parts(interpreter: Interpreter, view: View, known: tuple[Known, ...]) -> dic
 def steps(interpreter: Interpreter, known: tuple[Known, ...]) -> list[Step]:
     """Return everything that can be measured and is not known that well already."""
     measured = {one.name: one.sd for one in known}
+    units = interpreter.population.units()
     return [
-        Step(factor=name, to=measure.to, minutes=measure.minutes, how=measure.how)
+        Step(
+            factor=name,
+            to=measure.to,
+            unit=units[name],
+            minutes=measure.minutes,
+            how=measure.how,
+        )
         for name, measure in interpreter.population.measures.items()
         if measured.get(name, np.inf) > measure.to
     ]

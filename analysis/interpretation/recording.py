@@ -25,13 +25,15 @@ from sim.assessment.summary import (
     half_way,
     summarise,
 )
-from sim.effects.catalogue import BY_NAME
+from sim.effects.catalogue import BY_NAME, VISCOELASTIC
 from sim.models import CURVES, ESTIMATES, WINDOWS
 from sim.robot.device import ELBOW_JOINT, NESM
 
 #: What a file of `rehyb assess --record` has under these names.
 MOTION = ("time", "theta", "theta_velocity", "motor_torque")
 ARRAYS = (*MOTION, "device", "exo_joint", "joint")
+#: Effects by which a recording looks like that of another limb.
+LOADS = ("payload", "added_inertia")
 #: Fewest samples of a recording.
 LEAST_SAMPLES = 10
 
@@ -49,6 +51,10 @@ class Recording:
     replaced: Mapping[str, int] = field(default_factory=dict)
     #: What the declared robot differs in from the device, in words.
     differs: str | None = None
+    #: Effects of LOADS that a session says are there.
+    loads: tuple[str, ...] = ()
+    #: Declared low-pass in the torques, Hz.
+    effort_filter_hz: float | None = None
     #: What a session says that interpretation does not use.
     unused: tuple[str, ...] = ()
 
@@ -105,7 +111,8 @@ class Recording:
 def read_recording(path: Path) -> Recording:
     """Read a recording: an `.npz` file, or a session (folder or zip).
 
-    Of a session the first trial is taken that holds one movement of the elbow.
+    Of a session the first trial is taken that holds one movement of the elbow; of those that carry
+    a load only if there is no other.
 
     Raises:
         InterpretationError: it cannot be read, or lacks what is needed; one sentence.
@@ -190,7 +197,7 @@ def _from_session(folder: Path) -> Recording:
     joints = _joints(session)
     differs = other_robot(session)
     complaint = f"{folder.name}: it has no trial"
-    for listed in session.trials:
+    for listed in sorted(session.trials, key=_loaded):
         trial = read_trial(folder, listed, joints, ())
         motion, replaced = despiked(_motion(trial, joints))
         recording = Recording(
@@ -199,7 +206,9 @@ def _from_session(folder: Path) -> Recording:
             motion=motion,
             replaced=replaced,
             differs=differs,
-            unused=_unused(session, trial),
+            loads=_loads(session, trial),
+            effort_filter_hz=trial.effort_filter_hz,
+            unused=_unused(session),
         )
         try:
             summarise(motion, NESM)
@@ -210,16 +219,24 @@ def _from_session(folder: Path) -> Recording:
     raise InterpretationError(complaint)
 
 
-def _unused(session: Session, trial: Trial) -> tuple[str, ...]:
-    """Return what a session says of its trial that interpretation does not use, by its key."""
+def _loaded(trial: Trial) -> bool:
+    return trial.added_mass is not None or trial.payload is not None
+
+
+def _loads(session: Session, trial: Trial) -> tuple[str, ...]:
+    """Return which of LOADS a session says that its trial has."""
+    declared = {one.effect for one in session.declared} | ({LOADS[0]} if _loaded(trial) else set())
+    return tuple(name for name in LOADS if name in declared)
+
+
+def _unused(session: Session) -> tuple[str, ...]:
+    """Return what a session says that interpretation does not use, by its key."""
+    other = {one.effect for one in session.declared} - {*LOADS, VISCOELASTIC.name}
     said = {
         "subject": (session.height_m, session.mass_kg) != (REFERENCE_HEIGHT, REFERENCE_MASS),
-        "declared_effects": bool(session.declared),
-        "added_mass": trial.added_mass is not None,
-        "payload": trial.payload is not None,
-        "effort_filter_hz": trial.effort_filter_hz is not None,
+        "declared_effects": bool(other),
     }
-    return tuple(name for name, there in said.items() if there)
+    return (*(name for name, there in said.items() if there), *session.unknown)
 
 
 def _joints(session: Session) -> tuple[str, ...]:

@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.interpretation.answer import unfamiliar
 from analysis.interpretation.bank.bank import Bank, Samples, load_bank
 from analysis.interpretation.inference.interpreter import Interpreter
 from analysis.interpretation.inference.posterior import TARGETS
 from analysis.interpretation.inference.rows import JOINTS, targets_of
 from analysis.interpretation.plan import half_width_after, steps
+from analysis.interpretation.strange import unfamiliar
 from benchmarks.interpretation.judging import Judged, judge, subgroups
 from benchmarks.interpretation.others import print_called, print_header, print_other_muscles
 from benchmarks.interpretation.plans import print_plans, print_rows

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.interpretation.answer import unfamiliar
 from analysis.interpretation.bank.bank import Bank
 from analysis.interpretation.inference.interpreter import Interpreter
 from analysis.interpretation.inference.rows import JOINTS
+from analysis.interpretation.strange import unfamiliar
 from benchmarks.interpretation.judging import MUSCLES, judge
 from benchmarks.interpretation.wearers import Wearers
 

@@ -61,6 +61,8 @@ def interpret(
 
     Exit status 2 if the recording cannot be used.
     """
+    if out is not None and out.suffix not in (".html", ".htm"):
+        raise Invalid(f"--out writes a page: name it .html, not {out.name}")
     measured = [_known(text) for text in known or ()]
     check_submitted(submit, url, token)
     if submit:
@@ -150,7 +152,10 @@ def _tolerance(found: Json) -> Iterator[str]:
 def build(
     rows: Annotated[int, typer.Option(min=1, help="Wearers without contact, in all.")] = 4096,
     contact_rows: Annotated[
-        int, typer.Option(min=0, help="Wearers with contact, in all: what bushings get wrong.")
+        int,
+        typer.Option(
+            min=0, help="Wearers with contact, in all: what bushings get wrong. 0, or 60 and more."
+        ),
     ] = 256,
     population: Annotated[
         Path | None, optional(metavar="FILE.json", help="Who may come. Default: rehyb's own.")
@@ -161,7 +166,9 @@ def build(
             metavar="REPORT", help="report.json of `rehyb close-loop`: everybody has what it found."
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, max=2**63, help="Seed of the draw.")] = 1,
+    seed: Annotated[
+        int | None, optional(min=0, max=2**63, help="Seed of the draw. Default: 1.")
+    ] = None,
     processes: Annotated[
         int | None, optional(min=1, help="Simulations at a time. Default: this machine's cores.")
     ] = None,
@@ -179,7 +186,11 @@ def build(
     url: Url = None,
     token: Token = None,
 ) -> Answer:
-    """Simulate a population's recordings and learn from them, into one file."""
+    """Simulate a population's recordings and learn from them, into one file.
+
+    The file is written at the end: interrupted, it stays as it was, and what was simulated is lost
+    unless workers did it (--submit).
+    """
     if submit and (extend or processes is not None):
         raise Invalid(
             "with --submit workers simulate and the studies keep the rows: leave --extend and "
@@ -200,10 +211,10 @@ def build(
     path = bank_file(out)
     with refusing(InterpretationError):
         if extend:
-            if population is not None or with_effect is not None:
+            if population is not None or with_effect is not None or seed is not None:
                 raise Invalid(
-                    "--extend keeps the bank's own population: leave --population and "
-                    "--with-effect out"
+                    "--extend keeps the bank's own population and seed: leave --population, "
+                    "--with-effect and --seed out"
                 )
             bank = load_bank(path)
         else:
@@ -213,7 +224,7 @@ def build(
                     with_effect, model="elbow_recording", method="saltelli", rows=1
                 )
                 people = with_effects(people, found, str(with_effect))
-            bank = empty_bank(people, seed)
+            bank = empty_bank(people, 1 if seed is None else seed)
         with _bars() as show:
             if submit:
                 with Client(url, token) as client:

@@ -130,7 +130,20 @@ def test_a_known_value_without_its_accuracy_is_one_sentence(known: str, sentence
     assert sentence in " ".join(result.output.split())
 
 
-def test_a_fleet_samples_a_bank_and_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_what_a_command_would_pass_over_is_one_sentence() -> None:
+    for wrong, sentence in (
+        (("interpret", "a.npz", "--out", "a.pdf"), "--out writes a page: name it .html, not a.pdf"),
+        (("bank", "build", "--extend", "--seed", "1", "--out", "b"), "leave --population, --with-"),
+        (("bank", "build", "--contact-rows", "10", "--out", "b"), "10 rows with contact are too"),
+    ):
+        result = RUNNER.invoke(app, [*wrong])
+        assert isinstance(result.exception, Invalid) and sentence in str(result.exception)
+
+
+def test_a_fleet_samples_a_bank_and_goes_on_where_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("analysis.interpretation.build.LEAST_CONTACT", 2)
     path = tmp_path / "bank.npz"
     with (
         WarmFleet(tmp_path / "fleet", workers=2) as fleet,

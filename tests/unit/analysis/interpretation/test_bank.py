@@ -1,6 +1,7 @@
 """A bank is one file; what is none, or cannot grow, is one sentence."""
 
 import json
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -76,6 +77,20 @@ def test_what_is_no_bank_is_one_sentence(tmp_path: Path) -> None:
 def test_too_few_rows_are_refused_before_anything_is_simulated() -> None:
     with pytest.raises(InterpretationError, match="3 rows without contact are too few"):
         grow(empty_bank(bank().population, 1), rows=3, contact_rows=100000, processes=1)
+
+
+def test_too_few_rows_with_contact_say_the_least_number_and_why() -> None:
+    with pytest.raises(InterpretationError, match=r"10 rows with .* how far .* take 60 or more"):
+        grow(empty_bank(bank().population, 1), rows=4096, contact_rows=10, processes=1)
+
+
+def test_banks_that_answer_otherwise_have_other_names() -> None:
+    """One bank, learnt from with one and with two threads, gave two answers under one name."""
+    made = bank()
+    for name, array in made.fitted.items():
+        other = replace(made, fitted={**made.fitted, name: array + 1e-7})
+        assert other.id != made.id, name
+    assert replace(made, fitted=dict(reversed(made.fitted.items()))).id == made.id
 
 
 def test_a_bank_of_other_versions_is_not_extended() -> None:

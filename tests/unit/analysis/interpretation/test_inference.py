@@ -299,6 +299,7 @@ def test_first_is_said_what_rests_on_no_set_of_muscles_and_so_is_what_to_measure
     assert said["factor"] == "forearm_length"
     after = half_width_after(interpreter, views[0], (), (length,))
     assert said["half_width_after"] == pytest.approx(after)
+    assert said["do"] == "measure forearm_length to 0.002 m: tape"
 
 
 def test_a_bank_of_one_set_of_muscles_says_that_its_answer_rests_on_it() -> None:
@@ -327,10 +328,28 @@ def test_another_declared_robot_is_not_familiar_and_says_why() -> None:
     assert found["familiar"] is False and found["next"] == []
 
 
+def test_a_declared_load_is_not_familiar_unless_the_bank_has_it() -> None:
+    asked = Question(recording=replace(quiet(), loads=("payload",)))
+    found = interpret(bank(), asked)
+    assert found["familiar"] is False
+    assert "the session declares payload" in found["why_not"]
+    assert "record without it, or build a bank that has it" in found["why_not"]
+    people = replace(bank().population, fixed={"effect.payload.mass": 0.5})
+    loaded = interpret(replace(bank(), population=people), asked)
+    assert loaded["why_not"] == interpret(bank(), Question(recording=quiet()))["why_not"]
+
+
+def test_a_declared_low_pass_is_not_familiar_if_a_second_one_moves_k() -> None:
+    plain = named()["why_not"]
+    assert named(effort_filter_hz=20.0)["why_not"] == plain
+    found = named(effort_filter_hz=0.3)
+    assert "the torques are behind a low-pass of 0.3 Hz, which moves K by" in found["why_not"]
+
+
 def test_what_was_replaced_or_left_out_is_said_and_too_much_of_it_is_strange() -> None:
-    found = named(replaced={"torque of J4": 1}, unused=("added_mass",))
+    found = named(replaced={"torque of J4": 1}, unused=("subject",))
     replaced, unused = found["advice"][:2]
     assert replaced.endswith("by the median: 1 of the torque of J4")
-    assert unused.startswith("added_mass of session.json: not used here")
+    assert unused.startswith("subject of session.json: not used here")
     found = named(replaced={"torque of J4": 7})
     assert found["why_not"] == "7 samples of the torque of J4 are far from their neighbours"

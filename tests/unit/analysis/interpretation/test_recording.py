@@ -203,10 +203,32 @@ def test_what_a_session_says_that_is_not_used_is_told(record: Record, tmp_path: 
         tmp_path,
         ROBOT,
         subject={"height_m": 1.9},
-        declared_effects=[{"effect": "payload", "joint": "J4"}],
+        declared_effects=[
+            {"effect": name, "joint": "J4"}
+            for name in ("viscoelastic_joint", "coulomb_friction", "payload")
+        ],
         effort_filter_hz=2.0,
+        effort_filter=2.0,
     )
-    assert found.unused == ("subject", "declared_effects", "effort_filter_hz")
+    # What none of a session's keys is called, is said, too; that a limb is there goes unsaid.
+    assert found.unused == ("subject", "declared_effects", "effort_filter")
+    assert found.loads == ("payload",) and found.effort_filter_hz == 2.0
+
+
+LOAD = {"name": "bottle", "body": "link_4"}
+MASS = {"body": "link_4", "mass_kg": 0.5, "position": [0.0, 0.0, 0.0]}
+
+
+@pytest.mark.parametrize("load", [{"payload": LOAD}, {"added_mass": MASS}])
+def test_a_trial_without_a_load_is_taken_first_and_else_the_load_is_told(
+    record: Record, tmp_path: Path, load: dict
+) -> None:
+    loaded = {"file": "down.csv", "label": "loaded"} | load
+    found = declared(record, tmp_path, ROBOT, trials=[loaded])
+    assert found.loads == ("payload",)
+    (tmp_path / "again.csv").write_text((tmp_path / "down.csv").read_text())
+    found = declared(record, tmp_path, ROBOT, trials=[loaded, {"file": "again.csv"}])
+    assert found.source.endswith("again.csv") and found.loads == ()
 
 
 def test_a_session_that_holds_no_movement_says_why(record: Record, tmp_path: Path) -> None:
