@@ -2,14 +2,13 @@
 
 import logging
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 from threading import Event, Thread
 
-from rehyb.client import Client
 from rehyb.errors import RehybError
 from worker import backoff
-from worker.leases import Leases
 
 log = logging.getLogger(__name__)
 
@@ -24,11 +23,10 @@ LEAVE_SECONDS = 10.0
 
 @dataclass(kw_only=True)
 class Renewals:
-    """Keeps the leases of one worker while it computes, and while it posts."""
+    """Keeps leases of one worker while it computes, and while it posts or hands in a report."""
 
-    leases: Leases
-    #: The coordinator; not the connection on which results are posted.
-    client: Client
+    #: Renews what is due at a time of the monotonic clock; not on a connection that may be busy.
+    renew: Callable[[float], object]
     #: Spreads the waits of many workers.
     rng: Random
 
@@ -59,7 +57,7 @@ class Renewals:
             if now - self._progress_at > STUCK_SECONDS:
                 continue
             try:
-                self.leases.renew(self.client, now)
+                self.renew(now)
                 failures, wait = 0, TICK_SECONDS
             except RehybError as error:
                 # The agent says what is wrong with the coordinator.

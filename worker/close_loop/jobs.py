@@ -1,14 +1,15 @@
 """Jobs on sessions of a worker: one at a time, in a thread beside the agent's.
 
-A session takes a while to fetch and a report to hand in; meanwhile the agent must keep its leases.
-The work itself is done by a child process, which may crash or hang: the thread only waits.
+A session takes a while to fetch and a report to hand in; meanwhile the agent goes on, and another
+thread keeps the job's lease. The work itself is done by a child process, which may crash or hang:
+the thread only waits.
 """
 
 import hashlib
 import logging
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -24,6 +25,7 @@ from worker import backoff
 from worker.close_loop.child import CLOSE_LOOP, INTERPRETATION, OUT, PROGRESS
 from worker.close_loop.scratch import Scratch, file_name, sweep
 from worker.leases import renewal_time
+from worker.renewing import Renewals
 
 log = logging.getLogger(__name__)
 
@@ -41,6 +43,35 @@ LEAVE_SECONDS = 10.0
 TRIES = 10
 
 Job = Mapping[str, Any]
+
+
+@dataclass(kw_only=True)
+class Held:
+    """The lease of the job under way."""
+
+    client: Client
+    job: Job
+    renew_at: float
+    #: What the job is at; empty before it has said.
+    stage: str = ""
+    #: Why the coordinator says that the lease is over; empty: it is not.
+    lost: str = ""
+    _sent: str = ""
+    _send_at: float = 0.0
+
+    def renew(self, now: float) -> None:
+        """Renew the lease if it is time, or the job has come to another stage."""
+        stage = self.stage
+        news = stage != self._sent and now >= self._send_at
+        if self.lost or (now < self.renew_at and not news):
+            return
+        try:
+            self.client.renew_close_loop(self.job, stage or None)
+        except (Conflict, NotFound) as error:
+            self.lost = str(error)
+        else:
+            self._sent, self._send_at = stage, now + PROGRESS_SECONDS
+            self.renew_at = renewal_time(now, self.job["ttl_seconds"])
 
 
 @dataclass(kw_only=True)
@@ -68,7 +99,6 @@ class CloseLoopJobs:
         self._draining = Event()
         self._cut_short = Event()
         self._thread = Thread(target=self._run, name="close-loop jobs", daemon=True)
-        self._renew_at = 0.0
 
     def start(self) -> None:
         """Ask for work from now on."""
@@ -115,16 +145,19 @@ class CloseLoopJobs:
     def _close_loop(self, job: Job) -> None:
         kind = job.get("kind", CLOSE_LOOP)
         log.info("%s of session %s", kind, job["session"]["name"])
-        self._renew_at = renewal_time(time.monotonic(), job["ttl_seconds"])
-        with Scratch(self.folder, job["lease"]) as folder:
+        renew_at = renewal_time(time.monotonic(), job["ttl_seconds"])
+        held = Held(client=self.client, job=job, renew_at=renew_at)
+        renewals = Renewals(renew=held.renew, rng=self.rng)
+        with closing(renewals), Scratch(self.folder, job["lease"]) as folder:
+            renewals.start()
             archive = folder / f"{file_name(job['session']['name'])}.zip"
-            self._fetch(job, archive)
+            self._fetch(job, archive, renewals.progress)
             parameters = {"archive": str(archive)}
             if kind == INTERPRETATION and self.bank is not None:
                 parameters |= {"bank": str(self.bank[1]), "options": job["options"]}
             try:
                 self.pool.start({"id": job["id"], "model": kind, "parameters": parameters}, None)
-                result = self._wait_for_child(job, folder / PROGRESS)
+                result = self._wait_for_child(held, folder / PROGRESS, renewals.progress)
             finally:
                 # Whatever one session did to the process, the next one gets a fresh one.
                 self.pool.kill()
@@ -135,43 +168,29 @@ class CloseLoopJobs:
                 log.warning("job %s: %s", job["id"], result["reason"])
                 self._until_heard(partial(self._report_failure, job, result))
 
-    def _fetch(self, job: Job, archive: Path) -> None:
-        """Download a job's session, keeping the lease however long that takes."""
+    def _fetch(self, job: Job, archive: Path, on_chunk: Callable[[], object]) -> None:
+        """Download a job's session."""
         session = job["session"]
-        self.client.session_archive(session["id"], archive, lambda: self._renew_if_due(job, None))
+        self.client.session_archive(session["id"], archive, on_chunk)
         with archive.open("rb") as file:
             if hashlib.file_digest(file, "sha256").hexdigest() != session["sha256"]:
                 raise ServerError(f"session {session['id']} did not arrive as it was uploaded")
 
-    def _wait_for_child(self, job: Job, progress: Path) -> dict[str, Any] | None:
+    def _wait_for_child(
+        self, held: Held, progress: Path, on_look: Callable[[], object]
+    ) -> dict[str, Any] | None:
         """Return what the child reports; None if the job is lost or given back."""
-        sent, send_at = "", 0.0
         while True:
             if finished := self.pool.wait(TICK_SECONDS):
                 return finished[0].result
             if self._cut_short.is_set():
-                self._give_back(job)
+                self._give_back(held.job)
                 return None
-            stage, now = _read(progress), time.monotonic()
-            if stage != sent and now >= send_at:
-                sent, send_at, self._renew_at = stage, now + PROGRESS_SECONDS, now
-            try:
-                self._renew_if_due(job, stage)
-            except (Conflict, NotFound) as error:
-                log.warning("job %s is no longer ours: %s", job["id"], error)
+            if held.lost:
+                log.warning("job %s is no longer ours: %s", held.job["id"], held.lost)
                 return None
-
-    def _renew_if_due(self, job: Job, progress: str | None) -> None:
-        """Renew a job's lease if it is time; a coordinator that is away is asked again soon."""
-        now = time.monotonic()
-        if now < self._renew_at:
-            return
-        try:
-            self.client.renew_close_loop(job, progress)
-            self._renew_at = renewal_time(now, job["ttl_seconds"])
-        except (Unreachable, ServerError) as error:
-            log.info("job %s cannot be renewed for now: %s", job["id"], error)
-            self._renew_at = now + self.rng.uniform(1.0, 2.0)
+            on_look()
+            held.stage = _read(progress)
 
     def _code(self, state: Mapping[str, Any] | None) -> str:
         """Return the digest of what made a report: of an interpretation with the bank it used."""

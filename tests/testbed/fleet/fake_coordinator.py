@@ -3,6 +3,7 @@
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -181,7 +182,7 @@ class Work:
         )
         return Agent(
             leases=leases,
-            renewals=Renewals(leases=leases, client=client, rng=Random(1)),
+            renewals=Renewals(renew=partial(leases.renew, client), rng=Random(1)),
             pool=self.pool,  # type: ignore[arg-type]
             spool=Spool(self.folder, name),
             max_idle=self.max_idle,

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from random import Random
 from threading import Event
 from typing import Any
@@ -48,7 +49,7 @@ def renewals(coordinator: Coordinator, monkeypatch: pytest.MonkeyPatch) -> Itera
     request = leases.request(0.0)
     assert request is not None
     leases.ask(request, time.monotonic())
-    renewals = Renewals(leases=leases, client=client, rng=Random(1))
+    renewals = Renewals(renew=partial(leases.renew, client), rng=Random(1))
     yield renewals
     renewals.close()
 

@@ -15,7 +15,7 @@ from analysis.closeloop.contract import REPORT_FILES
 from analysis.interpretation.contract import code
 from models.running.pool import Finished
 from rehyb.client import Client
-from worker import backoff
+from worker import backoff, renewing
 from worker.close_loop import jobs as close_loop_jobs
 from worker.close_loop.child import OUT, PROGRESS, can_close_loops
 from worker.close_loop.jobs import CloseLoopJobs
@@ -36,6 +36,9 @@ class Coordinator:
         self.sick = 0
         self.refuse: set[str] = set()
         self.too_large = False
+        #: How often a lease is renewed before a report has arrived; and whether none ever does.
+        self.renewals_meanwhile = 0
+        self.reports_lost = False
         self.asks: dict[str, Any] = {}
         self.said: list[tuple[str, Any]] = []
 
@@ -55,6 +58,12 @@ class Coordinator:
             job = {"id": "j", "lease": "l", "fence": 1, "ttl_seconds": self.ttl, **self.asks}
             self.said.append((verb, json.loads(request.read())))
             return httpx2.Response(201, json={**job, "session": session})
+        if verb == "report" and self.reports_lost:
+            self.said.append(("lost report", {}))
+            raise httpx2.WriteTimeout("too slow")
+        if verb == "report" and self.renewals_meanwhile:
+            told = len(self.words("renew"))
+            until(lambda: len(self.words("renew")) >= told + self.renewals_meanwhile)
         if verb in self.refuse:
             return httpx2.Response(409, json={"detail": "the lease is expired"})
         if verb == "report" and self.too_large:
@@ -104,6 +113,7 @@ class InstantPool:
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("PROGRESS_SECONDS", "PAUSE_SECONDS"):
         monkeypatch.setattr(close_loop_jobs, name, 0.01)
+    monkeypatch.setattr(renewing, "TICK_SECONDS", 0.002)
     monkeypatch.setattr(backoff, "FAREWELL_SECONDS", 0.01)
     monkeypatch.setattr(backoff, "full_jitter", lambda failures, rng: 0.001)
 
@@ -240,6 +250,28 @@ def test_a_lease_is_kept_while_the_work_goes_on(
     coordinator.ttl, pool.endless = 0.01, True
     jobs.start()
     until(lambda: len(coordinator.words("renew")) > 5)
+    assert jobs.busy == 1
+
+
+def test_a_lease_is_kept_while_the_report_is_uploaded(
+    jobs: CloseLoopJobs, coordinator: Coordinator
+) -> None:
+    coordinator.ttl, coordinator.renewals_meanwhile = 0.01, 3
+    jobs.start()
+    until(lambda: coordinator.words("report") and not jobs.busy)
+
+
+def test_a_lease_is_kept_no_longer_than_a_report_may_take_that_does_not_get_through(
+    jobs: CloseLoopJobs, coordinator: Coordinator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(renewing, "STUCK_SECONDS", 0.05)
+    coordinator.ttl, coordinator.reports_lost = 0.01, True
+    jobs.start()
+    until(lambda: coordinator.words("lost report"))
+    time.sleep(0.2)
+    renewed, tried = len(coordinator.words("renew")), len(coordinator.words("lost report"))
+    until(lambda: len(coordinator.words("lost report")) > tried + 20)
+    assert len(coordinator.words("renew")) == renewed
     assert jobs.busy == 1
 
 
