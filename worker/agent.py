@@ -74,6 +74,8 @@ class Agent:
         if adopted := self.spool.adopt():
             log.info("found %d results of an earlier worker that nobody has acknowledged", adopted)
         busy_at = time.monotonic()
+        # Who waits for an answer sees no clock.
+        self.leases.client.answer_by = self.leases.last_words_at
         self.renewals.start()
         if self.close_loop_jobs is not None:
             self.close_loop_jobs.start()
@@ -222,6 +224,7 @@ class Agent:
 
     def _leave(self) -> None:
         """Tell the coordinator all it should know, once; what it does not hear expires or waits."""
+        self.leases.client.answer_by = self.leases.leave_at
         self.pool.kill()
         if self.close_loop_jobs is not None:
             self.close_loop_jobs.close()

@@ -162,7 +162,7 @@ def work(
     """
     if context.invoked_subcommand is not None:
         return
-    leave_at = None if lifetime is None else time.monotonic() + _lifetime(lifetime)
+    leave_at = inf if lifetime is None else time.monotonic() + _lifetime(lifetime)
     logging.basicConfig(
         level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", datefmt="%H:%M:%S"
     )
@@ -173,6 +173,7 @@ def work(
         Client(url, token, timeout=PATIENCE_SECONDS) as client,
         Client(url, token, timeout=ANSWER_SECONDS) as second_client,
     ):
+        client.answer_by = second_client.answer_by = leave_at
         worker: dict[str, Any] = {
             "id": f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}",
             "host": host or socket.gethostname(),
@@ -207,7 +208,7 @@ def work(
             check_models=canaries.look,
             # Nobody knows how long closing a loop takes: not where the time is limited.
             close_loop_jobs=None
-            if leave_at is not None
+            if leave_at < inf
             else _close_loop_jobs(
                 second_client,
                 Pool(1, loop_seconds, evaluate=work_on_session, memory_mb=loop_memory_mb),

@@ -74,8 +74,8 @@ class Leases:
     batch: int
     #: How many instances may still be begun; None: any number.
     left: int | None = None
-    #: When the worker must be gone, on the monotonic clock; None: it may stay.
-    leave_at: float | None = None
+    #: When the worker must be gone, on the monotonic clock; infinite: it may stay.
+    leave_at: float = inf
     #: Spreads the waits of many workers.
     rng: Random
     #: Instances that no child has begun.
@@ -92,6 +92,11 @@ class Leases:
 
     def __len__(self) -> int:
         return len(self._held)
+
+    @property
+    def last_words_at(self) -> float:
+        """When what still runs is given back, on the monotonic clock."""
+        return self.leave_at - LAST_WORDS_SECONDS
 
     @property
     def any_finished(self) -> bool:
@@ -121,7 +126,7 @@ class Leases:
         size = lease_size(self._seconds_each, self.processes, self.batch)
         if self.left is not None:
             size = min(size, self.left)
-        if self.leave_at is not None:
+        if self.leave_at < inf:
             each = self._seconds_each or 0.0
             size = min(size, fitting(self._time_left(now), each, self._slowest, self.processes))
             if size == 0:
@@ -133,15 +138,15 @@ class Leases:
 
     def ends_too_soon(self, now: float) -> bool:
         """Say whether an instance begun now could not be finished before the worker must leave."""
-        return self.leave_at is not None and self._time_left(now) <= self._slowest
+        return self._time_left(now) <= self._slowest
 
     def time_is_up(self, now: float) -> bool:
         """Say whether what still runs must be given back now."""
-        return self.leave_at is not None and self._time_left(now) <= 0.0
+        return self._time_left(now) <= 0.0
 
     def _time_left(self, now: float) -> float:
         """Return the seconds left for instances."""
-        return inf if self.leave_at is None else self.leave_at - LAST_WORDS_SECONDS - now
+        return self.last_words_at - now
 
     def ask_soon(self) -> None:
         """Wait no longer: there is more now that can be asked for."""

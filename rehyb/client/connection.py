@@ -3,9 +3,11 @@
 import gzip
 import json
 import os
+import time
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from http import HTTPStatus
+from math import inf
 from pathlib import Path
 from typing import Any, Self
 
@@ -49,6 +51,9 @@ class Connection:
             )
         #: Seconds the coordinator last asked a worker without work to wait before asking again.
         self.retry_after = 1.0
+        #: No answer is waited for beyond this time of the monotonic clock.
+        self.answer_by = inf
+        self._timeout = timeout
         headers = {"Authorization": f"Bearer {token}"}
         try:
             address = httpx2.URL(self.url)
@@ -64,7 +69,7 @@ class Connection:
             raise Invalid(f"{self.url} is not a coordinator's address: {error}") from error
         plain = transport is None and is_plain(address, token, direct=direct)
         #: For what is asked over and over; None: by `_http` as everything else.
-        self._wire = Wire(address, headers, timeout) if plain else None
+        self._wire = Wire(address, headers) if plain else None
         # A worker asks for the same few all the time: to join and check one is an eighth of a call.
         self._address = lru_cache(maxsize=64)(self._join)
 
@@ -124,10 +129,26 @@ class Connection:
     def _ask(
         self, method: str, url: httpx2.URL, headers: Mapping[str, str], content: bytes = b""
     ) -> Answer:
+        timeout = self._patience(self._timeout)
         if self._wire is not None:
-            return self._wire.request(method, url, headers, content)
+            return self._wire.request(method, url, headers, content, timeout=timeout)
         given = content or None
-        return answered(self._http.request(method, url, content=given, headers=headers))
+        return answered(
+            self._http.request(method, url, content=given, headers=headers, timeout=timeout)
+        )
+
+    def _patience(self, seconds: float) -> float:
+        """Return how long to wait for the other side, `seconds` at most.
+
+        Raises:
+            TimeoutError: not at all.
+        """
+        if self.answer_by == inf:
+            return seconds
+        left = self.answer_by - time.monotonic()
+        if left <= 0.0:
+            raise TimeoutError("there is no time left to ask")
+        return min(seconds, left)
 
     def _join(self, path: str) -> httpx2.URL:
         """Return the address of a path at the coordinator."""
@@ -146,7 +167,7 @@ class Connection:
         """Write what `path` answers to `target`; a download cut short leaves no file behind."""
         try:
             with (
-                self._http.stream("GET", path) as response,
+                self._http.stream("GET", path, timeout=self._patience(self._timeout)) as response,
                 whole_file(target) as partial,
                 partial.open("wb") as file,
             ):
@@ -156,7 +177,8 @@ class Connection:
                 for chunk in response.iter_bytes():
                     file.write(chunk)
                     on_chunk()
-        except httpx2.TransportError as error:
+                    self._patience(self._timeout)
+        except (httpx2.TransportError, TimeoutError) as error:
             raise self._unreachable(error) from error
 
     def _post(self, path: str, **content: Any) -> Json:
@@ -165,8 +187,9 @@ class Connection:
         `content`: content, files, params and headers as httpx2 takes them.
         """
         try:
-            response = answered(self._http.post(path, timeout=UPLOAD_SECONDS, **content))
-        except httpx2.TransportError as error:
+            timeout = self._patience(UPLOAD_SECONDS)
+            response = answered(self._http.post(path, timeout=timeout, **content))
+        except (httpx2.TransportError, TimeoutError) as error:
             raise self._unreachable(error) from error
         if not response.is_success:
             raise error_of(response)

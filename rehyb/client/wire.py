@@ -68,20 +68,26 @@ class Wire:
     Args:
         url: of the host, as `is_plain` takes it.
         headers: of every request.
-        timeout: seconds that the other side may be silent.
     """
 
-    def __init__(self, url: httpx2.URL, headers: Mapping[str, str], timeout: float) -> None:
+    def __init__(self, url: httpx2.URL, headers: Mapping[str, str]) -> None:
         self._address = url.host, url.port or 80
-        self._timeout = timeout
         host = url.netloc.decode("ascii")
         self._headers = _lines({"Host": host, "Accept": "*/*", **headers})
         self._idle: list[socket.socket] = []
 
     def request(
-        self, method: str, url: httpx2.URL, headers: Mapping[str, str], content: bytes = b""
+        self,
+        method: str,
+        url: httpx2.URL,
+        headers: Mapping[str, str],
+        content: bytes = b"",
+        *,
+        timeout: float,
     ) -> Answer:
         """Send a request and return the answer, read to its end.
+
+        `timeout`: seconds that the other side may be silent.
 
         Raises:
             OSError: nobody answers, or not in HTTP.
@@ -95,7 +101,7 @@ class Wire:
             _lines(headers),
             len(content),
         )
-        connection = self._connection()
+        connection = self._connection(timeout)
         try:
             # An answer may come, and the rest of the request be unwanted, before it is sent.
             with suppress(BrokenPipeError, ConnectionResetError):
@@ -122,15 +128,16 @@ class Wire:
         while self._idle:
             self._idle.pop().close()
 
-    def _connection(self) -> socket.socket:
+    def _connection(self, timeout: float) -> socket.socket:
         """Return a connection that the other side has not closed meanwhile."""
         while self._idle:
             with suppress(IndexError):
                 kept = self._idle.pop()
                 if not _readable(kept):
+                    kept.settimeout(timeout)
                     return kept
                 kept.close()
-        fresh = socket.create_connection(self._address, self._timeout)
+        fresh = socket.create_connection(self._address, timeout)
         fresh.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return fresh
 

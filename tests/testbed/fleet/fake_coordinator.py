@@ -169,8 +169,11 @@ class Work:
         self.max_idle = max_idle
         self.agent = self.new_agent()
 
-    def new_agent(self, name: str = "w1", max_instances: int | None = None) -> Agent:
-        client = Client("http://c", "t", transport=httpx2.MockTransport(self.coordinator))
+    def new_agent(
+        self, name: str = "w1", max_instances: int | None = None, client: Client | None = None
+    ) -> Agent:
+        if client is None:
+            client = Client("http://c", "t", transport=httpx2.MockTransport(self.coordinator))
         leases = Leases(
             client=client,
             worker={"id": name, "host": "h", "versions": {}},

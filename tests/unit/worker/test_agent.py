@@ -1,5 +1,6 @@
 """What a worker promises its coordinator, whatever becomes of either."""
 
+import socket
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 import pytest
 
 from models.running.pool import Finished
+from rehyb.client import Client
 from rehyb.errors import Unauthorized
 from tests.testbed.fleet.fake_coordinator import Work
 from worker.leases import LAST_WORDS_SECONDS
@@ -321,3 +323,18 @@ def test_a_worker_whose_time_is_up_gives_back_what_runs(tmp_path: Path) -> None:
     assert set(work.coordinator.results) == {"a"}
     assert work.coordinator.released == ["lease-of-a"]
     assert work.pool.killed
+
+
+def test_a_worker_whose_time_is_up_waits_for_no_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("worker.leases.LAST_WORDS_SECONDS", 0.1)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"http://127.0.0.1:{silent.getsockname()[1]}"
+        with Client(url, "t", timeout=60.0) as client:
+            agent = Work(tmp_path, [], max_idle=None).new_agent("w2", client=client)
+            agent.spool.add([("lease-of-a", 1, {"instance": "a", "outcome": "ok"})])
+            began = time.monotonic()
+            agent.leases.leave_at = began + 0.3
+            agent.run()
+    assert 0.3 <= time.monotonic() - began < 30.0

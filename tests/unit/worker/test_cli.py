@@ -1,6 +1,8 @@
 """`rehyb-worker` says in one sentence what is wrong."""
 
+import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -70,6 +72,21 @@ def test_a_lifetime_that_cannot_be_is_one_sentence(
     status, said = run(monkeypatch, capsys, "--lifetime", lifetime)
     assert status == 1
     assert said.startswith(f"rehyb-worker: {words}")
+
+
+def test_with_a_lifetime_none_of_its_connections_waits_beyond_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    agents: list[Any] = []
+    monkeypatch.setattr("worker.cli.Agent.run", lambda agent: agents.append(agent))
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    began = time.monotonic()
+    assert run(monkeypatch, capsys, "--token", "t", "--lifetime", "10s")[0] == 0
+    (agent,) = agents
+    clients = agent.leases.client, agent.renewals.renew.args[0]
+    assert clients[0] is not clients[1]
+    assert all(began + 10.0 <= client.answer_by <= began + 60.0 for client in clients)
 
 
 def test_signals_in_quick_succession_are_one() -> None:

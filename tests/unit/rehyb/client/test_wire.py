@@ -3,8 +3,10 @@
 import gzip
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from pathlib import Path
 
 import httpx2
 import pytest
@@ -89,8 +91,8 @@ HostOf = Callable[..., Host]
 def test_an_answer_is_what_a_general_client_makes_of_it(answer: bytes, host: HostOf) -> None:
     there = host(answer, answer)
     url = httpx2.URL(there.url + "/v1/studies")
-    wire = Wire(url, {}, 5.0)
-    short = wire.request("GET", url, {})
+    wire = Wire(url, {})
+    short = wire.request("GET", url, {}, timeout=5.0)
     wire.close()
     with httpx2.Client(trust_env=False) as general:
         long = general.get(url)
@@ -252,3 +254,18 @@ def test_a_proxy_is_asked_but_not_for_this_machine(
     monkeypatch.setenv(name, "http://proxy:3128")
     assert not is_plain(httpx2.URL("http://lab:9000"), "t", direct=False)
     assert is_plain(httpx2.URL("http://127.0.0.1:9000"), "t", direct=True)
+
+
+@pytest.mark.parametrize("transport", [None, httpx2.HTTPTransport()])
+def test_no_answer_is_waited_for_beyond_the_time_by_which_it_must_be_there(
+    transport: httpx2.BaseTransport | None, tmp_path: Path
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"http://127.0.0.1:{silent.getsockname()[1]}"
+        with Client(url, "secret", timeout=60.0, transport=transport) as client:
+            began = time.monotonic()
+            client.answer_by = began + 0.1
+            for ask in (client.studies, lambda: client.model_archive("m@1", tmp_path / "m.zip")):
+                with pytest.raises(Unreachable):
+                    ask()
+            assert time.monotonic() < began + 30.0
