@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.reports import hover
 from analysis.reports.figures import (
     Figure,
     bars,
@@ -16,9 +17,11 @@ from analysis.reports.figures import (
     pairs,
     plane,
     scatter,
+    together,
 )
 from analysis.reports.figures.scatter import bin_means
 from analysis.reports.figures.shared import COLOURS, beside, figure
+from analysis.reports.html import data_uri
 from analysis.reports.paper import on_paper
 from analysis.sensitivity.service import analyse
 from analysis.sensitivity.snapshot import empty_snapshot
@@ -153,3 +156,32 @@ def test_panels_stand_beside_each_other_each_with_what_is_its_own() -> None:
     drawn = on_paper(both)
     assert [len(axes.lines) for axes in drawn.axes[:3]] == [len(drawn.axes[0].lines)] * 3
     assert not drawn.axes[3].axison
+
+
+@pytest.mark.parametrize("kind", ["svg", "png"])
+def test_the_same_figure_is_the_same_image(kind: str) -> None:
+    once, again = (
+        data_uri(on_paper(distribution(np.arange(9.0), "y")), kind, dpi=30)  # type: ignore[arg-type]
+        for _ in range(2)
+    )
+    assert once == again and once.startswith(f"data:image/{kind}")
+
+
+@pytest.mark.parametrize("rows", [0, 1, 40])
+def test_pairs_are_drawn_with_their_convergence_and_told_at_the_pointer(rows: int) -> None:
+    plan = study_plan("saltelli_second_order", rows=max(rows, 1))
+    shot = analyse(plan, results_of(plan)) if rows else empty_snapshot(plan)
+    shown = together(shot, "y")
+    figure = on_paper(shown)
+    figure.draw_without_rendering()
+    bars, curves = figure.axes
+    panel, _ = hover.panels(shown, figure)
+    known = [pair for pair in shot["outputs"]["y"]["second_order"] if pair["value"] is not None]
+    assert len(bars.patches) == len(panel["marks"]) == len(known)
+    if rows == 40:
+        # The largest on top: a and b, whose product is in the output.
+        assert bars.get_yticklabels()[0].get_text() == "a × b" and bars.yaxis_inverted()
+        assert panel["marks"][0][2].startswith("a and b: ")
+        assert curves.lines[0].get_label() == "a × b"
+    with pytest.raises(ValueError, match="shows studies of method saltelli, not morris"):
+        together(empty_snapshot(study_plan("morris", rows=3)), "y")

@@ -1,7 +1,5 @@
 """What a design promises: rows that are pure functions of (seed, row), and that fill the cube."""
 
-import subprocess
-import sys
 from itertools import product
 
 import numpy as np
@@ -81,30 +79,6 @@ def test_bits_of_many_streams_are_those_of_each() -> None:
     for wrong in ([0, -1], [2**64, 0]):
         with pytest.raises(ValueError, match="index must be an integer from 0"):
             bits_of(3, Purpose.BOOTSTRAP, wrong, 5)
-
-
-ROWS = [3, 1030, 49, 0, 50, 1023, 1024]
-
-
-@pytest.fixture(scope="module")
-def fresh() -> dict[str, str]:
-    """Some rows of every design from another process, in rising order: hexadecimal by its name."""
-    script = (
-        "from analysis.designs import unit_row\n"
-        f"for design in {EVERY_DESIGN!r}:\n"
-        f"    rows = [unit_row(*design, 5, row, 3).tobytes().hex() for row in {sorted(ROWS)}]\n"
-        "    print(*design, *rows)\n"
-    )
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    lines = (line.split(" ", 2) for line in run.stdout.splitlines())
-    return {f"{method} {sampling}": rows for method, sampling, rows in lines}
-
-
-@pytest.mark.parametrize(("method", "sampling"), EVERY_DESIGN)
-def test_a_row_depends_on_no_other_row(method: str, sampling: str, fresh: dict[str, str]) -> None:
-    """Asking for rows in another order, or from a fresh process, changes no bit."""
-    here = {row: unit_row(method, sampling, 5, row, 3).tobytes().hex() for row in ROWS}
-    assert fresh[f"{method} {sampling}"].split() == [here[row] for row in sorted(ROWS)]
 
 
 @pytest.mark.parametrize(

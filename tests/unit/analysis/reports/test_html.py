@@ -1,11 +1,8 @@
 """Pages are made of escaped pieces, and a picture is the same bytes each time."""
 
-import numpy as np
 import pytest
 
-from analysis.reports.figures import distribution
-from analysis.reports.html import cell, data_uri, environment
-from analysis.reports.paper import on_paper
+from analysis.reports.html import cell, environment
 from analysis.reports.tables import Grid
 
 
@@ -32,12 +29,3 @@ def test_names_from_outside_stay_text() -> None:
     text = pieces.grid(grid)  # type: ignore[attr-defined]
     assert "<h3>&lt;&amp;&gt;</h3>" in text and "<td>&lt;i&gt;</td>" in text
     assert "<th>&lt;th&gt;</th>" in text and "<td>1.00 <small>[0.50, 1.50]</small></td>" in text
-
-
-@pytest.mark.parametrize("kind", ["svg", "png"])
-def test_the_same_figure_is_the_same_image(kind: str) -> None:
-    once, again = (
-        data_uri(on_paper(distribution(np.arange(9.0), "y")), kind, dpi=30)  # type: ignore[arg-type]
-        for _ in range(2)
-    )
-    assert once == again and once.startswith(f"data:image/{kind}")

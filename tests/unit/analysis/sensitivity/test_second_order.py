@@ -9,12 +9,8 @@ from numpy.typing import NDArray
 from SALib.analyze.sobol import second_order
 
 from analysis.designs import row_width, unit_row
-from analysis.reports import hover
-from analysis.reports.figures import together
-from analysis.reports.paper import on_paper
 from analysis.sensitivity.estimators import SaltelliEstimator, SecondOrderEstimator
 from analysis.sensitivity.service import analyse
-from analysis.sensitivity.snapshot import empty_snapshot
 from tests.testbed.studies import FACTORS, results_of, study_plan
 
 METHOD = "saltelli_second_order"
@@ -119,23 +115,3 @@ def test_pairs_have_a_series_of_growing_parts() -> None:
         assert [curve[end][-1] for end in ("low", "value", "high")] == [
             pair[end] for end in ("low", "value", "high")
         ]
-
-
-@pytest.mark.parametrize("rows", [0, 1, 40])
-def test_pairs_are_drawn_with_their_convergence_and_told_at_the_pointer(rows: int) -> None:
-    plan = study_plan(METHOD, rows=max(rows, 1))
-    shot = analyse(plan, results_of(plan)) if rows else empty_snapshot(plan)
-    shown = together(shot, "y")
-    figure = on_paper(shown)
-    figure.draw_without_rendering()
-    bars, curves = figure.axes
-    panel, _ = hover.panels(shown, figure)
-    known = [pair for pair in shot["outputs"]["y"]["second_order"] if pair["value"] is not None]
-    assert len(bars.patches) == len(panel["marks"]) == len(known)
-    if rows == 40:
-        # The largest on top: a and b, whose product is in the output.
-        assert bars.get_yticklabels()[0].get_text() == "a × b" and bars.yaxis_inverted()
-        assert panel["marks"][0][2].startswith("a and b: ")
-        assert curves.lines[0].get_label() == "a × b"
-    with pytest.raises(ValueError, match="shows studies of method saltelli, not morris"):
-        together(empty_snapshot(study_plan("morris", rows=3)), "y")
