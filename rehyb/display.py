@@ -52,11 +52,12 @@ def progress_in_words(progress: Mapping[str, Any]) -> str:
         eta += f" [{duration(low)}, {duration(high)}]"
     missing = progress.get("waits_for")
     waits = f"waits for a worker with {missing}, " if missing else ""
+    why = progress.get("why_it_waits")
     return (
         f"{waits}{done}/{progress['instances']} results, "
         f"{progress['rows_complete']}/{progress['rows']} rows, {rate:.1f}/s, "
         f"ETA {eta}, {progress['workers']} workers, "
-        f"failures: {failures_in_words(progress['failures'])}"
+        f"failures: {failures_in_words(progress['failures'])}{f'; {why}' if why else ''}"
     )
 
 

@@ -124,7 +124,9 @@ def standing(progress: Json, snapshot: Json) -> tuple[bool, str]:
     if progress["state"] == "cancelled":
         raise CampaignError(f"study {progress['study']} was cancelled before it was complete")
     if progress["state"] != "complete":
-        return False, "" if progress["workers"] else "waiting for a worker"
+        # Why nobody works on it stands in the progress, if it is known.
+        told = progress["workers"] or progress.get("why_it_waits")
+        return False, "" if told else "waiting for a worker"
     if snapshot["rows_complete"] < progress["rows"]:
         return False, (
             f"all results are in; the analysis has seen {snapshot['rows_complete']} "

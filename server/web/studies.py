@@ -77,6 +77,7 @@ def detail(engine: Engine, study: Study, goal: PrecisionGoal | None, now: float)
         "ends_at": None if speed is None or not speed.eta_seconds else now + speed.eta_seconds,
         "workers": 0 if standing is None else standing.workers,
         "waits_for": None if standing is None else standing.waits_for,
+        "why_it_waits": None if standing is None else standing.why_it_waits,
         "goal": goal,
         "precision": precision(engine, study, goal),
     }

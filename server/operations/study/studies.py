@@ -8,6 +8,7 @@ from sqlalchemy.engine import Connection, Engine
 
 from server.errors import ConflictError
 from server.logic.fleet.hosts import GONE_SECONDS
+from server.logic.fleet.waiting import why_it_waits
 from server.logic.study import studies as life
 from server.logic.study.points import parameters
 from server.logic.study.progress import Pace, block_ends, pace, window_start
@@ -20,6 +21,9 @@ from server.store.study import precision_goals, studies
 
 get = alone_reading(studies.find)
 every = alone_reading(studies.every)
+
+#: Workers that are looked at for why a study waits.
+MOST_ASKED = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +40,8 @@ class Standing:
     workers: int
     #: Its model, "name@digest", if no worker has it; None if one has, or nothing is left to do.
     waits_for: str | None
+    #: Why nobody holds any of it, in a sentence; None if a worker may, or its model is missing.
+    why_it_waits: str | None
 
     def pace(self, now: float) -> Pace:
         """Return how fast results come."""
@@ -107,13 +113,17 @@ def standing(engine: Engine, study_id: str, *, now: float) -> Standing:
         opening, ends = window_start(study.result_count), block_ends(study.result_count)
         arrivals = results.arrivals(connection, study_id, [opening, *ends])
         arrived_at = {0: study.created_at} | arrivals
+        holding = leases.workers_of(connection, study_id, now=now)
+        missing = _waits_for(connection, study, now)
+        idle = study.state.is_served and study.pending and not holding and not missing
         return Standing(
             study=study,
             goal=precision_goals.find(connection, study_id),
             window_opened_at=arrived_at[opening],
             passed_at=tuple(arrived_at[number] for number in ends),
-            workers=leases.workers_of(connection, study_id, now=now),
-            waits_for=_waits_for(connection, study, now),
+            workers=holding,
+            waits_for=missing,
+            why_it_waits=_why_it_waits(connection, study, now) if idle else None,
         )
 
 
@@ -129,6 +139,12 @@ def _waits_for(connection: Connection, study: Study, now: float) -> str | None:
     if found is not None and found.size and workers.any_holds_a_lease(connection, now=now):
         return None
     return model
+
+
+def _why_it_waits(connection: Connection, study: Study, now: float) -> str | None:
+    # Of ten thousand workers the last few tell as much as all.
+    alive = workers.heard(connection, after=now - GONE_SECONDS, most=MOST_ASKED)
+    return why_it_waits(study, alive)
 
 
 def cancel(engine: Engine, study_id: str, *, now: float) -> Study:

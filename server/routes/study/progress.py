@@ -62,6 +62,7 @@ def _tag(standing: Standing, now: float) -> str:
         study.leased,
         standing.workers,
         standing.waits_for,
+        standing.why_it_waits,
         stale,
         goal_shown(study, standing.goal),
         weak=True,
@@ -87,6 +88,7 @@ def _shown(standing: Standing, now: float) -> dict[str, Any]:
         "eta_high_seconds": speed.eta_high_seconds,
         "workers": standing.workers,
         "waits_for": standing.waits_for,
+        "why_it_waits": standing.why_it_waits,
         "elapsed_seconds": speed.elapsed_seconds,
         "precision": goal_shown(study, standing.goal),
     }

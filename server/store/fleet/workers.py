@@ -68,9 +68,11 @@ def every(connection: Connection) -> list[Worker]:
     return [_worker(row) for row in connection.execute(query)]
 
 
-def heard(connection: Connection, *, after: float) -> list[Worker]:
-    """Return the workers that were heard from since then."""
+def heard(connection: Connection, *, after: float, most: int | None = None) -> list[Worker]:
+    """Return the workers that were heard from since then, or the `most` last ones of them."""
     query = sa.select(workers).where(workers.c.last_seen > after)
+    if most is not None:
+        query = query.order_by(workers.c.last_seen.desc()).limit(most)
     return [_worker(row) for row in connection.execute(query)]
 
 

@@ -60,6 +60,11 @@ def test_a_campaign_goes_far_outside_a_range_only_if_it_is_asked_to() -> None:
         ({"state": "running", "workers": 2}, 0, (False, "")),
         ({"state": "running", "workers": 0}, 0, (False, "waiting for a worker")),
         (
+            {"state": "running", "workers": 0, "why_it_waits": "this worker has code b"},
+            0,
+            (False, ""),
+        ),
+        (
             {"state": "complete", "rows": 8},
             7,
             (False, "all results are in; the analysis has seen 7 of 8 rows"),

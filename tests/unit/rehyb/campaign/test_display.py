@@ -88,6 +88,13 @@ def test_progress_is_one_line_with_counts_rate_remaining_time_and_failures() -> 
     )
 
 
+def test_a_line_of_progress_ends_with_why_nobody_works_on_it() -> None:
+    waiting = {**PROGRESS, "why_it_waits": "no worker was heard from lately"}
+    assert progress_in_words(waiting) == (
+        f"{progress_in_words(PROGRESS)}; no worker was heard from lately"
+    )
+
+
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
