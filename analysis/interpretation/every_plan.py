@@ -81,7 +81,7 @@ def every_plan(
 
     def width(found: _Rows) -> float:
         spread = np.sqrt(np.maximum(found.covariance[:, 0, 0], 1e-10))
-        scores = np.sort((errors[:, 0] - found.mean[:-1, 0]) / spread[:-1])[:, None]
+        scores = view.rows.ordered((errors[:, [0]] - found.mean[:-1, :1]) / spread[:-1, None])
         return Posterior(centre=np.zeros(1), spread=spread[-1:], scores=scores).half_width()
 
     def from_here(

@@ -143,7 +143,11 @@ class AnyMuscles:
     def rows(self) -> RowErrors:
         """The errors, each beside how large it is to expect where it is."""
         return RowErrors(
-            errors=self.errors, spreads=self.sizes, pulls=self.pulls, pulling=int(self.length)
+            errors=self.errors,
+            spreads=self.sizes,
+            pulls=self.pulls,
+            pulling=int(self.length),
+            either_way=True,
         )
 
 
@@ -194,15 +198,19 @@ def _slopes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return least squares' slopes on inputs, and those of targets on the known length, too.
 
-    Each target changes with the length, and its slopes on estimates do. D is regressed on
-    OF_DAMPING and on whether there is contact alone.
+    Each target changes with the length, and its slopes on estimates do; what contact changes does,
+    too: it holds an arm that is too short or too long off the robot's axis. The last of `inputs`
+    says that there is none. D is regressed on OF_DAMPING and on whether there is contact alone.
+
+    Returns:
+        Slopes on inputs, and of a constant and estimates times the length where there is contact.
     """
     slopes: np.ndarray = np.linalg.lstsq(inputs, outputs)[0]
-    with_length = np.zeros((1 + len(ESTIMATES), len(TARGETS)))
-    changing = np.column_stack([lengths, estimates * lengths[:, None]])
+    changing = np.column_stack([np.ones(len(inputs)), estimates, inputs[:, -1]]) * lengths[:, None]
+    with_length = np.zeros((changing.shape[1], len(TARGETS)))
     few = np.array([1 + ESTIMATES.index(name) for name in OF_DAMPING])
     every = np.arange(inputs.shape[1]), np.arange(changing.shape[1])
-    of_damping = np.array([0, *few, inputs.shape[1] - 1]), np.array([0, *few])
+    of_damping = np.array([0, *few, -1]), np.array([0, *few, -1])
     slopes[:, : len(TARGETS)] = 0.0
     for target in range(len(TARGETS)):
         own, more = of_damping if target == DAMPING else every
@@ -210,7 +218,7 @@ def _slopes(
             0
         ]
         slopes[own, target], with_length[more, target] = np.split(found, [len(own)])
-    return slopes, with_length
+    return slopes, with_length[:-1]
 
 
 def _pull(estimates: np.ndarray, with_length: np.ndarray) -> np.ndarray:

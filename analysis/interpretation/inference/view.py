@@ -27,6 +27,8 @@ class RowErrors:
     #: errors, shape (rows, TARGETS).
     pulls: np.ndarray | None = None
     pulling: int = 0
+    #: Whether an error may as well be to the other side.
+    either_way: bool = False
 
     def around(self, spread: np.ndarray, pull: np.ndarray | None = None) -> np.ndarray:
         """Return covariances (k, both, both) of errors that are as large as `spread` (k, both).
@@ -55,7 +57,11 @@ class RowErrors:
         surprise, covariances = self.as_measured(columns, sds)
         own = self.of_targets
         centre, spread = corrected(np.zeros_like(own), covariances, surprise, sds)
-        return np.sort((own - centre) / spread, axis=0)
+        return self.ordered((own - centre) / spread)
+
+    def ordered(self, scores: np.ndarray) -> np.ndarray:
+        """Return scores of rows sorted, to either side if they may be, (rows or 2 rows, ...)."""
+        return np.sort(np.concatenate([scores, -scores]) if self.either_way else scores, axis=0)
 
     @cached_property
     def of_targets(self) -> np.ndarray:
