@@ -14,7 +14,7 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from models.own import own_models
-from server.clocks import not_before, steady
+from server.clocks import Forward, steady
 from server.errors import NotFoundError
 from server.http import problems
 from server.http.compression import Gunzip
@@ -75,7 +75,8 @@ def create_app(settings: Settings) -> FastAPI:
                 # Several coordinators agree by the one clock that all of them can see.
                 app.state.clock = steady(partial(server_time, engine))
             # Set back while nobody served, it would give old leases as much longer.
-            app.state.clock = not_before(app.state.clock, lease_operations.latest(engine))
+            app.state.clock = Forward(app.state.clock)
+            app.state.clock.follow(lease_operations.latest(engine))
             now, ttl = app.state.clock(), settings.lease_seconds
             model_operations.register_own(engine, own_models().values(), now=now)
             lease_operations.extend_open_leases(engine, now=now, ttl=ttl)
@@ -125,7 +126,10 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.readiness = Readiness(app.state.engine)
     app.state.metrics = Metrics(app.state.engine, lambda: float(app.state.clock()))
     app.state.sweep = Sweep(
-        app.state.engine, lambda: float(app.state.clock()), settings.lease_seconds
+        app.state.engine,
+        lambda: float(app.state.clock()),
+        settings.lease_seconds,
+        follow=lambda moment: float(app.state.clock.follow(moment)),
     )
     app.state.idle = Idle()
     #: So many uploaded sessions are looked at at once.

@@ -13,7 +13,18 @@ def steady(wall: Clock = time.time, ticks: Clock = time.monotonic) -> Clock:
     return lambda: ticks() + offset
 
 
-def not_before(clock: Clock, moment: float) -> Clock:
-    """Return `clock`, set forward to `moment` if it is behind."""
-    ahead = max(0.0, moment - clock())
-    return lambda: clock() + ahead
+class Forward:
+    """A clock that can be set forward, and never back."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._ahead = 0.0
+
+    def __call__(self) -> float:
+        return self._clock() + self._ahead
+
+    def follow(self, moment: float) -> float:
+        """Go on from `moment` if this clock is behind it; return by how many seconds it was."""
+        behind = max(0.0, moment - self())
+        self._ahead += behind
+        return behind

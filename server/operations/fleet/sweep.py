@@ -30,12 +30,20 @@ class Sweep:
         clock: the coordinator's.
         ttl: seconds that a lease lasts.
         ticks: seconds by a clock that nobody sets.
+        follow: sets the coordinator's clock forward to a moment, and returns how far it was behind.
     """
 
     def __init__(
-        self, engine: Engine, clock: Clock, ttl: float, ticks: Callable[[], float] = monotonic
+        self,
+        engine: Engine,
+        clock: Clock,
+        ttl: float,
+        ticks: Callable[[], float] = monotonic,
+        *,
+        follow: Callable[[float], float] = lambda _: 0.0,
     ) -> None:
         self._engine, self._clock, self._ttl, self._ticks = engine, clock, ttl, ticks
+        self._follow = follow
         self._looked_at = -inf
         self._there_at = ticks()
 
@@ -49,6 +57,7 @@ class Sweep:
         # Whoever keeps the database to itself keeps workers from renewing, too.
         with writing(self._engine):
             pass
+        self._follow_others()
         self.catch_up()
         lost = leases.reap(self._engine, now=self._clock(), ttl=self._ttl)
         self._there_at = self._ticks()
@@ -62,3 +71,14 @@ class Sweep:
         leases.extend_open_leases(self._engine, now=self._clock(), ttl=self._ttl)
         self._there_at = self._ticks()
         log.warning("nobody could renew a lease for %.0f s: those that are open last anew", away)
+
+    def _follow_others(self) -> None:
+        """Go on from the latest time that another coordinator of the database has written.
+
+        The database's clock was set before that one began, or this one's machine slept: what this
+        one grants would seem to have expired long ago.
+        """
+        behind = self._follow(leases.latest(self._engine))
+        if behind > BUSY_SECONDS:
+            leases.extend_open_leases(self._engine, now=self._clock(), ttl=self._ttl)
+            log.warning("another coordinator's clock is %.0f s ahead: this one follows", behind)

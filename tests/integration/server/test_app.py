@@ -97,6 +97,21 @@ def test_a_coordinator_goes_on_from_the_latest_time_that_it_knows(
         assert again.state.clock() == last + 2.0
 
 
+def test_a_coordinator_follows_another_of_its_database_whose_clock_is_ahead(
+    app: FastAPI, clock: Clock
+) -> None:
+    who = {"worker": {"id": "w", "host": "h"}, "models": ["ishigami"], "max_instances": 1}
+    other = web.create_app(app.state.settings)
+    other.state.clock = ahead = Clock()
+    ahead.now = clock.now + 3600.0
+    token = {"Authorization": "Bearer correct horse"}
+    with TestClient(app, headers=token) as client, TestClient(other, headers=token) as beside:
+        assert app.state.clock() == clock.now
+        beside.post("/v1/leases", json=who)
+        client.post("/v1/leases", json=who)
+        assert app.state.clock() == ahead.now
+
+
 def test_no_lease_is_the_first_to_draw_a_row(
     upgraded: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from server.clocks import not_before, steady
+from server.clocks import Forward, steady
 from tests.testbed.clock import Clock
 
 
@@ -19,8 +19,10 @@ def test_a_steady_clock_only_counts_on_from_what_the_wall_showed() -> None:
 
 def test_a_clock_that_is_behind_a_known_moment_goes_on_from_there() -> None:
     clock = Clock()
-    ahead = not_before(clock, clock() + 10.0)
+    ahead = Forward(clock)
+    assert ahead.follow(clock() + 10.0) == 10.0
     assert ahead() == clock() + 10.0
     clock.advance(1.0)
     assert ahead() == clock() + 10.0
-    assert not_before(clock, clock() - 10.0)() == clock()
+    assert ahead.follow(clock() + 9.0) == 0.0
+    assert ahead() == clock() + 10.0

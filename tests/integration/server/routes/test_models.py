@@ -19,11 +19,13 @@ from analysis.sensitivity.service import catch_up
 from models.description import Description
 from models.folder import pack, read_folder
 from server.app import create_app
+from server.clocks import Forward
 from server.operations import models, tokens
 from server.operations.study.result_log import StoreResultLog
 from server.settings import Settings
 from server.store.database.engine import writing
 from sim.models import MODELS
+from tests.testbed.clock import Clock
 from tests.testbed.models import EXAMPLES, edited
 
 TOKEN = "models"
@@ -119,8 +121,8 @@ def test_an_upload_can_be_had_back_and_sampled_by_its_version(
 def test_a_busy_worker_and_one_that_closes_loops_are_not_taken_for_absent(
     app: FastAPI, client: TestClient
 ) -> None:
-    clock = [1000.0]
-    app.state.clock = lambda: clock[0]
+    clock = Clock()
+    app.state.clock = Forward(clock)
     model = client.post("/v1/models", json=announced()).json()
     version = f"elsewhere@{model['digest']}"
     first, second = submitted(client, "elsewhere"), submitted(client, "elsewhere")
@@ -134,11 +136,11 @@ def test_a_busy_worker_and_one_that_closes_loops_are_not_taken_for_absent(
     assert client.post("/v1/close-loops/lease", json=asked).status_code == 204
     assert waits_for() is None
     # Its lease lasts for longer than a silent worker is believed to be there.
-    clock[0] += 70.0
+    clock.advance(70.0)
     with writing(app.state.engine) as connection:
-        connection.exec_driver_sql("UPDATE leases SET expires_at = 1100.0")
+        connection.exec_driver_sql(f"UPDATE leases SET expires_at = {app.state.clock() + 30.0}")
     assert waits_for() is None
-    clock[0] += 70.0
+    clock.advance(70.0)
     assert waits_for() == version
     assert first["model"] == version
 

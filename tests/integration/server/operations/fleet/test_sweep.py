@@ -10,6 +10,7 @@ import pytest
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import OperationalError
 
+from server.clocks import Forward
 from server.operations.fleet import leases
 from server.operations.fleet import sweep as module
 from server.operations.fleet.sweep import SWEEP_SECONDS, Sweep
@@ -161,3 +162,35 @@ def test_a_file_that_another_process_keeps_to_itself_fails_as_a_database_that_is
     assert is_away(failed.value)
     other.close()
     engine.dispose()
+
+
+@pytest.mark.parametrize("ahead", [3.0 * TTL, 3600.0])
+def test_a_coordinator_whose_clock_is_behind_another_s_loses_no_lease_to_it(
+    engine: Engine, plan: Drawing, ticks: Ticks, ahead: float
+) -> None:
+    studies.create(engine, plan(), key=None, digest="", now=0.0)
+    clock = Forward(ticks)
+    behind = Sweep(engine, clock, TTL, ticks, follow=clock.follow)
+    mine = held(engine).lease
+    asked = {"models": ["ishigami"], "host": "other", "versions": {}}
+    exchanges.grant(engine, worker="v", max_instances=1, now=ahead, ttl=TTL, **asked)
+    assert behind() == 0
+    assert clock() == ahead
+    assert leases.reap(engine, now=ahead + TTL / 2.0, ttl=TTL) == 0
+    assert leases.renew(engine, mine.id, fence=mine.fence, now=clock(), ttl=TTL) == ahead + TTL
+
+
+def test_clocks_that_differ_by_next_to_nothing_prolong_no_lease(
+    engine: Engine, plan: Drawing, ticks: Ticks
+) -> None:
+    studies.create(engine, plan(), key=None, digest="", now=0.0)
+    clock = Forward(ticks)
+    behind = Sweep(engine, clock, TTL, ticks, follow=clock.follow)
+    held(engine)
+    for _ in range(4):
+        ticks.now += TTL / 4.0
+        asked = {"models": ["sobol_g"], "host": "other", "versions": {}}
+        now = ticks.now + 0.5
+        exchanges.grant(engine, worker="v", max_instances=1, now=now, ttl=TTL, **asked)
+        lost = behind()
+    assert lost == 3
