@@ -9,7 +9,8 @@ structure). These errors, over how large they are to expect of such a recording,
 
 What a regression says of a stiffness means another one for a short upper arm than for a long one:
 slopes on regressions change with the arm's length. The length is told by a ridge regression (Hoerl
-and Kennard 1970); where it errs, or is measured, K is off or right with it.
+and Kennard 1970) of rows like the recording, as contact has it show otherwise; where it errs, or
+is measured, K is off or right with it.
 """
 
 from dataclasses import dataclass
@@ -35,8 +36,9 @@ DAMPING = TARGETS.index("damping")
 MUSCLES = "muscles"
 #: The factor with which slopes on regressions change.
 LENGTH = "upper_arm_length"
-#: Penalty on the slopes that tell the length, over inputs of variance 1. Of 0.1, 0.3, 1, 3 and 10
-#: it left the least of K where muscles were left out, on a bank's own rows (seed 1).
+#: Penalty on the slopes that tell the length, over inputs of variance 1. Of 0.01 to 3
+#: it left the least of the length, and with 0.2 of K, where muscles were left out, on a bank's own
+#: rows (seed 1).
 PENALTY = 0.3
 
 
@@ -82,26 +84,29 @@ class AnyMuscles:
             inputs: what tells the length, of variance 1, shape (n, d).
             outputs: targets and the factors' normal scores, shape (n, both).
             muscles: the number of each row's set, shape (n,).
-            judged: rows whose errors make the interval, a mask; those without contact are told
-                from those with it by a constant.
+            judged: rows whose errors make the interval, a mask: those with contact, which alone
+                tell the length, and from which those without it differ as `_slopes` says.
             beside: what else the sizes of their errors go by, shape (judged rows, k).
             length: the column of LENGTH among `outputs`, 0 if there is none.
         """
         angle = scaled[:, :WINDOWS]
         shapes = np.linalg.svd(angle - angle.mean(axis=0), full_matrices=False)[2][:COMPONENTS]
         rows = np.column_stack([_inputs(scaled, shapes), ~judged])
-        estimates, telling = _estimates(scaled), np.column_stack([inputs, ~judged])
+        estimates = _estimates(scaled)
         lengths = outputs[:, length] if length else np.zeros(len(outputs))
         errors, pulls = np.full_like(outputs, np.nan), np.zeros((len(outputs), len(TARGETS)))
         for number in np.unique(muscles):
             own = muscles == number
-            told = _told(telling[~own], lengths[~own])
+            like = judged & ~own
+            # Few rows with contact may all be of one set.
+            like = like if like.any() else ~own
+            told = _told(inputs[like], lengths[like])
             slopes, with_length = _slopes(rows[~own], estimates[~own], outputs[~own], lengths[~own])
             pulls[own] = _pull(estimates[own], with_length)
             errors[own] = outputs[own] - rows[own] @ slopes
             errors[own, : len(TARGETS)] -= lengths[own, None] * pulls[own]
             if length:
-                errors[own, length] = lengths[own] - told[0] - telling[own] @ told[1:]
+                errors[own, length] = lengths[own] - told[0] - inputs[own] @ told[1:]
         errors, pulls = errors[judged], pulls[judged]
         predicted = outputs[judged] - errors
         predicted[:, : len(TARGETS)] -= pulls * errors[:, [length]]
@@ -110,7 +115,7 @@ class AnyMuscles:
         slopes, with_length = _slopes(rows, estimates, outputs, lengths)
         return cls(
             shapes=shapes,
-            told=_told(telling, lengths)[:-1],
+            told=_told(inputs[judged], lengths[judged]),
             length=length,
             slopes=slopes[:-1],
             with_length=with_length,

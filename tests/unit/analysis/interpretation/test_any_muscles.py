@@ -135,6 +135,24 @@ def test_what_contact_adds_to_a_long_arm_is_not_outvoted_by_rows_without_it() ->
     assert np.abs(off).max() < 0.2
 
 
+def test_a_length_is_told_as_rows_with_contact_tell_it() -> None:
+    """Where no contact pulls at an arm its length shows otherwise, and such rows are many."""
+    rows = limbs({0: -0.1, 1: 0.0, 2: 0.1}, 600, seed=1, bending=0.6)
+    scaled, outputs, _ = rows
+    judged = np.arange(600) >= 480
+    scaled[:, :3] = np.where(judged[:, None], 1.0, -1.0) * outputs[:, -1:]
+    model = learnt_from(rows, judged)
+    found = [model.look(one, telling(one), NOTHING).mean[-1] for one in scaled[judged]]
+    assert np.corrcoef(found, outputs[judged, -1])[0, 1] > 0.9
+
+
+def test_rows_with_contact_may_all_be_of_one_set() -> None:
+    rows = limbs({0: -0.1, 1: 0.1}, 600, seed=1)
+    judged = (rows[2] == 0) & (np.arange(600) >= 300)
+    model = learnt_from(rows, judged)
+    assert model.errors.shape[0] == judged.sum() and np.isfinite(model.errors).all()
+
+
 def test_a_length_that_is_measured_says_what_regressions_mean_of_such_an_arm() -> None:
     """A stiff short arm erred by as much as the interval is wide, and as much when measured."""
     sets = {0: -0.1, 1: 0.0, 2: 0.1}
