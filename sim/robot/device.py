@@ -188,9 +188,10 @@ def _read_cuffs(model: mujoco.MjModel, start: np.ndarray) -> tuple[Cuff, Cuff]:
         )
     elbow = limb.T @ anchor
     shoulder_to_cuff = limb.T @ data.site(CUFF_SITES[0]).xpos
-    if np.abs(shoulder_to_cuff[1:]).max() > TOLERANCE:
+    if abs(shoulder_to_cuff[2]) > TOLERANCE:
         raise _WrongFileError(
-            "the axis of the upper arm's cuff must pass through the human shoulder, the origin"
+            "the axis of the upper arm's cuff must pass through the human shoulder, the origin, "
+            "or beside it towards the opening"
         )
     elbow_to_cuff = limb.T @ (data.site(CUFF_SITES[1]).xpos - anchor)
     return (

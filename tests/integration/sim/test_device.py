@@ -70,6 +70,17 @@ def test_cuffs_where_the_authors_have_them_hold_the_arm_less_well() -> None:
     assert theirs.outputs["stiffness_error"] < ours.outputs["stiffness_error"]
 
 
+def test_cuffs_that_press_the_arm_aside_turn_the_upper_arm_as_the_elbow_extends() -> None:
+    """In the authors' model by 10 to 20 degrees (benchmarks/simulation/authors_repeats.csv)."""
+    turned = {}
+    for device in ("nesm", "nesm_authors"):
+        record = assess({}, device=device).record
+        assert record is not None
+        turned[device] = float(np.degrees(np.ptp(record.q[:, 2])))
+    assert turned["nesm"] < 5.0
+    assert 8.0 < turned["nesm_authors"] < 20.0
+
+
 @pytest.mark.parametrize("end", ["low", "high"])
 def test_the_lengths_and_masses_of_table_1_can_be_assessed_on_another_device(end: str) -> None:
     for name, ends in {
