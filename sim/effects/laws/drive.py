@@ -236,7 +236,7 @@ class Drift(Law):
         torque_at_start=Parameter("Nm", "what the motor adds at the session's beginning"),
     )
     coefficients = ("rate", "torque_at_start")
-    nonlinear = (Nonlinear("level_off", (10.0, 0.6, 0.2), step=RELATIVE),)
+    nonlinear = (Nonlinear("level_off", (10.0, 0.6, 0.2), scaling=0.4, step=RELATIVE),)
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         constant = parameters["time_constant"]

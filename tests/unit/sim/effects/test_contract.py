@@ -121,6 +121,14 @@ def test_what_refines_an_effect_stays_near_and_finite(effect: Effect, recording:
     assert all(parameter.name in theta for parameter in effect.nonlinear)
 
 
+@every_effect
+def test_a_parameter_that_has_an_interval_is_refined_off_its_grid(effect: Effect) -> None:
+    for parameter in effect.nonlinear:
+        if parameter.step is not None:
+            below, above = parameter.near(1.0, 1.0)
+            assert below < 1.0 < above, parameter.name
+
+
 @pytest.mark.parametrize(
     "effect", [e for e in BY_NAME.values() if e.includes], ids=lambda e: e.name
 )

@@ -13,7 +13,12 @@ from analysis.closeloop.identification.balance.model import (
     unfitted,
 )
 from analysis.closeloop.identification.balance.regression import select_rows
-from analysis.closeloop.identification.candidates import _try, options_beside, refined
+from analysis.closeloop.identification.candidates import (
+    _try,
+    options_beside,
+    refined,
+    tried_alone,
+)
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, EFFECTS
 from sim.effects.effect import Theta
@@ -65,6 +70,17 @@ def test_refining_stays_within_what_an_effect_can_be(recording: Recording) -> No
     better, scored = refined(option, rows)
     found = dict(enumerate(scored.coefficients))
     assert candidate.effect.beyond(joint, better.terms[-1].theta, found) == ""
+
+
+def test_a_drift_levels_off_when_it_does_not_when_the_grid_has_it(recording: Recording) -> None:
+    """What a wrong time constant leaves goes with time, and some of it is called stiffness."""
+    effort = recording.inverse.copy()
+    effort[:, ELBOW] += 3.0 * (1.0 - np.exp(-recording.time / (0.37 * np.ptp(recording.time))))
+    measured = replace(recording, joints=(ELBOW,), effort=recording.filtered(effort), cache={})
+    rows, model = select_rows(measured, (0,)), Model(measured)
+    found = tried_alone(model, rows, Candidate(effect=BY_NAME["drift"], joint=ELBOW))
+    assert found is not None
+    assert found[0].terms[-1].theta["level_off"] == pytest.approx(0.37, rel=0.1)
 
 
 def test_no_effect_loses_to_another_by_the_grain_of_its_grid(recording: Recording) -> None:
