@@ -88,6 +88,8 @@ class Effect(ABC):
     adds_mass: bool = False
     #: Whether it multiplies the whole effort, and with it every coefficient.
     scales_effort: bool = False
+    #: Whether it passes the motion on like a linear filter: with no frequency that motion lacks.
+    filters: bool = False
 
     def applies(self, recording: Recording, joint: int) -> bool:
         """Whether the effect can be asked of this joint of this device."""

@@ -13,7 +13,6 @@ what such an effect explains is cut into octaves, and in each its size is asked 
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.fft import dct, idct
 
 from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.luck import ALONE_Z, more_than_luck
@@ -24,7 +23,7 @@ from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing.steps import Grown
 from analysis.closeloop.identification.selection import MIN_GAIN
-from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.identification.spectrum import below
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 
 #: Lowest octave's upper edge, Hz.
@@ -142,12 +141,12 @@ def sizes(model: Model, candidate: Candidate, rows: Rows) -> Iterator[tuple[floa
     torque = expected - _expected(model.without(candidate), rows, joint)
     left = np.nan_to_num(recording.effort[:, joint] - expected)
     samples, block = rows.samples[joint], rows.block[rows.parts[joint]]
-    below = np.zeros((len(left), 2))
+    lower = np.zeros((len(left), 2))
     edge = LOWEST
     while edge < 2.0 * recording.sampling.fit_cutoff:
-        both = _below(np.column_stack([torque, left]), edge, recording)
-        own, rest = (both - below)[samples].T
-        below, edge = both, 2.0 * edge
+        both = below(np.column_stack([torque, left]), edge, recording.rate, recording.slices)
+        own, rest = (both - lower)[samples].T
+        lower, edge = both, 2.0 * edge
         power = float(own @ own)
         if power > 0.0:
             further = float(own @ rest) / power
@@ -158,16 +157,3 @@ def sizes(model: Model, candidate: Candidate, rows: Rows) -> Iterator[tuple[floa
 def _expected(model: Model, rows: Rows, joint: int) -> np.ndarray:
     torque = prediction(model, evaluate(model, rows).coefficients)[:, [joint]]
     return rows.recording.filtered(torque)[:, 0]
-
-
-def _below(signals: np.ndarray, cutoff: float, recording: Recording) -> np.ndarray:
-    """Return what of signals, (n, k), lies below a frequency, Hz.
-
-    By cosines, whose even continuation makes nothing of where a piece begins.
-    """
-    out = np.empty_like(signals)
-    for piece in recording.slices:
-        spectrum = dct(signals[piece], axis=0)
-        spectrum[np.arange(len(spectrum)) >= 2.0 * len(spectrum) * cutoff / recording.rate] = 0.0
-        out[piece] = idct(spectrum, axis=0)
-    return out

@@ -4,14 +4,18 @@ A pump or the mains makes a line, a tremor or somebody else's motion a band. Col
 neither: its spectrum falls from low frequencies on, and has no foot on that side.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import dct, idct
 from scipy.signal import welch
 
 #: A line or a band is this many times its surroundings.
 RATIO = 12.0
 WINDOW_SECONDS = 4.0
+#: Shorter stretches have no spectrum.
+LEAST_SAMPLES = 256
 #: The first of a spectrum's lines that taking the mean away leaves as it was.
 LOWEST = 2
 #: A band spans so many times its lowest frequency, and its feet lie so many times beyond.
@@ -41,17 +45,43 @@ def peaks(
         highest_hz: up to where to look for bands; near the cutoff of the kinematics the noise of
             the acceleration makes one.
     """
-    long = [residual for residual in residuals if len(residual) >= 256]
-    if not long:
-        return []
-    window = min(int(WINDOW_SECONDS * rate), min(len(residual) for residual in long))
-    spectra = [welch(residual, rate, nperseg=window, detrend="constant") for residual in long]
-    frequency = spectra[0][0]
-    lengths = [len(residual) for residual in long]
-    power = np.average([spectrum[1] for spectrum in spectra], axis=0, weights=lengths)
+    frequency, power = _spectrum(residuals, rate)
     return _lines(frequency, power) or _bands(
         frequency[frequency <= FOOT * highest_hz], power, MIN_SHARE * effort_rms
     )
+
+
+def strongest_line(residuals: list[np.ndarray], rate: float) -> Peak | None:
+    """Return the narrow line of a joint's residual that has the most power, if there is one.
+
+    Args: as of `peaks`.
+    """
+    return max(_lines(*_spectrum(residuals, rate)), key=lambda line: line.rms, default=None)
+
+
+def below(signals: np.ndarray, cutoff: float, rate: float, pieces: Sequence[slice]) -> np.ndarray:
+    """Return what of signals, (n, k), lies below a frequency, Hz.
+
+    By cosines, whose even continuation makes nothing of where a piece begins.
+    """
+    out = np.empty_like(signals)
+    for piece in pieces:
+        spectrum = dct(signals[piece], axis=0)
+        spectrum[np.arange(len(spectrum)) >= 2.0 * len(spectrum) * cutoff / rate] = 0.0
+        out[piece] = idct(spectrum, axis=0)
+    return out
+
+
+def _spectrum(residuals: list[np.ndarray], rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies and the mean power of the stretches that are long enough, (lines,)."""
+    long = [residual for residual in residuals if len(residual) >= LEAST_SAMPLES]
+    if not long:
+        return np.empty(0), np.empty(0)
+    window = min(int(WINDOW_SECONDS * rate), min(len(residual) for residual in long))
+    spectra = [welch(residual, rate, nperseg=window, detrend="constant") for residual in long]
+    lengths = [len(residual) for residual in long]
+    power = np.average([spectrum[1] for spectrum in spectra], axis=0, weights=lengths)
+    return spectra[0][0], np.asarray(power)
 
 
 def _lines(frequency: np.ndarray, power: np.ndarray) -> list[Peak]:

@@ -51,7 +51,7 @@ LAGS = (0.003, 0.006, 0.011, 0.02, 0.035, 0.06, 0.1, 0.16)
 class Late(Effect):
     """A channel that is late by one non-linear parameter, in seconds."""
 
-    channel = True
+    channel = filters = True
 
     def beyond(
         self,
@@ -113,7 +113,7 @@ class TorqueGain(Effect):
         )
     )
     coefficients = ("gain",)
-    scales_effort = True
+    scales_effort = filters = True
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         return {joint.number: joint.recording.inverse[:, [joint.number]]}

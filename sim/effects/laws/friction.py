@@ -91,7 +91,7 @@ class Viscous(Law):
     parameters = named(damping=size("Nm s/rad", 2.0, "further damping of the robot's joint"))
     coefficients = ("damping",)
     lower = (0.0,)
-    directed = True
+    directed = filters = True
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         return parameters["damping"] * motion.velocity

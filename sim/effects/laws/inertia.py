@@ -63,7 +63,7 @@ class Payload(Effect):
     nonlinear: tuple[Nonlinear, ...] = (
         Nonlinear("distance", (0.4, 0.7, 1.0, 1.4, 2.0, 3.0), scaling=0.25, step=RELATIVE),
     )
-    adds_mass = True
+    adds_mass = filters = True
 
     def applies(self, recording: Recording, joint: int) -> bool:
         return recording.centre_of_mass(joint) is not None
@@ -198,7 +198,7 @@ class AddedInertia(Law):
         )
     )
     coefficients = ("inertia",)
-    adds_mass = True
+    adds_mass = filters = True
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         return parameters["inertia"] * motion.acceleration

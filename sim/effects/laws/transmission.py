@@ -50,7 +50,7 @@ class SeriesElasticity(Effect):
         Nonlinear("resonance", (1.5, 2.5, 4.0, 7.0, 12.0, 25.0), scaling=0.3),
         Nonlinear("damping_ratio", (0.05, 0.2), scaling=0.5),
     )
-    uses_estimate = has_to_agree = True
+    uses_estimate = has_to_agree = filters = True
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         recording, number = joint.recording, joint.number

@@ -25,6 +25,7 @@ from analysis.closeloop.identification.candidates import (
 )
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing.freed import freed, held
+from analysis.closeloop.identification.growing.shaken import shaken
 from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.selection import (
     MIN_GAIN,
@@ -149,6 +150,8 @@ def _next_step(
     """
     beside = freed(model, current, rows)
     score = current if beside is model else evaluate(beside, rows)
+    joints = shaken(model, current, rows)
+    tried = [c for c in tried if not (c.effect.filters and c.joint in joints)]
     options = options_beside(beside, rows, score, tried)
     step = choose(options, beside, score, rows, least * score.loss, of_form)
     if step is None and model.effects:

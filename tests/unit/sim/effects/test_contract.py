@@ -1,5 +1,7 @@
 """What every effect promises, from its words to its torque in MuJoCo."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -127,6 +129,32 @@ def test_a_parameter_that_has_an_interval_is_refined_off_its_grid(effect: Effect
         if parameter.step is not None:
             below, above = parameter.near(1.0, 1.0)
             assert below < 1.0 < above, parameter.name
+
+
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.filters], ids=lambda e: e.name)
+def test_what_filters_the_motion_has_no_frequency_that_the_motion_lacks(
+    effect: Effect, recording: Recording
+) -> None:
+    # So little that the slope of gravity is one all over it.
+    angle = 2 * np.pi * 2.0 * recording.time
+    still, one = np.zeros_like(recording.position), np.array([0.0, 0.01])
+    shaken = replace(
+        recording,
+        position=np.array([-0.5, 1.0]) + one * np.sin(angle)[:, None],
+        velocity=still + one * 4 * np.pi * np.cos(angle)[:, None],
+        acceleration=still - one * (4 * np.pi) ** 2 * np.sin(angle)[:, None],
+        cache={},
+    )
+    theta = TRUTH[effect.name][0]
+    if effect.channel:
+        column = effect.through(shaken, shaken.inverse[:, [ELBOW]], theta)
+    else:
+        column = effect.columns(unfitted(shaken, ELBOW), theta)[ELBOW]
+    # Beside its beginning and end.
+    inside = slice(200, 800)
+    wave = np.column_stack([np.sin(angle), np.cos(angle), np.ones_like(angle)])[inside]
+    left = column[inside] - wave @ np.linalg.lstsq(wave, column[inside], rcond=None)[0]
+    assert np.linalg.norm(left) < 0.02 * np.linalg.norm(column[inside] - column[inside].mean())
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,82 @@
+"""Nothing that only passes the motion on is named for what oscillates by itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.growing.shaken import shaken
+from analysis.closeloop.identification.growing.steps import Grown, grow
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.rich import ELBOW, rich_recording
+
+NOISE = 0.02
+#: Hz, and how far it moves the joint, rad.
+TREMOR, MOVED = 5.0, 2e-3
+
+
+def trembling(moved: float = MOVED, reach: float = 0.4) -> tuple[Recording, np.ndarray]:
+    """Return an elbow that a tremor moves beside its task, and its acceleration by the tremor."""
+    recording = rich_recording(10)
+    time, w = recording.time, 2 * np.pi * TREMOR
+    scale = reach / 0.4
+    middle = np.array([-0.5, 1.0])
+    only = moved * np.array([0.0, 1.0])
+    wave, rate = np.sin(w * time)[:, None], np.cos(w * time)[:, None]
+    return replace(
+        recording,
+        position=middle + scale * (recording.position - middle) + only * wave,
+        velocity=scale * recording.velocity + only * w * rate,
+        acceleration=scale * recording.acceleration - only * w**2 * wave,
+        joints=(ELBOW,),
+        cache={},
+    ), -moved * w**2 * wave[:, 0]
+
+
+def rows_of(recording: Recording, extra: np.ndarray) -> Rows:
+    """Return the rows of a recording whose elbow needs a further torque."""
+    effort = np.array(recording.inverse)
+    effort[:, ELBOW] += extra + NOISE * np.random.default_rng(4).standard_normal(len(effort))
+    measured = replace(recording, effort=recording.filtered(effort), cache={})
+    return select_rows(measured, (0,)).reweighted({ELBOW: NOISE})
+
+
+def of(rows: Rows) -> frozenset[int]:
+    model = Model(rows.recording)
+    return shaken(model, evaluate(model, rows), rows)
+
+
+def test_a_line_that_the_motion_hardly_has_shakes_the_joint() -> None:
+    recording, quick = trembling()
+    assert of(rows_of(recording, 0.2 * quick)) == {ELBOW}
+
+
+@pytest.mark.parametrize("moved", [0.0, 0.02], ids=["nothing", "a joint that is shaken on purpose"])
+def test_what_the_motion_explains_does_not_shake_it(moved: float) -> None:
+    recording, quick = trembling(moved, reach=0.01)
+    assert of(rows_of(recording, 0.2 * quick)) == frozenset()
+
+
+def test_an_effect_of_all_the_motion_does_not_shake_it() -> None:
+    recording, _ = trembling()
+    assert of(rows_of(recording, 0.5 * recording.velocity[:, ELBOW])) == frozenset()
+
+
+@pytest.mark.parametrize(("tremor", "found"), [(0.0, ["added_inertia"]), (1.0, [])])
+def test_no_inertia_is_named_for_a_tremor_and_the_answer_to_it(
+    tremor: float, found: list[str]
+) -> None:
+    recording, quick = trembling()
+    inertia = 0.2 * (quick if tremor else recording.acceleration[:, ELBOW])
+    rows = rows_of(recording, inertia)
+    model = Model(rows.recording)
+    score = evaluate(model, rows)
+    tried = [
+        Candidate(effect=BY_NAME[name], joint=ELBOW)
+        for name in ("added_inertia", "time_delay", "series_elasticity")
+    ]
+    grown, refused = grow(Grown(model, score), rows, score, lambda _: None, tried)
+    assert [step.key[0] for step in grown.steps] == found and refused is None
