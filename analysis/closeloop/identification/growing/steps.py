@@ -26,6 +26,7 @@ from analysis.closeloop.identification.candidates import (
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing.freed import freed, held
 from analysis.closeloop.identification.growing.shaken import shaken
+from analysis.closeloop.identification.nameable import beyond_physics
 from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.selection import (
     MIN_GAIN,
@@ -172,6 +173,9 @@ def _next_step(
     if len(refitted.effects) > 1:
         refitted, _ = _settled(refitted, rows, step.taken.candidate)
     score = evaluate(refitted, rows)
+    if any(beyond_physics(refitted, score, other) for other in refitted.effects):
+        # It needs one of the others to be what that cannot be.
+        return options, None
     return options, replace(step, taken=replace(step.taken, model=refitted, score=score))
 
 

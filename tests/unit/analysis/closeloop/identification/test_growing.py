@@ -111,6 +111,22 @@ def test_a_small_second_effect_has_to_be_more_than_the_form_of_the_first(
         assert only_form(candidate(name), beside, model, rows) is wanted
 
 
+def test_no_effect_is_added_that_needs_another_to_be_what_it_cannot_be(
+    elbow: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As an inertia beside which a spring would have another resonance than the one it rings at."""
+    load = torque(elbow, "payload", {"distance": 1.6}, 0.4)
+    rows = rows_with(elbow, load + torque(elbow, "nonlinear_stiffness", {"centre": 1.0}, 20.0))
+
+    def bent(model: Model, _: Any, one: Any) -> str:
+        return "resonance" if len(model.effects) > 1 and one.effect.name == first else ""
+
+    (first,) = names(rows, "nonlinear_stiffness")
+    assert len(names(rows, "payload", "nonlinear_stiffness")) == 2
+    monkeypatch.setattr(steps, "beyond_physics", bent)
+    assert names(rows, "payload", "nonlinear_stiffness") == [first]
+
+
 def test_two_effects_that_hide_each_other_are_found_together(
     elbow: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
