@@ -77,9 +77,9 @@ def create_app(settings: Settings) -> FastAPI:
             # Set back while nobody served, it would give old leases as much longer.
             app.state.clock = Forward(app.state.clock)
             app.state.clock.follow(lease_operations.latest(engine))
-            now, ttl = app.state.clock(), settings.lease_seconds
+            now = app.state.clock()
             model_operations.register_own(engine, own_models().values(), now=now)
-            lease_operations.extend_open_leases(engine, now=now, ttl=ttl)
+            app.state.sweep.begin()
             await in_thread(studies_at_work.make_ready, engine)
             reaper = asyncio.create_task(
                 _reap_for_ever(

@@ -44,8 +44,18 @@ class Sweep:
     ) -> None:
         self._engine, self._clock, self._ttl, self._ticks = engine, clock, ttl, ticks
         self._follow = follow
-        self._looked_at = -inf
+        self._looked_at = self._none_before = -inf
         self._there_at = ticks()
+
+    def begin(self) -> None:
+        """Have all that is open last anew, which nobody can have lost before it has run out.
+
+        Until then a lease that seems to have, was granted by a coordinator whose clock is behind:
+        it has as long to notice.
+        """
+        now = self._clock()
+        leases.extend_open_leases(self._engine, now=now, ttl=self._ttl)
+        self._none_before = now + self._ttl
 
     def is_due(self) -> bool:
         """Say whether the last look was not just before."""
@@ -59,7 +69,8 @@ class Sweep:
             pass
         self._follow_others()
         self.catch_up()
-        lost = leases.reap(self._engine, now=self._clock(), ttl=self._ttl)
+        now = self._clock()
+        lost = leases.reap(self._engine, now=now, ttl=self._ttl) if now >= self._none_before else 0
         self._there_at = self._ticks()
         return lost
 

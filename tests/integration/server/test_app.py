@@ -17,6 +17,7 @@ from server.records import Plan
 from server.settings import Settings
 from server.store.database.engine import writing
 from tests.testbed.clock import Clock
+from tests.testbed.coordinators.rest_bodies import STUDY, asking
 
 
 def test_rows_are_freed_only_by_who_has_listened_for_that_long(
@@ -110,6 +111,25 @@ def test_a_coordinator_follows_another_of_its_database_whose_clock_is_ahead(
         beside.post("/v1/leases", json=who)
         client.post("/v1/leases", json=who)
         assert app.state.clock() == ahead.now
+
+
+def test_a_coordinator_that_begins_with_a_clock_ahead_ends_no_lease_of_the_one_behind(
+    app: FastAPI, clock: Clock
+) -> None:
+    other = web.create_app(app.state.settings)
+    other.state.clock = ahead = Clock()
+    ahead.now = clock.now + 3600.0
+    token = {"Authorization": "Bearer correct horse"}
+    with TestClient(app, headers=token) as client, TestClient(other, headers=token) as beside:
+        client.post("/v1/studies", json=STUDY)
+        held = client.post("/v1/leases", json=asking(max_instances=1)).json()
+        for _ in range(6):
+            for one in (beside, client):
+                one.post("/v1/leases", json=asking(models=["sobol_g"]))
+            renewal = client.post(f"/v1/leases/{held['id']}/renew", json={"fence": held["fence"]})
+            assert renewal.status_code == 200
+            clock.advance(15.0)
+            ahead.advance(15.0)
 
 
 def test_no_lease_is_the_first_to_draw_a_row(
