@@ -11,6 +11,7 @@ from benchmarks.measuring import Target, Throughput, percentile, watch
 from benchmarks.sensitivity.coverage_tables import coverage, described
 from benchmarks.sensitivity.latency import lags
 from benchmarks.sensitivity.scrambles import nested
+from benchmarks.service.by_turns import ratio
 from benchmarks.service.million import Million
 from benchmarks.service.rivals import Rival
 from benchmarks.service.table import Round, beside, lines, targets
@@ -172,3 +173,11 @@ def test_a_nested_scramble_leaves_one_point_in_each_cell_and_moves_it_about_with
     assert abs(np.corrcoef(within[:, 0], within[:, 1])[0, 1]) < 0.4
     # Digits below a cell's are flipped for each point apart: means of sequences hardly ever agree.
     assert len({round(float(one.mean()), 9) for one in found}) == 50
+
+
+def test_what_changes_by_turns_is_told_block_by_block() -> None:
+    # The machine was three times as slow in the second block and the third.
+    times, error = ratio([1.0, 3.0, 3.0], [0.5, 1.5, 1.5])
+    assert (times, error) == (pytest.approx(0.5), pytest.approx(0.0))
+    times, error = ratio([1.0, 1.0], [0.5, 2.0])
+    assert times == pytest.approx(1.0) and error > 0.5
