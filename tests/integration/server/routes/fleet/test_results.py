@@ -127,6 +127,9 @@ def test_expired_leases_are_looked_for_once_a_second_however_many_ask(
         looked.append(now)
         return 0
 
+    # Before, nothing can have been lost.
+    clock.advance(60.0)
+    client.post("/v1/leases", json=asking())
     monkeypatch.setattr(leases, "reap", look)
     for seconds in (0.5, 0.4, 0.2, 0.5, -10.0):
         clock.advance(seconds)
