@@ -67,6 +67,22 @@ def test_a_recording_is_interpreted_and_reported(bank: Path, tmp_path: Path) -> 
     assert "all this whatever the limb's muscles are; if they are one of the bank's sets:" in lines
 
 
+def test_a_bank_whose_extension_is_interrupted_stays_as_it_was(
+    bank: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = Path(shutil.copy(bank, tmp_path / "bank.npz"))
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("analysis.interpretation.build.sample", interrupted)
+    more = ["bank", "build", "--extend", "--rows", "181", "--contact-rows", "0"]
+    assert RUNNER.invoke(app, [*more, "--out", str(path)]).exit_code != 0
+    assert path.read_bytes() == bank.read_bytes()
+    help_text = " ".join(RUNNER.invoke(app, ["bank", "build", "--help"]).output.split())
+    assert "interrupted, it stays as it was, and what was simulated is lost" in help_text
+
+
 @pytest.fixture
 def archive(tmp_path: Path) -> Path:
     """A zipped session of one movement."""
