@@ -84,15 +84,17 @@ def corrects(model: Model, candidate: Candidate) -> bool:
 def lowest(model: Model, candidate: Candidate) -> tuple[float, ...]:
     """Return the lower bounds of an effect's coefficients beside what the device's file declares.
 
-    Its constant friction or damping, the first of them, may take away as much as is declared.
+    Its constant friction, the first of them, and its damping, the last, may take away as much as is
+    declared.
     """
     effect, joint, device = candidate.effect, candidate.joint, model.recording.device
-    declared = 0.0
-    if "coulomb_friction" in (effect.name, *effect.includes):
-        declared = float(device.friction[joint])
-    elif effect.name == "viscous_friction":
-        declared = float(device.model.dof_damping[joint])
-    return effect.bound(0) - declared, *(effect.lower[1:] or effect.lower)
+    lower = [effect.bound(0), *(effect.lower[1:] or effect.lower)]
+    includes = (effect.name, *effect.includes)
+    if "coulomb_friction" in includes:
+        lower[0] -= float(device.friction[joint])
+    if "viscous_friction" in includes:
+        lower[-1 if effect.lower[1:] else 0] -= float(device.model.dof_damping[joint])
+    return tuple(lower)
 
 
 def drives(model: Model, scored: Score, candidate: Candidate) -> bool:

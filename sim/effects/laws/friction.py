@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 SMOOTH = Nonlinear("smooth", (0.004, 0.02, 0.06), scaling=0.4)
 COARSE = Nonlinear("smooth", (0.004, 0.02))
 #: Speed at which friction loses what it has more when slow, over the top speed.
-SPEED = Nonlinear("speed", (0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE)
+SPEED = Nonlinear("speed", (0.015, 0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE)
 
 
 def slowness(parameters: Values, motion: Motion) -> Signal:
@@ -140,30 +140,36 @@ class Asymmetric(Friction):
 
     Mean and half difference of the two levels are the coefficients: the half difference goes with
     |sign(v)|, a constant wherever the joint moves, which a neutral angle or an offset takes in
-    whole. Then only the mean is known, and the slopes must tell the directions apart.
+    whole. Then only the mean is known, and the slopes must tell the directions apart. Theirs are
+    half difference and mean, which a declared damping takes in.
     """
 
     name = "asymmetric_friction"
+    #: Mean damping is declared, or there already.
     complexity = 3
     signature = "steps and slopes against velocity differ between the two directions"
     separating_trial = "move to and fro at three speeds, with rests at both ends"
-    includes = ("coulomb_friction",)
+    includes = ("coulomb_friction", "viscous_friction")
     parameters = named(
         torque_positive=size("Nm", 3.0, "friction of the robot's joint in flexion"),
         torque_negative=size("Nm", 3.0, "its friction in extension"),
         viscous_difference=size(
             "Nm s/rad", 1.0, "damping in flexion less that in extension", low=-1.0
         ),
+        viscous_mean=size("Nm s/rad", 1.0, "mean of both, beside what is declared"),
     )
-    lower = (0.0, -np.inf, -np.inf)
+    lower = (0.0, -np.inf, -np.inf, 0.0)
     undetermined = (1,)
     nonlinear = (SMOOTH, Nonlinear("viscous", (0.0, 1.0)))
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
-        return self._constant(parameters, motion) + self._slope(parameters) * motion.velocity
+        speed, half = magnitude(motion.velocity), self._half_difference(parameters)
+        viscous = half * motion.velocity + parameters.get("viscous_mean", 0.0) * speed
+        return self._constant(parameters, motion) + viscous
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
-        viscous = self._slope(parameters) * magnitude(motion.velocity)
+        speed, half = magnitude(motion.velocity), self._half_difference(parameters)
+        viscous = half * speed + parameters.get("viscous_mean", 0.0) * motion.velocity
         return self._constant(parameters, motion) * motion.direction + viscous
 
     def _constant(self, parameters: Values, motion: Motion) -> Signal:
@@ -171,7 +177,7 @@ class Asymmetric(Friction):
         positive = parameters.get("torque_positive", 0.0)
         return choose(motion.velocity > 0, positive, parameters.get("torque_negative", 0.0))
 
-    def _slope(self, parameters: Values) -> float:
+    def _half_difference(self, parameters: Values) -> float:
         return 0.5 * parameters.get("viscous_difference", 0.0)
 
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
@@ -181,6 +187,7 @@ class Asymmetric(Friction):
         }
         if theta["viscous"]:
             found["viscous_difference"] = Reading(column=2, scale=2.0)
+            found["viscous_mean"] = Reading(column=3)
         return found
 
 

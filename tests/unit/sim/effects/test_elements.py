@@ -166,3 +166,12 @@ def test_what_mujoco_cannot_hold_leaves_the_model_alone() -> None:
     before = changed.to_xml()
     assert BY_NAME["backlash"].add(changed, "elbow", {"gap": 0.01}) is None
     assert changed.to_xml() == before
+
+
+@pytest.mark.parametrize(("v", "torque"), [(1.0, -2.7), (-1.0, 1.3)])
+def test_asymmetric_friction_rubs_and_damps_each_direction_in_its_own_way(
+    v: float, torque: float
+) -> None:
+    damped = {"viscous_difference": 0.4, "viscous_mean": 0.5}
+    model = added("asymmetric_friction", PARAMETERS["asymmetric_friction"] | damped)
+    assert applied_torque(model, 0.0, v) == pytest.approx(torque, abs=5e-3)

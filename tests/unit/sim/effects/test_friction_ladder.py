@@ -9,6 +9,7 @@ from analysis.closeloop.identification.balance.model import Model, evaluate, unf
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.candidates import candidates, options_beside
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import REST_SHARE
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Law
 from tests.testbed.sessions.rich import ELBOW, TRUTH, torque
@@ -72,3 +73,11 @@ def test_no_rung_takes_more_than_half_of_the_load(name: str, recording: Recordin
     greedy = dict(enumerate(found)) | {1: 0.7}
     wrong = BY_NAME[name].beyond(unfitted(recording, ELBOW), theta, greedy)
     assert wrong in ("load_share", "driving_share")
+
+
+def test_a_stribeck_speed_is_looked_for_wherever_a_joint_slides(recording: Recording) -> None:
+    """Begun within two thirds of an octave, from where it rests: a quick arm loses it at 1 %."""
+    stribeck = BY_NAME["stribeck_friction"]
+    begun = {theta["speed"] for theta in stribeck.thetas(unfitted(recording, ELBOW))}
+    for speed in np.geomspace(REST_SHARE, 0.4, 30):
+        assert min(abs(np.log2(speed / own)) for own in begun) < 2 / 3

@@ -212,7 +212,23 @@ def test_one_direction_s_friction_is_symmetric_where_the_difference_is_not_deter
     model = Model(rows.recording, terms=(offset,))
     score = evaluate(model, rows)
     (option,) = options_beside(model, rows, score, [candidate("asymmetric_friction")])
-    assert option.model.terms[1].kept == (0, 2)
+    assert option.model.terms[1].kept == (0, 2, 3)
+
+
+@pytest.mark.parametrize("there", [("coulomb_friction",), ("coulomb_friction", "viscous_friction")])
+def test_friction_and_damping_of_each_direction_s_own_are_one_effect(
+    elbow: Recording, there: tuple[str, ...]
+) -> None:
+    """Damping that was not found yet, or stands already, is the mean of both directions'."""
+    velocity = elbow.velocity[:, ELBOW]
+    sign = np.tanh(velocity / (0.02 * elbow.top_speed[ELBOW]))
+    damping = 0.3 * velocity + 0.2 * np.abs(velocity)
+    rows = rows_with(elbow, 0.4 * sign + 0.1 * np.abs(sign) + damping)
+    model = Model(rows.recording, terms=tuple(term(rows, name, {"smooth": 0.02}) for name in there))
+    score = evaluate(model, rows)
+    (option,) = options_beside(model, rows, score, [candidate("asymmetric_friction")])
+    assert option.replaced == {(name, ELBOW) for name in there}
+    assert option.gain > 0.95 * score.loss
 
 
 def test_of_forms_that_predict_alike_the_one_that_fits_is_taken() -> None:

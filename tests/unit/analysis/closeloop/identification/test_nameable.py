@@ -55,6 +55,7 @@ def test_friction_may_take_away_what_the_device_declares_and_no_more() -> None:
 
     assert bounds("coulomb_friction")[0] == -0.5
     assert bounds("viscous_friction")[0] == -0.2
+    assert bounds("asymmetric_friction") == (-0.5, -np.inf, -np.inf, -0.2)
     # Only its level when fast is declared.
     assert bounds("stribeck_friction") == (-0.5, 0.0)
     assert bounds("hysteresis")[0] == bounds("coulomb_friction", 1 - ELBOW)[0] == 0.0
