@@ -26,7 +26,7 @@ from analysis.closeloop.identification.selection import MIN_GAIN
 from analysis.closeloop.identification.spectrum import below
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 
-#: Lowest octave's upper edge, Hz.
+#: Least upper edge of an octave, Hz.
 LOWEST = 0.5
 #: How far an effect's size in an octave may be from that of the whole fit, over it, and how many
 #: standard errors a difference has to be. Set on one tremor (0.8, 4 errors), one delay (0.01) and
@@ -142,11 +142,14 @@ def sizes(model: Model, candidate: Candidate, rows: Rows) -> Iterator[tuple[floa
     left = np.nan_to_num(recording.effort[:, joint] - expected)
     samples, block = rows.samples[joint], rows.block[rows.parts[joint]]
     lower = np.zeros((len(left), 2))
-    edge = LOWEST
-    while edge < 2.0 * recording.sampling.fit_cutoff:
+    # Down from the fit's cutoff, so that each is whole: a sliver below it holds what smoothing the
+    # positions took, whatever the effect is.
+    cutoff = recording.sampling.fit_cutoff
+    for halvings in range(max(int(np.log2(cutoff / LOWEST)), 0), -1, -1):
+        edge = cutoff / 2.0**halvings
         both = below(np.column_stack([torque, left]), edge, recording.rate, recording.slices)
         own, rest = (both - lower)[samples].T
-        lower, edge = both, 2.0 * edge
+        lower = both
         power = float(own @ own)
         if power > 0.0:
             further = float(own @ rest) / power

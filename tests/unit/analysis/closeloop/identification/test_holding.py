@@ -25,38 +25,60 @@ from tests.testbed.sessions.rich import ELBOW, rich_recording
 DELAY = 0.02
 
 
-def moving(recording: Recording, late: tuple[float, float]) -> Recording:
-    """Return a recording that moves slowly and trembles; each part has its own delay, s."""
+SLOW, QUICK = (0.4, 0.6), (0.01, 5.0)
+
+
+def moving(
+    recording: Recording,
+    late: tuple[float, ...],
+    sines: tuple[tuple[float, float], ...] = (SLOW, QUICK),
+) -> Recording:
+    """Return a recording that moves slowly and trembles; each part has its own delay, s.
+
+    A part is an amplitude, rad, and a frequency, Hz; the first is the slow one.
+    """
     time = recording.time
-    slow = 0.4 * np.sin(2 * np.pi * 0.6 * time)
-    quick = 0.01 * np.sin(2 * np.pi * 5.0 * time)
     parts = []
-    for own in (slow, quick):
+    for amplitude, hertz in sines:
+        own = amplitude * np.sin(2 * np.pi * hertz * time)
         position = np.array(recording.position)
         position[:, 0], position[:, ELBOW] = 0.0, own
         velocity = np.gradient(position, time, axis=0)
         acceleration = np.gradient(velocity, time, axis=0)
         parts.append((position, velocity, acceleration))
-    whole = [one + other for one, other in zip(*parts, strict=True)]
+    whole = [sum(signals) for signals in zip(*parts, strict=True)]
     names = ("position", "velocity", "acceleration")
     recording = replace(
         recording, joints=(ELBOW,), cache={}, **dict(zip(names, whole, strict=True))
     )
-    calm = replace(recording, cache={}, **dict(zip(names, parts[0], strict=True)))
-    first = calm.inverse
-    rest = recording.inverse - first
-    effort = sum(recording.shifted(x, s) for x, s in zip((first, rest), late, strict=True))
+    # Of the first parts, then of one more, and so on: each less the one before is its own.
+    sums = [[sum(own[: n + 1]) for own in zip(*parts, strict=True)] for n in range(len(parts))]
+    inverse = [
+        replace(recording, cache={}, **dict(zip(names, s, strict=True))).inverse for s in sums
+    ]
+    torques = [own - before for own, before in zip(inverse, [0.0, *inverse], strict=False)]
+    effort = sum(recording.shifted(x, s) for x, s in zip(torques, late, strict=True))
     noise = 0.01 * np.random.default_rng(1).standard_normal(effort.shape)
     return replace(recording, effort=recording.filtered(effort + noise), cache={})
 
 
 @pytest.mark.parametrize(
-    ("late", "stays"), [((DELAY, DELAY), True), ((0.0, DELAY), False), ((DELAY, 0.0), False)]
+    ("late", "sines", "stays"),
+    [
+        ((DELAY, DELAY), (SLOW, QUICK), True),
+        ((0.0, DELAY), (SLOW, QUICK), False),
+        ((DELAY, 0.0), (SLOW, QUICK), False),
+        # What little there is just below the cutoff is what smoothing the positions made of it.
+        ((DELAY, DELAY, -DELAY), (SLOW, (0.01, 6.0), (0.0003, 9.0)), True),
+    ],
 )
 def test_a_delay_is_named_only_if_it_is_the_same_at_every_frequency(
-    late: tuple[float, float], stays: bool, recording: Recording
+    late: tuple[float, ...],
+    sines: tuple[tuple[float, float], ...],
+    stays: bool,
+    recording: Recording,
 ) -> None:
-    trembling = moving(recording, late)
+    trembling = moving(recording, late, sines)
     rows = select_rows(trembling, (0,))
     candidate = Candidate(effect=BY_NAME["time_delay"], joint=ELBOW)
     channel = Channel(candidate=candidate, theta={"delay": DELAY})
