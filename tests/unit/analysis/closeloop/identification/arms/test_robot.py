@@ -1,0 +1,51 @@
+"""Robots of several joints: what every joint may have, beside what is rare."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.arms import robot
+from analysis.closeloop.identification.balance.model import Candidate, Model, Term, unfitted
+from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.rich import ELBOW, rich_recording
+
+
+def test_damping_that_a_ripple_hides_is_found_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what the ripple leaves it takes nearly all, of what is there before a thousandth."""
+
+    def ripple(recording: Recording) -> list[Candidate]:
+        effect = BY_NAME["torque_ripple"]
+        return [Candidate(effect=effect, joint=joint) for joint in recording.joints]
+
+    monkeypatch.setattr(robot, "candidates", ripple)
+    still = rich_recording(20)
+    effort = np.array(still.inverse)
+    effort[:, ELBOW] += np.sin(22.0 * still.position[:, ELBOW]) + 0.05 * still.velocity[:, ELBOW]
+    effort += 0.002 * np.random.default_rng(5).standard_normal(effort.shape)
+    arm = replace(still, effort=still.filtered(effort), cache={})
+    rows = select_rows(arm, (0,))
+    found = robot.traced_robot(Model(arm), robot.weighed(Model(arm), rows), lambda _: None)
+    assert {step.key for step in found.steps} == {
+        ("torque_ripple", ELBOW),
+        ("viscous_friction", ELBOW),
+    }
+
+
+def test_what_is_part_of_an_effect_that_is_there_is_not_added_again() -> None:
+    arm = rich_recording()
+    asymmetric, theta = BY_NAME["asymmetric_friction"], {"smooth": 0.02, "viscous": 1.0}
+    term = Term(
+        joint=ELBOW,
+        columns=asymmetric.columns(unfitted(arm, ELBOW), theta),
+        lower=asymmetric.lower,
+        kept=(0, 1, 2, 3),
+        theta=theta,
+        effect=asymmetric,
+        candidate=Candidate(effect=asymmetric, joint=ELBOW),
+    )
+    model = robot.with_ordinary(Model(arm, terms=(term,)), select_rows(arm, (0,)))
+    own = {candidate.effect.name for candidate in model.effects if candidate.joint == ELBOW}
+    assert own == {"asymmetric_friction", "torque_offset", "added_inertia"}
