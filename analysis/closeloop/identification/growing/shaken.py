@@ -1,9 +1,10 @@
-"""Joints that something shakes: their residual oscillates where the motion hardly does.
+"""Joints that something shakes: their residual oscillates where the declared torque hardly does.
 
 A tremor or a pump moves the joint at its own frequency, and the controller answers. In so narrow a
 band effort and motion have one gain and one phase, which any two linear effects imitate: a lag and
 an inertia, or a spring and its damping. But what only passes the motion on has no frequency that
-the motion lacks (Ljung 1999, System Identification, section 13.4, on what closed loops hide).
+the motion lacks (Ljung 1999, System Identification, section 13.4, on what closed loops hide). A
+loop that rings because its motor is late is not shaken: its inertia needs torque at that frequency.
 """
 
 import numpy as np
@@ -12,13 +13,13 @@ from analysis.closeloop.identification.balance.model import Model, estimate_of
 from analysis.closeloop.identification.balance.regression import Rows, Score
 from analysis.closeloop.identification.spectrum import Peak, below, strongest_line
 
-#: Share of a residual's power that one line holds, and that it has of the motion's at least if the
-#: motion is what it comes from.
+#: Share of a residual's power that one line holds, and that it has of the declared torque's at
+#: least if the motion is what it comes from.
 MOST = 0.5
 
 
 def shaken(model: Model, score: Score, rows: Rows) -> frozenset[int]:
-    """Return the joints whose residual is mostly a line that is not in their motion.
+    """Return the joints whose residual is mostly a line that is not what their motion needs.
 
     Args:
         model: fitted.
@@ -33,9 +34,10 @@ def shaken(model: Model, score: Score, rows: Rows) -> frozenset[int]:
         line = strongest_line(pieces, recording.rate)
         if line is None:
             continue
-        both = np.column_stack([residual[:, joint], recording.velocity[:, joint]])
-        left, motion = _share_within(line, both, model, rows.samples[joint])
-        if left > MOST > motion:
+        torque = recording.inverse[:, joint]
+        both = np.column_stack([residual[:, joint], torque - torque[rows.samples[joint]].mean()])
+        left, needed = _share_within(line, both, model, rows.samples[joint])
+        if left > MOST > needed:
             found.add(joint)
     return frozenset(found)
 

@@ -54,9 +54,13 @@ def test_a_line_that_the_motion_hardly_has_shakes_the_joint() -> None:
     assert of(rows_of(recording, 0.2 * quick)) == {ELBOW}
 
 
-@pytest.mark.parametrize("moved", [0.0, 0.02], ids=["nothing", "a joint that is shaken on purpose"])
-def test_what_the_motion_explains_does_not_shake_it(moved: float) -> None:
-    recording, quick = trembling(moved, reach=0.01)
+@pytest.mark.parametrize(
+    ("moved", "reach"),
+    [(0.0, 0.01), (0.02, 0.01), (0.02, 0.3)],
+    ids=["nothing", "a joint that is shaken on purpose", "a loop that rings"],
+)
+def test_what_the_motion_explains_does_not_shake_it(moved: float, reach: float) -> None:
+    recording, quick = trembling(moved, reach)
     assert of(rows_of(recording, 0.2 * quick)) == frozenset()
 
 
