@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from analysis.designs.distributions import Distribution, Scale, scales
+from analysis.designs.distributions import Distribution, Normal, Scale, scales
 from analysis.designs.groups import units_of
 from models.curves import Curve, columns_of
 
@@ -44,6 +44,8 @@ class StudyPlan:
     #: Width of every factor's distribution, in its unit: what turns an effect per range into one
     #: per unit. No index depends on it.
     scales: Mapping[str, Scale] = field(default_factory=dict)
+    #: The factors that are normal, which surrogates take in standard deviations.
+    normal: frozenset[str] = frozenset()
 
     @cached_property
     def units(self) -> Mapping[str, tuple[str, ...]]:
@@ -54,6 +56,10 @@ class StudyPlan:
 def plan_of(study: Mapping[str, Any]) -> StudyPlan:
     """Return what a study set out to do, from what `GET /v1/studies/{id}` says of it."""
     curves = curves_of(study)
+    distributions = {
+        factor["name"]: Distribution.from_json(factor["distribution"])
+        for factor in study["factors"]
+    }
     return StudyPlan(
         id=study["id"],
         method=study["method"],
@@ -64,13 +70,14 @@ def plan_of(study: Mapping[str, Any]) -> StudyPlan:
         outputs=columns_of(study["outputs"], curves),
         curves=curves,
         groups={name: tuple(members) for name, members in study.get("groups", {}).items()},
-        scales=scales(
-            {
-                factor["name"]: Distribution.from_json(factor["distribution"])
-                for factor in study["factors"]
-            }
-        ),
+        scales=scales(distributions),
+        normal=normals(distributions),
     )
+
+
+def normals(distributions: Mapping[str, Distribution]) -> frozenset[str]:
+    """Return which factors are normal."""
+    return frozenset(name for name, one in distributions.items() if isinstance(one, Normal))
 
 
 def curves_of(study: Mapping[str, Any]) -> dict[str, Curve]:

@@ -5,6 +5,7 @@ Two kinds of surrogates are fitted, and the one that explains more of the runs h
 (`analysis.sensitivity.fewer_runs.corrected`). It is no answer where they explain too little.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,7 +71,9 @@ class Answer:
         return max(float((one.high - one.low).max()) for one in both) / 2.0
 
 
-def answer(x: Array, y: Array, seed: int, level: float = 0.9) -> Answer | None:
+def answer(
+    x: Array, y: Array, seed: int, level: float = 0.9, *, normal: Sequence[bool] | None = None
+) -> Answer | None:
     """Return the indices of an output from few runs (Da Veiga and Gamboa 2013).
 
     Args:
@@ -78,6 +81,7 @@ def answer(x: Array, y: Array, seed: int, level: float = 0.9) -> Answer | None:
         y: what was found there, shape (n,); nan where a run failed.
         seed: of the study; decides which runs are held out together.
         level: of the intervals.
+        normal: whether each factor is normal; None: none is.
 
     Returns:
         None while there are too few runs, or where nothing varies.
@@ -95,10 +99,11 @@ def answer(x: Array, y: Array, seed: int, level: float = 0.9) -> Answer | None:
     # Divided once more beforehand, because squares of tiny numbers are 0.
     y = (y - y.mean()) / np.ptp(y)
     y = (y - y.mean()) / y.std()
-    kinds: dict[str, Surrogate] = {"polynomial chaos": Expansions(x)}
+    bells = np.zeros(x.shape[1], dtype=np.bool_) if normal is None else np.array(normal)
+    kinds: dict[str, Surrogate] = {"polynomial chaos": Expansions(x, bells)}
     held = {kind: held_out(one, y, seed) for kind, one in kinds.items()}
     if held["polynomial chaos"].explained(y) < _ENOUGH:
-        kinds["gaussian process"] = Processes(x, find_scales(x, y))
+        kinds["gaussian process"] = Processes(x, find_scales(x, y, bells), bells)
         held["gaussian process"] = held_out(kinds["gaussian process"], y, seed)
     surrogate = max(kinds, key=lambda kind: held[kind].explained(y))
     found = corrected(y, held[surrogate], level)

@@ -1,4 +1,4 @@
-"""Sparse expansions in Legendre polynomials, whose terms are picked one by one.
+"""Sparse expansions in Legendre and Hermite polynomials, whose terms are picked one by one.
 
 Orthogonal matching pursuit picks the terms, and the corrected leave-one-out error how many of them
 (Blatman and Sudret 2011, Adaptive sparse polynomial chaos expansion based on least angle
@@ -11,8 +11,9 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gamma, ndtri
 
-from analysis.sensitivity.fewer_runs.parts import CELLS, MIDDLES, Parts
+from analysis.sensitivity.fewer_runs.parts import CELLS, MIDDLES, Normal, Parts
 
 Array = NDArray[np.float64]
 
@@ -29,16 +30,18 @@ _PATIENCE = 20
 
 
 class Expansions:
-    """Sums of products of Legendre polynomials with mean square 1.
+    """Sums of products of Legendre polynomials, of normal factors Hermite's, of mean square 1.
 
     Args:
         x: points of the unit cube, shape (n, factors).
+        normal: which factors are (Xiu and Karniadakis 2002).
     """
 
-    def __init__(self, x: Array) -> None:
+    def __init__(self, x: Array, normal: Normal) -> None:
+        self._normal = normal
         #: Degree of each term in each factor, shape (terms, factors); the constant is not one.
         self._degrees = _candidates(x.shape[1])
-        self._terms = _terms(x, self._degrees)
+        self._terms = _terms(x, self._degrees, normal)
 
     def without(self, y: Array, away: NDArray[np.bool_]) -> Parts:
         """Fit to the runs that are not away, from the picking of terms on (Sudret 2008)."""
@@ -63,30 +66,41 @@ class Expansions:
         degrees = self._degrees[picked]
         active = degrees > 0
         two = active.sum(axis=1) == 2
-        along = _legendre(MIDDLES, int(degrees.max(initial=0)))
+        along = _along(MIDDLES, int(degrees.max(initial=0)), self._normal)
         found = []
         for i, j in combinations(range(degrees.shape[1]), 2):
             of_both = two & active[:, i] & active[:, j]
-            first = along[:, degrees[of_both, i]] * coefficients[of_both]
-            found.append(first @ along[:, degrees[of_both, j]].T)
+            first = along[i][:, degrees[of_both, i]] * coefficients[of_both]
+            found.append(first @ along[j][:, degrees[of_both, j]].T)
         return np.array(found).reshape(-1, CELLS, CELLS)
 
 
-def _terms(x: Array, degrees: NDArray[np.int64]) -> Array:
+def _terms(x: Array, degrees: NDArray[np.int64], normal: Normal) -> Array:
     """Return the values of terms at points, shape (n, terms)."""
     highest = int(degrees.max(initial=0))
-    every = _legendre(x, highest)
     values = np.ones((len(x), len(degrees)))
-    for factor, of_factor in enumerate(degrees.T):
+    for at, of_factor, bell in zip(x.T, degrees.T, normal, strict=True):
         active = of_factor > 0
-        values[:, active] *= every[:, factor, of_factor[active]]
+        values[:, active] *= _polynomials(at, highest, bell=bell)[:, of_factor[active]]
     return values
 
 
-def _legendre(x: Array, highest: int) -> Array:
-    """Return Legendre's polynomials with mean square 1, shape (*x.shape, highest + 1)."""
+def _along(places: Array, highest: int, normal: Normal) -> list[Array]:
+    """Return each factor's polynomials at places of its range, shape (places, highest + 1)."""
+    return [_polynomials(places, highest, bell=bell) for bell in normal]
+
+
+def _polynomials(x: Array, highest: int, *, bell: bool) -> Array:
+    """Return polynomials with mean square 1 at places of the range, shape (n, highest + 1).
+
+    Of a normal factor (`bell`) Hermite's of its standard deviations, else Legendre's.
+    """
+    degrees = np.arange(highest + 1)
+    if bell:
+        every = np.polynomial.hermite_e.hermevander(ndtri(x), highest)
+        return np.asarray(every / np.sqrt(gamma(degrees + 1.0)), dtype=np.float64)
     every = np.polynomial.legendre.legvander(2.0 * x - 1.0, highest)
-    return np.asarray(every * np.sqrt(2.0 * np.arange(highest + 1) + 1.0), dtype=np.float64)
+    return np.asarray(every * np.sqrt(2.0 * degrees + 1.0), dtype=np.float64)
 
 
 def _fitted(terms: Array, y: Array) -> tuple[NDArray[np.intp], float, Array]:

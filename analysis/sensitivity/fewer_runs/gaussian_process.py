@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, lapack
 from scipy.optimize import minimize
+from scipy.special import ndtri
 
-from analysis.sensitivity.fewer_runs.parts import CELLS, MIDDLES, Parts
+from analysis.sensitivity.fewer_runs.parts import CELLS, MIDDLES, Normal, Parts
 
 Array = NDArray[np.float64]
 
@@ -48,14 +49,20 @@ class Scales:
     noise: float
 
 
-def find_scales(x: Array, y: Array) -> Scales:
+def _places(x: Array, normal: Normal) -> Array:
+    """Return where points of the unit cube lie: a normal factor has the spread of a range of 1."""
+    return np.where(normal, ndtri(x) / sqrt(12.0), x)
+
+
+def find_scales(x: Array, y: Array, normal: Normal) -> Scales:
     """Return the scales of largest posterior density (Rasmussen and Williams 2006, section 5.4).
 
     Args:
         x: points of the unit cube, shape (n, factors).
         y: what was found there, shape (n,); not all the same.
+        normal: which factors are.
     """
-    x, y = x[:_SEARCHED], y[:_SEARCHED]
+    x, y = _places(x[:_SEARCHED], normal), y[:_SEARCHED]
     y = (y - y.mean()) / y.std()
     pairs = np.tril_indices(len(y), -1)
     apart = np.abs(x[pairs[0]] - x[pairs[1]]).T
@@ -122,16 +129,17 @@ class Processes:
     Args:
         x: points of the unit cube, shape (n, factors).
         scales: of `find_scales`.
+        normal: which factors are (Xiu and Karniadakis 2002).
     """
 
-    def __init__(self, x: Array, scales: Scales) -> None:
-        self._x, self._scales = x, scales
+    def __init__(self, x: Array, scales: Scales, normal: Normal) -> None:
+        self._x, self._scales, self._normal = _places(x, normal), scales, normal
         #: Kernels of every factor between two points, shape (factors, n, n).
-        self._kernels = _between(x, x, scales)
+        self._kernels = _between(self._x, self._x, scales)
         self._kernel = np.prod(self._kernels, axis=0)
         nodes, share = np.polynomial.legendre.leggauss(_NODES)
-        along = np.tile(0.5 * (nodes + 1.0)[:, None], x.shape[1])
-        lines, half = _between(x, along, scales), 0.5 * share
+        along = _places(np.tile(0.5 * (nodes + 1.0)[:, None], x.shape[1]), normal)
+        lines, half = _between(self._x, along, scales), 0.5 * share
         #: Integrals along each factor of one kernel (factors, n), and of two (factors, n, n).
         self._once = lines @ half
         self._twice = (lines * half) @ lines.transpose(0, 2, 1)
@@ -165,7 +173,8 @@ class Processes:
         """Return the parts of the second order (Oakley and O'Hagan 2004; Marrel et al. 2009)."""
         _, weights = self._fitted(y, np.ones(len(y), dtype=np.bool_))
         factors = len(self._once)
-        along = _between(np.tile(MIDDLES[:, None], factors), self._x, self._scales)
+        places = _places(np.tile(MIDDLES[:, None], factors), self._normal)
+        along = _between(places, self._x, self._scales)
         apart = along - self._once[:, None]
         found = [
             (apart[i] * (weights * self._product / (self._once[i] * self._once[j]))) @ apart[j].T

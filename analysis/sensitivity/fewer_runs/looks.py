@@ -77,9 +77,10 @@ class Looks:
                 for row in range(runs)
             ]
         )
+        normal = [factor in plan.normal for factor in plan.factors]
         said: dict[str, Any] = {}
         for name, y in zip(self._outputs, self._values[:runs].T, strict=True):
-            one = answer(x, y, plan.seed, self._level)
+            one = answer(x, y, plan.seed, self._level, normal=normal)
             said[name] = one and {
                 "surrogate": {
                     "kind": one.surrogate,

@@ -7,6 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+#: Which factors are normal, shape (factors,): what rises evenly with one rises without bound
+#: towards the ends of its probabilities, where no run is, so it is taken in standard deviations
+#: (the Wiener-Askey scheme of Xiu and Karniadakis 2002).
+Normal = NDArray[np.bool_]
 
 #: Cells along each factor at whose middles `Surrogate.pairs` says what two do together.
 CELLS = 16

@@ -6,7 +6,7 @@ from typing import Any
 
 from analysis.designs import instance_parameters
 from analysis.designs.distributions import scales
-from analysis.sensitivity.records import StudyPlan
+from analysis.sensitivity.records import StudyPlan, normals
 from models.factors import SEED
 from server.records import Place, Plan, Study
 
@@ -81,4 +81,5 @@ def for_analysis(study: Study) -> StudyPlan:
         curves=study.plan.curves,
         groups=study.plan.groups,
         scales=scales(study.plan.distributions),
+        normal=normals(study.plan.distributions),
     )

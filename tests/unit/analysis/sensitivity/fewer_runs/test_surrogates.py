@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.special import ndtri
 from scipy.stats import qmc
 
 from analysis.sensitivity.fewer_runs.expansion import Expansions
@@ -19,6 +20,7 @@ from analysis.sensitivity.fewer_runs.parts import MIDDLES, Parts, Surrogate
 Array = NDArray[np.float64]
 RUNS, NODES = 32, 24
 SCALES = Scales(lengths=np.array([0.4, 1.5]), noise=1e-4)
+NONE, FIRST = np.zeros(2, dtype=bool), np.array([True, False])
 
 
 def f(x: Array) -> Array:
@@ -31,6 +33,10 @@ def runs() -> Array:
     return np.asarray(qmc.Sobol(2, rng=np.random.default_rng(1)).random(RUNS))
 
 
+def fit(kind: str, x: Array, normal: NDArray[np.bool_] = NONE) -> Surrogate:
+    return Expansions(x, normal) if kind == "chaos" else Processes(x, SCALES, normal)
+
+
 def on_a_grid(kind: str, runs: Array) -> tuple[Parts, Array, Array]:
     """Fit to the runs; return the parts on a grid, its weights, and the parts' shape on it."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
@@ -38,8 +44,7 @@ def on_a_grid(kind: str, runs: Array) -> tuple[Parts, Array, Array]:
     x = np.concatenate([runs, grid])
     away = np.arange(len(x)) >= RUNS
     y = np.where(away, np.nan, f(x))
-    fitted: Surrogate = Expansions(x) if kind == "chaos" else Processes(x, SCALES)
-    return fitted.without(y, away), np.outer(weights, weights).ravel() / 4.0, grid
+    return fit(kind, x).without(y, away), np.outer(weights, weights).ravel() / 4.0, grid
 
 
 @pytest.mark.parametrize("kind", ["chaos", "process"])
@@ -64,16 +69,32 @@ def test_parts_are_what_integrals_of_the_function_say(kind: str, runs: Array) ->
 @pytest.mark.parametrize("kind", ["chaos", "process"])
 def test_what_two_factors_do_together_is_what_neither_does_alone(kind: str, runs: Array) -> None:
     """Of f = 1 + 3 x^2 y + y: 3 (x^2 - 1/3) (y - 1/2)."""
-    fitted: Surrogate = Expansions(runs) if kind == "chaos" else Processes(runs, SCALES)
     x, y = MIDDLES[:, None], MIDDLES
     expected = 3.0 * (x**2 - 1.0 / 3.0) * (y - 0.5)
-    (found,) = fitted.pairs(f(runs))
+    (found,) = fit(kind, runs).pairs(f(runs))
     np.testing.assert_allclose(found, expected, atol=1e-9 if kind == "chaos" else 0.1)
+
+
+@pytest.mark.parametrize("kind", ["chaos", "process"])
+def test_of_a_normal_factor_parts_have_the_variance_of_its_whole_range(kind: str) -> None:
+    """Of z + z u - z / 2 + u with a normal z: 1 and 1/12 alone, and 1/12 together."""
+    x = np.asarray(qmc.Sobol(2, rng=np.random.default_rng(1)).random(128))
+    z, u = ndtri(x[:, 0]), x[:, 1]
+    fitted = fit(kind, x, FIRST)
+    y = z * (u + 0.5) + u
+    parts = fitted.without(y, np.arange(128) < 8)
+    close = {"rtol": 1e-9} if kind == "chaos" else {"rtol": 0.05}
+    np.testing.assert_allclose(parts.first_squares, [1.0, 1.0 / 12.0], **close)
+    np.testing.assert_allclose(parts.total_squares, [13.0 / 12.0, 2.0 / 12.0], **close)
+    (found,) = fitted.pairs(y)
+    expected = ndtri(MIDDLES)[:, None] * (MIDDLES - 0.5)
+    np.testing.assert_allclose(found, expected, atol=1e-9 if kind == "chaos" else 0.05)
 
 
 def test_pairs_are_in_the_order_of_combinations() -> None:
     x = np.asarray(qmc.Sobol(3, rng=np.random.default_rng(2)).random(64))
-    for fitted in (Expansions(x), Processes(x, Scales(lengths=np.full(3, 2.0), noise=1e-6))):
+    none, scales = np.zeros(3, dtype=bool), Scales(lengths=np.full(3, 2.0), noise=1e-6)
+    for fitted in (Expansions(x, none), Processes(x, scales, none)):
         sizes = np.abs(fitted.pairs(x[:, 0] * x[:, 2])).max(axis=(1, 2))
         assert sizes[1] == pytest.approx(0.25 * (15.0 / 16.0) ** 2, rel=0.02)
         assert sizes[0] < 0.01 and sizes[2] < 0.01
@@ -108,6 +129,6 @@ def test_the_gradient_of_the_likelihood_is_its_slope(runs: Array) -> None:
 
 def test_scales_tell_a_factor_that_does_nothing_from_one_that_does(runs: Array) -> None:
     x = np.column_stack([runs, runs[::-1, 0]])
-    scales = find_scales(x, np.sin(6.0 * x[:, 0]) + x[:, 1])
+    scales = find_scales(x, np.sin(6.0 * x[:, 0]) + x[:, 1], np.zeros(3, dtype=bool))
     assert scales.lengths[0] < scales.lengths[1] < scales.lengths[2]
     assert scales.noise < 1e-3
