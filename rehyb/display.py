@@ -67,12 +67,18 @@ def statistic(entry: Mapping[str, float | None] | None) -> str:
         return "-"
     if entry["low"] is None or entry["high"] is None:
         return f"{entry['value']:.3g}"
-    return f"{entry['value']:.3g} [{_bound(entry['low'])}, {_bound(entry['high'])}]"
+    value = entry["value"]
+    # Of a narrow interval two digits may leave the value outside.
+    low, high = (_bound(entry[end], 2) for end in ("low", "high"))
+    if not float(low) <= float(f"{value:.3g}") <= float(high):
+        low, high = (_bound(entry[end], 3) for end in ("low", "high"))
+    return f"{value:.3g} [{low}, {high}]"
 
 
-def _bound(value: float) -> str:
-    """Return a limit of an interval in two digits, all that eight blocks of rows give."""
-    return f"{value:.2g}" if abs(value) < 10.0 else f"{value:.0f}"
+def _bound(value: float | None, digits: int) -> str:
+    """Return a limit of an interval in two digits, all that eight blocks of rows give, or more."""
+    assert value is not None
+    return f"{value:.{digits}g}" if abs(value) < 10.0 else f"{value:.0f}"
 
 
 def indices_table(snapshot: Mapping[str, Any], output: str, title: str = "") -> Table:

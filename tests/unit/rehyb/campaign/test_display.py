@@ -102,7 +102,8 @@ def test_a_line_of_progress_ends_with_why_nobody_works_on_it() -> None:
         (interval(None, None, None), "-"),
         (interval(0.5, None, None), "0.5"),
         (interval(0.12345, -0.01, 1.0), "0.123 [-0.01, 1]"),
-        (interval(150.0, 119.6, 9.876), "150 [120, 9.9]"),
+        (interval(150.0, 119.6, 182.4), "150 [120, 182]"),
+        (interval(0.129, 0.1281, 0.1304), "0.129 [0.128, 0.13]"),
     ],
 )
 def test_an_index_is_shown_with_its_interval_as_soon_as_there_is_one(
