@@ -2,8 +2,10 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
-# Tests share the cores; whoever is done first takes over half of what another has left.
-PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist worksteal
+# Two processes share a core, since many tests wait for others; whoever is done first takes over
+# half of what another has left.
+PROCESSES := $(shell $(PYTHON) -c 'import os; print(min(2 * os.cpu_count(), 8))')
+PYTEST := $(BIN)/python -m pytest --numprocesses $(PROCESSES) --dist worksteal
 
 # What one of the hundreds of processes has compiled, the next one only reads.
 unexport PYTHONDONTWRITEBYTECODE
