@@ -2,10 +2,10 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
-# Two processes share a core, since many tests wait for others; whoever is done first takes over
-# half of what another has left.
+# Two processes share a core, since many tests wait for others. A process takes one file after the
+# other in their order, so that those of whole fleets, which take longest, begin first.
 PROCESSES := $(shell $(PYTHON) -c 'import os; print(min(2 * os.cpu_count(), 8))')
-PYTEST := $(BIN)/python -m pytest --numprocesses $(PROCESSES) --dist worksteal
+PYTEST := $(BIN)/python -m pytest --numprocesses $(PROCESSES) --dist loadfile --no-loadscope-reorder
 
 # What one of the hundreds of processes has compiled, the next one only reads.
 unexport PYTHONDONTWRITEBYTECODE
