@@ -188,10 +188,11 @@ def _read_cuffs(model: mujoco.MjModel, start: np.ndarray) -> tuple[Cuff, Cuff]:
         )
     elbow = limb.T @ anchor
     shoulder_to_cuff = limb.T @ data.site(CUFF_SITES[0]).xpos
-    if abs(shoulder_to_cuff[2]) > TOLERANCE:
+    inside = float(model.site(CUFF_SITES[0]).size[0])
+    if abs(shoulder_to_cuff[2]) > TOLERANCE or abs(shoulder_to_cuff[1]) >= inside:
         raise _WrongFileError(
             "the axis of the upper arm's cuff must pass through the human shoulder, the origin, "
-            "or beside it towards the opening"
+            "or beside it on the opening's line by less than the cuff's radius"
         )
     elbow_to_cuff = limb.T @ (data.site(CUFF_SITES[1]).xpos - anchor)
     return (

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 #: Width over which the direction changes, over the top speed.
 SMOOTH = Nonlinear("smooth", (0.004, 0.02, 0.06), scaling=0.4)
 COARSE = Nonlinear("smooth", (0.004, 0.02))
-#: Speed at which friction loses what it has more when slow, over the top speed.
+#: Speed at which friction loses what it has more when slow, over the top speed. The least was added
+#: for an arm of the unkind bench (seed 902).
 SPEED = Nonlinear("speed", (0.015, 0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE)
 
 

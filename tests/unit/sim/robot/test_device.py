@@ -128,6 +128,7 @@ def test_only_the_cuffs_frames_count_not_those_of_their_links(tmp_path: Path) ->
         ('type="cylinder" size="0.036 0.03"', 'size="0.036"', "must be a cylinder"),
         ('axis="0 -1 0"', 'axis="0 1 0"', "must flex the elbow when it grows"),
         ('pos="0.14 0 0"', 'pos="0.14 0 0.02"', "must pass through the human shoulder"),
+        ('pos="0.14 0 0"', 'pos="0.14 0.05 0"', "by less than the cuff's radius"),
         (
             'pos="0.15 -0.015 0.0108"\n          xyaxes="0 1 0 0 0 1"',
             'pos="0.15 -0.015 0.0108"\n          xyaxes="0 0 1 0 1 0"',
