@@ -70,7 +70,7 @@ def every_plan(
         InterpretationError: a known value is impossible in this population.
     """
     own_columns, own_sds = interpreter.measured(known)
-    columns, sds = interpreter.measurable(view, to)
+    columns, sds = interpreter.measurable(to)
     before = dict(zip(own_columns.tolist(), own_sds.tolist(), strict=True))
     after = dict(zip(columns.tolist(), sds.tolist(), strict=True))
     names = dict(zip(columns.tolist(), to, strict=True))

@@ -92,8 +92,7 @@ def subgroups(interpreter: Interpreter, samples: Samples) -> dict[str, np.ndarra
         return np.asarray(samples.factors[:, names.index(name)])
 
     def third(name: str, which: str) -> np.ndarray:
-        own = interpreter.sorted_factors[:, names.index(name)]
-        low, high = np.quantile(own, [1 / 3, 2 / 3])
+        low, high = interpreter.population.distributions[name].ppf([1 / 3, 2 / 3])
         return np.asarray(factor(name) < low if which == "low" else factor(name) > high)
 
     stiffness = targets_of(samples)[:, 0]
@@ -116,5 +115,5 @@ def _within(
     interpreter: Interpreter, name: str, value: float, sd: float, rng: np.random.Generator
 ) -> float:
     """Return a measured value, within what the population can have."""
-    ordered = interpreter.sorted_factors[:, interpreter.population.names.index(name)]
-    return float(np.clip(value + sd * rng.standard_normal(), ordered[0] - sd, ordered[-1] + sd))
+    low, high = interpreter.population.ends(name)
+    return float(np.clip(value + sd * rng.standard_normal(), low - sd, high + sd))

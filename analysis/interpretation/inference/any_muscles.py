@@ -22,7 +22,7 @@ from analysis.interpretation.bank.bank import Bank
 from analysis.interpretation.inference.error_sizes import ErrorSizes, sizes_of_rows
 from analysis.interpretation.inference.features import Features
 from analysis.interpretation.inference.posterior import TARGETS
-from analysis.interpretation.inference.rows import noisy, normal_scores, targets_of
+from analysis.interpretation.inference.rows import in_deviations, noisy, targets_of
 from analysis.interpretation.inference.view import RowErrors, View
 from sim.models import CURVES, ESTIMATES, WINDOWS
 
@@ -82,7 +82,7 @@ class AnyMuscles:
         Args:
             scaled: CURVES and ESTIMATES in units of the bank's, shape (n, both).
             inputs: what tells the length, of variance 1, shape (n, d).
-            outputs: targets and the factors' normal scores, shape (n, both).
+            outputs: targets, and factors in standard deviations, shape (n, both).
             muscles: the number of each row's set, shape (n,).
             judged: rows whose errors make the interval, a mask: those with contact, which alone
                 tell the length, and from which those without it differ as `_slopes` says.
@@ -165,11 +165,16 @@ def has_sets(bank: Bank) -> bool:
 
 
 def any_muscles(
-    bank: Bank, features: Features, sorted_factors: np.ndarray, contact: bool, beside: np.ndarray
+    bank: Bank, features: Features, scale: np.ndarray, contact: bool, beside: np.ndarray
 ) -> AnyMuscles | None:
     """Learn targets whatever the muscles are, judged by the rows that make the intervals.
 
-    `beside`: what else the sizes of these rows' errors go by, shape (rows, k).
+    Args:
+        bank: with its rows.
+        features: of its recordings.
+        scale: mean and standard deviation of each factor, shape (2, factors).
+        contact: whether rows with contact make the intervals.
+        beside: what else the sizes of these rows' errors go by, shape (rows, k).
     """
     if not has_sets(bank):
         return None
@@ -182,7 +187,7 @@ def any_muscles(
     return AnyMuscles.fit(
         features.scaled(recorded),
         features.inputs(recorded),
-        np.hstack([truths, normal_scores(sorted_factors, factors)]),
+        np.hstack([truths, in_deviations(factors, scale)]),
         factors[:, names.index(MUSCLES)],
         judged,
         beside,

@@ -28,7 +28,7 @@ from analysis.interpretation.inference.fitted import arrays_of, built
 from analysis.interpretation.inference.gaussian_process import GaussianProcess
 from analysis.interpretation.inference.local_errors import NEIGHBOURS, LocalErrors
 from analysis.interpretation.inference.posterior import TARGETS, Posterior, squared
-from analysis.interpretation.inference.rows import noisy, normal_scores, positions, targets_of
+from analysis.interpretation.inference.rows import in_deviations, noisy, targets_of
 from analysis.interpretation.inference.view import View
 
 #: Share of patients of whom what is known is said not to go with the recording.
@@ -67,7 +67,7 @@ class Interpreter:
 
     population: Population
     features: Features
-    #: From inputs to targets and factors' normal scores.
+    #: From inputs to targets and factors, these in standard deviations.
     first: GaussianProcess
     #: To what contact adds; None without contact in the bank.
     correction: GaussianProcess | None
@@ -77,9 +77,8 @@ class Interpreter:
     familiarity: Familiarity
     #: Whatever the muscles are; None if the population has one set of them only.
     any_muscles: AnyMuscles | None
-    #: Factors of these rows as normal scores, and sorted values of each factor.
-    scores: np.ndarray
-    sorted_factors: np.ndarray
+    #: Mean and standard deviation of each factor, in its unit, shape (2, factors).
+    factor_scale: np.ndarray
 
     @classmethod
     def fit(cls, bank: Bank, like: "Interpreter | None" = None) -> "Interpreter":
@@ -97,13 +96,13 @@ class Interpreter:
                 f"a bank needs {LEAST_ROWS} recordings that can be believed, and this one has "
                 f"{len(bank.bushing)}: build it with more --rows"
             )
-        sorted_factors = np.sort(bank.bushing.factors, axis=0)
+        factors = bank.bushing.factors
+        scale = np.array([factors.mean(axis=0), np.maximum(factors.std(axis=0), 1e-12)])
         recorded = noisy(bank, bank.bushing)
         features = Features.fit(recorded) if like is None else like.features
         inputs = features.inputs(recorded)
-        scores = normal_scores(sorted_factors, bank.bushing.factors)
         tuned = len(TARGETS)
-        outputs = np.hstack([targets_of(bank.bushing), scores])
+        outputs = np.hstack([targets_of(bank.bushing), in_deviations(factors, scale)])
         if like is None:
             first = GaussianProcess.fit(inputs, outputs, tuned=tuned, seed=bank.seed)
         else:
@@ -113,8 +112,9 @@ class Interpreter:
         if len(bank.contact) >= LEAST_CONTACT:
             looked_at = noisy(bank, bank.contact)
             inputs = features.inputs(looked_at)
-            scores = normal_scores(sorted_factors, bank.contact.factors)
-            outputs = np.hstack([targets_of(bank.contact), scores])
+            outputs = np.hstack(
+                [targets_of(bank.contact), in_deviations(bank.contact.factors, scale)]
+            )
             correction = GaussianProcess.fit(
                 inputs, outputs - first.predict(inputs), tuned=tuned, seed=bank.seed
             )
@@ -128,16 +128,15 @@ class Interpreter:
             local=LocalErrors.fit(inputs / first.lengths, sized_by, errors),
             familiarity=Familiarity.fit(features.scaled(looked_at)),
             any_muscles=any_muscles(
-                bank, features, sorted_factors, correction is not None, sized_by[:, tuned:]
+                bank, features, scale, correction is not None, sized_by[:, tuned:]
             ),
-            scores=scores,
-            sorted_factors=sorted_factors,
+            factor_scale=scale,
         )
 
     @cached_property
     def arrays(self) -> dict[str, np.ndarray]:
         """Return what `Interpreter.read` needs."""
-        found = {"scores": self.scores, "sorted_factors": self.sorted_factors}
+        found = {"factor_scale": self.factor_scale}
         for name in PARTS:
             if (part := getattr(self, name)) is not None:
                 found |= dict(arrays_of(part, name))
@@ -160,8 +159,7 @@ class Interpreter:
             }
             return cls(
                 population=bank.population,
-                scores=bank.fitted["scores"],
-                sorted_factors=bank.fitted["sorted_factors"],
+                factor_scale=bank.fitted["factor_scale"],
                 **parts,
             )
         except KeyError as missing:
@@ -230,21 +228,17 @@ class Interpreter:
         """
         columns, values, own = self._measured(known)
         now = view.posterior(columns, values, own)
-        more, scaled = self.measurable(view, sds)
+        more, scaled = self.measurable(sds)
         columns, scaled = np.concatenate([columns, more]), np.concatenate([own, scaled])
         return replace(view.posterior(columns, np.zeros(len(columns)), scaled), centre=now.centre)
 
-    def measurable(self, view: View, sds: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Return columns of factors, and standard deviations as those of their normal scores."""
+    def measurable(self, sds: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Return columns of factors, and standard deviations over the factors' own."""
         columns = np.array([self._column(name) for name in sds], dtype=int)
-        scaled = [
-            self._scored_sd(column, self._value(column, view.mean[column]), sd)
-            for column, sd in zip(columns, sds.values(), strict=True)
-        ]
-        return columns, np.array(scaled)
+        return columns, _scaled(list(sds.values()), self._scale(columns))
 
     def measured(self, known: tuple[Known, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """Return columns of what is known, and standard deviations of their normal scores."""
+        """Return columns of what is known, and standard deviations over the factors' own."""
         columns, _, sds = self._measured(known)
         return columns, sds
 
@@ -253,11 +247,9 @@ class Interpreter:
         return mean if self.correction is None else mean + self.correction.predict(inputs)
 
     def _measured(self, known: tuple[Known, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return columns, normal scores and their standard deviations of what is known."""
+        """Return columns, values and standard deviations of what is known, over the factors'."""
         columns = np.array([self._column(one.name) for one in known], dtype=int)
-        values, sds = np.empty(len(known)), np.empty(len(known))
-        for i, one in enumerate(known):
-            ordered = self.sorted_factors[:, columns[i] - len(TARGETS)]
+        for one in known:
             reach = 2.0 * one.sd
             low, high = self.population.ends(one.name)
             if not low - reach <= one.value <= high + reach:
@@ -266,9 +258,9 @@ class Interpreter:
                     f"{one.name} cannot be {one.value:g} {unit}: in this bank's population it is "
                     f"{low:.4g} to {high:.4g} {unit}"
                 )
-            values[i] = normal_scores(ordered[:, None], np.array([[one.value]]))[0, 0]
-            sds[i] = self._scored_sd(columns[i], one.value, one.sd)
-        return columns, values, sds
+        scale = self._scale(columns)
+        values = in_deviations(np.array([one.value for one in known]), scale)
+        return columns, values, _scaled([one.sd for one in known], scale)
 
     def _column(self, name: str) -> int:
         """Return where a factor is among targets and factors.
@@ -287,16 +279,14 @@ class Interpreter:
             raise InterpretationError(f"{name} is a choice, which nobody measures: leave it out")
         return len(TARGETS) + self.population.names.index(name)
 
-    def _scored_sd(self, column: int, value: float, sd: float) -> float:
-        """Return a standard deviation at a value as one of normal scores."""
-        ordered = self.sorted_factors[:, [column - len(TARGETS)]]
-        ends = normal_scores(ordered, np.array([[value - sd], [value + sd]]))[:, 0]
-        return max(float(ends[1] - ends[0]) / 2.0, 1e-3)
+    def _scale(self, columns: np.ndarray) -> np.ndarray:
+        """Return mean and standard deviation of the factors in `columns`, shape (2, columns)."""
+        return self.factor_scale[:, columns - len(TARGETS)]
 
-    def _value(self, column: int, score: float) -> float:
-        """Return the value of a factor whose normal score is `score`."""
-        ordered = self.sorted_factors[:, column - len(TARGETS)]
-        return float(np.interp(score, positions(len(ordered)), ordered))
+
+def _scaled(sds: list[float], scale: np.ndarray) -> np.ndarray:
+    """Return standard deviations over those of the factors; none is exact."""
+    return np.asarray(np.maximum(np.array(sds) / scale[1], 1e-3))
 
 
 def _sizing(population: Population) -> list[int]:

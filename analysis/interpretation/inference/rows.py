@@ -1,11 +1,11 @@
-"""Rows of a bank as what is learnt from: recordings, targets and factors as normal scores.
+"""Rows of a bank as what is learnt from: recordings, targets and factors in their deviations.
 
-A normal score is the standard normal quantile of a value's place among the others (Conover 1999,
-Practical nonparametric statistics, section 5.10).
+What a measurement leaves of the variance does not depend on its value if errors of targets and of
+factors are jointly normal (Rasmussen and Williams 2006, Gaussian processes for machine learning,
+equation A.6). So it is with deviations from a mean, and not with normal scores.
 """
 
 import numpy as np
-from scipy.special import ndtri
 
 from analysis.interpretation.bank.bank import LOCAL, Bank, Samples
 
@@ -22,17 +22,11 @@ def targets_of(samples: Samples) -> np.ndarray:
     return np.hstack([samples.of("true_stiffness", "true_damping"), -samples.of(*LOCAL)])
 
 
-def normal_scores(ordered: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the normal scores of values (n, f) among sorted ones (rows, f), shape (n, f)."""
-    places = positions(len(ordered))
-    columns = []
-    for i in range(ordered.shape[1]):
-        own, where = np.unique(ordered[:, i], return_inverse=True)
-        level = np.bincount(where, places) / np.bincount(where)
-        columns.append(np.interp(values[:, i], own, level))
-    return np.column_stack(columns)
+def in_deviations(factors: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Return how far factors (..., f) are from their means, over their standard deviations.
 
-
-def positions(count: int) -> np.ndarray:
-    """Return the normal scores of so many sorted values, shape (count,)."""
-    return np.asarray(ndtri((np.arange(count) + 0.5) / count))
+    Args:
+        factors: in their units.
+        scale: means and standard deviations, shape (2, f).
+    """
+    return np.asarray((factors - scale[0]) / scale[1])

@@ -89,7 +89,7 @@ class RowErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """What a recording says of targets and factors (as normal scores), before calibration."""
+    """What a recording says of targets and factors (in their deviations), before calibration."""
 
     #: Shape (TARGETS and factors,).
     mean: np.ndarray
@@ -103,7 +103,7 @@ class View:
 
         Args:
             columns: numbers among targets and factors.
-            values: their normal scores.
+            values: over the factors' standard deviations, from their means.
             sds: to which they were measured.
         """
         chosen = np.concatenate([np.arange(len(TARGETS)), columns]).astype(int)

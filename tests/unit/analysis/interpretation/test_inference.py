@@ -98,13 +98,16 @@ def test_errors_are_sized_by_how_long_an_arm_is_told_to_be(
         assert told.infer(view).half_width() > 0.0
 
 
-def test_the_half_width_to_expect_is_the_one_that_comes(interpreter: Interpreter) -> None:
+@pytest.mark.parametrize("length", [0.251, 0.3, 0.349])
+def test_the_half_width_to_expect_comes_wherever_in_its_range_a_factor_is_read(
+    interpreter: Interpreter, length: float
+) -> None:
     for row in range(10):
         view = interpreter.look(RECORDINGS[row])
         (step, *_) = steps(interpreter, ())
         said = half_width_after(interpreter, view, (), (step,))
-        came = interpreter.infer(view, tape(row)).half_width()
-        assert came == pytest.approx(said, rel=0.25)
+        read = Known(name=step.factor, value=length, sd=step.to)
+        assert interpreter.infer(view, (read,)).half_width() == pytest.approx(said)
 
 
 def test_the_interval_is_made_of_what_is_not_known(interpreter: Interpreter) -> None:
