@@ -8,7 +8,7 @@ from models.description import Description, Kind
 from models.running.places import NoModelError, Places
 from rehyb.client import Client
 from rehyb.client.models import description_of
-from rehyb.errors import RehybError, ServerError, Unreachable
+from rehyb.errors import Invalid, RehybError, ServerError, Unreachable
 from sim.models import MODELS
 from worker.models.canaries import Canaries
 
@@ -16,8 +16,8 @@ log = logging.getLogger(__name__)
 
 #: Seconds between two looks at which uploaded models are wanted.
 LOOK_SECONDS = 2.0
-#: Models of open studies that one worker looks at; it tells of a hundred models at most.
-MOST_WANTED = 50
+#: Models that a worker tells of at most: a coordinator takes no more of one.
+MOST_MODELS = 100
 
 
 @dataclass(kw_only=True)
@@ -36,6 +36,14 @@ class WorkerModels:
     def __post_init__(self) -> None:
         #: Those that its owner named.
         self._named = dict(self.places.descriptions)
+        most = MOST_MODELS - len(MODELS)
+        if len(self._named) > most:
+            raise Invalid(
+                f"--models and --allow name {len(self._named)} models, and one worker takes {most} "
+                "beside rehyb's own: start another worker for the rest"
+            )
+        #: How many of open studies' models it may have besides.
+        self._room = most - len(self._named)
 
     def announce(self, worker: str) -> None:
         """Tell the coordinator of the models whose code is here, with `worker`.
@@ -53,7 +61,7 @@ class WorkerModels:
             self._look_at = now + LOOK_SECONDS
             self._wanted = {
                 f"{model['name']}@{model['digest']}": description_of(model)
-                for model in self.client.models(wanted=True)[:MOST_WANTED]
+                for model in self.client.models(wanted=True)[: self._room]
                 if model["kind"] == Kind.MJCF
             }
         offered = dict.fromkeys(MODELS, "")

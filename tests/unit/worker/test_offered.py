@@ -1,0 +1,62 @@
+"""Which models a worker asks work for, and how many."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from models.description import Kind
+from models.running.place import Place
+from models.running.places import Places
+from rehyb.errors import Invalid
+from sim.models import MODELS
+from tests.unit.worker.test_canaries import MODEL
+from worker.models.canaries import Canaries
+from worker.models.offered import MOST_MODELS, WorkerModels
+
+#: What says that it is not deterministic has its canary at once.
+NAMED = [replace(MODEL, name=f"m{i}", deterministic=False) for i in range(MOST_MODELS)]
+
+
+class Open:
+    """A coordinator with open studies of more uploaded models than any worker may have."""
+
+    def models(self, wanted: bool) -> list[dict[str, Any]]:
+        return [
+            replace(one, kind=Kind.MJCF).as_json() | {"digest": f"{i:064x}"}
+            for i, one in enumerate(NAMED)
+        ]
+
+
+def offering(named: int) -> WorkerModels:
+    places = Places(fetch=lambda version, path: None, cache=Path())
+    for one in NAMED[:named]:
+        places.descriptions[one.version] = one
+        places.places[one.version] = Place(kind=Kind.COMMAND, digest=one.digest, where="here")
+    canaries = Canaries(pool=None)  # type: ignore[arg-type]
+    return WorkerModels(client=Open(), places=places, canaries=canaries)  # type: ignore[arg-type]
+
+
+def test_more_models_than_a_coordinator_takes_of_a_worker_are_refused_before_any_is_asked_for() -> (
+    None
+):
+    most = MOST_MODELS - len(MODELS)
+    with pytest.raises(Invalid) as refused:
+        offering(most + 1)
+    assert str(refused.value) == (
+        f"--models and --allow name {most + 1} models, and one worker takes {most} beside rehyb's "
+        "own: start another worker for the rest"
+    )
+    assert len(offering(most).offered(0.0)) == MOST_MODELS
+
+
+def test_open_studies_models_fill_what_the_owners_leave_and_no_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Places, "place", lambda self, version: None)
+    monkeypatch.setattr(
+        "worker.models.offered.description_of", lambda model: NAMED[int(model["name"][1:])]
+    )
+    offered = offering(30).offered(0.0)
+    assert len(offered) == MOST_MODELS
