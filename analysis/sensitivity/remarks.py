@@ -8,7 +8,7 @@ from typing import Any
 
 from analysis.sensitivity.estimators import SYMBOLS
 from analysis.sensitivity.judgement.screening import SHARE_OF_LARGEST
-from analysis.sensitivity.judgement.stopping import advise
+from analysis.sensitivity.judgement.stopping import advise, no_spread
 from analysis.sensitivity.records import said_of
 from models.factors import SEED
 
@@ -40,6 +40,7 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
     """
     found = [str(snapshot.get("failure", {}).get("sentence", ""))]
     found.append(_sample(snapshot))
+    found.append(no_spread(snapshot, output))
     found.append(_own_noise(snapshot, output))
     found.append(_worst_case(snapshot, output))
     found.append(_ranking(said_of(snapshot, output).get("ranking", {}), output))

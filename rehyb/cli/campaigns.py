@@ -181,7 +181,7 @@ def _plan(
             f"there are no ranges {given['ranges']!r}: take one of {', '.join(RANGES)}"
         )
     check_up_to(given["target"], given["most_rows"])
-    check_target(given["target"])
+    check_target(given["target"], "saltelli")
     chosen = {name: value for name, value in given.items() if value is not None}
     chosen["fixed"] = fixed_values(model, fix)
     own = model.name in own_models()

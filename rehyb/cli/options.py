@@ -6,7 +6,6 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from math import inf
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
@@ -46,10 +45,19 @@ Servers = Annotated[
 ]
 
 
-def check_target(target: float | None) -> None:
-    """Check a wanted half width; typer.BadParameter if it is not positive."""
-    if target is not None and not 0.0 < target < inf:
-        raise typer.BadParameter(f"--target is a positive half width, not {target:g}")
+def check_target(target: float | None, method: str | None = None) -> None:
+    """Check a half width wanted of a method's indices; typer.BadParameter if it can be none.
+
+    Without a method, of any indices.
+    """
+    if target is None:
+        return
+    from analysis.sensitivity.judgement.stopping import check_target
+
+    try:
+        check_target(target, method)
+    except ValueError as error:
+        raise typer.BadParameter(f"--{error}") from None
 
 
 def check_up_to(target: float | None, up_to: int | None) -> None:

@@ -21,6 +21,7 @@ from analysis.sensitivity.fewer_runs.limits import (
     LEAST_EXPLAINED,
     LEAST_RUNS,
     MOST_RUNS,
+    ROUNDING,
 )
 from analysis.sensitivity.fewer_runs.parts import Surrogate
 
@@ -43,9 +44,6 @@ _BETWEEN = 0.01
 #: (a + b)^-0.6, 1 / (0.02 + a + b) and 1 / (1.03 - a b) that were sure of indices off by more than
 #: 0.05 had 0.003 and more. The truth is ten times that: a surrogate is flat where no run is.
 _IN_CORNERS = 0.002
-
-#: Values that differ by less than this share of their size differ by rounding.
-_ROUNDING = 16.0 * np.finfo(np.float64).eps
 
 #: A polynomial chaos that explains so much is taken as it is: a process takes longer.
 _ENOUGH = 0.9995
@@ -94,7 +92,7 @@ def answer(
     ok = np.isfinite(y)
     runs, failed = len(y), int((~ok).sum())
     x, y = x[ok], y[ok]
-    if len(y) < LEAST_RUNS or np.ptp(y) <= _ROUNDING * np.abs(y).max():
+    if len(y) < LEAST_RUNS or np.ptp(y) <= ROUNDING * np.abs(y).max():
         return None
     # Divided once more beforehand, because squares of tiny numbers are 0.
     y = (y - y.mean()) / np.ptp(y)

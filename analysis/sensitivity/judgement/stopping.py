@@ -13,13 +13,22 @@ from typing import Any
 from analysis.designs import family, row_width
 from analysis.designs.points import LATIN_HYPERCUBE_ROWS
 from analysis.sensitivity.estimators import SYMBOLS
-from analysis.sensitivity.fewer_runs.limits import FEWEST_RUNS, LEAST_EXPLAINED, LOOKS, MOST_RUNS
+from analysis.sensitivity.fewer_runs.limits import (
+    FEWEST_RUNS,
+    LEAST_EXPLAINED,
+    LOOKS,
+    MOST_RUNS,
+    ROUNDING,
+)
 from analysis.sensitivity.judgement.trust import FEWEST_ROWS
-from analysis.sensitivity.records import output_of
+from analysis.sensitivity.records import output_of, said_of
 
 #: Half width wanted of variance shares, and of mu* as a share of the largest mu*.
 SHARE_TARGET = 0.02
 EFFECT_TARGET = 0.1
+
+#: Shares lie between 0 and 1, so an interval of this half width says nothing of one.
+NO_TARGET = 0.5
 
 #: By family of methods: the indices that must be precise.
 WANTED = {
@@ -45,6 +54,25 @@ class Advice:
     sentence: str
 
 
+def check_target(target: float | None, method: str | None = None) -> None:
+    """Check a wanted half width (Sarrazin et al. 2016), of indices of `method` if one is given.
+
+    Effects are in the output's unit, so any positive one may be wanted of them.
+
+    Raises:
+        ValueError: it is not positive, or shares of a variance are within it whatever they are.
+    """
+    if target is None:
+        return
+    if not 0.0 < target < inf:
+        raise ValueError(f"target is a positive half width of an interval, not {target:g}")
+    if method is not None and family(method) != "morris" and target >= NO_TARGET:
+        raise ValueError(
+            f"target must be below {NO_TARGET}, not {target:g}: a share of the variance lies "
+            f"between 0 and 1, so ±{target:g} says nothing of it"
+        )
+
+
 def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None) -> Advice | None:
     """Say how many more rows bring every interval to ± `target` (Sarrazin et al. 2016).
 
@@ -60,8 +88,7 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
     Raises:
         ValueError: the target is not positive, or the study has no such output.
     """
-    if target is not None and not 0.0 < target < inf:
-        raise ValueError(f"a target is a positive half width of an interval, not {target:g}")
+    check_target(target)
     factors = output_of(snapshot, output)["factors"]
     wanted = WANTED[family(snapshot["method"])]
     entries = [(factor, name, factors[factor][name]) for factor in factors for name in wanted]
@@ -152,8 +179,14 @@ def next_step(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step | None
         return _next_look(snapshot, goal, rows)
     advice = advise(snapshot, goal.output, goal.target)
     if advice is None:
-        why = f"After {rows:,} rows {goal.output} has no intervals: see why its runs failed."
-        return Step(rows=None, reached=False, sentence=why)
+        why = no_spread(snapshot, goal.output) or _failed(snapshot)
+        if why or rows >= goal.up_to:
+            why = why or "So few tell none."
+            said = f"After {rows:,} rows {goal.output} has no intervals. {why}"
+            return Step(rows=None, reached=False, sentence=said)
+        wanted = min(1 << rows.bit_length(), goal.up_to)
+        said = f"It is extended to {wanted:,} rows: so few tell no interval of {goal.output}."
+        return Step(rows=wanted, reached=False, sentence=said)
     trust = output_of(snapshot, goal.output).get("trust", {})
     doubt = _doubt(trust, rows)
     if advice.more_rows == 0 and not doubt:
@@ -182,7 +215,10 @@ def _next_look(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step:
     entry, target = output_of(snapshot, goal.output), goal.target or SHARE_TARGET
     fitted, trust = entry.get("surrogate"), entry["trust"]
     said, explained = f"After {rows:,} runs {goal.output} has no indices.", 1.0
-    if fitted is not None:
+    if fitted is None:
+        why = no_spread(snapshot, goal.output) or _failed(snapshot)
+        said += f" {why}" if why else ""
+    else:
         ends = [
             (_half(found[index]), SYMBOLS[index], factor)
             for factor, found in entry["factors"].items()
@@ -204,10 +240,24 @@ def _next_look(snapshot: Mapping[str, Any], goal: Goal, rows: int) -> Step:
     hopeless = rows >= FEWEST_RUNS and (fitted is None or explained < LEAST_EXPLAINED)
     if hopeless or rows >= most:
         more = "" if rows < most or most == MOST_RUNS else f" {most:,} runs at most were allowed."
-        instead = " Indices as precise as that need a study of method saltelli."
+        instead = " Indices as precise as that need a study of method saltelli." if fitted else ""
         return Step(rows=None, reached=False, sentence=said + more + instead)
     wanted = min(next(look for look in LOOKS if look > rows), most)
     return Step(rows=wanted, reached=False, sentence=f"It is extended to {wanted:,} rows. {said}")
+
+
+def no_spread(snapshot: Mapping[str, Any], output: str) -> str:
+    """Return that an output is the same in every run; empty if it is not, or not known yet."""
+    entry = said_of(snapshot, output)
+    mean, sd = entry.get("mean"), entry.get("sd")
+    if mean is None or sd is None or sd > ROUNDING * abs(mean):
+        return ""
+    return f"{output} is {mean:.6g} in every run: no factor of the study moves it."
+
+
+def _failed(snapshot: Mapping[str, Any]) -> str:
+    """Return where to look when runs failed; empty if all succeeded."""
+    return "" if set(snapshot["evaluations"]) == {"ok"} else "See why its runs failed."
 
 
 def _doubt(trust: Mapping[str, Any], rows: int) -> str:

@@ -192,6 +192,8 @@ def indices(
     check_target(target)
     with Client(url, token) as client:
         snapshot = client.indices(study)
+    # Of which method it is, only the coordinator knows.
+    check_target(target, snapshot["method"])
     outputs = list(snapshot["outputs"])
     if plot is not None:
         from analysis.reports.figures import bars, curve, plane

@@ -2,11 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf
 from typing import Any
 
 from analysis.sensitivity.fewer_runs.limits import MOST_RUNS
-from analysis.sensitivity.judgement.stopping import next_step
+from analysis.sensitivity.judgement.stopping import check_target, next_step
 from models.curves import names_of
 from server.errors import InvalidStudyError
 from server.logic.study.plans import MAX_ROWS
@@ -46,10 +45,10 @@ def precision_goal(
         raise InvalidStudyError(
             f"{pointer}/output", f"the study has no output {output!r}: it has {known}"
         )
-    if target is not None and not 0.0 < target < inf:
-        raise InvalidStudyError(
-            f"{pointer}/target", f"target is a positive half width of an interval, not {target:g}"
-        )
+    try:
+        check_target(target, plan.method)
+    except ValueError as error:
+        raise InvalidStudyError(f"{pointer}/target", str(error)) from None
     if not 1 <= up_to <= MAX_ROWS:
         raise InvalidStudyError(
             f"{pointer}/up_to", f"up_to must lie between 1 and {MAX_ROWS} rows, not {up_to}"

@@ -125,7 +125,11 @@ def test_a_coordinator_that_is_not_there_fails_with_what_to_do(
         ("campaign run --directory d --output z", "elbow has no output 'z': it has stiffness_err"),
         ("study submit --target 1", "--target needs --up-to, the rows that it may cost in all"),
         ("study watch s1 --target 1", "--target and --output need --up-to, the rows that it may"),
-        ("study indices s1 --target 0", "--target is a positive half width, not 0"),
+        (
+            "campaign run --directory d --up-to 64 --target 1.5",
+            "--target must be below 0.5, not 1.5: a share of the variance lies between 0 and 1",
+        ),
+        ("study indices s1 --target 0", "--target is a positive half width of an interval, not"),
         ("assess --set leg_length=1", "an assessment has no factor 'leg_length': it has upper_arm"),
         ("assess --set refitted_muscles=0", "write muscles=paper for refitted_muscles=0, and"),
         ("assess --set muscles=mine", "muscles must be paper, holzbaur2005 or physiological, not"),

@@ -22,3 +22,9 @@ def test_indices_come_with_their_ranking_and_how_many_rows_are_wanted(run: Run) 
     assert "8 of 8 rows are complete" in out
     assert "with x1 first." in out
     assert "more rows" in out and "bring y to ±0.01" in out
+
+
+def test_a_half_width_that_says_nothing_of_a_share_is_refused(run: Run) -> None:
+    status, _, err = run("study", "indices", "s1", "--target", "1.5")
+    assert status == 2
+    assert "--target must be below 0.5, not 1.5" in err

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from analysis.sensitivity.judgement.stopping import Goal, advise, next_step
+from analysis.sensitivity.judgement.stopping import Goal, advise, check_target, next_step
+from analysis.sensitivity.remarks import remarks
 from analysis.sensitivity.service import analyse
 from analysis.sensitivity.snapshot import empty_snapshot
 from tests.testbed.snapshots import fitted, snapshot
@@ -51,7 +52,7 @@ def test_effects_are_wanted_to_a_tenth_of_the_largest() -> None:
 
 
 def test_a_target_is_positive_and_an_output_known() -> None:
-    with pytest.raises(ValueError, match="a target is a positive half width"):
+    with pytest.raises(ValueError, match="target is a positive half width"):
         advise(snapshot(0.04), "error", target=0.0)
     with pytest.raises(ValueError, match="has no output 'q': it has error"):
         advise(snapshot(0.04), "q")
@@ -89,7 +90,60 @@ def test_a_study_without_intervals_is_not_extended() -> None:
     step = next_step(nothing, Goal(output="y", target=0.1, up_to=99), 0)
     assert step is not None
     assert (step.rows, step.reached) == (None, False)
-    assert step.sentence == "After 0 rows y has no intervals: see why its runs failed."
+    assert step.sentence == "After 0 rows y has no intervals. See why its runs failed."
+
+
+@pytest.mark.parametrize("method", ["saltelli", "shapley", "surrogate"])
+def test_an_output_that_nothing_moves_is_said_to_be_the_same_in_every_run(method: str) -> None:
+    plan = study_plan(method, rows=256)
+    shot = analyse(plan, results_of(plan, lambda x: {"y": 0.1, "z": x["a"]}))
+    step = next_step(shot, Goal(output="y", target=0.02, up_to=512), 256)
+    assert step is not None and (step.rows, step.reached) == (None, False)
+    why = "y is 0.1 in every run: no factor of the study moves it."
+    assert step.sentence.endswith(why)
+    assert why in remarks(shot, "y")
+    assert not any("every run:" in said for said in remarks(shot, "z"))
+
+
+@pytest.mark.parametrize("method", ["saltelli", "surrogate"])
+def test_an_output_without_a_successful_run_is_not_extended_and_refers_to_the_failures(
+    method: str,
+) -> None:
+    plan = study_plan(method, rows=128)
+    every = [(row, position) for row in range(128) for position in range(10)]
+    shot = analyse(plan, results_of(plan, failed=every))
+    step = next_step(shot, Goal(output="y", target=0.02, up_to=128), 128)
+    assert step is not None and (step.rows, step.reached) == (None, False)
+    assert "See why its runs failed." in step.sentence
+
+
+def test_a_study_of_too_few_rows_for_any_interval_is_extended_if_it_may_be() -> None:
+    plan = study_plan("morris", rows=2)
+    shot = analyse(plan, results_of(plan))
+    goal = Goal(output="y", target=0.1, up_to=64)
+    step = next_step(shot, goal, 2)
+    assert step is not None and (step.rows, step.reached) == (4, False)
+    assert step.sentence == "It is extended to 4 rows: so few tell no interval of y."
+    step = next_step(shot, replace(goal, up_to=2), 2)
+    assert step is not None and (step.rows, step.reached) == (None, False)
+    assert step.sentence == "After 2 rows y has no intervals. So few tell none."
+
+
+@pytest.mark.parametrize("method", ["saltelli", "saltelli_second_order", "shapley", "surrogate"])
+def test_no_share_of_a_variance_is_wanted_to_half_of_what_it_can_be(method: str) -> None:
+    check_target(0.49, method)
+    with pytest.raises(ValueError) as refused:
+        check_target(0.5, method)
+    assert str(refused.value) == (
+        "target must be below 0.5, not 0.5: a share of the variance lies between 0 and 1, so ±0.5 "
+        "says nothing of it"
+    )
+
+
+def test_effects_may_be_wanted_to_any_half_width_and_goals_that_are_set_go_on() -> None:
+    check_target(1e6, "morris")
+    advice = advise(snapshot(0.04), "error", target=1.5)
+    assert advice is not None and advice.more_rows == 0
 
 
 def test_a_study_is_judged_by_all_its_rows_only() -> None:

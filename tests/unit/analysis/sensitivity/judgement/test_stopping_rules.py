@@ -69,7 +69,7 @@ def test_of_effects_nothing_is_said_of_powers_of_two() -> None:
 def test_a_target_that_is_none_is_named(target: float) -> None:
     with pytest.raises(ValueError) as refused:
         advise(snapshot(0.04), "error", target=target)
-    said = f"a target is a positive half width of an interval, not {target:g}"
+    said = f"target is a positive half width of an interval, not {target:g}"
     assert str(refused.value) == said
 
 

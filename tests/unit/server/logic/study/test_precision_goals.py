@@ -90,6 +90,16 @@ def test_a_goal_that_cannot_be_is_refused_where_it_is_wrong(
     assert says in str(refused.value)
 
 
+def test_a_share_of_a_variance_is_not_wanted_to_half_of_what_it_can_be(
+    plan: Callable[..., Plan],
+) -> None:
+    asked: dict[str, Any] = {"output": None, "target": 0.5, "up_to": 8, "pointer": "/goal"}
+    with pytest.raises(InvalidStudyError, match=r"below 0\.5, not 0\.5") as refused:
+        precision_goals.precision_goal(plan(method="saltelli"), **asked)
+    assert refused.value.pointer == "/goal/target"
+    assert precision_goals.precision_goal(plan(method="morris"), **asked).target == 0.5
+
+
 def decided(monkeypatch: pytest.MonkeyPatch, step: stopping.Step | None) -> list[Any]:
     asked: list[Any] = []
 
