@@ -27,7 +27,7 @@ from analysis.sensitivity.snapshot import (
 )
 
 #: Changes whenever the meaning of the bytes does.
-FORMAT = 5
+FORMAT = 6
 
 #: How a run counts that says it succeeded, with an output beyond `LARGEST_OUTPUT`. A coordinator
 #: takes none.

@@ -61,8 +61,6 @@ class Estimator(ABC):
     """
 
     method: ClassVar[str]
-    #: From which `kurtosis` on few rows make up what is estimated.
-    heavy_kurtosis: ClassVar[float] = 6.0
     #: The sum of which a row must have a term to count as used.
     use: ClassVar[str]
     #: The sum whose terms are counted as the rows of an index.
@@ -198,6 +196,10 @@ class Estimator(ABC):
     def kurtosis(self) -> NDArray[np.float64]:
         """Return the kurtosis of what is estimated of each output; nan where it is unknown."""
         return np.full(self.outputs, np.nan)
+
+    def tail_kurtosis(self) -> NDArray[np.float64]:
+        """Return as much of `kurtosis` as another sum confirms, where the method has one."""
+        return self.kurtosis()
 
     def weighted_mean(self, output: int) -> NDArray[np.float64]:
         """Return an output's mean in the sample and its replicates, shape (1 + replicates,)."""

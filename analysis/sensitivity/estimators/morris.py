@@ -11,12 +11,23 @@ from analysis.sensitivity.estimators.estimator import Estimator, Terms
 from analysis.sensitivity.estimators.intervals import jackknife_error
 from analysis.sensitivity.estimators.shares import LOW
 from analysis.sensitivity.estimators.statistic import Index
-from analysis.sensitivity.estimators.tails import LARGEST_FOURTH, heaviness, tail
+from analysis.sensitivity.estimators.tails import (
+    LARGEST_FOURTH,
+    heaviness,
+    of_draws,
+    of_leading,
+    raw_kurtosis,
+    tail,
+)
 from analysis.sensitivity.estimators.weightings import FIRST, Weighted
 
 #: From so many rows on the eight blocks alone say how far an effect may be off; of fewer, ends of
 #: intervals keep a share of what independent rows would err.
 ROWS_ENOUGH = 128.0
+
+#: From this kurtosis of a factor's effects on its sigma may lack their tail: steps of 0.1 to 0.9
+#: alone give effects of noise 6.
+HEAVY_EFFECTS = 9.0
 
 
 class MorrisEstimator(Estimator):
@@ -31,25 +42,28 @@ class MorrisEstimator(Estimator):
     method = "morris"
     use = counted = "effect"
     factor_sums = ("effect", "effect_squared", "magnitude")
-    sample_sums = ("effect_root", "effect_fourth")
-
-    #: Steps of 0.1 to 0.9 alone give effects of noise a kurtosis of 6.
-    heavy_kurtosis = 9.0
+    sample_sums = ("effect_root", "effect_fourth", "moved_square", "moved_fourth")
 
     def kurtosis(self) -> NDArray[np.float64]:
         """Return E e^4 / E(e^2)^2 of the effects e of each output's leading factor, (outputs,).
 
         Of the one with the largest mean square, which a heavy tail makes up (Sobol and Kucherenko
-        2009, Derivative based global sensitivity measures, rank by it); nan where nothing moves.
+        2009, Derivative based global sensitivity measures, rank by it).
         """
-        sums = self._weighted(1)
-        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            fourth = self._weighted_sample().mean("effect_fourth")[0]
-            squared = sums.mean("effect_squared")[0]
-            kurtosis = fourth / squared**2
-        leading = np.argmax(np.nan_to_num(squared), axis=-1)
-        found: NDArray[np.float64] = np.take_along_axis(kurtosis, leading[:, None], axis=-1)[:, 0]
-        return np.where(np.isfinite(found), found, np.nan)
+        second = self._weighted(1).mean("effect_squared")[0]
+        raw = raw_kurtosis(second, self._weighted_sample().mean("effect_fourth")[0])
+        return of_leading(raw, second)
+
+    def tail_kurtosis(self) -> NDArray[np.float64]:
+        """Return `kurtosis`, or that of what the leading factor's moves are differences of if less.
+
+        Steps of 0.1 to 0.9 alone give effects of normal noise a kurtosis of 10, and interactions
+        alone give one to moves: of Ishigami's first factor these have 7, and effects 3 (Kendall and
+        Stuart 1977, chapter 3).
+        """
+        second, sample = self._weighted(1).mean("effect_squared")[0], self._weighted_sample()
+        moved = raw_kurtosis(sample.mean("moved_square")[0], sample.mean("moved_fourth")[0])
+        return np.fmin(self.kurtosis(), of_leading(of_draws(moved), second))
 
     def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
         """Return "mu", "mu_star" and "sigma" of every output and factor."""
@@ -73,7 +87,7 @@ class MorrisEstimator(Estimator):
             fourth=sample.mean("effect_fourth")[0],
             n=counts[0],
         )
-        heavy = heaviness(counts[0] / of_squares.rows, self.heavy_kurtosis)
+        heavy = heaviness(counts[0] / of_squares.rows, HEAVY_EFFECTS)
         return {
             "mu": Index(weighted=mean, count=counts, apart=apart),
             "mu_star": Index(weighted=sums.mean("magnitude"), count=counts, power=1, apart=apart),
@@ -100,12 +114,15 @@ class MorrisEstimator(Estimator):
         points = np.moveaxis(values, 1, 0)
         magnitude = np.abs(effect)
         size = np.where(magnitude <= LARGEST_FOURTH, magnitude, np.nan)
+        square = np.where(np.abs(moved) <= LARGEST_FOURTH, moved * moved, np.nan)
         return {
             "effect": effect[None],
             "effect_squared": effect[None],
             "magnitude": magnitude[None],
             "effect_root": np.sqrt(size)[None],
             "effect_fourth": ((size * size) * (size * size))[None],
+            "moved_square": square[None],
+            "moved_fourth": (square * square)[None],
             # Base and moved points alike are draws of the factors' distributions.
             "value": points,
             "value_squared": points,

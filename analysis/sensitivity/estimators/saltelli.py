@@ -24,7 +24,15 @@ from analysis.sensitivity.estimators.estimator import Estimator, Terms
 from analysis.sensitivity.estimators.intervals import Estimate
 from analysis.sensitivity.estimators.shares import longer
 from analysis.sensitivity.estimators.statistic import Index
-from analysis.sensitivity.estimators.tails import FLOOR, LARGEST_FOURTH, heaviness, tail
+from analysis.sensitivity.estimators.tails import (
+    FLOOR,
+    LARGEST_FOURTH,
+    heaviness,
+    of_draws,
+    of_leading,
+    raw_kurtosis,
+    tail,
+)
 from analysis.sensitivity.estimators.weightings import Weighted
 
 
@@ -52,6 +60,18 @@ class SaltelliEstimator(Estimator):
     def kurtosis(self) -> NDArray[np.float64]:
         """Return the kurtosis of each output (`kurtosis_of`), shape (outputs,)."""
         return kurtosis_of(self._weighted(1), self._weighted_sample())
+
+    def tail_kurtosis(self) -> NDArray[np.float64]:
+        """Return the kurtosis of each output, or that of the differences one factor makes if less.
+
+        Of the factor whose differences have the largest fourth moment. A tail that is not chance
+        shows in those, since they bound the fourth moment of what independent factors make
+        (Boucheron, Bousquet, Lugosi and Massart 2005, Moment inequalities for functions of
+        independent random variables).
+        """
+        fourth = self._weighted_sample().mean("difference_fourth")[0]
+        raw = raw_kurtosis(self._weighted(1).mean("difference_squared")[0], fourth)
+        return np.fmin(self.kurtosis(), of_leading(raw, fourth))
 
     def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
         """Return {"martinez": S and ST by Martinez 2011} (`other_formulas`)."""
@@ -165,15 +185,9 @@ class SecondOrderEstimator(SaltelliEstimator):
 
 
 def kurtosis_of(sums: Weighted, sample: Weighted) -> NDArray[np.float64]:
-    """Return the kurtosis of each output from the differences of A and B, shape (outputs,).
-
-    E (a - b)^4 = 2 m4 + 6 m2^2 for independent a and b of central moments m2 and m4 (Kendall and
-    Stuart 1977, The advanced theory of statistics 1, chapter 3): no large mean to cancel.
-    """
-    second = sums.mean("between_squared")[0]
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        ratio = sample.mean("between_fourth")[0] / second**2
-    return np.where(second > 0.0, np.maximum(2.0 * ratio - 3.0, 1.0), np.nan)
+    """Return the kurtosis of each output from A less B (Kendall and Stuart 1977), (outputs,)."""
+    second, fourth = sums.mean("between_squared")[0], sample.mean("between_fourth")[0]
+    return np.maximum(of_draws(raw_kurtosis(second, fourth)), 1.0)
 
 
 def share(part: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:

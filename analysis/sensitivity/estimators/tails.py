@@ -74,3 +74,31 @@ def heaviness(kurtosis: Array, heavy: float = HEAVY_KURTOSIS) -> Array:
     Kurtosis as in Kendall and Stuart 1977, chapter 3; 0 where it is unknown.
     """
     return np.clip(np.nan_to_num(kurtosis) / heavy - 1.0, 0.0, 1.0)
+
+
+def raw_kurtosis(second: Array, fourth: Array) -> Array:
+    """Return E d^4 / E(d^2)^2 (Kendall and Stuart 1977, chapter 3); nan where nothing moves."""
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        ratio = fourth / second**2
+    return np.where(np.isfinite(ratio), ratio, np.nan)
+
+
+def of_draws(raw: Array) -> Array:
+    """Return the kurtosis of what differences are of, from the `raw_kurtosis` of the latter.
+
+    E (a - b)^4 = 2 m4 + 6 m2^2 for independent a and b of central moments m2 and m4 (Kendall and
+    Stuart 1977, The advanced theory of statistics 1, chapter 3): no large mean to cancel.
+    """
+    return 2.0 * raw - 3.0
+
+
+def of_leading(kurtosis: Array, moment: Array) -> Array:
+    """Return the kurtosis of each output's leading factor, shape (outputs,).
+
+    Args:
+        kurtosis: of differences or effects (Kendall and Stuart 1977), shape (outputs, factors).
+        moment: which of their moments is the largest of the leading factor's, of the same shape.
+    """
+    leading = np.argmax(np.nan_to_num(moment), axis=-1)
+    found: Array = np.take_along_axis(kurtosis, leading[:, None], axis=-1)[:, 0]
+    return found

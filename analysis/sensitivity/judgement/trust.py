@@ -24,16 +24,11 @@ FEWEST_ROWS = 128
 #: cube is missed by 128 rows in 2 of 100 studies, by 256 rows in none of 400.
 FEWEST_STILL_ROWS = 256
 
-#: A heavy tail (`Estimator.heavy_kurtosis`) is seen well enough from so many effective runs on.
-#: With 200, studies of a Pareto tail stopped where they had not seen it.
+#: From this kurtosis on few rows make up what is estimated (`Estimator.tail_kurtosis`); that of a
+#: normal output is 3, of an exponential one 9. Such a tail is seen well enough from `ENOUGH_RUNS`
+#: effective runs on: with 200, studies of a Pareto tail stopped where they had not seen it.
+HEAVY = 6.0
 ENOUGH_RUNS = 500.0
-
-#: The kurtosis of more rows counts as heavy if it has grown by this power of them: that of a tail
-#: without a fourth moment grows (by 4 xi - 1 of a Pareto tail of exponent xi), others settle
-#: (Embrechts, Klueppelberg and Mikosch 1997, Modelling extremal events, section 6.2). A product of
-#: fifty factors was taken for heavy in 7 of 100 studies of 1024 rows; the power was set on that
-#: (seeds 61 000 to 61 299: 1 of 100). On others it is 3 (docs/measurements/hard_indices.md).
-GROWTH, GROWING_FROM = 1.0 / 16.0, 256
 
 #: Of the interval of the sum of total-order indices, which is never below 1: a linear function, of
 #: which it is 1, is then taken to task in 1 study of 200.
@@ -73,8 +68,7 @@ def judge(
     effective = runs / kurtosis
     reasons = []
     if rows >= FEWEST_ROWS:
-        heavy = estimator.heavy_kurtosis * max(rows / GROWING_FROM, 1.0) ** GROWTH
-        if kurtosis > heavy and effective < ENOUGH_RUNS:
+        if estimator.tail_kurtosis()[output] > HEAVY and effective < ENOUGH_RUNS:
             as_many = f"as many as {effective:.0f} of equal size would, of {runs:,}"
             if estimator.method == "morris":
                 reasons.append(

@@ -6,7 +6,15 @@ from numpy.typing import NDArray
 from scipy import integrate, special, stats
 
 from analysis.sensitivity.estimators.intervals import satterthwaite
-from analysis.sensitivity.estimators.tails import BEND, Tail, heaviness, tail
+from analysis.sensitivity.estimators.tails import (
+    BEND,
+    Tail,
+    heaviness,
+    of_draws,
+    of_leading,
+    raw_kurtosis,
+    tail,
+)
 from analysis.sensitivity.remarks import FEWEST_ROWS
 
 BLOCKS = 8
@@ -136,3 +144,18 @@ def test_a_tail_that_bends_more_than_is_taken_for_granted_is_held_less_often() -
 def test_heaviness_goes_from_a_heavy_kurtosis_to_twice_that() -> None:
     kurtosis = np.array([np.nan, 1.0, 4.0, 5.0, 6.0, 8.0, 80.0])
     assert heaviness(kurtosis, 4.0).tolist() == [0.0, 0.0, 0.0, 0.25, 0.5, 1.0, 1.0]
+
+
+def test_the_kurtosis_of_what_differences_are_of_is_told_by_them() -> None:
+    draws = np.random.default_rng(6).exponential(size=(2, 2_000_000))
+    size = draws[0] - draws[1]
+    found = of_draws(raw_kurtosis(np.mean(size**2), np.mean(size**4)))
+    assert found == pytest.approx(9.0, abs=0.3)
+
+
+def test_nothing_that_moves_has_no_kurtosis_and_leads_nothing() -> None:
+    second = np.array([[0.0, 2.0, np.nan], [0.0, 0.0, np.nan]])
+    fourth = np.array([[0.0, 12.0, np.nan], [0.0, 0.0, np.nan]])
+    raw = raw_kurtosis(second, fourth)
+    np.testing.assert_array_equal(raw, [[np.nan, 3.0, np.nan], [np.nan] * 3])
+    np.testing.assert_array_equal(of_leading(raw, fourth), [3.0, np.nan])
