@@ -76,6 +76,10 @@ class Payload(Effect):
         least = -MAX_REMOVED * recording.link_mass(number) if limb else 0.0
         return {"mass": (least, np.inf), "distance": (0.0, recording.reach(number))}
 
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        # Where gravity does not pull, all distances fit alike: the first to be taken has to be one.
+        return [theta for theta in super().thetas(joint) if not self.beyond(joint, theta, {})]
+
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         # The torque of one kilogram is a quadratic in its share of the lever.
         share, centre = theta["distance"], self._centre(joint)

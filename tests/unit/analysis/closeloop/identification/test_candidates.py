@@ -56,6 +56,20 @@ def test_an_effect_is_found_again_in_rich_data(name: str, recording: Recording) 
         assert scored.coefficients == pytest.approx(coefficients, rel=0.05)
 
 
+def test_a_load_is_looked_for_where_the_robot_reaches(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What would fit best beyond does not rule out a nearer one: unweighed, all fit alike."""
+    payload = Candidate(effect=BY_NAME["payload"], joint=ELBOW)
+    far = payload.effect.columns(unfitted(recording, ELBOW), {"distance": 3.0})
+    effort = recording.inverse + np.column_stack([0.1 * far[joint] for joint in (0, 1)])
+    measured = replace(recording, effort=recording.filtered(effort), cache={})
+    monkeypatch.setattr(Recording, "reach", lambda self, joint: 0.3)
+    rows, model = select_rows(measured, (0,)), Model(measured)
+    (option,) = options_beside(model, rows, evaluate(model, rows), [payload])
+    assert option.theta["distance"] == 2.0 and option.gain > 0.0
+
+
 def test_refining_stays_within_what_an_effect_can_be(recording: Recording) -> None:
     """Friction that gives way over millirads is no hysteresis, however well that fits."""
     candidate = Candidate(effect=BY_NAME["hysteresis"], joint=ELBOW)
