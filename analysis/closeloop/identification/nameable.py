@@ -7,6 +7,7 @@ from analysis.closeloop.identification.balance.model import (
     Channel,
     Model,
     Term,
+    impedances,
     kept_columns,
     unfitted,
 )
@@ -98,9 +99,18 @@ def lowest(model: Model, candidate: Candidate) -> tuple[float, ...]:
 
 
 def drives(model: Model, scored: Score, candidate: Candidate) -> bool:
-    """Whether the fitted friction gives energy to the joint: then it is no friction."""
-    columns = kept_columns(model.terms[-1])[candidate.joint]
+    """Whether the fitted friction gives energy to the joint: then it is no friction.
+
+    Not if it would take some with the damping of its own that a limb's takes in.
+    """
+    term, velocity = model.terms[-1], model.recording.velocity[:, candidate.joint]
+    columns = kept_columns(term)[candidate.joint]
     torque = columns @ scored.coefficients[-columns.shape[1] :]
-    power = torque * model.recording.velocity[:, candidate.joint]
+    readings = candidate.effect.readings(unfitted(model.recording, candidate.joint), term.theta)
+    own = readings.get("viscous_mean")
+    if own is not None and not own.columns <= set(term.kept):
+        limb = impedances(model, scored.coefficients).get(candidate.joint, {})
+        torque = torque + max(0.0, limb.get("damping", 0.0)) * velocity
+    power = torque * velocity
     given, taken = float(-power[power < 0].sum()), float(power[power > 0].sum())
     return given > MAX_GIVEN * taken
