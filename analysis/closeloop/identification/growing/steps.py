@@ -155,14 +155,9 @@ def _next_step(
     tried = [c for c in tried if not (c.effect.filters and c.joint in joints)]
     options = options_beside(beside, rows, score, tried)
     step = choose(options, beside, score, rows, least * score.loss, of_form)
-    if step is None and model.effects:
-        # To first order may not be enough: ask again of the foremost, settled beside the others.
-        late = [o for o in options[:FOREMOST] if not o.refused and o.gain > LARGE_GAIN * score.loss]
-        together = _as_settled(late, model, current, rows)
-        step = choose(together, model, current, rows, least * current.loss, of_form)
-        return options, step
+    late = [o for o in options[:FOREMOST] if not o.refused and o.gain > LARGE_GAIN * score.loss]
     if step is None:
-        return options, None
+        return options, _late(late, model, current, rows, least, of_form)
     if beside is not model:
         taken, *equals = _as_held([step.taken, *step.equals], model, current, rows)
         step = replace(step, taken=taken, equals=tuple(equals), before=current.loss)
@@ -173,10 +168,32 @@ def _next_step(
     if len(refitted.effects) > 1:
         refitted, _ = _settled(refitted, rows, step.taken.candidate)
     score = evaluate(refitted, rows)
+    if compare(current.losses, score.losses)[0] <= least * current.loss:
+        # Slopes promised it, but no values of the parameters keep what they promised.
+        late = [option for option in late if option.candidate != step.taken.candidate]
+        return options, _late(late, model, current, rows, least, of_form)
     if any(beyond_physics(refitted, score, other) for other in refitted.effects):
         # It needs one of the others to be what that cannot be.
         return options, None
     return options, replace(step, taken=replace(step.taken, model=refitted, score=score))
+
+
+def _late(
+    options: Sequence[Option],
+    model: Model,
+    current: Score,
+    rows: Rows,
+    least: float,
+    of_form: float,
+) -> Step | None:
+    """Ask again of the foremost options, settled beside what is there; arguments as `_next_step`.
+
+    To first order may not be enough, or too much.
+    """
+    if not model.effects:
+        return None
+    together = _as_settled(options, model, current, rows)
+    return choose(together, model, current, rows, least * current.loss, of_form)
 
 
 def _as_settled(

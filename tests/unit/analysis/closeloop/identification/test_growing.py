@@ -127,6 +127,26 @@ def test_no_effect_is_added_that_needs_another_to_be_what_it_cannot_be(
     assert names(rows, "payload", "nonlinear_stiffness") == [first]
 
 
+def test_no_effect_is_added_that_only_its_slopes_make_room_for(
+    elbow: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To first order both do all; here no values of their parameters do what the slopes say."""
+    load = torque(elbow, "payload", {"distance": 1.6}, 0.4)
+    rows = rows_with(elbow, load + torque(elbow, "nonlinear_stiffness", {"centre": 1.0}, 20.0))
+    (first,) = names(rows, "nonlinear_stiffness")
+    assert len(names(rows, "payload", "nonlinear_stiffness")) == 2
+
+    def astray(model: Model, rows: Rows, last: Candidate) -> tuple[Model, Any]:
+        backwards = tuple(
+            t if t.candidate == last else replace(t, columns={ELBOW: t.columns[ELBOW][::-1]})
+            for t in model.terms
+        )
+        return replace(model, terms=backwards), None
+
+    monkeypatch.setattr(steps, "_settled", astray)
+    assert names(rows, "payload", "nonlinear_stiffness") == [first]
+
+
 def test_two_effects_that_hide_each_other_are_found_together(
     elbow: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -213,6 +233,21 @@ def test_one_direction_s_friction_is_symmetric_where_the_difference_is_not_deter
     score = evaluate(model, rows)
     (option,) = options_beside(model, rows, score, [candidate("asymmetric_friction")])
     assert option.model.terms[1].kept == (0, 2, 3)
+
+
+@pytest.mark.parametrize(("mean", "offered"), [(0.9, True), (0.0, False)])
+def test_friction_is_offered_though_a_limb_takes_in_the_damping_that_it_dissipates_by(
+    elbow: Recording, mean: float, offered: bool
+) -> None:
+    """What is left of it drives one way; where the limb has no damping, the friction would."""
+    velocity = elbow.velocity[:, ELBOW]
+    sign = np.tanh(velocity / (0.02 * elbow.top_speed[ELBOW]))
+    rows = rows_with(elbow, 0.2 * sign - 0.8 * np.abs(velocity) + mean * velocity)
+    limb = replace(term(rows, "viscoelastic_joint", {}), candidate=None)
+    model = Model(rows.recording, terms=(limb,))
+    score = evaluate(model, rows)
+    options = options_beside(model, rows, score, [candidate("asymmetric_friction")])
+    assert [option.gain > 0.95 * score.loss for option in options] == [True] * offered
 
 
 @pytest.mark.parametrize("there", [("coulomb_friction",), ("coulomb_friction", "viscous_friction")])
