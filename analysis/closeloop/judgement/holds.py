@@ -46,45 +46,69 @@ def rest_events(
     """
     courses = []
     still = recording.still or joint not in recording.joints
-    for piece in recording.slices:
-        effort = recording.effort[piece, joint]
-        if np.isnan(effort).any():
+    for samples in _rests(recording, joint, still):
+        effort = recording.effort[samples, joint]
+        if len(samples) < recording.rate or np.isnan(effort).any():
             continue
-        holds = [slice(0, len(effort))] if still else recording.held(joint, piece)
-        for run in holds:
-            if run.stop - run.start < recording.rate:
-                continue
-            beyond = _beyond(recording, effort[run] - recording.static[piece, joint][run])
-            if expected is not None:
-                left = _beyond(recording, effort[run] - expected[piece][run])
-                beyond = np.where(np.abs(left) < np.abs(beyond), left, beyond)
-            courses.append((piece, run, beyond))
+        beyond = _beyond(recording, effort - recording.static[samples, joint])
+        if expected is not None:
+            left = _beyond(recording, effort - expected[samples])
+            beyond = np.where(np.abs(left) < np.abs(beyond), left, beyond)
+        courses.append((samples, beyond))
     if not courses:
         return
     sampling = recording.sampling
     hardly = expected is None and not still
     share = 2.0 * sampling.fit_cutoff / sampling.recorded if hardly else 1.0
     noise = max(_noise(recording, joint, n, min(1.0, share)) for n in np.unique(recording.trial))
-    usual = quiet_spread(np.concatenate([beyond for _, _, beyond in courses]))
+    usual = quiet_spread(np.concatenate([beyond for _, beyond in courses]))
     least = max(PEAK * usual, STICTION * friction, OVER_NOISE * noise)
     if usual <= 0.0:
         return
     excused = np.broadcast_to(abrupt, recording.time.shape)
-    for piece, run, beyond in courses:
-        for peak_run in runs(np.abs(beyond) > max(FLANK * usual, 0.2 * least)):
-            top = peak_run.start + int(np.argmax(np.abs(beyond[peak_run])))
-            start = piece.start + run.start
-            if abs(beyond[top]) <= max(least, excused[start + top]) or _driven(
-                recording, joint, start, peak_run, beyond
-            ):
+    for samples, beyond in courses:
+        away = recording.position[samples, joint]
+        away = away - np.median(away)
+        for run in runs(np.abs(beyond) > max(FLANK * usual, 0.2 * least)):
+            top = run.start + int(np.argmax(np.abs(beyond[run])))
+            enough = abs(beyond[top]) > max(least, excused[samples[top]])
+            if not enough or _driven(away[run], beyond[run]):
                 continue
             yield Event(
-                trial=recording.trial_of(piece),
+                trial=int(recording.trial[samples[top]]),
                 joint=joint,
-                begin=float(recording.time[start + peak_run.start]),
-                end=float(recording.time[start + peak_run.stop - 1]),
+                begin=float(recording.time[samples[run.start]]),
+                end=float(recording.time[samples[run.stop - 1]]),
                 peak=float(beyond[top]),
             )
+
+
+def _rests(recording: Recording, joint: int, still: bool) -> list[np.ndarray]:
+    """Return the samples of every rest, each (n,): one goes on where samples were lost meanwhile.
+
+    Args:
+        recording: all trials.
+        joint: which.
+        still: whether it never moves.
+    """
+    found: list[np.ndarray] = []
+    ended = -1
+    for piece in recording.slices:
+        holds = recording.held(joint, piece) if not still else [slice(0, piece.stop - piece.start)]
+        for hold in holds:
+            samples = np.arange(piece.start + hold.start, piece.start + hold.stop)
+            if samples[0] == ended and _same_rest(recording, joint, found[-1], samples):
+                samples = np.concatenate([found.pop(), samples])
+            found.append(samples)
+            ended = piece.stop if samples[-1] + 1 == piece.stop else -1
+    return found
+
+
+def _same_rest(recording: Recording, joint: int, one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether a joint rests in one place before and after a gap in a trial."""
+    places = (np.median(recording.position[samples, joint]) for samples in (one, other))
+    same = recording.trial[one[-1]] == recording.trial[other[0]]
+    return bool(same and abs(np.subtract(*places)) <= MOVING)
 
 
 def _beyond(recording: Recording, torque: np.ndarray) -> np.ndarray:
@@ -93,26 +117,17 @@ def _beyond(recording: Recording, torque: np.ndarray) -> np.ndarray:
     return np.asarray(torque - median_filter(torque, width, mode="nearest"))
 
 
-def _driven(recording: Recording, joint: int, start: int, run: slice, beyond: np.ndarray) -> bool:
+def _driven(away: np.ndarray, beyond: np.ndarray) -> bool:
     """Whether a motor moved its joint away from rest itself: then its torque is no event.
 
     Where something pushes, the controller resists: its torque is against the way that the joint
     goes. A motor's own torque goes that way.
 
     Args:
-        recording: all trials.
-        joint: which.
-        start: the sample at which `beyond` begins.
-        run: the torque in question, in samples from there.
-        beyond: torque beside the joint's own course, Nm or N.
+        away: of the joint from where it rests, rad or m, (n,).
+        beyond: torque beside the joint's own course, Nm or N, (n,).
     """
-    samples = slice(start + run.start, start + run.stop)
-    position = recording.position[samples, joint]
-    rested = float(np.median(recording.position[start : start + len(beyond), joint]))
-    way = position - rested
-    if np.abs(way).max() <= MOVING:
-        return False
-    return float(way @ beyond[run]) > 0.0
+    return bool(np.abs(away).max() > MOVING and away @ beyond > 0.0)
 
 
 def _noise(recording: Recording, joint: int, trial: int, share: float) -> float:

@@ -1,5 +1,6 @@
 """A push moves a joint that its controller holds; what its own motor moves is not pushed."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -105,6 +106,27 @@ def test_a_push_at_whose_height_the_joint_rests_is_one_event(recording: Recordin
     pushed = holding(recording, 0.03 * plateau, -0.8 * plateau)
     (event,) = find_events(Model(pushed), pushed)
     assert 11.9 < event.begin < 12.5 < 13.0 < event.end < 13.7
+
+
+@pytest.mark.parametrize(("moves", "found"), [(0.0, 1), (0.05, 0)])
+def test_a_push_between_lost_samples_is_compared_with_the_whole_rest(
+    recording: Recording, moves: float, found: int
+) -> None:
+    """Between two gaps there is little but the push; a joint that went elsewhere rests anew."""
+    away = moves * ((TIME > 11.95) & (TIME < 12.95))
+    whole = holding(recording, away, -0.8 * bump(12.1, 0.7), sag=0.0)
+    lost = (TIME > 11.9) & (TIME < 12.0) | (TIME > 12.9) & (TIME < 13.0)
+    starts = [0, *np.flatnonzero(np.diff(np.flatnonzero(~lost)) > 1) + 1, int((~lost).sum())]
+    rows = ("trial", "time", "position", "velocity", "acceleration", "effort", "measured", "extra")
+    pushed = replace(
+        whole,
+        slices=[slice(a, b) for a, b in itertools.pairwise(map(int, starts))],
+        cache={},
+        **{name: getattr(whole, name)[~lost] for name in rows},
+    )
+    events = find_events(Model(pushed), pushed)
+    assert len(events) == found
+    assert all(12.0 < event.begin < 12.4 < event.end < 12.9 for event in events)
 
 
 def with_effort(recording: Recording, effort: np.ndarray) -> Recording:
