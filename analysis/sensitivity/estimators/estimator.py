@@ -61,6 +61,8 @@ class Estimator(ABC):
     """
 
     method: ClassVar[str]
+    #: From which `kurtosis` on few rows may make up what is estimated.
+    heavy_kurtosis: ClassVar[float] = 6.0
     #: The sum of which a row must have a term to count as used.
     use: ClassVar[str]
     #: The sum whose terms are counted as the rows of an index.
@@ -197,8 +199,8 @@ class Estimator(ABC):
         """Return the kurtosis of what is estimated of each output; nan where it is unknown."""
         return np.full(self.outputs, np.nan)
 
-    def tail_kurtosis(self) -> NDArray[np.float64]:
-        """Return as much of `kurtosis` as another sum confirms, where the method has one."""
+    def other_kurtosis(self) -> NDArray[np.float64]:
+        """Return a kurtosis in which a tail that is none by chance shows too, shape (outputs,)."""
         return self.kurtosis()
 
     def weighted_mean(self, output: int) -> NDArray[np.float64]:

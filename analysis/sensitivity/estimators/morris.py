@@ -25,10 +25,6 @@ from analysis.sensitivity.estimators.weightings import FIRST, Weighted
 #: intervals keep a share of what independent rows would err.
 ROWS_ENOUGH = 128.0
 
-#: From this kurtosis of a factor's effects on its sigma may lack their tail: steps of 0.1 to 0.9
-#: alone give effects of noise 6.
-HEAVY_EFFECTS = 9.0
-
 
 class MorrisEstimator(Estimator):
     """Mean, mean magnitude and standard deviation of the elementary effects of each factor.
@@ -44,6 +40,9 @@ class MorrisEstimator(Estimator):
     factor_sums = ("effect", "effect_squared", "magnitude")
     sample_sums = ("effect_root", "effect_fourth", "moved_square", "moved_fourth")
 
+    #: Steps of 0.1 to 0.9 alone give effects of noise a kurtosis of 6.
+    heavy_kurtosis = 9.0
+
     def kurtosis(self) -> NDArray[np.float64]:
         """Return E e^4 / E(e^2)^2 of the effects e of each output's leading factor, (outputs,).
 
@@ -54,8 +53,8 @@ class MorrisEstimator(Estimator):
         raw = raw_kurtosis(second, self._weighted_sample().mean("effect_fourth")[0])
         return of_leading(raw, second)
 
-    def tail_kurtosis(self) -> NDArray[np.float64]:
-        """Return `kurtosis`, or that of what the leading factor's moves are differences of if less.
+    def other_kurtosis(self) -> NDArray[np.float64]:
+        """Return the kurtosis of what the leading factor's moves are differences of, (outputs,).
 
         Steps of 0.1 to 0.9 alone give effects of normal noise a kurtosis of 10, and interactions
         alone give one to moves: of Ishigami's first factor these have 7, and effects 3 (Kendall and
@@ -63,7 +62,7 @@ class MorrisEstimator(Estimator):
         """
         second, sample = self._weighted(1).mean("effect_squared")[0], self._weighted_sample()
         moved = raw_kurtosis(sample.mean("moved_square")[0], sample.mean("moved_fourth")[0])
-        return np.fmin(self.kurtosis(), of_leading(of_draws(moved), second))
+        return of_leading(of_draws(moved), second)
 
     def _indices(self, sums: Weighted, sample: Weighted) -> dict[str, Index]:
         """Return "mu", "mu_star" and "sigma" of every output and factor."""
@@ -87,7 +86,7 @@ class MorrisEstimator(Estimator):
             fourth=sample.mean("effect_fourth")[0],
             n=counts[0],
         )
-        heavy = heaviness(counts[0] / of_squares.rows, HEAVY_EFFECTS)
+        heavy = heaviness(counts[0] / of_squares.rows, self.heavy_kurtosis)
         return {
             "mu": Index(weighted=mean, count=counts, apart=apart),
             "mu_star": Index(weighted=sums.mean("magnitude"), count=counts, power=1, apart=apart),

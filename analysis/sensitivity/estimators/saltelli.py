@@ -61,8 +61,8 @@ class SaltelliEstimator(Estimator):
         """Return the kurtosis of each output (`kurtosis_of`), shape (outputs,)."""
         return kurtosis_of(self._weighted(1), self._weighted_sample())
 
-    def tail_kurtosis(self) -> NDArray[np.float64]:
-        """Return the kurtosis of each output, or that of the differences one factor makes if less.
+    def other_kurtosis(self) -> NDArray[np.float64]:
+        """Return the kurtosis of the differences that one factor makes of each output, (outputs,).
 
         Of the factor whose differences have the largest fourth moment. A tail that is not chance
         shows in those, since they bound the fourth moment of what independent factors make
@@ -71,7 +71,7 @@ class SaltelliEstimator(Estimator):
         """
         fourth = self._weighted_sample().mean("difference_fourth")[0]
         raw = raw_kurtosis(self._weighted(1).mean("difference_squared")[0], fourth)
-        return np.fmin(self.kurtosis(), of_leading(raw, fourth))
+        return of_leading(raw, fourth)
 
     def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
         """Return {"martinez": S and ST by Martinez 2011} (`other_formulas`)."""

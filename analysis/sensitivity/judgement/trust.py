@@ -24,10 +24,11 @@ FEWEST_ROWS = 128
 #: cube is missed by 128 rows in 2 of 100 studies, by 256 rows in none of 400.
 FEWEST_STILL_ROWS = 256
 
-#: From this kurtosis on few rows make up what is estimated (`Estimator.tail_kurtosis`); that of a
-#: normal output is 3, of an exponential one 9. Such a tail is seen well enough from `ENOUGH_RUNS`
-#: effective runs on: with 200, studies of a Pareto tail stopped where they had not seen it.
+#: By chance a sample's kurtosis is twice its own: a tail has this, too, of what
+#: `Estimator.other_kurtosis` looks at. That of normal values is 3, of exponential ones 9.
 HEAVY = 6.0
+#: A tail is seen well enough from so many effective runs on. With 200, studies of a Pareto tail
+#: stopped where they had not seen it.
 ENOUGH_RUNS = 500.0
 
 #: Of the interval of the sum of total-order indices, which is never below 1: a linear function, of
@@ -68,7 +69,9 @@ def judge(
     effective = runs / kurtosis
     reasons = []
     if rows >= FEWEST_ROWS:
-        if estimator.tail_kurtosis()[output] > HEAVY and effective < ENOUGH_RUNS:
+        by_chance = estimator.other_kurtosis()[output] <= HEAVY
+        heavy = kurtosis > estimator.heavy_kurtosis and not by_chance
+        if heavy and effective < ENOUGH_RUNS:
             as_many = f"as many as {effective:.0f} of equal size would, of {runs:,}"
             if estimator.method == "morris":
                 reasons.append(

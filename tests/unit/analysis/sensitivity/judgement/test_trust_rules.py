@@ -18,8 +18,9 @@ class Sums:
     runs: int
     kurtosis_of_y: float
     method: str = "saltelli"
+    heavy_kurtosis: float = 6.0
     #: `kurtosis_of_y` if None.
-    confirmed: float | None = None
+    other: float | None = None
 
     @property
     def effects(self) -> Any:
@@ -31,9 +32,9 @@ class Sums:
     def kurtosis(self) -> Any:
         return np.array([1.0, self.kurtosis_of_y])
 
-    def tail_kurtosis(self) -> Any:
-        confirmed = self.kurtosis_of_y if self.confirmed is None else self.confirmed
-        return np.array([1.0, confirmed])
+    def other_kurtosis(self) -> Any:
+        other = self.kurtosis_of_y if self.other is None else self.other
+        return np.array([1.0, other])
 
 
 @dataclass
@@ -62,12 +63,16 @@ def judged(sums: Sums, **statistics: Any) -> Trust:
         (Sums(rows=128, runs=256, kurtosis_of_y=6.0), True),
         (Sums(rows=128, runs=256, kurtosis_of_y=6.01), False),
         (Sums(rows=256, runs=512, kurtosis_of_y=6.01), False),
-        (Sums(rows=256, runs=512, kurtosis_of_y=99.0, confirmed=6.0), True),
-        (Sums(rows=256, runs=512, kurtosis_of_y=99.0, confirmed=6.01), False),
+        (Sums(rows=256, runs=512, kurtosis_of_y=99.0, other=6.0), True),
+        (Sums(rows=256, runs=512, kurtosis_of_y=99.0, other=6.01), False),
         (Sums(rows=1024, runs=2048, kurtosis_of_y=6.0), True),
         (Sums(rows=1024, runs=2048, kurtosis_of_y=6.01), False),
+        (Sums(rows=1024, runs=2048, kurtosis_of_y=9.0, heavy_kurtosis=9.0), True),
+        (Sums(rows=1024, runs=2048, kurtosis_of_y=9.01, heavy_kurtosis=9.0), False),
+        (Sums(rows=256, runs=512, kurtosis_of_y=99.0, other=float("nan")), False),
         (Sums(rows=2000, runs=4000, kurtosis_of_y=8.01), False),
         (Sums(rows=2000, runs=4000, kurtosis_of_y=8.0), True),
+        (Sums(rows=2000, runs=4000, kurtosis_of_y=8.01, heavy_kurtosis=9.0), True),
         (Sums(rows=2000, runs=4000, kurtosis_of_y=float("nan")), True),
     ],
 )
