@@ -319,8 +319,11 @@ def compare(worse: np.ndarray, better: np.ndarray) -> tuple[float, float]:
     """Return the summed difference of two models' block losses and its standard error.
 
     The error is at least what rounding makes: the same torque under two names differs by that.
+    One block tells none: then it may be anything.
     """
     difference = worse - better
+    if len(difference) < 2:
+        return float(difference.sum()), np.inf
     error = float(np.sqrt(len(difference)) * difference.std(ddof=1))
     return float(difference.sum()), max(error, ROUNDING * float(worse.sum()), 1e-300)
 

@@ -34,6 +34,11 @@ def test_what_differs_by_rounding_is_within_an_error() -> None:
     assert 0.0 < lost <= error < 1e-5
 
 
+def test_one_block_wins_nothing_for_certain() -> None:
+    """A session of one movement may have one second only: no spread is told, and none warned of."""
+    assert compare(np.array([9.0]), np.array([1.0])) == (8.0, np.inf)
+
+
 def test_what_takes_all_of_one_quick_second_and_of_most_others_is_no_luck() -> None:
     rng = np.random.default_rng(5)
     better = 1.0 + 0.1 * rng.random(40)
