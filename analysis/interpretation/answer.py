@@ -38,6 +38,8 @@ MORE_CONTACT = (
     f"build the bank with {LEAST_CONTACT} or more --contact-rows: until then the intervals are the "
     "population's own"
 )
+#: Why a strange recording has no plan.
+NO_PLAN = "the recording is not familiar, and no measurement on the patient mends that"
 #: `muscle_model`: whose muscles an answer holds for.
 ANY, BANKS = "any", "the bank's"
 PROBABILITIES = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
@@ -167,15 +169,21 @@ def _tolerance(
         return None
     inside = why is None and now <= question.tolerance
     found: dict[str, Any] = {"value": question.tolerance, "inside": inside, "plan": None}
-    if inside or why is not None or not offered:
+    if inside:
         return found
-    plan = shortest_plan(interpreter, view, question.known, offered, question.tolerance)
+    if why is not None:
+        return found | {"why_no_plan": NO_PLAN}
+    known = question.known
+    plan = shortest_plan(interpreter, view, known, offered, question.tolerance)
     if plan is None:
-        found["all_steps"] = half_width_after(interpreter, view, question.known, tuple(offered))
+        found["all_steps"] = half_width_after(interpreter, view, known, tuple(offered))
         return found
     done, width = plan
     found["plan"] = {
-        "steps": [_said(step, width) for step in done],
+        "steps": [
+            _said(step, half_width_after(interpreter, view, known, done[: number + 1]))
+            for number, step in enumerate(done)
+        ],
         "minutes": sum(step.minutes for step in done),
         "half_width_after": width,
     }
@@ -218,7 +226,12 @@ def _unknown(
     prior = Posterior(centre=np.zeros(count), spread=np.ones(count), scores=truths)
     tolerance = None
     if question.tolerance is not None:
-        tolerance = {"value": question.tolerance, "inside": False, "plan": None}
+        tolerance = {
+            "value": question.tolerance,
+            "inside": False,
+            "plan": None,
+            "why_no_plan": NO_PLAN,
+        }
     nothing = np.full(WINDOWS, np.nan)
     found = _beliefs(prior, nothing)
     for entry in found["stiffness_over_angle"]:

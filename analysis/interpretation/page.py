@@ -75,6 +75,8 @@ def tolerance_in_words(found: Mapping[str, Any]) -> str:
     if asked["plan"]:
         names = ", ".join(step["factor"] for step in asked["plan"]["steps"])
         return f"To come below {wanted} in {asked['plan']['minutes']:g} minutes measure {names}."
+    if "why_no_plan" in asked:
+        return f"There is no plan for {wanted}: {asked['why_no_plan']}."
     return f"No plan of those below reaches {wanted}."
 
 

@@ -144,7 +144,7 @@ def _tolerance(found: Json) -> Iterator[str]:
     elif "all_steps" in asked:
         yield f"no plan reaches {wanted}: everything measured leaves {asked['all_steps']:.2f}"
     else:
-        yield f"not inside {wanted}"
+        yield f"no plan for {wanted}: {asked['why_no_plan']}"
 
 
 @app.command()

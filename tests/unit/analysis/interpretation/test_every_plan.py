@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 
-from analysis.interpretation import plan
+from analysis.interpretation import answer, plan
+from analysis.interpretation.answer import Question, interpret
 from analysis.interpretation.every_plan import every_plan
 from analysis.interpretation.inference.features import RECORDED
 from analysis.interpretation.inference.interpreter import Interpreter, Known
 from analysis.interpretation.inference.view import View
 from analysis.interpretation.plan import Step, half_width_after, shortest_plan, steps
+from analysis.interpretation.recording import Recording
+from sim.assessment.summary import Motion
 from tests.testbed.bank import bank, samples
 
 #: One that both can be measured better than, one that length cannot, and one that stays.
@@ -85,3 +88,35 @@ def test_of_too_many_steps_those_that_narrow_most_are_combined(
     assert found is not None
     assert found[1] <= everything
     assert shortest_plan(interpreter, view, (), [], 9.0) is None
+
+
+def answered(monkeypatch: pytest.MonkeyPatch, tolerance: float, why: str | None = None) -> dict:
+    """Return the answer to a made up recording that is strange for a reason."""
+    nothing = np.zeros((1, 1))
+    motion = Motion(time=nothing[0], theta=nothing, velocity=nothing, torque=nothing, joint=0)
+    monkeypatch.setattr(Recording, "values", lambda _: samples(2, 1).of(*RECORDED)[0])
+    monkeypatch.setattr(answer, "unfamiliar", lambda *_: why)
+    recording = Recording(source="a.npz", device="nesm", motion=motion)
+    return interpret(bank(), Question(recording=recording, tolerance=tolerance))
+
+
+def test_a_step_of_a_plan_says_the_half_width_after_it_and_those_before_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    everything = answered(monkeypatch, 0.001)["tolerance"]["all_steps"]
+    found = answered(monkeypatch, everything + 1e-9)
+    planned, alone = (
+        {step["factor"]: step["half_width_after"] for step in steps}
+        for steps in (found["tolerance"]["plan"]["steps"], found["next"])
+    )
+    first, last = planned
+    assert planned[first] == pytest.approx(alone[first])
+    assert planned[last] == pytest.approx(found["tolerance"]["plan"]["half_width_after"])
+    assert planned[first] > planned[last]
+
+
+def test_a_strange_recording_says_why_there_is_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = answered(monkeypatch, 0.001, "it is odd")["tolerance"]
+    assert found["plan"] is None and "all_steps" not in found
+    assert found["why_no_plan"].startswith("the recording is not familiar")
+    assert "why_no_plan" not in answered(monkeypatch, 0.001)["tolerance"]

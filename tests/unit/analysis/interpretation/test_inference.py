@@ -227,6 +227,7 @@ def test_another_device_is_not_familiar_and_says_no_more_than_the_population() -
     low, high = found["stiffness"]["interval90"]
     assert (low, high) == pytest.approx((1.25, 5.75), abs=0.2)
     assert found["tolerance"]["inside"] is False
+    assert found["tolerance"]["why_no_plan"].startswith("the recording is not familiar")
 
 
 def test_a_bank_with_too_few_contacts_says_no_more_than_the_population() -> None:

@@ -79,4 +79,7 @@ def test_where_the_interval_lies_is_said_in_words(interval: list[float], words: 
 def test_a_tolerance_that_nothing_reaches_is_said() -> None:
     asked = {"value": 0.1, "inside": False, "plan": None}
     assert "No plan" in tolerance_in_words({"tolerance": asked})
+    strange = asked | {"why_no_plan": "it is odd"}
+    said = tolerance_in_words({"tolerance": strange})
+    assert said == "There is no plan for 0.1 Nm/rad: it is odd."
     assert "as was wanted" in tolerance_in_words({"tolerance": asked | {"inside": True}})
