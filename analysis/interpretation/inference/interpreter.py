@@ -252,11 +252,12 @@ class Interpreter:
         for one in known:
             reach = 2.0 * one.sd
             low, high = self.population.ends(one.name)
+            unit = self.population.units()[one.name].removesuffix("1")
+            population = f"in this bank's population it is {low:.4g} to {high:.4g} {unit}".rstrip()
             if not low - reach <= one.value <= high + reach:
-                unit = self.population.units()[one.name]
                 raise InterpretationError(
-                    f"{one.name} cannot be {one.value:g} {unit}: in this bank's population it is "
-                    f"{low:.4g} to {high:.4g} {unit}"
+                    f"{one.name} cannot be {f'{one.value:g} {unit}'.rstrip()}: {population}, and a "
+                    "reading may be 2 standard deviations beyond"
                 )
         scale = self._scale(columns)
         values = in_deviations(np.array([one.value for one in known]), scale)

@@ -140,7 +140,10 @@ def test_what_is_known_well_enough_is_not_offered_again(interpreter: Interpreter
     [
         (Known(name="weather", value=1.0, sd=1.0), "there is no 'weather' to be known"),
         (Known(name="muscles", value=1.0, sd=1.0), "muscles is a choice"),
-        (Known(name="forearm_length", value=0.9, sd=0.01), "cannot be 0.9 m.* 0.25 to 0.35 m"),
+        (
+            Known(name="forearm_length", value=0.9, sd=0.01),
+            "cannot be 0.9 m: .* 0.25 to 0.35 m, and a reading may be 2 standard deviations beyond",
+        ),
     ],
 )
 def test_what_cannot_be_known_is_one_sentence(
