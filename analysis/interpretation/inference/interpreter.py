@@ -254,6 +254,12 @@ class Interpreter:
             low, high = self.population.ends(one.name)
             unit = self.population.units()[one.name].removesuffix("1")
             population = f"in this bank's population it is {low:.4g} to {high:.4g} {unit}".rstrip()
+            # Beside that the factor's own spread is all there is; squared, it may overflow.
+            if one.sd > high - low:
+                raise InterpretationError(
+                    f"{one.name} to {f'{one.sd:g} {unit}'.rstrip()} says nothing: {population}; "
+                    "leave it out"
+                )
             if not low - reach <= one.value <= high + reach:
                 raise InterpretationError(
                     f"{one.name} cannot be {f'{one.value:g} {unit}'.rstrip()}: {population}, and a "

@@ -144,6 +144,10 @@ def test_what_is_known_well_enough_is_not_offered_again(interpreter: Interpreter
             Known(name="forearm_length", value=0.9, sd=0.01),
             "cannot be 0.9 m: .* 0.25 to 0.35 m, and a reading may be 2 standard deviations beyond",
         ),
+        (
+            Known(name="forearm_mass", value=0.96, sd=1e300),
+            r"forearm_mass to 1e\+300 kg says nothing: .* it is 0.5 to 1.5 kg; leave it out",
+        ),
     ],
 )
 def test_what_cannot_be_known_is_one_sentence(
