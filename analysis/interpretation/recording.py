@@ -15,7 +15,7 @@ from analysis.closeloop.session.trial_csv import read_trial
 from analysis.interpretation.bank.archive import is_finite, read_arrays
 from analysis.interpretation.declared import other_robot
 from analysis.interpretation.errors import InterpretationError
-from analysis.interpretation.sensors import despiked, impossible
+from analysis.interpretation.sensors import beyond_motor, despiked, impossible
 from sim.assessment.nominal import REFERENCE_HEIGHT, REFERENCE_MASS
 from sim.assessment.summary import (
     AFTER,
@@ -157,7 +157,7 @@ def _from_archive(path: Path) -> Recording:
         joint=exo_joint,
     )
     _check(motion, str(path))
-    motion, replaced = despiked(motion)
+    motion, replaced = _cleaned(motion, str(path), str(device))
     return Recording(source=str(path), device=str(device), motion=motion, replaced=replaced)
 
 
@@ -191,6 +191,14 @@ def _check(motion: Motion, source: str) -> None:
         raise InterpretationError(f"{source}: {why}")
 
 
+def _cleaned(motion: Motion, source: str, device: str) -> tuple[Motion, dict[str, int]]:
+    """Return `despiked`; InterpretationError if the bank's device cannot give its torques."""
+    motion, replaced = despiked(motion)
+    if device == NESM.name and (why := beyond_motor(motion, NESM)):
+        raise InterpretationError(f"{source}: {why}")
+    return motion, replaced
+
+
 def _from_session(folder: Path) -> Recording:
     """Return the first trial of a session that holds one movement of the elbow."""
     session = read_session(folder, tuple(BY_NAME))
@@ -199,7 +207,7 @@ def _from_session(folder: Path) -> Recording:
     complaint = f"{folder.name}: it has no trial"
     for listed in sorted(session.trials, key=_loaded):
         trial = read_trial(folder, listed, joints, ())
-        motion, replaced = despiked(_motion(trial, joints))
+        motion, replaced = _cleaned(_motion(trial, joints), trial.file, NESM.name)
         recording = Recording(
             source=f"{folder.name}/{trial.file}",
             device=NESM.name,

@@ -20,6 +20,9 @@ from sim.robot.device import Device
 
 #: No robot's angle, velocity or torque is larger, in rad, rad/s and Nm.
 LARGEST = 1e6
+#: No torque is as many times what a joint's motor can give: a stop or a push may be recorded, too,
+#: which is a few times that; Ncm and mNm taken for Nm are 100 and 1000 times too large.
+BEYOND_MOTOR = 10.0
 #: A joint that moves by more than this has a velocity, rad: no encoder's last digit is as large.
 MOVES = 0.005
 #: Decimals of a torque in Nm that count as a step of it: the rest is how numbers are written.
@@ -85,6 +88,22 @@ def impossible(motion: Motion) -> str | None:
             "while the joint moves; repeat the movement below the motor's limit"
         )
     return None
+
+
+def beyond_motor(motion: Motion, device: Device) -> str | None:
+    """Return which torque no motor of the device can have given, or None.
+
+    Of a motion without single samples that are far off (`despiked`).
+    """
+    limits = {motor.target: float(motor.forcerange[1]) for motor in device.spec().actuators}
+    largest = dict(zip(device.joints, np.abs(motion.torque).max(axis=0).tolist(), strict=False))
+    worst = max(largest, key=lambda name: largest[name] / limits[name])
+    if largest[worst] <= BEYOND_MOTOR * limits[worst]:
+        return None
+    return (
+        f"the torque of {worst} reaches {largest[worst]:.0f} Nm, and its motor in the "
+        f"{device.name} gives {limits[worst]:g} Nm at most: torques are in Nm"
+    )
 
 
 def posture(motion: Motion, device: Device, *, contact: bool) -> str | None:

@@ -120,6 +120,29 @@ def test_a_session_whose_velocities_were_never_filled_in_is_one_sentence(
         read_recording(written_session(tmp_path, still))
 
 
+@pytest.mark.parametrize("times", [100.0, 1000.0])
+def test_torques_that_are_not_in_nm_are_one_sentence_and_a_single_stray_one_is_replaced(
+    record: Record, tmp_path: Path, times: float
+) -> None:
+    torque = record.motor_torque
+    folder = written_session(tmp_path, replace(record, motor_torque=times * torque))
+    with pytest.raises(
+        InterpretationError,
+        match=r"^down\.csv: the torque of J2 reaches \d+ Nm, and its motor in the nesm "
+        r"gives 60 Nm at most: torques are in Nm$",
+    ):
+        read_recording(folder)
+    stray = torque.copy()
+    stray[200, 1] = times * 60.0
+    written_session(tmp_path, replace(record, motor_torque=stray))
+    assert read_recording(folder).replaced == {"torque of J2": 1}
+
+
+def test_a_torque_beyond_its_motors_limit_is_no_other_unit(record: Record, tmp_path: Path) -> None:
+    pushed = record.motor_torque + np.array([0.0, 0.0, 120.0, 0.0])
+    read_recording(written_session(tmp_path, replace(record, motor_torque=pushed)))
+
+
 def test_a_session_of_which_no_regression_can_be_made_is_one_sentence(
     record: Record, tmp_path: Path
 ) -> None:
