@@ -1,7 +1,7 @@
 """Interpret a recording on this machine: what the command and a worker's job share."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ def interpret_recording(
     known: Iterable[tuple[str, float, float]] = (),
     tolerance: float | None = None,
     report: Path | None = None,
+    answered: Callable[[dict[str, Any]], None] = lambda found: None,
 ) -> dict[str, Any]:
     """Return K_h and D_h of a recording with intervals (`docs/use/interpretation.md`).
 
@@ -34,10 +35,12 @@ def interpret_recording(
         known: what was measured on the patient: factor, value and standard deviation, SI units.
         tolerance: half width of K's 90 % interval that is wanted, Nm/rad.
         report: an HTML page to write.
+        answered: called with the answer before the report is written.
 
     Raises:
         Invalid: recording, bank or a known value cannot be used; one sentence.
         RehybError: nothing draws the report here.
+        OSError: the report cannot be written.
     """
     from analysis.interpretation.answer import Question, interpret
     from analysis.interpretation.bank.bank import load_bank
@@ -52,6 +55,7 @@ def interpret_recording(
         )
         learnt = load_bank(bank_file(bank))
         found = interpret(learnt, question)
+    answered(found)
     if report is not None:
         check_pictures()
         from analysis.interpretation.page import write_page

@@ -56,7 +56,8 @@ def interpret(
     ] = False,
     url: Url = None,
     token: Token = None,
-) -> Answer:
+    as_json: bool = False,
+) -> None:
     """Say K_h and D_h with intervals, what they rest on, and what to measure next.
 
     Exit status 2 if the recording cannot be used.
@@ -65,24 +66,29 @@ def interpret(
         raise Invalid(f"--out writes a page: name it .html, not {out.name}")
     measured = [_known(text) for text in known or ()]
     check_submitted(submit, url, token)
+
+    def answered(found: Json) -> None:
+        Answer(found, "\n".join(_lines(found))).show(as_json)
+
     if submit:
         if bank is not None:
             raise Invalid("--bank is this machine's: with --submit the worker's own counts")
         with Client(url, token) as client:
-            found = interpret_by_worker(
+            interpret_by_worker(
                 client,
                 recording,
                 known=measured,
                 tolerance=tolerance,
                 report=out,
                 progress=lambda stage: typer.echo(stage, err=True),
+                answered=answered,
             )
     else:
-        found = interpret_recording(
-            recording, bank, known=measured, tolerance=tolerance, report=out
+        interpret_recording(
+            recording, bank, known=measured, tolerance=tolerance, report=out, answered=answered
         )
-    lines = [*_lines(found), *([str(out)] if out else [])]
-    return Answer(found, "\n".join(lines))
+    if out is not None and not as_json:
+        typer.echo(str(out))
 
 
 def _known(text: str) -> tuple[str, float, float]:

@@ -186,6 +186,7 @@ def interpret_by_worker(
     tolerance: float | None = None,
     report: Path | None = None,
     progress: Callable[[str], None] = lambda stage: None,
+    answered: Callable[[Json], None] = lambda found: None,
 ) -> Json:
     """Have a worker with a bank interpret a session, and return its answer.
 
@@ -196,10 +197,12 @@ def interpret_by_worker(
         tolerance: as of `CloseLoops.interpret`.
         report: an HTML page to write.
         progress: called with a line about each new stage.
+        answered: called with the answer before the report is written.
 
     Raises:
         Invalid: the session or what is known cannot be used; one sentence.
         RehybError: the coordinator does not answer, or no worker came to an end with it.
+        OSError: the report cannot be written.
     """
     if session.suffix == ".npz":
         raise Invalid(
@@ -208,10 +211,12 @@ def interpret_by_worker(
         )
     uploaded = _uploaded(client, session, progress)
     job = client.interpret(uploaded, known=known, tolerance=tolerance)
-    found = _ended(client, job["id"], INTERPRETATIONS, progress)
+    ended = _ended(client, job["id"], INTERPRETATIONS, progress)
+    found = {name: value for name, value in ended.items() if name not in _OF_JOB}
+    answered(found)
     if report is not None:
         client.interpretation_file(job["id"], "report.html", report)
-    return {name: value for name, value in found.items() if name not in _OF_JOB}
+    return found
 
 
 def _uploaded(client: "Client", session: Path, progress: Callable[[str], None]) -> str:

@@ -62,6 +62,11 @@ def test_a_recording_is_interpreted_and_reported(bank: Path, tmp_path: Path) -> 
     assert found["known"] == [{"name": "forearm_mass", "value": 0.962, "sd": 0.1}]
     assert {"damping", "stiffness_over_angle", "parts", "next", "bank"} <= set(found)
     assert page.read_text().startswith("<!DOCTYPE html>")
+    # An answer is there although its report cannot be written.
+    for text in ((), ("--json",)):
+        lost = RUNNER.invoke(app, [*asked, *text, "--out", str(tmp_path / "nowhere" / "a.html")])
+        assert isinstance(lost.exception, OSError)
+        assert ("interval90" if text else "90 %:") in lost.stdout and "nowhere" not in lost.stdout
     lines = RUNNER.invoke(app, list(asked)).stdout
     assert "90 %:" in lines
     assert "all this whatever the limb's muscles are; if they are one of the bank's sets:" in lines
