@@ -11,7 +11,6 @@ from math import pi
 import numpy as np
 from scipy.special import ndtri
 
-from analysis.closeloop.session.signals import lagged
 from analysis.interpretation.bank.bank import Bank
 from analysis.interpretation.friction import rubs
 from analysis.interpretation.inference.familiarity import CALLED_STRANGE
@@ -97,6 +96,9 @@ def _filtered(interpreter: Interpreter, recording: Recording, values: np.ndarray
     cutoff, motion = recording.effort_filter_hz, recording.motion
     if cutoff is None:
         return None
+    # It loads scipy.signal and with it statistics, a sixth of an answer's time.
+    from analysis.closeloop.session.signals import lagged
+
     rate = 1.0 / float(np.median(np.diff(motion.time)))
     twice = replace(motion, torque=lagged(motion.torque, 1.0 / (2.0 * pi * cutoff), rate))
     once, again = (

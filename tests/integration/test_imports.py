@@ -22,6 +22,7 @@ HEAVY = {"mujoco", "numpy", "scipy", "sqlalchemy", "fastapi", "pydantic", "matpl
             {"mujoco", "sim", "matplotlib", "worker", "pandas", "scipy.stats"},
         ),
         ("analysis.closeloop.code", {"mujoco", "numpy"}),
+        ("analysis.interpretation.answer", {"scipy.signal", "scipy.stats", "sklearn"}),
         (
             "sim.assessment.assess, sim.evaluation",
             {"httpx2", "fastapi", "sqlalchemy", "analysis", "matplotlib", "scipy"},
