@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.interpretation.inference.interpreter import Interpreter, Known
-from analysis.interpretation.inference.posterior import TARGETS, Posterior
+from analysis.interpretation.inference.posterior import TARGETS, places
 from analysis.interpretation.inference.view import View
 
 
@@ -76,13 +76,17 @@ def every_plan(
     names = dict(zip(columns.tolist(), to, strict=True))
     # First what is known and stays so, which all sets begin with.
     order = sorted({*before, *after}, key=lambda column: column in after)
-    errors = view.rows.of_targets
+    errors = view.rows.of_targets[:, 0]
+    ends = places(len(view.rows.to_its_sides(errors)), np.array([0.05, 0.95]))
     rows = _rows(view, np.array(order, dtype=int))
 
     def width(found: _Rows) -> float:
         spread = np.sqrt(np.maximum(found.covariance[:, 0, 0], 1e-10))
-        scores = view.rows.ordered((errors[:, [0]] - found.mean[:-1, :1]) / spread[:-1, None])
-        return Posterior(centre=np.zeros(1), spread=spread[-1:], scores=scores).half_width()
+        scores = view.rows.to_its_sides((errors - found.mean[:-1, 0]) / spread[:-1])
+        low, high = ends
+        # Sorted as far as its ends ask.
+        scores.partition(ends)
+        return float(spread[-1] * (scores[high] - scores[low]) / 2.0)
 
     def from_here(
         place: int, done: tuple[str, ...], found: _Rows

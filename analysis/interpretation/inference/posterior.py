@@ -26,7 +26,8 @@ class Posterior:
 
     def quantiles(self, probabilities: np.ndarray) -> np.ndarray:
         """Return quantiles, shape (len(probabilities), TARGETS)."""
-        return np.asarray(self.centre + self.spread * _quantiles(self.scores, probabilities))
+        scores = self.scores[places(len(self.scores), probabilities)]
+        return np.asarray(self.centre + self.spread * scores)
 
     def half_width(self, target: int = 0, share: float = 0.9) -> float:
         """Return half of the width of the interval that holds `share`."""
@@ -67,10 +68,11 @@ def squared(away: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     return np.asarray((away * solved).sum(axis=1))
 
 
-def _quantiles(ordered: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
-    """Return quantiles of sorted scores (n, m), as wide as few scores must be, (k, m)."""
-    count = len(ordered)
+def places(count: int, probabilities: np.ndarray) -> np.ndarray:
+    """Return which of `count` sorted scores quantiles are, as far out as few scores must be.
+
+    Vovk et al. 2005; shape (len(probabilities),).
+    """
     below = np.floor(probabilities * (count + 1)).astype(int)
     above = np.ceil(probabilities * (count + 1)).astype(int)
-    index = np.where(probabilities < 0.5, below, above) - 1
-    return np.asarray(ordered[np.clip(index, 0, count - 1)])
+    return np.asarray(np.clip(np.where(probabilities < 0.5, below, above) - 1, 0, count - 1))

@@ -57,11 +57,11 @@ class RowErrors:
         surprise, covariances = self.as_measured(columns, sds)
         own = self.of_targets
         centre, spread = corrected(np.zeros_like(own), covariances, surprise, sds)
-        return self.ordered((own - centre) / spread)
+        return np.sort(self.to_its_sides((own - centre) / spread), axis=0)
 
-    def ordered(self, scores: np.ndarray) -> np.ndarray:
-        """Return scores of rows sorted, to either side if they may be, (rows or 2 rows, ...)."""
-        return np.sort(np.concatenate([scores, -scores]) if self.either_way else scores, axis=0)
+    def to_its_sides(self, scores: np.ndarray) -> np.ndarray:
+        """Return scores of rows, to either side if they may be, (rows or 2 rows, ...)."""
+        return np.concatenate([scores, -scores]) if self.either_way else scores
 
     @cached_property
     def of_targets(self) -> np.ndarray:
