@@ -141,10 +141,10 @@ def contrary(interpreter: Interpreter, view: View, known: tuple[Known, ...]) -> 
     if found <= limit:
         return None
     one = known[worst]
-    unit = interpreter.population.units()[one.name]
+    unit = interpreter.population.unit_after(one.name)
     return (
         f"what was measured on the patient does not go with the recording, most of all "
-        f"{one.name} {one.value:g} {unit}: measure again; if it stays so, the limb's muscles are "
+        f"{one.name} {one.value:g}{unit}: measure again; if it stays so, the limb's muscles are "
         f"unlike the bank's (squared distance {found:.0f}, of the bank's own {limit:.0f} at most)"
     )
 

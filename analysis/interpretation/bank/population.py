@@ -67,6 +67,11 @@ class Population:
         known = _factors()
         return {name: known[name].unit for name in self.names}
 
+    def unit_after(self, name: str) -> str:
+        """Return a factor's unit as it follows a number; empty for a share."""
+        unit = _factors()[name].unit
+        return "" if unit == "1" else f" {unit}"
+
     def ends(self, name: str) -> tuple[float, float]:
         """Return between what a factor lies, in its unit; all but one in 10^9 where none is set."""
         low, high = self.distributions[name].ppf([1e-9, 1.0 - 1e-9])

@@ -250,24 +250,28 @@ class Interpreter:
         """Return columns, values and standard deviations of what is known, over the factors'."""
         columns = np.array([self._column(one.name) for one in known], dtype=int)
         for one in known:
-            reach = 2.0 * one.sd
-            low, high = self.population.ends(one.name)
-            unit = self.population.units()[one.name].removesuffix("1")
-            population = f"in this bank's population it is {low:.4g} to {high:.4g} {unit}".rstrip()
-            # Beside that the factor's own spread is all there is; squared, it may overflow.
-            if one.sd > high - low:
-                raise InterpretationError(
-                    f"{one.name} to {f'{one.sd:g} {unit}'.rstrip()} says nothing: {population}; "
-                    "leave it out"
-                )
-            if not low - reach <= one.value <= high + reach:
-                raise InterpretationError(
-                    f"{one.name} cannot be {f'{one.value:g} {unit}'.rstrip()}: {population}, and a "
-                    "reading may be 2 standard deviations beyond"
-                )
+            self._check(one)
         scale = self._scale(columns)
         values = in_deviations(np.array([one.value for one in known]), scale)
         return columns, values, _scaled([one.sd for one in known], scale)
+
+    def _check(self, one: Known) -> None:
+        """Refuse what says nothing, or cannot be in this population."""
+        reach, (low, high) = 2.0 * one.sd, self.population.ends(one.name)
+        # Beside a larger one the factor's own spread is all there is; squared, it may overflow.
+        tells, possible = one.sd <= high - low, low - reach <= one.value <= high + reach
+        if tells and possible:
+            return
+        unit = self.population.unit_after(one.name)
+        population = f"in this bank's population it is {low:.4g} to {high:.4g}{unit}"
+        if not tells:
+            raise InterpretationError(
+                f"{one.name} to {one.sd:g}{unit} says nothing: {population}; leave it out"
+            )
+        raise InterpretationError(
+            f"{one.name} cannot be {one.value:g}{unit}: {population}, and a reading may be 2 "
+            "standard deviations beyond"
+        )
 
     def _column(self, name: str) -> int:
         """Return where a factor is among targets and factors.

@@ -69,9 +69,9 @@ def judge(
     effective = runs / kurtosis
     reasons = []
     if rows >= FEWEST_ROWS:
-        by_chance = estimator.other_kurtosis()[output] <= HEAVY
-        heavy = kurtosis > estimator.heavy_kurtosis and not by_chance
-        if heavy and effective < ENOUGH_RUNS:
+        few = kurtosis > estimator.heavy_kurtosis and effective < ENOUGH_RUNS
+        # Nothing speaks against a tail where the other is unknown (nan).
+        if few and not estimator.other_kurtosis()[output] <= HEAVY:
             as_many = f"as many as {effective:.0f} of equal size would, of {runs:,}"
             if estimator.method == "morris":
                 reasons.append(

@@ -168,7 +168,7 @@ def _next_step(
     if len(refitted.effects) > 1:
         refitted, _ = _settled(refitted, rows, step.taken.candidate)
     score = evaluate(refitted, rows)
-    if compare(current.losses, score.losses)[0] <= least * current.loss:
+    if current.loss - score.loss <= least * current.loss:
         # Slopes promised it, but no values of the parameters keep what they promised.
         late = [option for option in late if option.candidate != step.taken.candidate]
         return options, _late(late, model, current, rows, least, of_form)

@@ -153,6 +153,11 @@ def test_a_found_effect_is_in_the_next_bank() -> None:
     assert parameters_of(grown, grown.draw(1, np.arange(1))[0], "contact")["robot_friction"] == 0.0
 
 
+def test_a_unit_follows_a_number_and_a_share_has_none() -> None:
+    assert f"{0.96:g}{OURS.unit_after('forearm_mass')}" == "0.96 kg"
+    assert f"{0.1:g}{OURS.unit_after('activation')}" == "0.1"
+
+
 def test_a_file_that_is_no_population_is_named(tmp_path: Path) -> None:
     path = tmp_path / "mine.json"
     with pytest.raises(InterpretationError, match=r"mine\.json cannot be read"):
