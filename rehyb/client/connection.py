@@ -63,6 +63,8 @@ class Connection:
                 headers=headers,
                 timeout=timeout,
                 transport=transport,
+                # Without TLS no certificates are looked at; to load them takes longer than a call.
+                verify=address.scheme != "http",
                 trust_env=not direct,
             )
         except (httpx2.InvalidURL, UnicodeError) as error:
