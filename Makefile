@@ -2,10 +2,11 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
-# Two processes share a core, since many tests wait for others. A process takes one file after the
-# other in their order, so that those of whole fleets, which take longest, begin first.
-PROCESSES := $(shell $(PYTHON) -c 'import os; print(min(2 * os.cpu_count(), 8))')
-PYTEST := $(BIN)/python -m pytest --numprocesses $(PROCESSES) --dist loadfile --no-loadscope-reorder
+# A process takes one file after the other in their order, so that those of whole fleets, which take
+# longest, begin first. Two share a core where many tests wait for others; unit tests wait for nothing,
+# and each process loads all libraries and reads all tests.
+CORES := $(shell $(PYTHON) -c 'import os; print(os.cpu_count())')
+PYTEST := $(BIN)/python -m pytest --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 
 # What one of the hundreds of processes has compiled, the next one only reads.
 unexport PYTHONDONTWRITEBYTECODE
@@ -28,10 +29,10 @@ browser:  ## Install Chromium, in which tests look at the pages, where there is 
 	else echo "install Chromium or Chrome: without one the tests of the pages are skipped"; fi
 
 test: $(READY)  ## Run every test (unit, integration with real processes, acceptance)
-	$(PYTEST)
+	$(PYTEST) --numprocesses $$((2 * $(CORES)))
 
 unit: $(READY)  ## Run the unit tests, which take seconds
-	$(PYTEST) tests/unit
+	$(PYTEST) --numprocesses $(CORES) tests/unit
 
 lint: $(READY)  ## Look at style, format, types and which room imports which
 	$(BIN)/ruff check .
