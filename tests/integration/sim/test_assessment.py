@@ -11,7 +11,6 @@ from sim.evaluation import evaluate
 from sim.models import ELBOW
 from sim.parameters.curves import OVER_PHASE
 from sim.parameters.fidelity import CAMPAIGN, FIDELITIES
-from sim.parameters.wearer import TABLE_1
 from sim.pictures.figures import assessment_figure
 from sim.pictures.rendering import draw_system
 from sim.robot.control import DURATION
@@ -191,27 +190,6 @@ def test_a_reflex_acts_in_contact_as_the_threshold_says(
     assert reflex.outputs["damping_estimate"] < nominal.outputs["damping_estimate"] - 2.0
 
 
-def errors_over(
-    assessed: Assess, name: str, points: int, quantity: str = "stiffness_error"
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return values of a factor over its range, the others nominal, and their errors."""
-    (factor,) = (factor for factor in TABLE_1 if factor.name == name)
-    values = np.linspace(factor.low, factor.high, points)
-    return values, np.array([assessed({name: float(x)}).outputs[quantity] for x in values])
-
-
-def test_one_factor_at_a_time_behaves_as_the_paper_reports(assessed: Assess) -> None:
-    """Upper arm mass next to nothing, lines over the forearm's, a bend over long upper arms."""
-    masses, of_mass = errors_over(assessed, "forearm_mass", 5)
-    assert np.corrcoef(masses, of_mass)[0, 1] ** 2 > 0.98
-    lengths, of_length = errors_over(assessed, "forearm_length", 7)
-    assert np.corrcoef(lengths, of_length)[0, 1] ** 2 > 0.9
-    assert np.ptp(errors_over(assessed, "upper_arm_mass", 5)[1]) < 0.1 * np.ptp(of_mass)
-    of_upper_arm = errors_over(assessed, "upper_arm_length", 5)[1]
-    assert of_upper_arm[-1] < of_upper_arm[-2] < of_upper_arm[2]
-    assert np.ptp(errors_over(assessed, "forearm_elasticity", 5)[1]) < 0.1 * np.ptp(of_upper_arm)
-
-
 def test_curves_over_the_phase_come_when_they_are_asked_for_and_change_no_other_output(
     nominal: Assessment,
 ) -> None:
@@ -234,10 +212,3 @@ def test_curves_over_the_phase_come_when_they_are_asked_for_and_change_no_other_
     assert inferred_torques(record)[0][-1] == curves["torque_over_phase"][-1]
     with pytest.raises(ValueError, match="unknown curve 'speed': expected one of torque_over"):
         assess({}, curves=["speed"])
-
-
-def test_softness_matters_little(assessed: Assess) -> None:
-    """The authors' model: 0.4 Nm/rad, in their form, over the range of either elasticity."""
-    for name in ("upper_arm_elasticity", "forearm_elasticity"):
-        assert np.ptp(errors_over(assessed, name, 3, "stiffness_error_authors")[1]) < 0.4
-        assert np.ptp(errors_over(assessed, name, 3)[1]) < 0.6

@@ -1,11 +1,13 @@
-"""Wearers and conditions at the ends of their ranges, and beyond what can be believed."""
+"""Wearers and conditions over their ranges, at the ends, and beyond what can be believed."""
 
 from collections.abc import Mapping
 
+import numpy as np
 import pytest
 
 from sim.assessment.validity import FAILURES
 from sim.models import ELBOW
+from sim.parameters.wearer import TABLE_1
 from tests.testbed.assessments import LONG_HEAVY_STIFF, Assess
 
 
@@ -19,6 +21,34 @@ def test_wearers_and_conditions_at_the_ends_of_each_range_can_be_assessed(
             continue
         assessment = assessed({factor.name: getattr(factor, corner)})
         assert assessment.outcome == "ok", (factor.name, assessment.reason)
+
+
+def errors_over(
+    assessed: Assess, name: str, points: int, quantity: str = "stiffness_error"
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return values of a factor over its range, the others nominal, and their errors."""
+    (factor,) = (factor for factor in TABLE_1 if factor.name == name)
+    values = np.linspace(factor.low, factor.high, points)
+    return values, np.array([assessed({name: float(x)}).outputs[quantity] for x in values])
+
+
+def test_one_factor_at_a_time_behaves_as_the_paper_reports(assessed: Assess) -> None:
+    """Upper arm mass next to nothing, lines over the forearm's, a bend over long upper arms."""
+    masses, of_mass = errors_over(assessed, "forearm_mass", 5)
+    assert np.corrcoef(masses, of_mass)[0, 1] ** 2 > 0.98
+    lengths, of_length = errors_over(assessed, "forearm_length", 7)
+    assert np.corrcoef(lengths, of_length)[0, 1] ** 2 > 0.9
+    assert np.ptp(errors_over(assessed, "upper_arm_mass", 5)[1]) < 0.1 * np.ptp(of_mass)
+    of_upper_arm = errors_over(assessed, "upper_arm_length", 5)[1]
+    assert of_upper_arm[-1] < of_upper_arm[-2] < of_upper_arm[2]
+    assert np.ptp(errors_over(assessed, "forearm_elasticity", 5)[1]) < 0.1 * np.ptp(of_upper_arm)
+
+
+def test_softness_matters_little(assessed: Assess) -> None:
+    """The authors' model: 0.4 Nm/rad, in their form, over the range of either elasticity."""
+    for name in ("upper_arm_elasticity", "forearm_elasticity"):
+        assert np.ptp(errors_over(assessed, name, 3, "stiffness_error_authors")[1]) < 0.4
+        assert np.ptp(errors_over(assessed, name, 3)[1]) < 0.6
 
 
 STILL_CREEPING = {
