@@ -4,7 +4,16 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from sim.effects.effect import Effect
-from sim.effects.laws import drive, elastic, friction, inertia, limb, load_friction, transmission
+from sim.effects.laws import (
+    drive,
+    elastic,
+    friction,
+    inertia,
+    limb,
+    load_friction,
+    loose_link,
+    transmission,
+)
 
 #: Candidates for a residual, simplest first.
 EFFECTS: tuple[Effect, ...] = (
@@ -20,10 +29,10 @@ EFFECTS: tuple[Effect, ...] = (
     inertia.Payload(),
     load_friction.LoadDependent(),
     elastic.NonlinearStiffness(),
-    transmission.SeriesElasticity(),
+    loose_link.SeriesElasticity(),
     drive.Drift(),
     transmission.Hysteresis(),
-    transmission.Backlash(),
+    loose_link.Backlash(),
     limb.Thixotropy(),
     limb.CrossJointCoupling(),
     friction.Stribeck(),

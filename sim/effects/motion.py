@@ -117,6 +117,8 @@ class Estimate:
     damping: np.ndarray
     #: Torque of the declared model with its fitted unknowns, low-passed, (n, joints).
     prediction: np.ndarray
+    #: The same without what motors themselves take, and without friction, not low-passed.
+    carried: np.ndarray
     #: Effort minus prediction, low-passed, NaN where there is no effort, (n, joints).
     residual: np.ndarray
 

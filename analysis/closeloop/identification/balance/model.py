@@ -216,6 +216,7 @@ def unfitted(recording: Recording, joint: int) -> RecordedJoint:
         stiffness=np.zeros(count),
         damping=np.zeros(count),
         prediction=recording.inverse,
+        carried=recording.rigid - _of_motors(recording),
         residual=recording.effort - recording.inverse,
     )
     return RecordedJoint(recording, joint, estimate)
@@ -250,7 +251,31 @@ def estimate_of(model: Model, coefficients: np.ndarray) -> Estimate:
     torque = prediction(model, coefficients)
     smooth = recording.filtered(np.nan_to_num(torque))
     residual = np.where(np.isnan(torque), np.nan, recording.effort - smooth)
-    return Estimate(stiffness=stiffness, damping=damping, prediction=smooth, residual=residual)
+    return Estimate(
+        stiffness=stiffness,
+        damping=damping,
+        prediction=smooth,
+        carried=torque - _friction_of(model, coefficients) - _of_motors(recording),
+        residual=residual,
+    )
+
+
+def _friction_of(model: Model, coefficients: np.ndarray) -> np.ndarray:
+    """Return the friction of the fitted model, Nm or N, (n, joints)."""
+    friction = model.recording.inverse - model.recording.rigid
+    for term, own in model.split(coefficients):
+        if term.rubs:
+            for joint, columns in model.transformed(kept_columns(term)).items():
+                friction[:, joint] += columns @ own
+    return np.asarray(friction)
+
+
+def _of_motors(recording: Recording) -> np.ndarray:
+    """Return what declared motors take themselves, by inertia and damping, Nm or N, (n, joints)."""
+    joints = range(recording.position.shape[1])
+    inertia = np.array([recording.motor_inertia(joint) for joint in joints])
+    damping = np.array([recording.motor_damping(joint) for joint in joints])
+    return np.asarray(inertia * recording.acceleration + damping * recording.velocity)
 
 
 def impedances(model: Model, coefficients: np.ndarray) -> dict[int, dict[str, float]]:

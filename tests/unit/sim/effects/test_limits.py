@@ -29,7 +29,7 @@ NONSENSE: list[tuple[str, dict[str, float], tuple[float, ...], str]] = [
     ("actuator_lag", {"time_constant": 0.0021}, (), "time_constant"),
     ("torque_gain", {}, (4.0,), "gain"),
     ("load_dependent_friction", {"smooth": 0.02, "load": 0}, (0.1, 0.8), "load_share"),
-    ("backlash", {"width": 0.06, "late": 0.0}, (0.4,), "gap"),
+    ("backlash", {"crossed": 0.8}, (1.5,), "gap"),
     # Faster than the monosynaptic arc.
     ("stretch_reflex", {"side": 1.0, "delay": 0.0, "speed": 0.1, "angle": -2.0}, (1.5,), "delay"),
     ("hysteresis", {"distance": 0.008, "exponent": 1.0}, (0.5,), "distance"),

@@ -21,16 +21,6 @@ def test_the_column_is_what_a_limb_on_a_spring_changes(recording: Recording, her
     joint = unfitted(recording, ELBOW)
     time, stiffness, damping = recording.time, 0.8, 0.1
     load = np.cos(2 * np.pi * time) + 0.5 * np.sin(6 * np.pi * time)
-    motor = recording.motor_inertia(ELBOW) * joint.acceleration
-    prediction = np.zeros_like(recording.position)
-    prediction[:, ELBOW] = load + recording.filtered(motor[:, None])[:, 0]
-    estimate = replace(
-        joint.estimate,
-        prediction=prediction,
-        stiffness=np.array([0.0, stiffness]),
-        damping=np.array([0.0, damping]),
-    )
-    joint = replace(joint, estimate=estimate)
     inertia = float(recording.own_inertia[:, ELBOW].mean()) - recording.motor_inertia(ELBOW)
     behind = stiffness + float(recording.secant(ELBOW, 1e-4)[:, ELBOW].mean())
     spring = inertia * (2 * np.pi * hertz) ** 2
@@ -44,6 +34,15 @@ def test_the_column_is_what_a_limb_on_a_spring_changes(recording: Recording, her
             pull = now - (damping + own) * rate - (behind + spring) * twist
             rate += pull / inertia / RATE / steps
             twist += rate / RATE / steps
+    carried = np.zeros_like(recording.position)
+    carried[:, ELBOW] = load
+    estimate = replace(
+        joint.estimate,
+        carried=carried,
+        stiffness=np.array([0.0, stiffness]),
+        damping=np.array([0.0, damping]),
+    )
+    joint = replace(joint, estimate=estimate)
     theta = {"resonance": hertz, "damping_ratio": 0.2}
     (column,) = ELASTIC.columns(joint, theta)[ELBOW].T
     difference = column / spring - np.array(expected)
