@@ -24,11 +24,12 @@ class Recording(Protocol):
     """Recorded motion of a device, SI units; arrays have shape (n, joints) unless said otherwise.
 
     `time` is the session's clock, (n,), `period` the time between recorded samples, s; `trial` is
-    the number of each sample's trial, (n,), `slices` are pieces without a gap; `joints` are those
-    whose balance is analysed, `limbs` those at which a limb acts. `effort` is NaN where a joint has
-    none. `inverse` is the torque that the declared chain needs, `static` what holding still in the
-    same place would take, `own_inertia` the diagonal of the mass matrix. Below `rest_speed`,
-    (joints,), a joint rests.
+    the number of each sample's trial, (n,), `slices` are pieces without a gap, of which filters
+    touch `edge` samples at both ends and miss those that are not `usable`, (n,); what somebody
+    pushed is `disturbed`; `joints` are those whose balance is analysed, `limbs` those at which a
+    limb acts. `effort` is NaN where a joint has none. `inverse` is the torque that the declared
+    chain needs, `static` what holding still in the same place would take, `own_inertia` the
+    diagonal of the mass matrix. Below `rest_speed`, (joints,), a joint rests.
     """
 
     @property
@@ -37,6 +38,12 @@ class Recording(Protocol):
     def rate(self) -> float: ...
     @property
     def period(self) -> float: ...
+    @property
+    def edge(self) -> int: ...
+    @property
+    def usable(self) -> np.ndarray: ...
+    @property
+    def disturbed(self) -> np.ndarray | None: ...
     @property
     def trial(self) -> np.ndarray: ...
     @property

@@ -140,7 +140,7 @@ def left_in_band(recording: Recording, expected: np.ndarray, *, rubs: bool) -> d
     Returns:
         Root mean square, Nm or N, of every joint that has an effort in motion.
     """
-    edge = int(recording.rate / recording.sampling.fit_cutoff)
+    edge = recording.edge
     memory = 2 * round(0.5 * recording.rate / recording.sampling.fit_cutoff) + 1
     smooth = recording.filtered(np.nan_to_num(expected))
     found = {}

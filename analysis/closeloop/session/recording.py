@@ -79,6 +79,11 @@ class Recording:
         """Time between two recorded samples, s."""
         return 1.0 / self.sampling.recorded
 
+    @property
+    def edge(self) -> int:
+        """Samples at both ends of a piece that the filters touch."""
+        return int(self.rate / self.sampling.fit_cutoff)
+
     def name(self, joint: int) -> str:
         """Return the name of a joint by its column."""
         return self.device.joints[joint]
@@ -263,11 +268,9 @@ class Recording:
     @cached_property
     def usable(self) -> np.ndarray:
         """Where the fit's low-pass sees enough recorded samples, (n,)."""
-        cutoff, out = self.sampling.fit_cutoff, np.empty(len(self.time), dtype=bool)
-        for piece in self.slices:
-            own = self.measured[piece]
-            out[piece] = lowpass(own[:, None], cutoff, self.rate)[:, 0] >= LEAST_MEASURED
-        return out
+        cutoff = self.sampling.fit_cutoff
+        seen = self._by_piece(self.measured, lambda piece: lowpass(piece, cutoff, self.rate))
+        return np.asarray(seen >= LEAST_MEASURED)
 
     def smoothed(self, columns: np.ndarray) -> np.ndarray:
         """Pass columns (n, ...) through the low-pass of the positions, piece by piece."""
@@ -301,10 +304,7 @@ class Recording:
     def _by_piece(
         self, columns: np.ndarray, change: Callable[[np.ndarray], np.ndarray]
     ) -> np.ndarray:
-        out = np.empty_like(columns)
-        for piece in self.slices:
-            out[piece] = change(columns[piece])
-        return out
+        return np.concatenate([change(columns[piece]) for piece in self.slices])
 
     def _at_rest(self, position: np.ndarray, accelerated: int | None = None) -> np.ndarray:
         """Return the torque at rest, or with one joint accelerated by 1: of `position` only.

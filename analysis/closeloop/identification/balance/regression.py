@@ -161,7 +161,7 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
         rests: whether to keep samples at rest, where friction is not determined.
     """
     step = max(1, int(recording.rate / (4.0 * recording.sampling.fit_cutoff)))
-    edge = int(recording.rate / recording.sampling.fit_cutoff)
+    edge = recording.edge
     groups = list(dict.fromkeys(recording.session.trials[i].group for i in trials))
     halves = _halves(recording, trials)
     samples, fold, block, trial = {}, [], [], []

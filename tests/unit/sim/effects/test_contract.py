@@ -151,7 +151,7 @@ def test_what_filters_the_motion_has_no_frequency_that_the_motion_lacks(
     else:
         column = effect.columns(unfitted(shaken, ELBOW), theta)[ELBOW]
     # Beside its beginning and end.
-    inside = slice(200, 800)
+    inside = slice(400, 800)
     wave = np.column_stack([np.sin(angle), np.cos(angle), np.ones_like(angle)])[inside]
     left = column[inside] - wave @ np.linalg.lstsq(wave, column[inside], rcond=None)[0]
     assert np.linalg.norm(left) < 0.02 * np.linalg.norm(column[inside] - column[inside].mean())

@@ -15,9 +15,16 @@ ELASTIC = BY_NAME["series_elasticity"]
 RATE = 200.0
 
 
+@pytest.mark.parametrize("swinging", [0.0, 0.5])
 @pytest.mark.parametrize("hertz", [2.0, 4.0, 8.0])
-def test_the_column_is_what_a_limb_on_a_spring_changes(recording: Recording, hertz: float) -> None:
-    """Driven at 1 and 3 Hz: below, between and above that, the limb leads or follows."""
+def test_the_column_is_what_a_limb_on_a_spring_changes(
+    recording: Recording, hertz: float, swinging: float
+) -> None:
+    """Driven at 1 and 3 Hz: below, between and above that, the limb leads or follows.
+
+    Whether it lies still on its spring when the recording begins or swings (rad/s): what it leaves
+    says so.
+    """
     joint = unfitted(recording, ELBOW)
     time, stiffness, damping = recording.time, 0.8, 0.1
     load = np.cos(2 * np.pi * time) + 0.5 * np.sin(6 * np.pi * time)
@@ -25,7 +32,7 @@ def test_the_column_is_what_a_limb_on_a_spring_changes(recording: Recording, her
     behind = stiffness + float(recording.secant(ELBOW, 1e-4)[:, ELBOW].mean())
     spring = inertia * (2 * np.pi * hertz) ** 2
     own = 2 * 0.2 * np.sqrt(spring * inertia)
-    twist, rate, steps = load[0] / (behind + spring), 0.0, 50
+    twist, rate, steps = load[0] / (behind + spring), swinging, 50
     expected = []
     for value, following in zip(load, [*load[1:], load[-1]], strict=True):
         expected.append(spring * twist + own * rate - value)
@@ -34,11 +41,12 @@ def test_the_column_is_what_a_limb_on_a_spring_changes(recording: Recording, her
             pull = now - (damping + own) * rate - (behind + spring) * twist
             rate += pull / inertia / RATE / steps
             twist += rate / RATE / steps
-    carried = np.zeros_like(recording.position)
-    carried[:, ELBOW] = load
+    carried, residual = np.zeros_like(recording.position), np.zeros_like(recording.position)
+    carried[:, ELBOW], residual[:, ELBOW] = load, expected
     estimate = replace(
         joint.estimate,
         carried=carried,
+        residual=recording.filtered(residual),
         stiffness=np.array([0.0, stiffness]),
         damping=np.array([0.0, damping]),
     )
