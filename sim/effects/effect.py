@@ -60,6 +60,8 @@ class Effect(ABC):
     undetermined: tuple[int, ...] = ()
     #: Whether a coefficient has to agree with the non-linear parameters that it is fitted for.
     has_to_agree: bool = False
+    #: Whether its law says too when its torque comes, with nothing that is fitted to single times.
+    timed: bool = False
     #: Parameters that the columns are not linear in (`Theta`).
     nonlinear: tuple[Nonlinear, ...] = ()
     #: Whether the columns depend on the estimate so far.

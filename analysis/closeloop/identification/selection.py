@@ -2,7 +2,12 @@
 
 import numpy as np
 
-from analysis.closeloop.identification.balance.luck import more_than_luck
+from analysis.closeloop.identification.balance.luck import (
+    LARGE_GAIN,
+    LEAST_BLOCKS,
+    comes_in_time,
+    more_than_luck,
+)
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import (
     Rows,
@@ -46,7 +51,7 @@ def choose(
         least: held-out loss that an option has to take away.
         of_form: what takes away less has to be more than an error of form of what is there.
     """
-    worth = [o for o in options if _worth(o, current, rows, least)]
+    worth = [o for o in options if _worth(o, model, current, rows, least)]
     worth = [o for o in worth if not only_presliding(o.candidate, o.model, model, rows, least)]
     worth = [o for o in worth if o.gain > of_form or not _of_form(o, model, rows)]
     if not worth:
@@ -119,16 +124,46 @@ def _new_parameters(option: Option) -> int:
     )
 
 
-def _worth(option: Option, current: Score, rows: Rows, least: float) -> bool:
+def _worth(option: Option, model: Model, current: Score, rows: Rows, least: float) -> bool:
     """Whether a gain is more than luck, and large enough to matter."""
-    joint = option.candidate.joint
-    matters = MIN_TORQUE**2 * rows.effort_power(joint)
-    if takes_all(current.losses, option.score.losses):
-        # An error of smoothing has no other form that takes nearly all of it.
-        matters = min(matters, rows.smoothing_power(joint))
-    if option.gain <= max(least, matters):
+    told_twice = _told_twice(option, model, current, rows)
+    if option.gain <= least or not matters(option, current, rows, in_form=told_twice):
         return False
-    return more_than_luck(current.losses, option.score.losses, rows.fold_of_block)
+    return told_twice or more_than_luck(current.losses, option.score.losses, rows.fold_of_block)
+
+
+def matters(option: Option, current: Score, rows: Rows, *, in_form: bool = False) -> bool:
+    """Whether a gain is more than what smoothing does to the declared torque.
+
+    Args:
+        option: tried beside a model.
+        current: that model's score.
+        rows: the samples that are fitted.
+        in_form: whether no error of smoothing can have the option's form.
+    """
+    joint = option.candidate.joint
+    least = MIN_TORQUE**2 * rows.effort_power(joint)
+    if in_form or takes_all(current.losses, option.score.losses):
+        # An error of smoothing has no other form that takes nearly all of it.
+        least = min(least, rows.smoothing_power(joint))
+    return option.gain > least
+
+
+def _told_twice(option: Option, model: Model, current: Score, rows: Rows) -> bool:
+    """Whether an effect takes a large gain at the size and at the times that its own law says.
+
+    Its size has been asked for already (`Effect.has_to_agree`).
+    """
+    if not option.candidate.effect.timed or option.gain <= LARGE_GAIN * current.loss:
+        return False
+    seconds = int(np.sum(rows.joint_of_block == option.candidate.joint))
+    if seconds < LEAST_BLOCKS:
+        return False
+    part, (base, _) = rows.parts[option.candidate.joint], model.base(rows)
+    expected = option.model.base(rows)[0] @ option.score.coefficients
+    both = np.column_stack([model.target(rows), expected])
+    left, torque = (both - base @ np.linalg.lstsq(base, both, rcond=None)[0])[part].T
+    return comes_in_time(left, torque, len(left) // seconds)
 
 
 def _nested(option: Option, taken: Option) -> bool:

@@ -127,7 +127,7 @@ class Backlash(Effect):
             over_travel=True,
         ),
     )
-    uses_estimate = has_to_agree = at_reversals = True
+    uses_estimate = has_to_agree = timed = at_reversals = True
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         recording, number = joint.recording, joint.number

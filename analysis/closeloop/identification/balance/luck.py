@@ -53,3 +53,22 @@ def wins_in_folds(
     folds = np.bincount(fold_of_block, worse - better)
     won, lost = float(folds[folds > 0].sum()), float(-folds[folds < 0].sum())
     return lost < LARGE_LOST * won and int((folds > LARGE_LOST * won).sum()) >= least
+
+
+def comes_in_time(left: np.ndarray, torque: np.ndarray, apart: int) -> bool:
+    """Whether a torque comes when what is left does: they match better than at any other time.
+
+    One is moved over the other, end to end, by every time but those of less than `apart` rows
+    (Perkel, Gerstein and Moore 1967, Neuronal spike trains and stochastic point processes II, on
+    shifted trains). A few jerks that are where they have to be are no luck, though they fill too
+    few seconds for an error by seconds.
+
+    Args:
+        left: what is left without the torque, (r,).
+        torque: of an effect, (r,).
+        apart: rows by which one has to be moved to be at another time.
+    """
+    spectrum = np.fft.rfft(left) * np.conj(np.fft.rfft(torque))
+    products = np.fft.irfft(spectrum, len(left))
+    other = products[apart : len(left) - apart + 1]
+    return len(other) > 0 and bool(products[0] > np.abs(other).max())

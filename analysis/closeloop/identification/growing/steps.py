@@ -33,6 +33,7 @@ from analysis.closeloop.identification.selection import (
     MIN_LATER_GAIN,
     carries_more,
     choose,
+    matters,
 )
 
 #: Effects that are looked for at a time.
@@ -120,6 +121,8 @@ def _pair(
     folds, pairs = rows.fold_of_block, []
     for option in options[:FOREMOST]:
         if option.refused or option.gain <= LARGE_GAIN * grown.score.loss:
+            continue
+        if not matters(option, grown.score, rows):
             continue
         of_form = MIN_LATER_SHARE * before.loss
         _, step = _next_step(option.model, option.score, rows, tried, MIN_LATER_GAIN, of_form)

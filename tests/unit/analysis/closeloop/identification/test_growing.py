@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification import selection
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
@@ -147,10 +148,11 @@ def test_no_effect_is_added_that_only_its_slopes_make_room_for(
     assert names(rows, "payload", "nonlinear_stiffness") == [first]
 
 
+@pytest.mark.parametrize("matters", [True, False])
 def test_two_effects_that_hide_each_other_are_found_together(
-    elbow: Recording, monkeypatch: pytest.MonkeyPatch
+    elbow: Recording, monkeypatch: pytest.MonkeyPatch, *, matters: bool
 ) -> None:
-    """Neither alone is more than luck; both together take everything."""
+    """Neither alone is more than luck; both together take everything, if that is anything."""
     rows = rows_with(elbow, torque(elbow, "added_inertia", {}, 0.1) + 0.5 * elbow.velocity[:, 1])
     real = steps.choose
 
@@ -158,10 +160,10 @@ def test_two_effects_that_hide_each_other_are_found_together(
         return real(options, model, *rest, **more) if model.effects else None
 
     monkeypatch.setattr(steps, "choose", shy)
-    assert names(rows, "added_inertia", "viscous_friction", "drift") == [
-        "added_inertia",
-        "viscous_friction",
-    ]
+    if not matters:
+        monkeypatch.setattr(selection, "MIN_TORQUE", 2.0)
+    both = ["added_inertia", "viscous_friction"]
+    assert names(rows, *both, "drift") == (both if matters else [])
 
 
 def test_a_second_effect_is_asked_for_again_settled_beside_the_first(

@@ -7,7 +7,12 @@ from typing import cast
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.luck import ALONE_Z, more_than_luck
+from analysis.closeloop.identification.balance.luck import (
+    ALONE_Z,
+    comes_in_time,
+    more_than_luck,
+)
+from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows, Score, select_rows
 from analysis.closeloop.identification.findings import Option
 from analysis.closeloop.identification.selection import MIN_TORQUE, _worth
@@ -53,11 +58,67 @@ def test_little_torque_counts_if_it_takes_nearly_all_that_smoothing_does_not(
         fold_of_block=np.arange(12) % 3,
     )
     score = SimpleNamespace(losses=(1.0 - takes) * losses)
-    option = SimpleNamespace(
-        gain=takes * losses.sum(), candidate=SimpleNamespace(joint=0), score=score
+    one = SimpleNamespace(joint=0, effect=SimpleNamespace(timed=False))
+    option = SimpleNamespace(gain=takes * losses.sum(), candidate=one, score=score)
+    current, model = cast(Score, SimpleNamespace(losses=losses)), cast(Model, None)
+    assert _worth(cast(Option, option), model, current, cast(Rows, rows), 0.0) is worth
+
+
+#: Rows of a second, seconds, and those in which a limb lands.
+SECOND, SECONDS, LANDS = 20, 24, (3, 9, 10, 17)
+
+
+def jerks() -> np.ndarray:
+    """Return a torque that jerks in a few seconds, (r,)."""
+    torque = np.zeros(SECOND * SECONDS)
+    for number, second in enumerate(LANDS):
+        torque[SECOND * second + 3 * number :][:4] = (2.0, 1.0, -1.0, -2.0)
+    return torque
+
+
+def test_a_few_jerks_in_time_are_no_luck() -> None:
+    noise = 0.1 * np.random.default_rng(1).standard_normal(SECOND * SECONDS)
+    assert comes_in_time(jerks() + noise, jerks(), SECOND)
+    assert not comes_in_time(np.roll(jerks(), 70) + noise, jerks(), SECOND)
+    assert not comes_in_time(noise[:SECOND], jerks()[:SECOND], SECOND)
+
+
+@pytest.mark.parametrize(
+    ("timed", "late", "smoothing", "worth"),
+    [
+        (True, 0, 1.0, True),
+        (False, 0, 1.0, False),
+        (True, 70, 1.0, False),
+        (True, 0, 1e3, False),
+    ],
+    ids=["in time", "at any time", "at other times", "no more than smoothing does"],
+)
+def test_jerks_of_the_size_and_at_the_times_that_a_law_says_are_no_luck(
+    timed: bool, late: int, smoothing: float, worth: bool
+) -> None:
+    """Four seconds hold all of the gain: by the error of seconds it may be chance."""
+    noise = 0.3 * np.random.default_rng(2).standard_normal(SECOND * SECONDS)
+    left, block = jerks() + noise, np.repeat(np.arange(SECONDS), SECOND)
+    none = np.zeros((len(left), 0))
+    rows = SimpleNamespace(
+        effort_power=lambda joint: 1e3 / MIN_TORQUE**2,
+        smoothing_power=lambda joint: smoothing,
+        fold_of_block=np.arange(SECONDS) // 6,
+        joint_of_block=np.zeros(SECONDS, dtype=int),
+        parts={0: slice(0, len(left))},
     )
-    current = cast(Score, SimpleNamespace(losses=losses))
-    assert _worth(cast(Option, option), current, cast(Rows, rows), 0.0) is worth
+    worse, better = (np.bincount(block, own**2) for own in (left, noise))
+    assert not more_than_luck(worse, better, rows.fold_of_block)
+    model = SimpleNamespace(base=lambda rows: (none, None), target=lambda rows: left)
+    option = SimpleNamespace(
+        gain=float((worse - better).sum()),
+        candidate=SimpleNamespace(joint=0, effect=SimpleNamespace(timed=timed)),
+        model=SimpleNamespace(base=lambda rows: (np.roll(jerks(), late)[:, None], None)),
+        score=SimpleNamespace(losses=better, coefficients=np.ones(1)),
+    )
+    current = cast(Score, SimpleNamespace(losses=worse, loss=float(worse.sum())))
+    found = _worth(cast(Option, option), cast(Model, model), current, cast(Rows, rows), 0.0)
+    assert found is worth
 
 
 def test_smoothing_takes_more_of_a_quick_motion(recording: Recording) -> None:
