@@ -21,6 +21,8 @@ LEAST_LINK = 0.05
 UPSIDE_DOWN = 0.5
 #: Where a link may swing on its spring, Hz: steps of a quarter, as wide as the least damped swings.
 RESONANCES = (1.5, 1.9, 2.4, 3.0, 3.7, 4.6, 5.8, 7.2, 9.0, 11.0, 14.0, 18.0, 25.0)
+#: What a swing has faded to, before the first samples that show it, is not determined by them.
+FADED = 0.1
 #: Samples of a flight through a gap that are computed at a time.
 FLIGHT = 64
 
@@ -214,7 +216,7 @@ def _swings(joint: RecordedJoint, whole: Sequence[float], torque: np.ndarray) ->
     decay = 0.5 * damping / inertia
     turn = np.sqrt(max(stiffness / inertia - decay**2, 0.0))
     out = np.zeros(len(torque))
-    if not turn:
+    if not turn or np.exp(-decay * recording.edge / recording.rate) < FADED:
         return out
     since = np.concatenate(
         [np.arange(piece.stop - piece.start) / recording.rate for piece in recording.slices]

@@ -81,3 +81,18 @@ def test_what_goes_through_a_system_begins_settled() -> None:
     for stiffness in (1.0, 1e6):
         out = through(still, [0.0, 0.0, stiffness], [1.0, 1.0, stiffness], 100.0)
         assert out == pytest.approx(still, rel=1e-6)
+
+
+def test_a_swing_that_is_over_before_it_shows_is_not_fitted(recording: Recording) -> None:
+    """To noise at its end, it would be as large as anything at its beginning."""
+    joint = unfitted(recording, ELBOW)
+    noise = np.random.default_rng(0).standard_normal(recording.position.shape)
+    still = replace(joint.estimate, residual=np.zeros_like(noise))
+    loud = replace(joint.estimate, residual=recording.filtered(noise))
+    for ratio, same in ((0.1, False), (0.9, True)):
+        theta = {"resonance": 17.0, "damping_ratio": ratio}
+        one, other = (
+            ELASTIC.columns(replace(joint, estimate=estimate), theta)[ELBOW]
+            for estimate in (still, loud)
+        )
+        assert np.allclose(one, other) == same
