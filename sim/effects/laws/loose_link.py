@@ -23,6 +23,8 @@ UPSIDE_DOWN = 0.5
 RESONANCES = (1.5, 1.9, 2.4, 3.0, 3.7, 4.6, 5.8, 7.2, 9.0, 11.0, 14.0, 18.0, 25.0)
 #: What a swing has faded to, before the first samples that show it, is not determined by them.
 FADED = 0.1
+#: Times that the twist is computed anew for how it leans.
+LEANS = 3
 #: Samples of a flight through a gap that are computed at a time.
 FLIGHT = 64
 
@@ -73,9 +75,16 @@ class SeriesElasticity(Effect):
         own = 2.0 * theta["damping_ratio"] * np.sqrt(spring * inertia)
         lost = [inertia, damping, stiffness]
         whole = [inertia, damping + own, stiffness + spring]
-        twisted = recording.through(load[:, None], [-x for x in lost], whole)[:, 0]
-        swings = _swings(joint, whole, twisted)
-        return {number: ((twisted + swings) * spring)[:, None]}
+        # Where the slope of gravity is not its mean, what is twisted leans as if by a further load.
+        slope = recording.secant(number, 1e-4)[:, number]
+        slope = (slope - np.nanmean(slope)) / spring
+        leans = np.zeros(len(load))
+        for _ in range(LEANS):
+            pull = load - leans
+            twisted = recording.through(pull[:, None], [-x for x in lost], whole)[:, 0]
+            leans = slope * (pull + twisted)
+        swings = _swings(joint, whole, twisted - leans)
+        return {number: ((twisted - leans + (1.0 - slope) * swings) * spring)[:, None]}
 
     def beyond(
         self,
