@@ -37,7 +37,7 @@ class LeaseRequest:
     max_instances: int
 
     def host_class(self, model: str = "") -> str:
-        """The kind of machine that asks, as far as it matters to a model, "name@digest"."""
+        """The host class of who asks, as far as it matters to a model, "name@digest"."""
         return host_class(self.worker.versions, self.worker.models.get(model, ""))
 
 

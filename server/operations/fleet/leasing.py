@@ -93,11 +93,11 @@ async def _comparing(served: ServedStudy, request: LeaseRequest, *, asked_by: fl
 async def _lease_instances(
     served: ServedStudy, study: Study, exchange: Exchange, request: LeaseRequest
 ) -> Grant | None:
-    """Hand out instances of the locked study; None if it has none for this kind of machine."""
+    """Hand out instances of the locked study; None if it has none for this host class."""
     if not study.state.is_served:
         return None
-    kind = request.host_class(study.plan.model)
-    again = await _returned(served, study, exchange, request, kind) if study.returned else []
+    host_class = request.host_class(study.plan.model)
+    again = await _returned(served, study, exchange, request, host_class) if study.returned else []
     wanted = request.max_instances - len(again) if study.state == StudyState.RUNNING else 0
     begun, fresh = new_rows(study, wanted)
     if not again and not fresh:
@@ -108,16 +108,20 @@ async def _lease_instances(
         place = one.row, one.position
         # Of a row that began in this turn nothing is stored yet.
         if place in changes.begun:
-            changes.begun[place] = lease_id, kind
+            changes.begun[place] = lease_id, host_class
         else:
             changes.moved.setdefault(_LEASED, []).append((place, lease_id))
-        leased = replace(one, state=_LEASED, lease=lease_id, host_class=kind)
+        leased = replace(one, state=_LEASED, lease=lease_id, host_class=host_class)
         served.note({place: leased})
-    changes.bound += [(row, kind) for row in {one.row for one in again if one.host_class is None}]
+    changes.bound += [
+        (row, host_class) for row in {one.row for one in again if one.host_class is None}
+    ]
     for number, place in enumerate(begun):
-        changes.begun[place] = (lease_id if number < fresh else None), kind
+        changes.begun[place] = (lease_id if number < fresh else None), host_class
     # Who asks next in this turn may have the rest of the last row.
-    served.pending.setdefault(kind, []).extend(_waiting(place, kind) for place in begun[fresh:])
+    served.pending.setdefault(host_class, []).extend(
+        _waiting(place, host_class) for place in begun[fresh:]
+    )
     served.study = handed_out(
         study,
         begun=len(begun),
@@ -129,24 +133,24 @@ async def _lease_instances(
 
 
 async def _returned(
-    served: ServedStudy, study: Study, exchange: Exchange, request: LeaseRequest, kind: str
+    served: ServedStudy, study: Study, exchange: Exchange, request: LeaseRequest, host_class: str
 ) -> list[Instance]:
     """Return instances of begun rows that wait for a machine and may go to this one."""
     host, most = request.worker.host, request.max_instances
     if not served.stale:
-        waiting = served.pending.get(kind, [])
+        waiting = served.pending.get(host_class, [])
         found = waiting[:most]
         if all(one.avoid is None for one in found):
-            served.pending[kind] = waiting[most:]
+            served.pending[host_class] = waiting[most:]
             return found
         served.stale = True
     await served.write()
-    at_work = await served.at_work(study, kind)
+    at_work = await served.at_work(study, host_class)
     if not at_work - {host}:
-        return await served.turn.returned(study, kind, host, tried=None, limit=most)
-    found = await served.turn.returned(study, kind, host, tried=False, limit=most)
+        return await served.turn.returned(study, host_class, host, tried=None, limit=most)
+    found = await served.turn.returned(study, host_class, host, tried=False, limit=most)
     if len(found) < most:
-        tried = await served.turn.returned(study, kind, host, tried=True, limit=IN_LIST)
+        tried = await served.turn.returned(study, host_class, host, tried=True, limit=IN_LIST)
         found += [one for one in tried if may_try(one, host, at_work)]
     return found[:most]
 
@@ -204,7 +208,7 @@ def _granted(
     return Grant(lease=lease, study=study)
 
 
-def _waiting(place: Place, kind: str) -> Instance:
+def _waiting(place: Place, host_class: str) -> Instance:
     """Return an instance of a row that has just begun."""
     return Instance(
         row=place[0],
@@ -212,5 +216,5 @@ def _waiting(place: Place, kind: str) -> Instance:
         state=InstanceState.PENDING,
         lease=None,
         attempts={},
-        host_class=kind,
+        host_class=host_class,
     )

@@ -30,8 +30,8 @@ class ServedStudy:
         #: The one that is locked, as it is now; None if there is none.
         self.study = study
         self.seen = seen
-        #: Instances that wait for a machine, by kind of machine, as far as they were asked for.
-        self.pending = {kind: [*found] for kind, found in seen.pending.items()}
+        #: Instances that wait for a machine, by host class, as far as they were asked for.
+        self.pending = {host_class: [*found] for host_class, found in seen.pending.items()}
         #: Whether what waits for a machine must be asked for anew.
         self.stale = seen.unbound
         #: What is not written yet; and the study as it is written.
@@ -130,10 +130,12 @@ class ServedStudy:
         await put_in_place(self.turn, self.study, lease.worker, found, now=self._now)
         self.study = with_found(self.study, found)
 
-    async def at_work(self, study: Study, kind: str | None) -> set[str]:
-        """Return the hosts of a kind of machine that work on a study."""
+    async def at_work(self, study: Study, host_class: str | None) -> set[str]:
+        """Return the hosts of a host class that work on a study."""
         heard_after = self._now - GONE_SECONDS
-        return await hosts_at_work(self.turn, study, kind, now=self._now, heard_after=heard_after)
+        return await hosts_at_work(
+            self.turn, study, host_class, now=self._now, heard_after=heard_after
+        )
 
     async def other(self, study_id: str) -> Study | None:
         """Return a study, which may be this one or one that is not locked; None if it is gone."""

@@ -146,10 +146,10 @@ def _rows_named(study_id: str, posts: Iterable[Post]) -> set[int]:
 
 
 def _wanted(exchanges: Iterable[Exchange], model: str) -> dict[str, int]:
-    """Return how many instances of a model are asked for, by kind of machine."""
+    """Return how many instances of a model are asked for, by host class."""
     found: dict[str, int] = {}
     for one in exchanges:
         if one.request is not None:
-            kind = one.request.host_class(model)
-            found[kind] = found.get(kind, 0) + one.request.max_instances
+            host_class = one.request.host_class(model)
+            found[host_class] = found.get(host_class, 0) + one.request.max_instances
     return found

@@ -1,7 +1,7 @@
 """Statements that every request of a worker executes, without what SQLAlchemy does each time.
 
 To look at a statement, its parameters, its rows and their types takes SQLAlchemy many times longer
-than executing it takes SQLite. These are compiled once for each kind of database; JSON goes in and
+than executing it takes SQLite. These are compiled once for each dialect; JSON goes in and
 comes out as text, and rows are plain tuples.
 """
 
@@ -30,7 +30,7 @@ _NUMBER = re.compile(r":(\d+)")
 
 @dataclass(frozen=True, kw_only=True)
 class _Compiled:
-    """A statement in the words of one kind of database."""
+    """A statement in the SQL of one dialect."""
 
     text: str
     #: Puts the values of a tuple, which come in the order of `Prepared`, in their places.
@@ -38,7 +38,7 @@ class _Compiled:
 
 
 #: A statement as a driver takes it, and the values in their places.
-Words = tuple[str, Sequence[Any]]
+Statement = tuple[str, Sequence[Any]]
 
 
 class Prepared:
@@ -69,7 +69,7 @@ class Prepared:
         Raises:
             sqlalchemy.exc.DBAPIError: the database refuses.
         """
-        known = self._in_words_of(connection.dialect)
+        known = self._in_sql_of(connection.dialect)
         arranged = known.arrange(values)
         driver: Any = connection.connection.dbapi_connection
         try:
@@ -81,7 +81,7 @@ class Prepared:
         """Execute it with each of `rows`: values of the parameters in their order."""
         if not rows:
             return
-        known = self._in_words_of(connection.dialect)
+        known = self._in_sql_of(connection.dialect)
         arranged = list(map(known.arrange, rows))
         driver: Any = connection.connection.dbapi_connection
         try:
@@ -89,20 +89,20 @@ class Prepared:
         except connection.dialect.loaded_dbapi.Error as error:
             raise failure(error, connection.dialect, known.text, arranged) from error
 
-    def words(self, dialect: Dialect, *values: Any) -> Words:
+    def statement(self, dialect: Dialect, *values: Any) -> Statement:
         """Return it as the driver takes it, with the values in their places."""
-        known = self._in_words_of(dialect)
+        known = self._in_sql_of(dialect)
         return known.text, known.arrange(values)
 
-    def _in_words_of(self, dialect: Dialect) -> _Compiled:
+    def _in_sql_of(self, dialect: Dialect) -> _Compiled:
         return self._compiled.get(dialect.name) or self._compile(dialect)
 
     def _compile(self, dialect: Dialect) -> _Compiled:
         by_place: Any = _SQLITE_STYLE if dialect.name == "sqlite" else "format"
-        kind: type[DefaultDialect] = type(dialect)  # type: ignore[assignment]
+        own: type[DefaultDialect] = type(dialect)  # type: ignore[assignment]
         writes = not isinstance(self._statement, sa.Select | sa.CompoundSelect)
         found = self._statement.compile(
-            dialect=kind(paramstyle=by_place), column_keys=self._names or None if writes else None
+            dialect=own(paramstyle=by_place), column_keys=self._names or None if writes else None
         )
         assert isinstance(found, SQLCompiler)
         places = found.positiontup or ()
@@ -110,14 +110,14 @@ class Prepared:
         given = self._names or dict.fromkeys(n for n in places if found.binds[n].required)
         constants = {name: found.params[name] for name in places if name not in given}
         every = (*given, *constants)
-        words = found.string
+        sql = found.string
         if dialect.name == "sqlite":
             # Python takes `:1` for a name.
-            words = _NUMBER.sub(r"?\1", words)
+            sql = _NUMBER.sub(r"?\1", sql)
             if self._index is not None:
-                words = words.replace("\nWHERE", f"INDEXED BY {self._index}\nWHERE", 1)
+                sql = sql.replace("\nWHERE", f"INDEXED BY {self._index}\nWHERE", 1)
         compiled = self._compiled[dialect.name] = _Compiled(
-            text=words,
+            text=sql,
             arrange=_arranging(
                 [every.index(name) for name in places], [*constants.values()], len(given)
             ),
@@ -141,8 +141,8 @@ def as_text(value: Any) -> str:
 
 def failure(error: Exception, dialect: Dialect, text: str, values: Sequence[Any]) -> Exception:
     """Return a driver's error as SQLAlchemy has it."""
-    kind = dialect.loaded_dbapi.Error
-    return DBAPIError.instance(text, values, error, kind, dialect=dialect)
+    base = dialect.loaded_dbapi.Error
+    return DBAPIError.instance(text, values, error, base, dialect=dialect)
 
 
 def _arranging(

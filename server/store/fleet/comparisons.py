@@ -14,7 +14,7 @@ from sqlalchemy.engine import Connection, Dialect
 from models.curves import packed, unpacked
 from server.records import Comparison, Place
 from server.states import ComparisonState, StudyState
-from server.store.database.prepared import Prepared, Words, as_text, text
+from server.store.database.prepared import Prepared, Statement, as_text, text
 from server.store.database.schema import comparisons, studies
 
 #: What came of one.
@@ -56,9 +56,9 @@ _SAVE = Prepared(
 )
 
 
-def saving(dialect: Dialect, comparison: Comparison) -> Words:
+def saving(dialect: Dialect, comparison: Comparison) -> Statement:
     """Return what writes back a comparison that was read in the same transaction."""
-    return _SAVE.words(dialect, *_values(comparison))
+    return _SAVE.statement(dialect, *_values(comparison))
 
 
 def comparison_of(row: Sequence[Any]) -> Comparison:

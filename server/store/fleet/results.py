@@ -10,7 +10,7 @@ from sqlalchemy.engine import Connection, Dialect
 
 from models.curves import packed, unpacked
 from server.records import Place, Result
-from server.store.database.prepared import Prepared, Words, as_text, text
+from server.store.database.prepared import Prepared, Statement, as_text, text
 from server.store.database.schema import conflicts, results, workers
 
 #: What a result is made of.
@@ -34,7 +34,7 @@ _CONFLICT = Prepared(
 )
 
 
-def one(dialect: Dialect, about: tuple[str, float], row: tuple[Any, ...]) -> Words:
+def one(dialect: Dialect, about: tuple[str, float], row: tuple[Any, ...]) -> Statement:
     """Return what appends one final result.
 
     Args:
@@ -44,14 +44,14 @@ def one(dialect: Dialect, about: tuple[str, float], row: tuple[Any, ...]) -> Wor
     """
     *first, outputs, reason, state, wall_seconds = row
     given = (None if outputs is None else as_text(outputs)), reason, (state and as_text(state))
-    return _APPEND.words(dialect, *about, *first, *given, wall_seconds)
+    return _APPEND.statement(dialect, *about, *first, *given, wall_seconds)
 
 
-def conflict(dialect: Dialect, study_id: str, worker: str, now: float, found: Result) -> Words:
+def conflict(dialect: Dialect, study_id: str, worker: str, now: float, found: Result) -> Statement:
     """Return what keeps a result that contradicts a final one."""
     outputs = None if found.outputs is None else as_text(packed(found.outputs))
     told = (found.row, found.position, found.outcome, outputs, found.reason)
-    return _CONFLICT.words(dialect, study_id, worker, now, *told)
+    return _CONFLICT.statement(dialect, study_id, worker, now, *told)
 
 
 def result_of(row: Sequence[Any]) -> Result:

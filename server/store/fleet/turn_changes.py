@@ -9,7 +9,7 @@ from sqlalchemy.engine import Dialect
 from models.curves import packed
 from server.records import Comparison, Instance, Introduction, Lease, Place, Result, Study
 from server.states import InstanceState, LeaseState
-from server.store.database.prepared import Words
+from server.store.database.prepared import Statement
 from server.store.fleet import comparisons, results
 from server.store.fleet import turn_statements as sql
 from server.store.study import instances, studies
@@ -24,7 +24,7 @@ class Changes:
 
     #: Of the workers that later changes of the same transaction may be about, the ids.
     company: list[str] = field(default_factory=list)
-    #: Who asked, with the kind of machine and final results brought; the last word of each counts.
+    #: Who asked, with the host class and final results brought; the last word of each counts.
     workers: list[tuple[Introduction, str, int]] = field(default_factory=list)
     #: Who only brought results, and how many final ones.
     heard: dict[str, int] = field(default_factory=dict)
@@ -37,9 +37,9 @@ class Changes:
     moved: dict[InstanceState, list[tuple[Place, str | None]]] = field(default_factory=dict)
     #: Instances with which something went wrong.
     rewritten: list[Instance] = field(default_factory=list)
-    #: Rows that any kind of machine could have taken, and the kind that has.
+    #: Rows that any host class could have taken, and the one that has.
     bound: list[tuple[int, str]] = field(default_factory=list)
-    #: Instances of new rows: lease or None, kind of machine.
+    #: Instances of new rows: lease or None, host class.
     begun: dict[Place, tuple[str | None, str]] = field(default_factory=dict)
     granted: list[Lease] = field(default_factory=list)
     #: Final results in the order of their numbers, and who brought each.
@@ -83,7 +83,7 @@ class Changes:
 
     def statements(
         self, dialect: Dialect, before: Study | None, study: Study | None, now: float
-    ) -> Iterator[Words]:
+    ) -> Iterator[Statement]:
         """Yield what writes them.
 
         Whoever changes several locks studies first, then workers by name, then leases: so nobody
@@ -95,19 +95,18 @@ class Changes:
             study: the same as it is now; None if there is none.
             now: when all that happened.
         """
-        kind = dialect.name
         # Those who ask are locked by name as they are introduced.
-        if kind == "postgresql" and (self.company or self.heard):
+        if dialect.name == "postgresql" and (self.company or self.heard):
             asked = (worker.id for worker, *_ in self.workers)
-            yield from sql.LOCK_WORKERS.words(kind, [*{*self.company, *self.heard, *asked}])
+            yield from sql.LOCK_WORKERS.statements(dialect, [*{*self.company, *self.heard, *asked}])
         if self.workers:
-            yield from sql.INTRODUCE.words(kind, now, _introduced(self.workers))
+            yield from sql.INTRODUCE.statements(dialect, now, _introduced(self.workers))
         if self.heard:
-            yield from sql.HEARD.words(kind, now, [*self.heard.items()])
+            yield from sql.HEARD.statements(dialect, now, [*self.heard.items()])
         for until, ids in self.extended.items():
-            yield from sql.EXTEND.words(kind, until, LeaseState.OPEN, now, ids)
+            yield from sql.EXTEND.statements(dialect, until, LeaseState.OPEN, now, ids)
         for how, ids in self.ended.items():
-            yield from sql.END.words(kind, how, LeaseState.OPEN, ids)
+            yield from sql.END.statements(dialect, how, LeaseState.OPEN, ids)
         if study is not None and before is not None:
             yield from self._of_instances(dialect, study)
             yield from self._of_results(dialect, study, before.result_count + 1, now)
@@ -118,14 +117,13 @@ class Changes:
                     and study.identity is before.identity
                 )
                 statement, given = studies.saving(study, counted=counted)
-                yield statement.words(dialect, *given)
+                yield statement.statement(dialect, *given)
 
-    def _of_instances(self, dialect: Dialect, study: Study) -> Iterator[Words]:
-        kind = dialect.name
+    def _of_instances(self, dialect: Dialect, study: Study) -> Iterator[Statement]:
         for state, (leases, rows) in self.emptied.items():
-            yield from sql.EMPTY.words(kind, state, study.id, min(rows), max(rows), leases)
+            yield from sql.EMPTY.statements(dialect, state, study.id, min(rows), max(rows), leases)
         for one in self.rewritten:
-            yield instances.REWRITE.words(dialect, *instances.to_row(study.id, one))
+            yield instances.REWRITE.statement(dialect, *instances.to_row(study.id, one))
         if self.begun:
             begun = [
                 (
@@ -137,26 +135,25 @@ class Changes:
                 )
                 for (row, position), (lease, host_class) in self.begun.items()
             ]
-            yield from sql.BEGIN.words(kind, study.id, begun)
+            yield from sql.BEGIN.statements(dialect, study.id, begun)
         for state, moved in self.moved.items():
             yield from _moved(dialect, study, state, moved)
         for row, host_class in self.bound:
-            yield instances.BIND.words(dialect, host_class, study.id, row)
+            yield instances.BIND.statement(dialect, host_class, study.id, row)
 
     def _of_results(
         self, dialect: Dialect, study: Study, first: int, now: float
-    ) -> Iterator[Words]:
-        kind = dialect.name
+    ) -> Iterator[Statement]:
         if self.granted:
             granted = [
                 (one.id, one.worker, one.expires_at, one.instances, one.host_class, one.compares)
                 for one in self.granted
             ]
-            yield from sql.LEASE.words(kind, study.id, now, granted)
+            yield from sql.LEASE.statements(dialect, study.id, now, granted)
         if self.filed:
             filed = _numbered(self.filed, first)
-            told = sql.APPEND.words(kind, study.id, now, filed)
-            if kind == "sqlite" or _NUL not in told[0][1][-1]:
+            told = sql.APPEND.statements(dialect, study.id, now, filed)
+            if dialect.name == "sqlite" or _NUL not in told[0][1][-1]:
                 yield from told
             else:
                 for row in filed:
@@ -165,35 +162,35 @@ class Changes:
             yield results.conflict(dialect, study.id, worker, now, result)
         if self.asked:
             asked = [(host, worker, *place) for host, worker, place in self.asked]
-            yield from sql.ASK.words(kind, study.id, now, asked)
+            yield from sql.ASK.statements(dialect, study.id, now, asked)
         for compared in self.compared:
             yield comparisons.saving(dialect, compared)
 
 
 def _moved(
     dialect: Dialect, study: Study, state: InstanceState, moved: Sequence[tuple[Place, str | None]]
-) -> Iterator[Words]:
+) -> Iterator[Statement]:
     """Yield what gives instances a state, and each its lease."""
     if dialect.name == "sqlite":
         for (row, position), lease in moved:
-            yield instances.MOVE.words(dialect, state, lease, study.id, row, position)
+            yield instances.MOVE.statement(dialect, state, lease, study.id, row, position)
     else:
         rows = [(*place, lease) for place, lease in moved]
-        yield from sql.MOVE.words(dialect.name, state, rows, study.id)
+        yield from sql.MOVE.statements(dialect, state, rows, study.id)
 
 
 def _introduced(found: Sequence[tuple[Introduction, str, int]]) -> list[tuple[Any, ...]]:
     """Return what is known of each worker, however often it spoke."""
     done: dict[str, int] = {}
     rows: dict[str, tuple[Any, ...]] = {}
-    for worker, kind, brought in found:
+    for worker, host_class, brought in found:
         done[worker.id] = done.get(worker.id, 0) + brought
         rows[worker.id] = (
             worker.id,
             done[worker.id],
             worker.host,
             dict(worker.versions),
-            kind,
+            host_class,
             list(worker.tags),
             dict(worker.models),
         )

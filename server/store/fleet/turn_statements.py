@@ -1,4 +1,4 @@
-"""The statements of turns, over sets of rows, in the words of both kinds of database (see `turns`).
+"""The statements of turns, over sets of rows, in the SQL of both databases (see `turns`).
 
 On PostgreSQL a set of rows travels as one text of JSON: to write arrays takes its driver a third of
 the time of a turn. SQLite takes twice as long over JSON as over values one by one.
@@ -10,26 +10,28 @@ from functools import cache
 from itertools import chain
 from typing import Any
 
-from server.store.database.prepared import ROWS, Words, as_text
+from sqlalchemy.engine import Dialect
+
+from server.store.database.prepared import ROWS, Statement, as_text
 
 #: Where values go.
 _MARK = re.compile(r"%s|\{any\}|\{each\}|\{told\}")
 
 
-class Sets:
+class SetStatement:
     """A statement about sets.
 
     Args:
         text: in which %s stands for a value, {any} for "is one of" a set, {told} for a table of
             rows that is called `told`; {index} for how SQLite finds what waits.
-        sqlite: the same where SQLite has other words; {each} for a set as a table.
+        sqlite: the same where SQLite writes it otherwise; {each} for a set as a table.
         columns: of `told`, with their types on PostgreSQL.
     """
 
     def __init__(self, text: str, *, sqlite: str | None = None, **columns: str) -> None:
         self._columns = tuple(columns)
-        self._json = {n for n, kind in enumerate(columns.values()) if kind == "json"}
-        typed = ", ".join(f"{name} {kind}" for name, kind in columns.items())
+        self._json = {n for n, type_ in enumerate(columns.values()) if type_ == "json"}
+        typed = ", ".join(f"{name} {type_}" for name, type_ in columns.items())
         told = f"json_to_recordset(%s::json) AS told({typed})"
         self._postgresql = (
             text.replace("{any}", "= ANY(%s::text[])")
@@ -42,14 +44,14 @@ class Sets:
         self._marks = _MARK.findall(indexed)
         self._on_sqlite = cache(self._for_sqlite)
 
-    def words(self, kind: str, *values: Any) -> list[Words]:
+    def statements(self, dialect: Dialect, *values: Any) -> list[Statement]:
         """Return what a driver takes: on SQLite so many rows at a time.
 
         Args:
-            kind: of database.
+            dialect: of the database.
             values: in their order, of sets and rows lists; of what is JSON, not yet as text.
         """
-        if kind == "postgresql":
+        if dialect.name == "postgresql":
             return [(self._postgresql, [self._as_text(one) for one in values])]
         if not self._columns:
             return [self._few(values)]
@@ -67,7 +69,7 @@ class Sets:
         quoted = (str(one).replace("\\", "\\\\").replace('"', '\\"') for one in value)
         return "{" + ",".join(f'"{one}"' for one in quoted) + "}"
 
-    def _few(self, values: Sequence[Any]) -> Words:
+    def _few(self, values: Sequence[Any]) -> Statement:
         given: list[Any] = []
         counts = []
         for mark, value in zip(self._marks, values, strict=True):
@@ -144,19 +146,19 @@ FROM leases JOIN workers ON workers.id = worker_id WHERE leases.id {{any}}
 """
 
 #: See `leases.lease_of`.
-LEASES = Sets(_LEASES.format("instances::text"), sqlite=_LEASES.format("instances"))
-WORK = Sets("""
+LEASES = SetStatement(_LEASES.format("instances::text"), sqlite=_LEASES.format("instances"))
+WORK = SetStatement("""
 SELECT id, model FROM studies
 WHERE state = 'running' AND instances > result_count + leased
    OR state = 'draining' AND handed_out > result_count + leased
 ORDER BY priority DESC, created_at, id
 """)
-OPINIONS = Sets(
+OPINIONS = SetStatement(
     _OPINIONS.format("unnest(%s::text[]) AS asked(host)"),
     sqlite=_OPINIONS.format("(SELECT value AS host FROM {each}) AS asked"),
 )
 # OFFSET 0 keeps the planner from turning the look-ups into one join.
-IN_ROWS = Sets(
+IN_ROWS = SetStatement(
     f"""
 SELECT {_THERE} FROM unnest(%s::bigint[]) AS asked(row) CROSS JOIN LATERAL
     (SELECT * FROM instances WHERE instances.row = asked.row AND study_id = %s OFFSET 0) AS i
@@ -168,19 +170,21 @@ SELECT {} FROM instances AS i {{index}}
 WHERE study_id = %s AND state = 'pending' AND host_class = %s AND row >= %s
 ORDER BY row, position LIMIT %s
 """
-PENDING = Sets(_PENDING.format(_THERE), sqlite=_PENDING.format(_HERE))
-UNBOUND = Sets("""
+PENDING = SetStatement(_PENDING.format(_THERE), sqlite=_PENDING.format(_HERE))
+UNBOUND = SetStatement("""
 SELECT row FROM instances {index}
 WHERE study_id = %s AND state = 'pending' AND host_class IS NULL LIMIT 1
 """)
 # That they are open is told by a value, or PostgreSQL takes the index of those that are: it looks
 # through all of a fleet's leases, and through those of the last minute that are over.
-EXTEND = Sets("UPDATE leases SET expires_at = %s WHERE state = %s AND expires_at > %s AND id {any}")
-END = Sets("UPDATE leases SET state = %s WHERE state = %s AND id {any}")
+EXTEND = SetStatement(
+    "UPDATE leases SET expires_at = %s WHERE state = %s AND expires_at > %s AND id {any}"
+)
+END = SetStatement("UPDATE leases SET state = %s WHERE state = %s AND id {any}")
 #: On PostgreSQL.
-LOCK_WORKERS = Sets("SELECT id FROM workers WHERE id {any} ORDER BY id FOR NO KEY UPDATE")
+LOCK_WORKERS = SetStatement("SELECT id FROM workers WHERE id {any} ORDER BY id FOR NO KEY UPDATE")
 # SQLite takes the ON of ON CONFLICT for that of a join, if there is no WHERE.
-INTRODUCE = Sets(
+INTRODUCE = SetStatement(
     """
 INSERT INTO workers
     (last_seen, id, instances_done, host, versions, host_class, tags, models)
@@ -200,19 +204,19 @@ ON CONFLICT (id) DO UPDATE SET
     tags="json",
     models="json",
 )
-HEARD = Sets(
+HEARD = SetStatement(
     "UPDATE workers SET last_seen = %s, instances_done = instances_done + done "
     "FROM {told} WHERE id = name",
     name="text",
     done="bigint",
 )
-EMPTY = Sets("""
+EMPTY = SetStatement("""
 UPDATE instances SET state = %s, lease_id = NULL
 WHERE study_id = %s AND row BETWEEN %s AND %s AND lease_id {any}
 """)
 #: On PostgreSQL; see `instances.MOVE` for SQLite. Again one look-up after the other, and then by
 #: where they are. They stay there: whoever changes instances has locked their study.
-MOVE = Sets(
+MOVE = SetStatement(
     """
 UPDATE instances SET state = %s, lease_id = found.lease_id
 FROM (
@@ -229,7 +233,7 @@ FROM (
     position="int",
     lease_id="text",
 )
-BEGIN = Sets(
+BEGIN = SetStatement(
     """
 INSERT INTO instances (study_id, attempts, row, position, state, lease_id, host_class)
 SELECT %s, '{}', row, position, state, lease_id, host_class FROM {told}
@@ -240,7 +244,7 @@ SELECT %s, '{}', row, position, state, lease_id, host_class FROM {told}
     lease_id="text",
     host_class="text",
 )
-LEASE = Sets(
+LEASE = SetStatement(
     """
 INSERT INTO leases
     (study_id, state, granted_at, id, worker_id, expires_at, instances, host_class, compares)
@@ -255,7 +259,7 @@ RETURNING id, fence
     host_class="text",
     compares="boolean",
 )
-APPEND = Sets(
+APPEND = SetStatement(
     """
 INSERT INTO results
     (study_id, received_at, worker_id, seq, row, position, outcome, outputs, reason, state,
@@ -273,7 +277,7 @@ FROM {told}
     state="json",
     wall_seconds="float8",
 )
-ASK = Sets(
+ASK = SetStatement(
     """
 INSERT INTO comparisons
     (study_id, state, attempts, asked_at, first_host, first_worker_id, row, position)

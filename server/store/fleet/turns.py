@@ -25,7 +25,7 @@ from sqlalchemy.engine import Connection, Dialect, Engine
 
 from server.records import Comparison, Instance, Lease, Place, Result, Study, record
 from server.store import models
-from server.store.database.prepared import Words, failure
+from server.store.database.prepared import Statement, failure
 from server.store.fleet import comparisons, leases, results
 from server.store.fleet import turn_statements as sql
 from server.store.fleet.turn_changes import Changes
@@ -67,7 +67,7 @@ class Seen:
     opinions: Mapping[str, bool] = field(default_factory=dict)
     #: All instances of the rows that were asked for.
     rows: Mapping[Place, Instance] = field(default_factory=dict)
-    #: Instances that wait for a machine, by the kind of machine that was asked for.
+    #: Instances that wait for a machine, by the host class that was asked for.
     pending: Mapping[str, Sequence[Instance]] = field(default_factory=dict)
     #: Whether any waits for whatever machine.
     unbound: bool = False
@@ -80,7 +80,7 @@ class TurnConnection:
         self._engine = engine
         self._held: Any = None
         self._pipeline: Pipeline | None = None
-        #: By study and kind of machine the first row in which an instance was found waiting: before
+        #: By study and host class the first row in which an instance was found waiting: before
         #: it the index holds little but what is dead. Forgotten at every `AFRESH`th turn.
         self._first_pending: dict[tuple[str, str], int] = {}
         self._turns = 0
@@ -146,23 +146,22 @@ class Turn:
 
     def __init__(
         self,
-        trip: Callable[[Sequence[Words]], Awaitable[list[Rows]]],
+        trip: Callable[[Sequence[Statement]], Awaitable[list[Rows]]],
         dialect: Dialect,
         first_pending: dict[tuple[str, str], int],
         *,
-        begin: Sequence[Words] = (),
-        end: Sequence[Words] = (),
+        begin: Sequence[Statement] = (),
+        end: Sequence[Statement] = (),
     ) -> None:
         self.trip = trip
         self.dialect = dialect
-        self._kind = dialect.name
         self._first_pending = first_pending
         self._begin, self._end = begin, end
         self.committed = False
 
     async def lock(self, study_id: str) -> Study | None:
         """Lock a study; None if there is none of that id."""
-        (found,) = await self._ask([studies.FIND_LOCKED.words(self.dialect, study_id)])
+        (found,) = await self._ask([studies.FIND_LOCKED.statement(self.dialect, study_id)])
         return studies.study_of(found[0]) if found else None
 
     async def look(
@@ -183,26 +182,29 @@ class Turn:
             hosts: names of machines.
             asked_by: second opinions that were asked for by then have waited long enough.
             rows: of the study, whose instances are wanted.
-            wanted: how many instances that wait are wanted, by the kind of machine asking.
+            wanted: how many instances that wait are wanted, by the host class that asks.
         """
         asks = wanted if study is not None and study.returned else {}
         id_ = "" if study is None else study.id
-        hints = {kind: self._first_pending.get((id_, kind), 0) for kind in asks}
+        hints = {host_class: self._first_pending.get((id_, host_class), 0) for host_class in asks}
         known, work, opinions, in_rows, unbound, *waiting = await self._ask(
-            sql.LEASES.words(self._kind, [*leases_of]) if leases_of else (),
+            sql.LEASES.statements(self.dialect, [*leases_of]) if leases_of else (),
             *self._wanted(hosts, asked_by),
             self._in_rows(id_, rows),
-            sql.UNBOUND.words(self._kind, id_) if asks else (),
-            *(self._pending(id_, kind, hints[kind], most) for kind, most in asks.items()),
+            sql.UNBOUND.statements(self.dialect, id_) if asks else (),
+            *(
+                self._pending(id_, host_class, hints[host_class], most)
+                for host_class, most in asks.items()
+            ),
         )
         pending = {}
         # None waits before the first that was known, if those that were found are all there are.
         before = study is not None and study.returned > sum(map(len, waiting))
-        for (kind, most), here in zip(asks.items(), waiting, strict=True):
-            if before and len(here) < most and hints[kind]:
-                (here,) = await self._ask(self._pending(id_, kind, 0, most))
-            self._first_pending[id_, kind] = here[0][0] if here else 0
-            pending[kind] = [instances.from_row(row) for row in here]
+        for (host_class, most), here in zip(asks.items(), waiting, strict=True):
+            if before and len(here) < most and hints[host_class]:
+                (here,) = await self._ask(self._pending(id_, host_class, 0, most))
+            self._first_pending[id_, host_class] = here[0][0] if here else 0
+            pending[host_class] = [instances.from_row(row) for row in here]
         first_served, due = _wanted(work, opinions)
         return Seen(
             leases={row[0]: leases.lease_of(row) for row in known},
@@ -240,14 +242,16 @@ class Turn:
 
     async def study(self, study_id: str) -> Study | None:
         """Return a study that is not locked; None if it is gone."""
-        (found,) = await self.trip([studies.FIND.words(self.dialect, study_id)])
+        (found,) = await self.trip([studies.FIND.statement(self.dialect, study_id)])
         return studies.study_of(found[0]) if found else None
 
     async def returned(
-        self, study: Study, kind: str, host: str, *, tried: bool | None, limit: int
+        self, study: Study, host_class: str, host: str, *, tried: bool | None, limit: int
     ) -> list[Instance]:
         """Return instances that wait for a machine; see `instances.pending`."""
-        asked = instances.pending(self.dialect, study.id, kind, host, tried=tried, limit=limit)
+        asked = instances.pending(
+            self.dialect, study.id, host_class, host, tried=tried, limit=limit
+        )
         (found,) = await self._ask(asked)
         first = sorted(found, key=lambda row: row[:2])[:limit]
         return [instances.from_row(row) for row in first]
@@ -255,7 +259,7 @@ class Turn:
     async def results_at(self, study: Study, places: Collection[Place]) -> dict[Place, Result]:
         """Return the final results at places, leaving out those that have none."""
         rows = sorted({row for row, _ in places})
-        asked = [results.OF_ROW.words(self.dialect, study.id, row) for row in rows]
+        asked = [results.OF_ROW.statement(self.dialect, study.id, row) for row in rows]
         (found,) = await self._ask(asked)
         stored = map(results.result_of, found)
         by_place = {(result.row, result.position): result for result in stored}
@@ -263,51 +267,51 @@ class Turn:
 
     async def is_deterministic(self, model: str) -> bool:
         """Say whether another machine would compute the same; as far as is known it would."""
-        (found,) = await self.trip([models.DESCRIPTION.words(self.dialect, model)])
+        (found,) = await self.trip([models.DESCRIPTION.statement(self.dialect, model)])
         return not found or models.description_of(found[0]).deterministic
 
     async def opinions_wanted(self, host: str, *, asked_by: float) -> list[str]:
         """Return the studies in which a second opinion of `host` was asked for by then."""
         (found,) = await self.trip(
-            [comparisons.STUDIES_WAITING.words(self.dialect, host, asked_by)]
+            [comparisons.STUDIES_WAITING.statement(self.dialect, host, asked_by)]
         )
         return [study_id for (study_id,) in found]
 
     async def opinions_for(self, study: Study, host: str, *, limit: int) -> list[Comparison]:
         """Return up to so many second opinions of `host` that are asked for."""
         (found,) = await self.trip(
-            [comparisons.WAITING_FOR.words(self.dialect, study.id, host, limit)]
+            [comparisons.WAITING_FOR.statement(self.dialect, study.id, host, limit)]
         )
         return [comparisons.comparison_of(row) for row in found]
 
     async def opinions_of(self, lease: Lease) -> list[Comparison]:
         """Return what a lease was given."""
-        (found,) = await self.trip([comparisons.OF_LEASE.words(self.dialect, lease.id)])
+        (found,) = await self.trip([comparisons.OF_LEASE.statement(self.dialect, lease.id)])
         return [comparisons.comparison_of(row) for row in found]
 
-    async def _ask(self, *parts: Sequence[Words]) -> list[Rows]:
+    async def _ask(self, *parts: Sequence[Statement]) -> list[Rows]:
         """Return what each of some lists of statements finds, all in one trip."""
         every = [*self._begin, *chain.from_iterable(parts)]
         found = iter((await self.trip(every))[len(self._begin) :] if every else ())
         self._begin = ()
         return [[row for rows in islice(found, len(part)) for row in rows] for part in parts]
 
-    def _wanted(self, hosts: Collection[str], asked_by: float) -> tuple[Sequence[Words], ...]:
-        opinions = sql.OPINIONS.words(self._kind, [*hosts], asked_by) if hosts else ()
-        return sql.WORK.words(self._kind), opinions
+    def _wanted(self, hosts: Collection[str], asked_by: float) -> tuple[Sequence[Statement], ...]:
+        opinions = sql.OPINIONS.statements(self.dialect, [*hosts], asked_by) if hosts else ()
+        return sql.WORK.statements(self.dialect), opinions
 
-    def _in_rows(self, study_id: str, rows: Collection[int]) -> Sequence[Words]:
-        return sql.IN_ROWS.words(self._kind, sorted(rows), study_id) if rows else ()
+    def _in_rows(self, study_id: str, rows: Collection[int]) -> Sequence[Statement]:
+        return sql.IN_ROWS.statements(self.dialect, sorted(rows), study_id) if rows else ()
 
-    def _pending(self, study_id: str, kind: str, first: int, most: int) -> list[Words]:
-        return sql.PENDING.words(self._kind, study_id, kind, first, most)
+    def _pending(self, study_id: str, host_class: str, first: int, most: int) -> list[Statement]:
+        return sql.PENDING.statements(self.dialect, study_id, host_class, first, most)
 
 
 def turn_within(connection: Connection) -> Turn:
     """Return a turn within a transaction that others begin and end; see `at_once`."""
     driver: Any = connection.connection.dbapi_connection
 
-    async def trip(statements: Sequence[Words]) -> list[Rows]:
+    async def trip(statements: Sequence[Statement]) -> list[Rows]:
         found: list[Rows] = []
         for text, values in statements:
             try:

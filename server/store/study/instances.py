@@ -10,7 +10,7 @@ from sqlalchemy.engine import Connection, Dialect
 from server.records import Instance
 from server.states import InstanceState
 from server.store.database.engine import JSON
-from server.store.database.prepared import Prepared, Words, text
+from server.store.database.prepared import Prepared, Statement, text
 from server.store.database.schema import instances
 
 #: Values in one IN list: well under what any SQLite takes.
@@ -83,7 +83,7 @@ BIND = Prepared(
 
 def pending(
     dialect: Dialect, study_id: str, host_class: str, host: str, *, tried: bool | None, limit: int
-) -> list[Words]:
+) -> list[Statement]:
     """Return what finds instances of begun rows that wait for a machine.
 
     Each of the statements finds the first `limit` by row and position; see `from_row`.
@@ -97,7 +97,7 @@ def pending(
         limit: so many at most.
     """
     values = (study_id, host_class, limit, host, JSON.encode(host))
-    return [query.words(dialect, *values) for query in _PENDING[tried]]
+    return [query.statement(dialect, *values) for query in _PENDING[tried]]
 
 
 def update(connection: Connection, study_id: str, changed: Iterable[Instance]) -> None:

@@ -10,7 +10,7 @@ from sqlalchemy.exc import DBAPIError
 
 from server.store.database.engine import reading, writing
 from server.store.database.prepared import ROWS, Prepared, text
-from server.store.fleet.turn_statements import Sets
+from server.store.fleet.turn_statements import SetStatement
 from server.store.fleet.turns import at_once, turn_within
 
 TABLE = sa.Table(
@@ -32,7 +32,7 @@ CLOSE = Prepared(
 )
 
 #: Adds rows of which some columns are the same in all.
-ADD = Sets(
+ADD = SetStatement(
     "INSERT INTO things (state, row, id, what) SELECT %s, %s, id, what FROM {told}",
     id="int",
     what="json",
@@ -55,7 +55,7 @@ def rows(engine: Engine) -> list[tuple[Any, ...]]:
 
 
 def add(connection: Connection, *values: Any) -> None:
-    at_once(turn_within(connection).trip(ADD.words(connection.dialect.name, *values)))
+    at_once(turn_within(connection).trip(ADD.statements(connection.dialect, *values)))
 
 
 def test_what_is_written_once_or_often_is_read_as_it_was_meant(things: Engine) -> None:

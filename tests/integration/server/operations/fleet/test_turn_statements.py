@@ -39,22 +39,24 @@ def test_an_instance_of_any_name_disturbs_no_turn(
 
 
 def test_no_turn_reads_the_instances_of_other_rows_although_nothing_is_known_of_the_table(
-    turns: Turns,
+    engine: Engine, turns: Turns
 ) -> None:
     for statement, values in (
         (sql.MOVE, ("done", [(1, 1, None)], "s")),
         (sql.IN_ROWS, ([1], "s")),
         (sql.EMPTY, ("done", "s", 1, 2, ["l"])),
     ):
-        ((text, given),) = statement.words("postgresql", *values)
+        ((text, given),) = statement.statements(engine.dialect, *values)
         plan = [line for (line,) in turns.ask("EXPLAIN " + text, given)]
         looks = [line for line in plan if "Index Cond" in line or "Seq Scan" in line]
         assert looks and all('"row"' in line for line in looks), plan
 
 
-def test_no_turn_looks_through_all_leases_that_are_open(turns: Turns) -> None:
+def test_no_turn_looks_through_all_leases_that_are_open(engine: Engine, turns: Turns) -> None:
     for statement, values in ((sql.END, ("finished",)), (sql.EXTEND, (9.0, "open", 1.0))):
-        ((text, given),) = statement.words("postgresql", *values[:1], "open", *values[2:], ["l"])
+        ((text, given),) = statement.statements(
+            engine.dialect, *values[:1], "open", *values[2:], ["l"]
+        )
         turns.ask(text, given)
         ((name,),) = turns.ask(
             "SELECT name FROM pg_prepared_statements WHERE position(%s in statement) = 1",
@@ -65,9 +67,9 @@ def test_no_turn_looks_through_all_leases_that_are_open(turns: Turns) -> None:
         assert any("leases_id_key" in line for line in plan), plan
 
 
-def test_a_statement_of_a_turn_is_planned_once(turns: Turns) -> None:
+def test_a_statement_of_a_turn_is_planned_once(engine: Engine, turns: Turns) -> None:
     for _ in range(3):
-        turns.ask(*sql.END.words("postgresql", "finished", "open", ["l"])[0])
+        turns.ask(*sql.END.statements(engine.dialect, "finished", "open", ["l"])[0])
     # The connection may have been used for something else before.
     counted = (
         "SELECT sum(custom_plans)::int, max(generic_plans)::int FROM pg_prepared_statements "
