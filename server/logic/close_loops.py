@@ -10,7 +10,6 @@ the session cannot be analysed is final at once.
 import json
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from math import ceil
 from typing import Any
 
 from analysis.closeloop.contract import SCHEMA, Verdict
@@ -25,9 +24,6 @@ from server.states import CloseLoopState, JobKind, LeaseState
 MAX_REPORT_BYTES = 8_000_000
 #: Levels of nesting it may have.
 REPORT_DEPTH = 64
-#: Questions for work that idle workers may ask in all, and how long one may stay away, seconds.
-ASKS_PER_SECOND = 5
-ASK_SECONDS = (2, 15)
 #: What is said of a recording that is like a bank's, or is not.
 FAMILIAR, STRANGE = "familiar", "unfamiliar"
 #: Characters kept of a progress line.
@@ -79,15 +75,6 @@ def handed_out(
         attempts=(*job.attempts, attempt),
         progress="",
     )
-
-
-def ask_again_in(workers: int) -> int:
-    """Return the seconds after which one of so many workers without a job should ask again.
-
-    The more there are, the less each has to: together they notice a new job soon enough.
-    """
-    low, high = ASK_SECONDS
-    return min(max(low, ceil(workers / ASKS_PER_SECOND)), high)
 
 
 def is_noted(noted: float | None, now: float) -> bool:

@@ -12,7 +12,8 @@ from starlette.datastructures import UploadFile
 
 from analysis.closeloop.contract import REPORT_FILES
 from analysis.interpretation.contract import REPORT_FILES as INTERPRETATION_FILES
-from server.logic.close_loops import MAX_REPORT_BYTES, PROGRESS_LENGTH, ask_again_in, verdict_of
+from server.logic.close_loops import MAX_REPORT_BYTES, PROGRESS_LENGTH, verdict_of
+from server.logic.fleet.idling import ask_for_jobs_in
 from server.logic.fleet.verdicts import REASON_LENGTH
 from server.logic.json_values import cut
 from server.operations import close_loops
@@ -100,7 +101,7 @@ def lease(body: LoopLeaseBody, store: Store, settings: Configured, now: Now) -> 
         store, body.worker.introduced(), bank=body.bank, now=now, ttl=settings.lease_seconds
     )
     if granted is None:
-        again = ask_again_in(close_loops.at_work(store, now=now))
+        again = ask_for_jobs_in(close_loops.at_work(store, now=now))
         return Response(status_code=204, headers={"Retry-After": str(again)})
     job, session = granted
     attempt = job.attempts[-1]

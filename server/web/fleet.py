@@ -10,7 +10,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from server.logic.fleet.comparisons import Reputation
 from server.logic.fleet.history import EVERY_SECONDS, FleetHistory, Glance
 from server.logic.fleet.hosts import GONE_SECONDS
-from server.logic.fleet.waiting import why_it_waits
+from server.logic.fleet.unserved import why_it_waits
 from server.operations import watching
 from server.operations.fleet import comparisons
 from server.operations.study import studies

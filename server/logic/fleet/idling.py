@@ -8,6 +8,9 @@ ASKS_A_SECOND = 50.0
 #: No worker is told to wait for longer: so late the last of them notices that there is work. Well
 #: under the time after which a silent worker is taken for gone.
 LONGEST_SECONDS = 30
+#: The same of jobs on sessions: questions a second, and how long a worker may stay away.
+JOB_ASKS_A_SECOND = 5
+JOB_ASK_SECONDS = (2, 15)
 
 
 class Idle:
@@ -36,3 +39,12 @@ class Idle:
     def busy(self, worker: str) -> None:
         """Note that a worker has work again."""
         self._told.pop(worker, None)
+
+
+def ask_for_jobs_in(workers: int) -> int:
+    """Return the seconds after which one of so many workers without a job should ask again.
+
+    The more there are, the less each has to: together they notice a new job soon enough.
+    """
+    low, high = JOB_ASK_SECONDS
+    return min(max(low, ceil(workers / JOB_ASKS_A_SECOND)), high)

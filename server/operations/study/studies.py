@@ -8,7 +8,7 @@ from sqlalchemy.engine import Connection, Engine
 
 from server.errors import ConflictError
 from server.logic.fleet.hosts import GONE_SECONDS
-from server.logic.fleet.waiting import why_it_waits
+from server.logic.fleet.unserved import why_it_waits
 from server.logic.study import studies as life
 from server.logic.study.points import parameters
 from server.logic.study.progress import Pace, block_ends, pace, window_start

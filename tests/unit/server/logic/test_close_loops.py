@@ -11,7 +11,6 @@ from server.logic.close_loops import (
     NOTED_SECONDS,
     after_attempt,
     answers,
-    ask_again_in,
     failed,
     finished,
     handed_out,
@@ -174,11 +173,6 @@ def test_a_report_may_have_just_as_many_bytes_as_are_taken() -> None:
 def test_a_report_of_another_verdict_is_told_which_there_are() -> None:
     with pytest.raises(ValueError, match=f"a verdict of {', '.join(Verdict)}$"):
         verdict_of(b'{"schema": 1, "verdict": "good"}')
-
-
-@pytest.mark.parametrize(("workers", "seconds"), [(0, 2), (1, 2), (10, 2), (50, 10), (1000, 15)])
-def test_many_idle_workers_ask_no_more_than_a_few(workers: int, seconds: int) -> None:
-    assert ask_again_in(workers) == seconds
 
 
 def test_text_is_kept_as_every_database_can_hold_it() -> None:

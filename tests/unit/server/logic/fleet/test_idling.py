@@ -3,7 +3,7 @@
 import pytest
 
 from server.logic.fleet.hosts import GONE_SECONDS
-from server.logic.fleet.idling import ASKS_A_SECOND, LONGEST_SECONDS, Idle
+from server.logic.fleet.idling import ASKS_A_SECOND, LONGEST_SECONDS, Idle, ask_for_jobs_in
 
 
 @pytest.mark.parametrize(
@@ -33,3 +33,8 @@ def test_it_shrinks_when_work_comes_and_when_workers_leave() -> None:
 def test_nobody_is_told_to_wait_until_it_is_taken_for_gone() -> None:
     assert 2 * LONGEST_SECONDS <= GONE_SECONDS
     assert ASKS_A_SECOND >= 1.0
+
+
+@pytest.mark.parametrize(("workers", "seconds"), [(0, 2), (1, 2), (10, 2), (50, 10), (1000, 15)])
+def test_many_workers_without_a_job_ask_no_more_than_a_few(workers: int, seconds: int) -> None:
+    assert ask_for_jobs_in(workers) == seconds

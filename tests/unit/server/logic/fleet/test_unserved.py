@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from server.logic.fleet.waiting import why_it_waits
+from server.logic.fleet.unserved import why_it_waits
 from server.records import Study, Worker
 from server.states import StudyState
 from tests.testbed.coordinators.records import plan
