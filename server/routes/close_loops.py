@@ -13,8 +13,8 @@ from analysis.closeloop.code import digest
 from analysis.interpretation.contract import MOST_KNOWN
 from analysis.interpretation.contract import code as interpreting_code
 from server.http.problems import body_of
-from server.logic.caching import tag
 from server.logic.close_loops import parsed
+from server.logic.conditional_requests import tag
 from server.operations import close_loops
 from server.records import CloseLoopJob
 from server.routes.close_loop_leases import FILES_OF

@@ -13,7 +13,7 @@ from pydantic_core import to_json
 from sqlalchemy.engine import Engine
 from starlette.types import Receive, Scope, Send
 
-from server.logic.caching import is_known
+from server.logic.conditional_requests import is_known
 from server.metrics import Metrics
 from server.settings import Settings
 

@@ -12,7 +12,7 @@ from server.operations import close_loops, sessions, watching
 from server.records import CloseLoopJob
 from server.states import CloseLoopState, JobKind
 from server.web.assets import templates
-from server.web.kept import Kept
+from server.web.cache import Cache
 from server.web.page import Look, Page
 
 #: What was found in a session, of each kind of job.
@@ -23,8 +23,8 @@ TEMPLATES = {
 #: Sessions that are shown, the latest first.
 MOST_SHOWN = 200
 #: Of jobs that are done, by id; a report may have megabytes.
-FINDINGS: Kept[str] = Kept(8)
-PICTURES: Kept[list[tuple[str, str]]] = Kept(8)
+FINDINGS: Cache[str] = Cache(8)
+PICTURES: Cache[list[tuple[str, str]]] = Cache(8)
 
 
 def look(asked: Look) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from server.operations.study import precision_goals, studies
 from server.operations.study.result_log import StoreResultLog
 from server.records import PrecisionGoal, Study
 from server.states import StudyState
-from server.web.kept import Kept
+from server.web.cache import Cache
 from server.web.page import Look, Page
 
 #: Studies that one page shows; a filter finds the others.
@@ -29,7 +29,7 @@ SORTS: Mapping[str, Callable[[dict[str, Any]], Any]] = {
     "priority": lambda row: row["study"].priority,
 }
 #: What is said of a study's precision, and whether its snapshot holds all rows that are complete.
-PRECISION: Kept[tuple[Advice | None, bool]] = Kept(1000)
+PRECISION: Cache[tuple[Advice | None, bool]] = Cache(1000)
 
 
 def look(asked: Look) -> dict[str, Any]:

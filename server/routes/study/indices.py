@@ -3,7 +3,7 @@
 from fastapi import APIRouter, Response
 
 from analysis.sensitivity.snapshot import empty_snapshot
-from server.logic.caching import tag
+from server.logic.conditional_requests import tag
 from server.logic.study.points import for_analysis
 from server.operations.study import studies
 from server.operations.study.result_log import StoreResultLog

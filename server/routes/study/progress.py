@@ -5,7 +5,7 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import StreamingResponse
 
-from server.logic.caching import tag
+from server.logic.conditional_requests import tag
 from server.logic.study.precision_goals import is_settled
 from server.logic.study.precision_goals import shown as goal_shown
 from server.operations.study import studies

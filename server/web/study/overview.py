@@ -29,7 +29,7 @@ from server.operations.study import precision_goals, studies
 from server.operations.study.result_log import StoreResultLog
 from server.records import Study
 from server.routes.common import Id, Store
-from server.web.kept import Kept
+from server.web.cache import Cache
 from server.web.page import Look, Page
 from server.web.studies import detail
 from server.web.study import sample
@@ -39,7 +39,7 @@ router = APIRouter(include_in_schema=False)
 #: How outputs end that are another form of the regression (`sim.models`), and what it is called.
 FORMS = {"": "affine", "_paper": "through the origin", "_authors": "the authors' own"}
 #: Snapshots of studies of which nothing is known yet.
-EMPTY: Kept[dict[str, Any]] = Kept(32)
+EMPTY: Cache[dict[str, Any]] = Cache(32)
 
 
 def look(asked: Look) -> dict[str, Any]:

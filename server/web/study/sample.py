@@ -19,12 +19,12 @@ from analysis.reports.wording import words
 from server.logic.study.points import parameters
 from server.operations import watching
 from server.records import Study
-from server.web.kept import Kept
+from server.web.cache import Cache
 
 #: Rows that are looked at; of each the first point, which is independent of the other rows'.
 MOST_ROWS = 1024
-POINTS: Kept[dict[str, float]] = Kept(10_000)
-ANSWERS: Kept[bytes] = Kept(48)
+POINTS: Cache[dict[str, float]] = Cache(10_000)
+ANSWERS: Cache[bytes] = Cache(48)
 
 
 def version(study: Study) -> tuple[int, int]:

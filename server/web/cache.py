@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 
 
-class Kept(Generic[T]):
+class Cache(Generic[T]):
     """Answers by what they depend on; of more than `most`, the first found is dropped."""
 
     def __init__(self, most: int) -> None:

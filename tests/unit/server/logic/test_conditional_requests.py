@@ -2,7 +2,7 @@
 
 import pytest
 
-from server.logic.caching import is_known, tag
+from server.logic.conditional_requests import is_known, tag
 
 
 def test_tags_are_equal_exactly_where_all_parts_are() -> None:

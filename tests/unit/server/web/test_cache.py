@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 
-from server.web.kept import Kept
+from server.web.cache import Cache
 
 
 def test_what_stays_is_found_once_and_the_first_goes_when_there_are_too_many() -> None:
-    kept, asked = Kept[int](2), list[int]()
+    cache, asked = Cache[int](2), list[int]()
 
     def find(key: int) -> Callable[[], int]:
         def found() -> int:
@@ -15,12 +15,12 @@ def test_what_stays_is_found_once_and_the_first_goes_when_there_are_too_many() -
 
         return found
 
-    assert [kept.of(key, find(key)) for key in (1, 2, 2, 1, 3)] == [10, 20, 20, 10, 30]
+    assert [cache.of(key, find(key)) for key in (1, 2, 2, 1, 3)] == [10, 20, 20, 10, 30]
     assert asked == [1, 2, 3]
-    assert [kept.of(key, find(key)) for key in (2, 1)] == [20, 10] and asked == [1, 2, 3, 1]
+    assert [cache.of(key, find(key)) for key in (2, 1)] == [20, 10] and asked == [1, 2, 3, 1]
 
 
 def test_what_does_not_stay_is_found_again_until_it_does() -> None:
-    kept, answers = Kept[int](2), iter((1, 2, 3))
-    looks = [kept.of("key", lambda: next(answers), stays=lambda found: found > 1) for _ in range(3)]
+    cache, answers = Cache[int](2), iter((1, 2, 3))
+    looks = [cache.of("key", lambda: next(answers), stays=lambda at: at > 1) for _ in range(3)]
     assert looks == [1, 2, 2]
