@@ -62,7 +62,7 @@ def judge_all(
     places: Mapping[str, Place],
     instances: Mapping[Place, Instance],
     stored: Mapping[Place, Result],
-    taken_back: Collection[Place] = (),
+    superseded: Collection[Place] = (),
     **known: Any,
 ) -> list[Judgement]:
     """Judge reports one after the other, each in the light of those before it.
@@ -71,7 +71,7 @@ def judge_all(
         places: of the instances that the lease was given.
         instances: those that are named, as they stand.
         stored: the final results of those that are done.
-        taken_back: those whose result was taken back since the lease was granted.
+        superseded: those whose result was superseded since the lease was granted.
         known: lease, outputs, curves and at_work as in `judge`.
     """
     instances, stored = dict(instances), dict(stored)
@@ -82,7 +82,7 @@ def judge_all(
             report,
             instance=instances.get(place),
             stored=stored.get(place),
-            taken_back=place in taken_back,
+            superseded=place in superseded,
             **known,
         )
         if judgement.instance is not None:
@@ -102,7 +102,7 @@ def judge(
     outputs: Sequence[str],
     curves: Mapping[str, Curve] = _NONE,
     at_work: Callable[[], Collection[str]] = tuple,
-    taken_back: bool = False,
+    superseded: bool = False,
 ) -> Judgement:
     """Judge one report on an instance.
 
@@ -112,7 +112,7 @@ def judge(
         outputs: the outputs an "ok" result must carry; of a curve, every point.
         curves: those that it must carry as lists, by name.
         at_work: returns the hosts of the lease's class that work on the study now.
-        taken_back: whether it had a final result that was taken back since the lease was granted.
+        superseded: whether it had a final result that was superseded since the lease was granted.
     """
 
     def say(verdict: Verdict, detail: str = "", **changes: Any) -> Judgement:
@@ -138,7 +138,7 @@ def judge(
             return say(Verdict.DUPLICATE)
         detail = f"the instance already has another result, {stored.outcome}"
         return say(Verdict.CONFLICT, detail, conflict=result)
-    if not held and taken_back:
+    if not held and superseded:
         # Or the same request, repeated by a network, would undo what an operator has decided.
         return say(Verdict.DUPLICATE, "its result was taken back meanwhile: it runs again")
     if not held and instance.host_class != lease.host_class:

@@ -26,7 +26,7 @@ from server.store.study import studies
 
 
 class Ended(Enum):
-    """How a lease ended that was taken back."""
+    """How a lease ended before all that it held was done."""
 
     #: By its worker, which counts against nothing.
     RELEASED = auto()
@@ -73,7 +73,7 @@ def release(engine: Engine, lease_id: str, *, fence: int, now: float) -> None:
         study = studies.find(connection, lease.study, lock=True)
         lease = leases.find(connection, lease_id)
         if lease is not None and lease.state == LeaseState.OPEN:
-            at_once(_take_back(turn_within(connection), study, lease, Ended.RELEASED, now=now))
+            at_once(_end_lease(turn_within(connection), study, lease, Ended.RELEASED, now=now))
 
 
 def reap(engine: Engine, *, now: float, ttl: float) -> int:
@@ -97,7 +97,7 @@ def _reap(engine: Engine, now: float, ttl: float) -> int:
                 turn, ended = turn_within(connection), Ended.LOST
                 if went_unheard(lease, last_seen=last_seen, ttl=ttl):
                     ended = Ended.UNHEARD
-                study, count = at_once(_take_back(turn, study, lease, ended, now=now))
+                study, count = at_once(_end_lease(turn, study, lease, ended, now=now))
                 lost += count
     return lost
 
@@ -125,7 +125,7 @@ def extend_open_leases(engine: Engine, *, now: float, ttl: float) -> None:
         close_loops.extend_open(connection, until=expiry(now, ttl))
 
 
-async def _take_back(
+async def _end_lease(
     turn: Turn, study: Study, lease: Lease, ended: Ended, *, now: float
 ) -> tuple[Study, int]:
     """End an open lease of a locked study: what it holds waits again.

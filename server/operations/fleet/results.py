@@ -16,14 +16,14 @@ from server.records import Instance, Lease, Place, Result, Study, record
 from server.states import InstanceState, LeaseState, Outcome, Verdict
 from server.store.database.engine import reading
 from server.store.fleet import results
-from server.store.fleet.rare import taken_back
+from server.store.fleet.rare import superseded
 
 #: Results read out per transaction, so that a slow reader keeps nobody waiting.
 PAGE = 1000
 
 
 @record
-class Taken:
+class Judged:
     """What was made of results."""
 
     judgements: list[Judgement]
@@ -39,7 +39,7 @@ class _HostsWantedError(Exception):
     """To judge a result one must know which hosts are at work."""
 
 
-async def take(served: ServedStudy, exchange: Exchange, posted: Post) -> Taken | Deferred:
+async def take(served: ServedStudy, exchange: Exchange, posted: Post) -> Judged | Deferred:
     """Judge and file reports, the good ones whatever is said of the others.
 
     Returns:
@@ -73,12 +73,12 @@ async def take(served: ServedStudy, exchange: Exchange, posted: Post) -> Taken |
     # What failed is to be asked for again.
     served.stale = True
     _keep_or_end(served, lease, holds, exchange)
-    return Taken(judgements=judgements, done=0)
+    return Judged(judgements=judgements, done=0)
 
 
 async def _file(
     served: ServedStudy, study: Study, exchange: Exchange, posted: Post, lease: Lease
-) -> Taken:
+) -> Judged:
     """Judge reports on instances of the study and note what follows."""
     places = {instance_id(study.id, *place): place for place in lease.instances}
     named = [places[report.instance] for report in posted.reports if report.instance in places]
@@ -98,7 +98,7 @@ async def _file(
         for place in await _compared(served, study, final, posted.share)
     ]
     _keep_or_end(served, lease, holds, exchange)
-    return Taken(judgements=judgements, done=len(final) + len(found))
+    return Judged(judgements=judgements, done=len(final) + len(found))
 
 
 async def _judged(
@@ -119,7 +119,7 @@ async def _judged(
         await served.write()
         stored = await served.turn.results_at(study, done)
     late = {at for at in elsewhere if at not in stored or stored[at].outcome == Outcome.LOST}
-    again = await taken_back(served.turn, study, lease, late) if late else ()
+    again = await superseded(served.turn, study, lease, late) if late else ()
     hosts: Collection[str] | None = None
 
     def at_work() -> Collection[str]:
@@ -137,7 +137,7 @@ async def _judged(
             outputs=study.plan.outputs,
             curves=study.plan.curves,
             at_work=at_work,
-            taken_back=again,
+            superseded=again,
         )
 
     try:
@@ -188,7 +188,7 @@ def _keep_or_end(served: ServedStudy, lease: Lease, holds: bool, exchange: Excha
         served.changes.ended.setdefault(LeaseState.FINISHED, []).append(lease.id)
 
 
-def _to_all(reports: Sequence[Report], verdict: Verdict, detail: str) -> Taken:
-    return Taken(
+def _to_all(reports: Sequence[Report], verdict: Verdict, detail: str) -> Judged:
+    return Judged(
         judgements=[Judgement(about=r.instance, verdict=verdict, detail=detail) for r in reports]
     )

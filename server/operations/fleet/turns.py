@@ -30,7 +30,7 @@ _ROW = re.compile(r"0|[1-9][0-9]{0,9}")
 
 
 @record
-class Taken:
+class TurnOutcome:
     """What came of a turn."""
 
     #: What each is answered, in order.
@@ -44,7 +44,7 @@ async def take_turn(
     study_id: str,
     waiting: Callable[[], Sequence[Exchange]],
     ahead: Callable[[Grant], object] = lambda _: None,
-) -> Taken:
+) -> TurnOutcome:
     """Serve all who wait, one after the other.
 
     Args:
@@ -77,7 +77,7 @@ async def take_turn(
     await served.write(end=True)
     # Only now every lease has its fence.
     answers = [served.with_fence(answer) for answer in answers]
-    return Taken(answers=answers, next_study=next((first for first, _ in seen.work), ""))
+    return TurnOutcome(answers=answers, next_study=next((first for first, _ in seen.work), ""))
 
 
 async def _serve(served: ServedStudy, exchange: Exchange) -> Served:

@@ -10,7 +10,7 @@ from server.store.fleet.turn_statements import SetStatement
 from server.store.fleet.turns import Turn
 
 #: Budgets that were used up are no results that anybody may have reported.
-_TAKEN_BACK = SetStatement("""
+_SUPERSEDED = SetStatement("""
 SELECT row, position FROM superseded
 WHERE study_id = %s AND superseded_at > (SELECT granted_at FROM leases WHERE id = %s)
   AND outcome NOT IN ('crashed', 'timed_out', 'invalid', 'lost') AND CAST(row AS text) {any}
@@ -46,12 +46,12 @@ async def hosts_at_work(
     return {host for (host,) in found}
 
 
-async def taken_back(
+async def superseded(
     turn: Turn, study: Study, lease: Lease, places: Collection[Place]
 ) -> set[Place]:
-    """Return those of `places` whose final result was taken back since a lease was granted."""
+    """Return those of `places` whose final result was superseded since a lease was granted."""
     rows = [str(row) for row in sorted({row for row, _ in places})]
-    (found,) = await turn.trip(_TAKEN_BACK.statements(turn.dialect, study.id, lease.id, rows))
+    (found,) = await turn.trip(_SUPERSEDED.statements(turn.dialect, study.id, lease.id, rows))
     return {(row, position) for row, position in found} & {*places}
 
 

@@ -20,7 +20,7 @@ _NUL = "\\u0000"
 
 @dataclass(kw_only=True, slots=True)
 class Changes:
-    """What is written in a turn, or when leases are taken back. Everything is of one study."""
+    """What is written in a turn, or when leases end. Everything is of one study."""
 
     #: Of the workers that later changes of the same transaction may be about, the ids.
     company: list[str] = field(default_factory=list)

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy.engine import Engine
 
 from server.operations.fleet.exchange import Exchange
-from server.operations.fleet.turns import Taken, take_turn
+from server.operations.fleet.turns import TurnOutcome, take_turn
 from server.store.fleet.turns import TurnConnection
 
 
@@ -18,8 +18,8 @@ class Turns:
         self._runner = asyncio.Runner()
         self._store = TurnConnection(engine)
 
-    def take(self, study: str, waiting: Callable[[], Sequence[Exchange]]) -> Taken:
-        async def taken() -> Taken:
+    def take(self, study: str, waiting: Callable[[], Sequence[Exchange]]) -> TurnOutcome:
+        async def taken() -> TurnOutcome:
             async with self._store.turn() as turn:
                 return await take_turn(turn, study, waiting)
 

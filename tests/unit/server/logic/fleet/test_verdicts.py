@@ -270,7 +270,7 @@ def test_a_row_given_to_another_kind_of_machine_takes_no_bits_of_this_one(
 def test_what_was_taken_back_is_not_taken_again_but_from_who_computes_it_anew(
     report: Reporting,
 ) -> None:
-    known: Any = {"stored": None, "lease": ON_B, "outputs": ["y"], "taken_back": True}
+    known: Any = {"stored": None, "lease": ON_B, "outputs": ["y"], "superseded": True}
     for again in (replace(FULL, state="pending", lease=None), replace(FULL, lease="other")):
         verdict = judge(report("i"), instance=again, **known)
         assert (verdict.verdict, verdict.instance) == ("duplicate", None)
