@@ -1,5 +1,6 @@
 """A rich recording without noise, and of every effect a place in its grid with its torque."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -79,6 +80,11 @@ def rich_recording(seconds: int = 5) -> Recording:
         joints=(0, 1),
         fit_trials=(0,),
     )
+
+
+def rich_elbow(seconds: int = 5) -> Recording:
+    """Return the elbow alone of a rich recording."""
+    return replace(rich_recording(seconds), joints=(ELBOW,), cache={})
 
 
 def torque(recording: Recording, name: str) -> np.ndarray:

@@ -27,14 +27,14 @@ from analysis.closeloop.identification.growing.steps import Grown, grow
 from analysis.closeloop.identification.selection import choose
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
-from tests.testbed.sessions.rich import ELBOW, rich_recording
+from tests.testbed.sessions.rich import ELBOW, rich_elbow
 
 NOISE = 0.005
 
 
 @pytest.fixture(scope="module")
 def elbow() -> Recording:
-    return replace(rich_recording(14), joints=(ELBOW,), cache={})
+    return rich_elbow(14)
 
 
 def candidate(name: str) -> Candidate:

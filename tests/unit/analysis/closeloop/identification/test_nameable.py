@@ -10,7 +10,7 @@ from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.nameable import lowest, refusal
 from sim.effects.catalogue import BY_NAME
 from sim.effects.elements import add_damping
-from tests.testbed.sessions.rich import ELBOW, rich_recording
+from tests.testbed.sessions.rich import ELBOW, rich_elbow, rich_recording
 
 
 @pytest.mark.parametrize(("noise", "refused"), [(0.002, False), (3.0, True)])
@@ -18,7 +18,7 @@ def test_an_effect_that_is_mostly_imitated_is_named_if_it_takes_nearly_all(
     noise: float, refused: bool
 ) -> None:
     """Inertia in motion of nearly one frequency: a spring does almost the same."""
-    elbow = replace(rich_recording(14), joints=(ELBOW,), cache={})
+    elbow = rich_elbow(14)
     inertia = elbow.acceleration[:, [ELBOW]]
     spring = inertia + 0.3 * elbow.velocity[:, [ELBOW]] * np.sin(0.9 * elbow.time)[:, None]
     effort = np.array(elbow.inverse)

@@ -18,12 +18,12 @@ from analysis.closeloop.identification.selection import MIN_GAIN
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.motion import PRESLIDING_SHARE
-from tests.testbed.sessions.rich import ELBOW, rich_recording
+from tests.testbed.sessions.rich import ELBOW, rich_elbow
 
 
 @pytest.fixture(scope="module")
 def elbow() -> Recording:
-    return replace(rich_recording(), joints=(ELBOW,), cache={})
+    return rich_elbow()
 
 
 def named(elbow: Recording, way: float, friction: float, *, alone: bool = False) -> bool:

@@ -17,12 +17,12 @@ from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.candidates import candidates, options_beside
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
-from tests.testbed.sessions.rich import ELBOW, rich_recording
+from tests.testbed.sessions.rich import ELBOW, rich_elbow
 
 
 @pytest.fixture(scope="module")
 def elbow() -> Recording:
-    return replace(rich_recording(), joints=(ELBOW,), cache={})
+    return rich_elbow()
 
 
 def turning(recording: Recording, smooth: float) -> np.ndarray:

@@ -17,14 +17,14 @@ from analysis.closeloop.identification.balance.regression import Rows, select_ro
 from analysis.closeloop.identification.winding import with_winding
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, VISCOELASTIC
-from tests.testbed.sessions.rich import ELBOW, rich_recording
+from tests.testbed.sessions.rich import ELBOW, rich_elbow
 
 STIFFNESS, FRICTION = 3.0, 0.8
 
 
 @pytest.fixture(scope="module")
 def elbow() -> Recording:
-    return replace(rich_recording(20), joints=(ELBOW,), cache={})
+    return rich_elbow(20)
 
 
 def fitted(elbow: Recording, wound: np.ndarray) -> tuple[Model, Rows]:

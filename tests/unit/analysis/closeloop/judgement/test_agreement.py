@@ -20,7 +20,7 @@ from analysis.closeloop.identification.findings import Option, Step, Trace
 from analysis.closeloop.judgement.agreement import agreed
 from analysis.closeloop.report.impedance import impedance_entries, undecided
 from sim.effects.catalogue import BY_NAME, VISCOELASTIC
-from tests.testbed.sessions.rich import ELBOW, rich_recording
+from tests.testbed.sessions.rich import ELBOW, rich_elbow
 
 STIFFNESS, INERTIA = 8.0, 0.05
 
@@ -28,7 +28,7 @@ STIFFNESS, INERTIA = 8.0, 0.05
 @pytest.fixture(scope="module")
 def rows() -> Rows:
     """A limb's elbow of which the declared inertia is too small."""
-    elbow = replace(rich_recording(), joints=(ELBOW,), cache={})
+    elbow = rich_elbow()
     effort = np.array(elbow.inverse)
     effort[:, ELBOW] += STIFFNESS * (elbow.position[:, ELBOW] - 0.8)
     effort[:, ELBOW] += INERTIA * elbow.acceleration[:, ELBOW]

@@ -16,7 +16,7 @@ from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.report.impedance import Refits
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.elastic import Viscoelastic
-from tests.testbed.sessions.rich import ELBOW, rich_recording
+from tests.testbed.sessions.rich import ELBOW, rich_elbow
 
 MASS, STIFFNESS = 0.7, 8.0
 
@@ -24,7 +24,7 @@ MASS, STIFFNESS = 0.7, 8.0
 @pytest.fixture(scope="module")
 def refits() -> Refits:
     """Stiffness beside a payload found on its link's line; it hangs 8 cm beside that."""
-    elbow = replace(rich_recording(), joints=(ELBOW,), cache={})
+    elbow = rich_elbow()
     centre = elbow.centre_of_mass(ELBOW)
     assert centre is not None
     axis = elbow.device.model.jnt_axis[ELBOW]
