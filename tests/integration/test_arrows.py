@@ -50,6 +50,9 @@ WRONG_ARROWS = [
     ("server/app.py", "worker.agent", "The coordinator knows no client"),
     ("server/app.py", "models.running.pool", "Only workers and the face evaluate models"),
     ("rehyb/again.py", "worker.agent", "The face starts workers"),
+    ("rehyb/again.py", "migrations.env", "alone migrates"),
+    ("server/app.py", "intake.zips", "alone read what strangers send"),
+    ("migrations/env.py", "server.states", "Migrations know"),
 ]
 
 

@@ -30,11 +30,13 @@ def drawing(linter: Mapping[str, Any]) -> str:
     """
     roots = linter["root_packages"]
     forbidden: dict[str, list[str]] = {root: [] for root in roots}
+    excepted: list[str] = []
     layers: dict[str, str] = {}
     for contract in linter["contracts"]:
         if contract["type"] == "forbidden":
             for source in contract["source_modules"]:
                 forbidden.setdefault(source, []).extend(contract["forbidden_modules"])
+            excepted += [line.split(" -> ")[1] for line in contract.get("ignore_imports", ())]
         elif contract["type"] == "layers":
             for container in contract.get("containers", ()):
                 names = (re.sub(r"[()]", "", layer) for layer in contract["layers"])
@@ -45,7 +47,7 @@ def drawing(linter: Mapping[str, Any]) -> str:
             del forbidden[source]
     width = max(map(len, (*forbidden, *layers))) + 1
     imports = [
-        _line(source, width, "->", _allowed(source, names, roots))
+        _line(source, width, "->", _allowed(source, names, roots, excepted))
         for source, names in forbidden.items()
     ]
     inside = [_line(container, width, "= ", layer) for container, layer in layers.items()]
@@ -61,14 +63,21 @@ def _line(room: str, width: int, sign: str, text: str) -> str:
     )
 
 
-def _allowed(source: str, forbidden: list[str], roots: list[str]) -> str:
+def _allowed(source: str, forbidden: list[str], roots: list[str], excepted: list[str]) -> str:
     """Return the rooms that a room may import, with what of them it may not."""
     own = source.split(".")[0]
     rooms = []
     for root in roots:
         if root == own or root in forbidden:
             continue
-        parts = [name.removeprefix(f"{root}.") for name in forbidden if name.startswith(f"{root}.")]
+        parts = [
+            " but ".join(
+                [name.removeprefix(f"{root}.")]
+                + [each.removeprefix(f"{name}.") for each in excepted if each.startswith(name)]
+            )
+            for name in forbidden
+            if name.startswith(f"{root}.")
+        ]
         rooms.append(f"{root} (without {', '.join(parts)})" if parts else root)
     return ", ".join(rooms) or "nothing of ours"
 
