@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 #: Seconds that one evaluation may take.
 SECONDS = 600.0
-#: Largest relative difference of an output at which two machines agree, as the coordinator's
-#: second opinions have it.
+#: Largest relative difference of an output at which a result is said to come out again: rounding,
+#: summed over a simulation, and no more. (The coordinator's second opinions forgive a thousandth.)
 TOLERANCE = 1e-6
 #: Outputs smaller than this (SI units) are compared as if they were as large.
 LEAST = 1e-3

@@ -104,7 +104,7 @@ def answer(table: Table, output: str) -> Answer:
     and Sudret 2017; Blatman and Sudret 2011.
 
     Args:
-        table: results of a study of either method.
+        table: results of a study of any method.
         output: one of its outputs.
 
     Raises:

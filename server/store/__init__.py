@@ -1,7 +1,8 @@
 """The coordinator's memory, a module per noun: SQL and nothing else.
 
 Functions work within a transaction that `server.operations` opens, take and return
-`server.records`, and know no rule.
+`server.records`. One rule is theirs, as SQL: in which order studies are served
+(`fleet.turn_statements`).
 """
 
 from server.store.database.engine import create_engine

@@ -1,1 +1,1 @@
-"""The exoskeleton: its chain of links, its controller, and how an arm is seated in it."""
+"""The exoskeleton: its chain of links, its cuffs and its controller."""

@@ -80,7 +80,7 @@ class CloseLoopJobs:
 
     #: The coordinator; a connection of its own, beside the agent's.
     client: Client
-    #: One child, which calls `worker.close_loop.work`.
+    #: One child, which calls `worker.close_loop.child.work`.
     pool: Pool
     #: Shared by the workers of one machine for one coordinator; made when needed.
     folder: Path

@@ -1,6 +1,5 @@
-"""Which models this worker has, and how a child process evaluates each of them.
+"""Which models this worker offers (`models.running` evaluates them), and their canaries.
 
-What is code runs here only because the worker's owner named it: folders (`--models`), packages
-(`--allow`), servers (`--umbridge`). A model of kind `mjcf` is data, and is fetched when a study
-wants it.
+The worker's owner names what is code: folders (`--models`), packages (`--allow`), servers
+(`--umbridge`).
 """

@@ -1,6 +1,7 @@
 """Estimators that take rows in any order, merge, and carry their own confidence intervals.
 
-Of elementary effects (Morris 1991) and of shares of the variance (Saltelli et al. 2010).
+Of elementary effects (Morris 1991), of shares of the variance (Saltelli et al. 2010) and of Shapley
+effects (Song, Nelson and Staum 2016).
 """
 
 from analysis.sensitivity.estimators.estimator import OF_PAIRS, Estimator, Moments

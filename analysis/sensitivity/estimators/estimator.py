@@ -1,4 +1,4 @@
-"""What the estimators of both methods share: sums over rows that survive any order of arrival.
+"""What the estimators of all methods share: sums over rows that survive any order of arrival.
 
 Why they do is docs/decisions/0004-sums-do-not-depend-on-order.md.
 """

@@ -235,7 +235,7 @@ def test_every_request_body_has_an_example_that_the_coordinator_understands(
     for path, methods in document["paths"].items():
         for method, operation in methods.items():
             body = operation.get("requestBody", {"content": {}})["content"]
-            # What is uploaded as a file has its example in `test_server_openapi`.
+            # What is uploaded as a file has its example in `test_openapi`.
             if "application/json" not in body:
                 continue
             schema = body["application/json"]["schema"]
