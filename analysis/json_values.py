@@ -1,6 +1,8 @@
 """What a number may be that comes or goes as JSON (Bray 2017, RFC 8259, section 6)."""
 
+from dataclasses import asdict
 from math import isfinite
+from typing import Any
 
 
 def is_finite_number(value: object) -> bool:
@@ -16,3 +18,9 @@ def is_finite_number(value: object) -> bool:
 def number(value: float) -> float | None:
     """Return a number that JSON has; None for one that is not finite."""
     return float(value) if isfinite(value) else None
+
+
+def plain(record: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass, tuples as the lists that JSON has."""
+    found = asdict(record)
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in found.items()}

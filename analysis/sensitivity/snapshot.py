@@ -60,7 +60,7 @@ from types import MappingProxyType
 from typing import Any
 
 from analysis.designs import family
-from analysis.json_values import number
+from analysis.json_values import number, plain
 from analysis.sensitivity.convergence import GrowingEstimator, Point
 from analysis.sensitivity.curves.estimator import CurveEstimator
 from analysis.sensitivity.curves.findings import SIGNED, findings
@@ -244,9 +244,9 @@ class _Findings:
                 for name in self._of_pairs
             },
             **({"surrogate": None} if plan.method == "surrogate" else {}),
-            "trust": _plain(trust),
-            "ranking": {"by": by, **(unknown if ranking is None else _plain(ranking))},
-            "screening": _plain(influence(factors, plan.method, trusted=trust.trusted is True)),
+            "trust": plain(trust),
+            "ranking": {"by": by, **(unknown if ranking is None else plain(ranking))},
+            "screening": plain(influence(factors, plan.method, trusted=trust.trusted is True)),
             "convergence": {
                 "rows": [point.rows for point in self._series],
                 "factors": {
@@ -297,12 +297,6 @@ class _Findings:
         return {end: [point[end] for point in points] for end in ("value", "low", "high")}
 
 
-def _plain(record: Any) -> dict[str, Any]:
-    """Return the fields of a record, tuples as the lists that JSON has."""
-    found = asdict(record)
-    return {name: list(v) if isinstance(v, tuple) else v for name, v in found.items()}
-
-
 def _failure(
     plan: StudyPlan,
     estimator: Estimator,
@@ -315,7 +309,7 @@ def _failure(
     verdict = judge(
         estimator, statistics, len(names), list(plan.units), names, failed=failed, runs=runs
     )
-    return {"failed": failed, "runs": runs, **_plain(verdict)}
+    return {"failed": failed, "runs": runs, **plain(verdict)}
 
 
 def _interval(index: Estimate, at: tuple[int, ...], width: float = 1.0) -> dict[str, float | None]:

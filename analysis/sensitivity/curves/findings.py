@@ -22,7 +22,7 @@ principal components, of which the curve's coefficients hold the share "held"
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import family
-from analysis.json_values import number
+from analysis.json_values import number, plain
 from analysis.sensitivity.curves.bands import band_level
 from analysis.sensitivity.curves.components import components
 from analysis.sensitivity.curves.estimator import CurveEstimator
@@ -129,9 +129,9 @@ def findings(
             for one in leading.leading
         ],
         "held": number(leading.held),
-        "ranking": {"by": by, **(_EMPTY if ranking is None else _plain(ranking))},
-        "screening": _plain(screening),
-        "trust": _plain(trust),
+        "ranking": {"by": by, **(_EMPTY if ranking is None else plain(ranking))},
+        "screening": plain(screening),
+        "trust": plain(trust),
     }
 
 
@@ -214,11 +214,6 @@ def _only(found: Statistic, f: int) -> Statistic:
         scale=None if found.scale is None else of_one(found.scale),
         longer=None if found.longer is None else of_one(found.longer),
     )
-
-
-def _plain(record: Any) -> dict[str, Any]:
-    found = asdict(record)
-    return {name: list(v) if isinstance(v, tuple) else v for name, v in found.items()}
 
 
 def _interval(index: Estimate, at: tuple[int, ...]) -> dict[str, float | None]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import unit_row
+from analysis.json_values import plain
 from analysis.sensitivity.fewer_runs.limits import FEWEST_RUNS, LOOKS, MOST_RUNS
 from analysis.sensitivity.judgement.screening import influence
 from analysis.sensitivity.judgement.trust import Trust
@@ -128,8 +129,8 @@ class Looks:
             **entry,
             "factors": of_factors,
             "surrogate": last["surrogate"],
-            "trust": _plain(trust),
-            "screening": _plain(screening),
+            "trust": plain(trust),
+            "screening": plain(screening),
             "convergence": {
                 "rows": list(answered),
                 "factors": {
@@ -144,8 +145,3 @@ class Looks:
                 },
             },
         }
-
-
-def _plain(record: Any) -> dict[str, Any]:
-    """Return the fields of a record, tuples as the lists that JSON has."""
-    return {name: list(v) if isinstance(v, tuple) else v for name, v in vars(record).items()}
