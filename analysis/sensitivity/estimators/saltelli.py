@@ -36,7 +36,22 @@ from analysis.sensitivity.estimators.tails import (
 from analysis.sensitivity.estimators.weightings import Weighted
 
 
-class SaltelliEstimator(Estimator):
+class PairEstimator(Estimator):
+    """Of rows that each begin with two independent points, A and B."""
+
+    def independent_runs(self) -> NDArray[np.int64]:
+        """Return how many A and B of each output succeeded, shape (outputs,)."""
+        runs: NDArray[np.int64] = self._weighted(1).count("value")[0]
+        return runs
+
+    def kurtosis(self) -> NDArray[np.float64]:
+        """Return that of each output from A less B (Kendall and Stuart 1977), shape (outputs,)."""
+        second = self._weighted(1).mean("between_squared")[0]
+        fourth = self._weighted_sample().mean("between_fourth")[0]
+        return np.maximum(of_draws(raw_kurtosis(second, fourth)), 1.0)
+
+
+class SaltelliEstimator(PairEstimator):
     """Shares of each output's variance.
 
     With failures: total order uses the rows whose A and A_B^(i) succeeded, first order those whose
@@ -51,15 +66,6 @@ class SaltelliEstimator(Estimator):
     sample_output_sums = ("between_fourth",)
     #: Whether it has the sums of other estimators, too (`compared`).
     beside: ClassVar[bool] = True
-
-    def independent_runs(self) -> NDArray[np.int64]:
-        """Return how many A and B of each output succeeded, shape (outputs,)."""
-        runs: NDArray[np.int64] = self._weighted(1).count("value")[0]
-        return runs
-
-    def kurtosis(self) -> NDArray[np.float64]:
-        """Return the kurtosis of each output (`kurtosis_of`), shape (outputs,)."""
-        return kurtosis_of(self._weighted(1), self._weighted_sample())
 
     def other_kurtosis(self) -> NDArray[np.float64]:
         """Return the kurtosis of the differences that one factor makes of each output, (outputs,).
@@ -182,12 +188,6 @@ class SecondOrderEstimator(SaltelliEstimator):
         i, j = np.triu_indices(self.factors, 1)
         pair = 0.5 * (from_a[..., j] * from_b[..., i] + from_a[..., i] * from_b[..., j])
         return {**super()._terms(rows, single), "pair": pair[None]}
-
-
-def kurtosis_of(sums: Weighted, sample: Weighted) -> NDArray[np.float64]:
-    """Return the kurtosis of each output from A less B (Kendall and Stuart 1977), (outputs,)."""
-    second, fourth = sums.mean("between_squared")[0], sample.mean("between_fourth")[0]
-    return np.maximum(of_draws(raw_kurtosis(second, fourth)), 1.0)
 
 
 def share(part: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:

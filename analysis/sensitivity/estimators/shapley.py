@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import orders_of
-from analysis.sensitivity.estimators.estimator import Estimator, Terms
-from analysis.sensitivity.estimators.saltelli import kurtosis_of, share
+from analysis.sensitivity.estimators.estimator import Terms
+from analysis.sensitivity.estimators.saltelli import PairEstimator, share
 from analysis.sensitivity.estimators.shares import longer
 from analysis.sensitivity.estimators.statistic import Index
 from analysis.sensitivity.estimators.tails import FLOOR, LARGEST_FOURTH, heaviness, tail
@@ -31,7 +31,7 @@ _FIRSTS = {"full_first_order": "first", "independent_first_order": "last"}
 _TOTALS = {"full_total_order": "moved_first", "independent_total_order": "moved_last"}
 
 
-class ShapleyEstimator(Estimator):
+class ShapleyEstimator(PairEstimator):
     """Shares of each output's variance that add up to 1, whether factors are independent or not.
 
     With failures: an effect uses the rows whose A and two points before and after the factor
@@ -51,15 +51,6 @@ class ShapleyEstimator(Estimator):
         f"{name}_{what}" for name in _TOTALS.values() for what in ("root", "size", "fourth")
     )
     sample_output_sums = ("between_fourth",)
-
-    def independent_runs(self) -> NDArray[np.int64]:
-        """Return how many A and B of each output succeeded, shape (outputs,)."""
-        runs: NDArray[np.int64] = self._weighted(1).count("value")[0]
-        return runs
-
-    def kurtosis(self) -> NDArray[np.float64]:
-        """Return the kurtosis of each output (`saltelli.kurtosis_of`), shape (outputs,)."""
-        return kurtosis_of(self._weighted(1), self._weighted_sample())
 
     def _effects(self, sums: Weighted) -> Index:
         """Return the Shapley effects of every output and factor."""
