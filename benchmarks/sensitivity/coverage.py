@@ -72,12 +72,14 @@ def one_seed(seed: int, samplings: Sequence[str] = SAMPLINGS, rivals: bool = Tru
         for stop in SIZES:
             estimator.add_rows(range(start, stop), values[start:stop])
             start = stop
-            indices = estimator.indices(LEVEL)
+            statistics = estimator.statistics()
+            indices = {name: statistic.estimate(LEVEL) for name, statistic in statistics.items()}
             martinez = estimator.compared(LEVEL)["martinez"]
             for who, by_name in (("rehyb", indices), ("Martinez", martinez)):
                 ends = [[getattr(by_name[n], end) for n in INDICES] for end in ENDS]
                 found[who, sampling, stop] = np.array(ends).reshape(shape)
-            tail = estimator.tails()["total_order"]
+            tail = statistics["total_order"].tail
+            assert tail is not None
             found["rests on", sampling, stop] = tail.rows.reshape(shape[2:])
             if rivals and sampling in SHARED:
                 plain = values[:stop, :, : len(KNOWN)]

@@ -20,12 +20,10 @@ from server.logic.fleet.leases import (
 from server.records import CloseLoopJob, Introduction, Session
 from server.states import CloseLoopState, JobKind, LeaseState, Outcome
 from server.store import close_loops, sessions
-from server.store.database.engine import alone_reading, reading, writing
+from server.store.database.engine import reading, writing
 from server.store.fleet import workers
 from server.store.fleet.turn_changes import Changes
 from server.store.fleet.turns import at_once, turn_within
-
-get = alone_reading(close_loops.find)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +99,7 @@ def _asked(
 def standing(
     engine: Engine, job_id: str, *, kind: JobKind | None = None, now: float
 ) -> tuple[CloseLoopJob, int]:
-    """Return a job as `get` does, and how many workers there are for it now."""
+    """Return a job and how many workers there are for it now; NotFoundError if it is unknown."""
     with reading(engine) as connection:
         job = close_loops.find(connection, job_id, kind=kind)
         return job, _able(connection, job, now)

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-#: Parameters of a link: mass, first moments, and inertia about the origin of its frame.
-MASS, MOMENTS, INERTIA = 0, slice(1, 4), slice(4, 10)
+#: Where the mass stands among a link's ten parameters; first moments and inertia about the origin
+#: of its frame follow.
+MASS = 0
 #: Where xx, yy, zz, xy, xz and yz stand in an inertia matrix.
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 

@@ -16,7 +16,6 @@ from analysis.designs import row_width
 from analysis.sensitivity.estimators.intervals import Estimate, check_level
 from analysis.sensitivity.estimators.rows import ROW_SUMS, Association, association, row_terms
 from analysis.sensitivity.estimators.statistic import Index, Statistic
-from analysis.sensitivity.estimators.tails import Tail
 from analysis.sensitivity.estimators.weightings import (
     FIRST,
     SQUARED,
@@ -162,11 +161,6 @@ class Estimator(ABC):
     def indices(self, level: float = 0.9) -> dict[str, Estimate]:
         """Return each of `statistics` with its interval at `level`."""
         return {name: found.estimate(level) for name, found in self.statistics().items()}
-
-    def tails(self) -> dict[str, Tail]:
-        """Return how the means of squares among the indices are made up, where that is known."""
-        sample = self._statistics(1)
-        return {name: found.tail for name, found in sample.items() if found.tail is not None}
 
     def compared(self, level: float) -> dict[str, dict[str, Estimate]]:
         """Return indices by other estimators of the same runs: by its name and the index's.

@@ -18,8 +18,9 @@ import pytest
 
 from analysis.closeloop.contract import REPORT_FILES
 from analysis.closeloop.loop import close_loop
-from server.operations import check, close_loops, sessions
-from server.store import create_engine
+from server.operations import check, sessions
+from server.store import close_loops, create_engine
+from server.store.database.engine import reading
 from tests.testbed.fleet.lab import TOKEN, Lab, until
 from tests.testbed.sessions.synthetic import write_session
 
@@ -145,7 +146,8 @@ def test_crash_and_silence_cost_an_attempt_each_and_there_is_one_report(
     second = lab.start_worker()
     assert lab.client.wait_for_report(job)["verdict"] == "effect_found"
     engine = create_engine(lab.environment["REHYB_DATABASE_URL"])
-    attempts = close_loops.get(engine, job).attempts
+    with reading(engine) as connection:
+        attempts = close_loops.find(connection, job).attempts
     assert [attempt.ended for attempt in attempts] == ["crashed", "lost", "done"]
     assert "SIGKILL" in attempts[0].reason
     assert check.faults(engine) == []

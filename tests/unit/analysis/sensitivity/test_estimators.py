@@ -90,15 +90,6 @@ def test_first_and_total_order_are_salibs() -> None:
         np.testing.assert_allclose(found["total_order"].value[output], oracle["ST"], rtol=1e-10)
 
 
-def test_the_tails_of_a_sample_are_those_of_its_statistics() -> None:
-    estimator = fed(SaltelliEstimator, values_of(SaltelliEstimator, 24))
-    of_statistics = estimator.statistics()["total_order"].tail
-    assert of_statistics is not None and estimator.tails().keys() == {"total_order"}
-    rows = estimator.tails()["total_order"].rows
-    assert np.array_equal(rows, of_statistics.rows, equal_nan=True) and np.any(rows > 2.0)
-    assert list(empty(MorrisEstimator).tails()) == ["sigma"]
-
-
 @cache
 def half_failed(cls: type[Estimator]) -> tuple[NDArray[np.float64], bytes]:
     """Return values of which some failed, and the bits of an estimator fed with all at once."""
