@@ -30,7 +30,7 @@ from worker.banks import usable_bank
 from worker.close_loop.child import can_close_loops
 from worker.close_loop.child import work as work_on_session
 from worker.close_loop.jobs import CloseLoopJobs
-from worker.doctor import Verdict, examine
+from worker.doctor import Severity, examine
 from worker.leases import Leases
 from worker.machine import describe
 from worker.models.canaries import Canaries
@@ -289,7 +289,7 @@ def doctor(
             print(f"{finding.verdict:8} {finding.check:12} {finding.detail}", flush=True)
     if as_json:
         print(json.dumps([asdict(finding) for finding in found], indent=2))
-    if any(finding.verdict == Verdict.FAILURE for finding in found):
+    if any(finding.verdict == Severity.FAILURE for finding in found):
         raise typer.Exit(1)
 
 

@@ -22,7 +22,7 @@ CLOCK_SECONDS = 60.0
 SPOOL_BYTES = 200_000_000
 
 
-class Verdict(StrEnum):
+class Severity(StrEnum):
     """How bad a finding is: only a failure keeps a worker from working."""
 
     OK = "ok"
@@ -31,7 +31,7 @@ class Verdict(StrEnum):
 
 
 #: How bad it is, and one sentence: what is, and what would be right.
-Judgement = tuple[Verdict, str]
+Judgement = tuple[Severity, str]
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Finding:
     """What one check found."""
 
     check: str
-    verdict: Verdict
+    verdict: Severity
     detail: str
 
 
@@ -51,33 +51,33 @@ def examine(*, spool: Path, connect: Callable[[], Client]) -> Iterator[Finding]:
     try:
         with connect() as client:
             health = client.health()
-            yield Finding("coordinator", Verdict.OK, f"{client.url} answers")
+            yield Finding("coordinator", Severity.OK, f"{client.url} answers")
             yield Finding("clock", *_clock(health.get("date")))
             yield Finding("token", *_token(client))
     except RehybError as error:
-        yield Finding("coordinator", Verdict.FAILURE, str(error))
+        yield Finding("coordinator", Severity.FAILURE, str(error))
 
 
 def _processor() -> Judgement:
     cores = available_cores()
     found = cpu()
     if found == "unknown":
-        return Verdict.OK, f"{cores} cores for this process"
+        return Severity.OK, f"{cores} cores for this process"
     if {"avx", "asimd"} & set(found.split()):
-        return Verdict.OK, f"{cores} cores for this process, with {found}"
+        return Severity.OK, f"{cores} cores for this process, with {found}"
     detail = f"{cores} cores without AVX: MuJoCo's own builds ask for it on x86-64"
-    return Verdict.WARNING, detail
+    return Severity.WARNING, detail
 
 
 def _simulation() -> Judgement:
     try:
         digest, seconds = canary()
     except RehybError as error:
-        return Verdict.FAILURE, str(error)
+        return Severity.FAILURE, str(error)
     detail = f"the nominal elbow took {seconds:.2f} s; code {code()}, canary {digest}"
     if seconds > SLOW_SECONDS:
-        return Verdict.WARNING, f"{detail}: that is slow"
-    return Verdict.OK, detail
+        return Severity.WARNING, f"{detail}: that is slow"
+    return Severity.OK, detail
 
 
 def _disk(spool: Path) -> Judgement:
@@ -89,22 +89,22 @@ def _disk(spool: Path) -> Judgement:
         free = shutil.disk_usage(spool).free
     except OSError as error:
         detail = f"results cannot wait in {spool}: {error.strerror}; name another with --spool"
-        return Verdict.FAILURE, detail
+        return Severity.FAILURE, detail
     detail = f"{free / 1e9:.1f} GB are free for results in {spool}"
     if free < SPOOL_BYTES:
-        return Verdict.WARNING, f"only {detail}"
-    return Verdict.OK, detail
+        return Severity.WARNING, f"only {detail}"
+    return Severity.OK, detail
 
 
 def _clock(date: str | None) -> Judgement:
     if date is None:
-        return Verdict.WARNING, "the coordinator tells no time"
+        return Severity.WARNING, "the coordinator tells no time"
     apart = time.time() - parsedate_to_datetime(date).timestamp()
     detail = f"{abs(apart):.0f} s apart from the coordinator's"
     if abs(apart) > CLOCK_SECONDS:
         detail += ": nothing is lost by that, but its log will not agree with others'"
-        return Verdict.WARNING, detail
-    return Verdict.OK, detail
+        return Severity.WARNING, detail
+    return Severity.OK, detail
 
 
 def _token(client: Client) -> Judgement:
@@ -113,5 +113,5 @@ def _token(client: Client) -> Judgement:
     except Unauthorized as error:
         # A worker's own token need not be good for reading.
         if error.problem.get("status") != 403:
-            return Verdict.FAILURE, str(error)
-    return Verdict.OK, "the coordinator knows it"
+            return Severity.FAILURE, str(error)
+    return Severity.OK, "the coordinator knows it"

@@ -44,7 +44,7 @@ _MARKS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verdict:
+class FailureDependence:
     """What is known of a study's failures."""
 
     #: Whether failures depend on the factors; None while there are too few to tell.
@@ -69,7 +69,7 @@ def judge(
     *,
     failed: int,
     runs: int,
-) -> Verdict:
+) -> FailureDependence:
     """Say whether failures depend on the factors, and on which.
 
     Their indicator as an output is ours; what is usual is to fill in (Sheikholeslami et al. 2019).
@@ -82,16 +82,16 @@ def judge(
         failed, runs: how many runs failed, of how many.
     """
     if failed == 0:
-        return Verdict(depends_on_factors=None, caused_by=(), sentence="")
+        return FailureDependence(depends_on_factors=None, caused_by=(), sentence="")
     start = f"{failed} of {runs} runs failed ({failed / runs:.1%})"
     if failed < FEWEST:
-        return Verdict(
+        return FailureDependence(
             depends_on_factors=None,
             caused_by=(),
             sentence=f"{start}: too few to tell whether failures depend on the factors.",
         )
     if estimator.method in SINGLE_POINTS:
-        return Verdict(
+        return FailureDependence(
             depends_on_factors=None,
             caused_by=(),
             sentence=f"{start}: single points do not tell whether failures depend on the factors.",
@@ -123,7 +123,7 @@ def judge(
             f"{f' They go with {also}.' if also else ''} The indices of the outputs "
             "describe the runs that succeeded, not the ranges as asked."
         )
-    return Verdict(
+    return FailureDependence(
         depends_on_factors=depends,
         caused_by=factors,
         goes_with=tuple(with_output),

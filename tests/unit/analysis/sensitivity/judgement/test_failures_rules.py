@@ -10,7 +10,7 @@ from scipy import stats
 
 from analysis.designs.radial import MEAN_INVERSE_STEP
 from analysis.designs.trajectories import STEP
-from analysis.sensitivity.judgement.failures import Verdict, judge
+from analysis.sensitivity.judgement.failures import FailureDependence, judge
 
 ERROR = 0.01
 NAMES = ("a", "b", "c")
@@ -51,7 +51,7 @@ class Sums:
 
 def judged(
     sums: Sums, zero: Any, floor: Any, outputs: tuple[str, ...] = (), failed: int = 20
-) -> Verdict:
+) -> FailureDependence:
     marks = {
         "morris": ("mu", "mu_star"),
         "saltelli": ("first_order", "total_order"),
@@ -67,12 +67,12 @@ IDLE, DUMMY = replicated(0.0, 0.0, 0.0), replicated(1.0, 1.0, 1.0)
 
 def test_no_failure_is_nothing_to_say() -> None:
     verdict = judged(Sums(), IDLE, DUMMY, failed=0)
-    assert verdict == Verdict(depends_on_factors=None, caused_by=(), sentence="")
+    assert verdict == FailureDependence(depends_on_factors=None, caused_by=(), sentence="")
 
 
 def test_twenty_failures_are_enough_to_judge_and_nothing_shows() -> None:
     sums = Sums()
-    assert judged(sums, IDLE, DUMMY) == Verdict(
+    assert judged(sums, IDLE, DUMMY) == FailureDependence(
         depends_on_factors=False,
         caused_by=(),
         sentence="20 of 100 runs failed (20.0%); nothing shows that failures depend on the "
