@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rehyb.client import Client, Json
+from rehyb.client.states import StudyState
 from rehyb.errors import Conflict, RehybError
 from rehyb.files import study_with_results
 
@@ -69,7 +70,7 @@ def _study(client: Client, body: Json) -> Json:
         same = all(known[key] == body[key] for key in ("name", "seed", "method", "model"))
         if (
             same
-            and known["state"] != "cancelled"
+            and known["state"] != StudyState.CANCELLED
             and client.instance(known["id"], 0, 0)["identity"] in (None, identity())
         ):
             whole = known["rows"] >= body["rows"]
@@ -93,7 +94,7 @@ def _sampled(
     def show(now: Json) -> None:
         progress(study["model"], now["rows_complete"], now["rows"])
 
-    if client.wait(study["id"], on_progress=show)["state"] != "complete":
+    if client.wait(study["id"], on_progress=show)["state"] != StudyState.COMPLETE:
         raise Conflict(f"study {study['id']} ({study['name']}) was cancelled before it was whole")
     mine = identity()
     theirs = client.instance(study["id"], 0, 0)["identity"]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rehyb.campaign.plans import Plan
 from rehyb.client import Json
+from rehyb.client.states import StudyState
 from rehyb.errors import CampaignError, refusing
 
 if TYPE_CHECKING:
@@ -121,9 +122,9 @@ def standing(progress: Json, snapshot: Json) -> tuple[bool, str]:
     Raises:
         CampaignError: the study was cancelled.
     """
-    if progress["state"] == "cancelled":
+    if progress["state"] == StudyState.CANCELLED:
         raise CampaignError(f"study {progress['study']} was cancelled before it was complete")
-    if progress["state"] != "complete":
+    if progress["state"] != StudyState.COMPLETE:
         # Why nobody works on it stands in the progress, if it is known.
         told = progress["workers"] or progress.get("why_it_waits")
         return False, "" if told else "waiting for a worker"

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from rehyb.campaign.files import Report
 from rehyb.campaign.run import View
+from rehyb.client.states import StudyState
 from rehyb.display import (
     duration,
     failures_in_words,
@@ -115,7 +116,7 @@ class LineDisplay:
 
     def show(self, view: View) -> None:
         """Print a line if there is news."""
-        complete = view.progress["state"] == "complete" and not view.waiting
+        complete = view.progress["state"] == StudyState.COMPLETE and not view.waiting
         if not complete and time.monotonic() - self._shown_at < LINE_SECONDS:
             return
         line = f"phase {view.phase}/2: {progress_in_words(view.progress)}"

@@ -13,6 +13,7 @@ from urllib.parse import urlencode
 
 from rehyb.client.connection import Connection, Json
 from rehyb.client.packing import packed, plain_name
+from rehyb.client.states import JobKind, JobState
 from rehyb.client.studies import POLL_SECONDS
 from rehyb.errors import Invalid, RehybError
 
@@ -85,7 +86,7 @@ class CloseLoops(Connection):
         """
         while True:
             standing = self._json("GET", f"/v1/{place}/{job_id}")
-            if standing["state"] in ("done", "failed"):
+            if standing["state"] in (JobState.DONE, JobState.FAILED):
                 return standing
             on_progress(standing)
             sleep(POLL_SECONDS)
@@ -135,7 +136,7 @@ class CloseLoops(Connection):
         from analysis.closeloop.contract import REPORT_FILES
         from analysis.interpretation.contract import REPORT_FILES as INTERPRETATION_FILES
 
-        interprets = job.get("kind") == "interpretation"
+        interprets = job.get("kind") == JobKind.INTERPRETATION
 
         proof = {"lease": job["lease"], "fence": job["fence"], "worker": worker, "code": code}
         path = f"/v1/close-loops/{job['id']}/report?{urlencode(proof)}"
@@ -245,7 +246,7 @@ def _ended(
         shown = stage
 
     ended = client.wait_for_report(job_id, place, on_progress=follow, sleep=sleep)
-    if ended["state"] == "failed":
+    if ended["state"] == JobState.FAILED:
         problem = ended["problem"]
         kind = Invalid if problem["status"] == 422 else RehybError
         raise kind(problem["detail"], problem)

@@ -7,6 +7,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from rehyb.client.connection import Connection, Json
+from rehyb.client.states import StudyState
 from rehyb.errors import Conflict, Invalid
 
 #: How long the analysis may be behind a complete study: many times what it is
@@ -186,7 +187,7 @@ class Studies(Connection):
                 break
             sleep(poll_seconds)
         deadline = clock() + ANALYSIS_SECONDS
-        while progress["state"] == "complete" and clock() < deadline:
+        while progress["state"] == StudyState.COMPLETE and clock() < deadline:
             if self.indices(study_id)["rows_complete"] >= progress["rows"]:
                 break
             sleep(min(poll_seconds, 0.2))
@@ -227,7 +228,7 @@ class Studies(Connection):
             for step in goal["steps"][known:]:
                 on_step(step["sentence"])
                 known += 1
-            if progress["state"] == "cancelled":
+            if progress["state"] == StudyState.CANCELLED:
                 raise Conflict(f"study {study_id} was cancelled before it was precise enough")
             if goal["settled"]:
                 return {**goal, "rows": progress["rows"]}
@@ -237,6 +238,6 @@ class Studies(Connection):
 def _is_over(progress: Json) -> bool:
     """Say whether a study gets no further results; an older coordinator knows no precision."""
     goal = progress.get("precision")
-    if progress["state"] in ("running", "draining", "paused"):
+    if progress["state"] in (StudyState.RUNNING, StudyState.DRAINING, StudyState.PAUSED):
         return False
     return goal is None or bool(goal["settled"])

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 #: Beside the archive: the report's files, and what the child is at.
 OUT, PROGRESS = "out", "progress"
-#: Kinds of jobs.
-CLOSE_LOOP, INTERPRETATION = "close-loop", "interpretation"
 
 
 def can_close_loops() -> bool:
@@ -42,6 +40,7 @@ def work(job: Mapping[str, Any]) -> "Evaluation":
     """
     from analysis.closeloop.errors import SessionError
     from models.evaluation import Evaluation
+    from rehyb.client.states import JobKind
     from rehyb.errors import Invalid
 
     archive = Path(job["parameters"]["archive"])
@@ -60,7 +59,7 @@ def work(job: Mapping[str, Any]) -> "Evaluation":
     outcome, reason = Outcome.OK, ""
     state: dict[str, Any] | None = None
     try:
-        if job["model"] == INTERPRETATION:
+        if job["model"] == JobKind.INTERPRETATION:
             show("interpreting")
             state = {"bank": _interpret(job["parameters"], archive, folder / OUT)}
         else:

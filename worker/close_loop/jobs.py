@@ -20,9 +20,10 @@ from typing import Any
 from models.running.outcomes import Outcome
 from models.running.pool import Pool
 from rehyb.client import Client
+from rehyb.client.states import JobKind
 from rehyb.errors import Conflict, Invalid, NotFound, RehybError, ServerError, Unreachable
 from worker import backoff
-from worker.close_loop.child import CLOSE_LOOP, INTERPRETATION, OUT, PROGRESS
+from worker.close_loop.child import OUT, PROGRESS
 from worker.close_loop.scratch import Scratch, file_name, sweep
 from worker.leases import renewal_time
 from worker.renewing import Renewals
@@ -143,7 +144,7 @@ class CloseLoopJobs:
                 self.busy = 0
 
     def _close_loop(self, job: Job) -> None:
-        kind = job.get("kind", CLOSE_LOOP)
+        kind = job.get("kind", JobKind.CLOSE_LOOP)
         log.info("%s of session %s", kind, job["session"]["name"])
         renew_at = renewal_time(time.monotonic(), job["ttl_seconds"])
         held = Held(client=self.client, job=job, renew_at=renew_at)
@@ -153,7 +154,7 @@ class CloseLoopJobs:
             archive = folder / f"{file_name(job['session']['name'])}.zip"
             self._fetch(job, archive, renewals.progress)
             parameters = {"archive": str(archive)}
-            if kind == INTERPRETATION and self.bank is not None:
+            if kind == JobKind.INTERPRETATION and self.bank is not None:
                 parameters |= {"bank": str(self.bank[1]), "options": job["options"]}
             try:
                 self.pool.start({"id": job["id"], "model": kind, "parameters": parameters}, None)
