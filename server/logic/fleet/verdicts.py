@@ -9,7 +9,7 @@ from analysis.json_values import is_finite_number
 from analysis.sensitivity.records import LARGEST_OUTPUT
 from models.curves import Curve, CurveError, unfolded
 from server.logic.json_values import cut, flaw_in
-from server.logic.study.instances import BUDGETS, RESERVED, RETRIED, after_attempt, settled
+from server.logic.study.instances import BUDGETS, RESERVED, RETRIED, after_attempt, with_result
 from server.records import Instance, Lease, Place, Result, record
 from server.states import InstanceState, Outcome, Verdict
 
@@ -154,7 +154,7 @@ def judge(
     if result.outcome not in RETRIED:
         # As `say` would, without its detour: most reports end here.
         return Judgement(
-            about=report.instance, verdict=_ACCEPTED, instance=settled(instance), result=result
+            about=report.instance, verdict=_ACCEPTED, instance=with_result(instance), result=result
         )
     counted, final = after_attempt(
         instance,

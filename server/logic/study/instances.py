@@ -35,7 +35,7 @@ PATIENCE = 2
 _DONE, _PENDING = InstanceState.DONE, InstanceState.PENDING
 
 
-def settled(instance: Instance) -> Instance:
+def with_result(instance: Instance) -> Instance:
     """Return the instance with its final result in."""
     # As `replace` would, in half the time: every result comes by here.
     return Instance(
@@ -132,7 +132,7 @@ def after_attempt(
         state=state,
         wall_seconds=wall_seconds,
     )
-    return settled(counted), final
+    return with_result(counted), final
 
 
 def _counted(instance: Instance, cause: str, host: str | None) -> Instance:

@@ -161,6 +161,6 @@ async def _end_lease(
         changes.heard[lease.worker] = 0
     else:
         after = {place: unheard(one, lease.host) for place, one in mine.items()}
-    await served.settle(study, lease, before=rows, after=after, filed=filed)
+    await served.apply(study, lease, before=rows, after=after, filed=filed)
     await served.write()
     return served.study or study, len(mine)

@@ -87,7 +87,7 @@ async def _file(
     changed = [j.instance for j in judgements if j.instance is not None]
     after = {(one.row, one.position): one for one in changed}
     final = [j.result for j in judgements if j.result is not None]
-    holds = await served.settle(study, lease, before=before, after=after, filed=final)
+    holds = await served.apply(study, lease, before=before, after=after, filed=final)
     found = [j.instead for j in judgements if j.instead is not None]
     if found:
         await served.find(lease, found)

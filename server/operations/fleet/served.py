@@ -86,7 +86,7 @@ class ServedStudy:
             for place in lease.instances
         )
 
-    async def settle(
+    async def apply(
         self,
         study: Study,
         lease: Lease,
@@ -95,7 +95,7 @@ class ServedStudy:
         after: Mapping[Place, Instance],
         filed: Sequence[Result],
     ) -> bool:
-        """Take note of what becomes of instances that a lease was given.
+        """Take note of how instances now stand that a lease was given.
 
         Args:
             study: the one that is locked.
@@ -119,7 +119,7 @@ class ServedStudy:
         # What came back waits for a machine.
         self.stale = self.stale or {one.state for one in after.values()} != {_DONE}
         holds = self.holds(lease)
-        self.changes.settle(lease.id, before, after, whole=not (late or holds))
+        self.changes.add_outcomes(lease.id, before, after, whole=not (late or holds))
         self.changes.filed += [(lease.worker, result) for result in filed]
         return holds
 

@@ -109,7 +109,7 @@ class Pipeline:
         """Wait until the server takes more, or has sent something, or is gone."""
         assert self._loop is not None
         loop, self._arrival = self._loop, self._loop.create_future()
-        loop.add_writer(self._socket, self._settle)
+        loop.add_writer(self._socket, self._wake)
         try:
             await self._arrival
         finally:
@@ -123,9 +123,9 @@ class Pipeline:
         except psycopg.OperationalError as error:
             self._failure = error
             self.close()
-        self._settle()
+        self._wake()
 
-    def _settle(self) -> None:
+    def _wake(self) -> None:
         """Wake up who waits."""
         waiting, self._arrival = self._arrival, None
         if waiting is not None and not waiting.done():

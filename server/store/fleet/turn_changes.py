@@ -50,7 +50,7 @@ class Changes:
     asked: list[tuple[str, str, Place]] = field(default_factory=list)
     compared: list[Comparison] = field(default_factory=list)
 
-    def settle(
+    def add_outcomes(
         self,
         lease: str,
         before: Mapping[Place, Instance],
@@ -58,7 +58,7 @@ class Changes:
         *,
         whole: bool,
     ) -> None:
-        """Note what becomes of instances that were handed out, with as little as that needs.
+        """Note how instances now stand that were handed out, with as little as that needs.
 
         Args:
             lease: under which they were.

@@ -11,8 +11,8 @@ from server.logic.study.instances import (
     held,
     may_try,
     reopened,
-    settled,
     unheard,
+    with_result,
 )
 from server.records import Instance
 
@@ -68,7 +68,7 @@ def test_what_a_worker_never_heard_of_uses_up_no_budget_however_often() -> None:
 
 
 def test_a_settled_instance_is_held_by_nobody() -> None:
-    assert (settled(HELD).state, settled(HELD).lease) == ("done", None)
+    assert (with_result(HELD).state, with_result(HELD).lease) == ("done", None)
 
 
 def test_a_reopened_instance_is_as_before_it_was_handed_out() -> None:
@@ -81,7 +81,7 @@ def test_a_reopened_instance_is_as_before_it_was_handed_out() -> None:
 
 
 def test_what_is_settled_keeps_what_was_tried_and_where() -> None:
-    assert settled(TRIED) == replace(TRIED, state="done", lease=None)
+    assert with_result(TRIED) == replace(TRIED, state="done", lease=None)
 
 
 def test_a_lease_holds_what_names_it() -> None:
