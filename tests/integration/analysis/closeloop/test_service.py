@@ -26,7 +26,7 @@ from tests.testbed.sessions.synthetic import write_session
 
 SEED = 3
 #: Few trials: a second or two of work.
-SMALL: dict[str, Any] = {"speeds": (0.8, 1.6), "postures": (-1.2, 0.1), "rate": 250.0}
+SMALL: dict[str, Any] = {"speeds": (0.8, 1.6), "postures": (0.1,), "rate": 250.0}
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
 @pytest.fixture
 def archive(tmp_path: Path) -> Path:
     """A zipped session whose motor rubs."""
-    write_session(tmp_path / "monday", SEED, ("coulomb_friction",), **SMALL | {"postures": (0.1,)})
+    write_session(tmp_path / "monday", SEED, ("coulomb_friction",), **SMALL)
     path = tmp_path / "monday.zip"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
         for file in sorted((tmp_path / "monday").iterdir()):
