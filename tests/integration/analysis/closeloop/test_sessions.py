@@ -15,18 +15,13 @@ import pytest
 from analysis.closeloop.contract import REPORT_FILES
 from analysis.closeloop.loop import analyse, close_loop
 from sim.effects.applied import AppliedEffects
-from tests.testbed.sessions.closed import closed_without_page
+from tests.testbed.sessions.closed import closed_without_page, closed_without_pictures
 from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.synthetic import write_session
 
 SEED = 3
 #: Hz: half of what measurements of the method record; the bounds are the same.
 RATE = 250.0
-
-
-def closed(tmp_path: Path, *effects: str) -> tuple[dict[str, Any], Arm]:
-    arm = write_session(tmp_path / "session", SEED, effects, rate=RATE)
-    return close_loop(tmp_path / "session", tmp_path / "out"), arm
 
 
 def found(tmp_path: Path, *effects: str, rate: float = RATE) -> tuple[dict[str, Any], Arm]:
@@ -36,7 +31,8 @@ def found(tmp_path: Path, *effects: str, rate: float = RATE) -> tuple[dict[str, 
 
 
 def test_coulomb_friction_is_found_added_and_the_error_falls(tmp_path: Path) -> None:
-    report, arm = closed(tmp_path, "coulomb_friction")
+    arm = write_session(tmp_path / "session", SEED, ("coulomb_friction",), rate=RATE)
+    report = close_loop(tmp_path / "session", tmp_path / "out")
     assert report["verdict"] == "effect_found"
     (effect,) = report["effects"]
     assert effect["name"] == "coulomb_friction" and effect["joint"] == "elbow"
@@ -158,7 +154,8 @@ def test_what_no_effect_explains_is_described_and_not_named(
 
 
 def test_a_push_is_an_event_with_its_time_and_bends_no_stiffness(tmp_path: Path) -> None:
-    report, arm = closed(tmp_path, "push")
+    arm = write_session(tmp_path / "session", SEED, ("push",), rate=RATE)
+    report = closed_without_pictures(tmp_path / "session", tmp_path / "out")
     assert report["verdict"] == "unexplained" and report["effects"] == []
     first = report["unexplained"]["elbow"]["events"][0]
     # Every session's first trial is pushed, by at least 0.4 Nm at six times the noise.
