@@ -255,19 +255,25 @@ def estimate_of(model: Model, coefficients: np.ndarray) -> Estimate:
         stiffness=stiffness,
         damping=damping,
         prediction=smooth,
-        carried=torque - _friction_of(model, coefficients) - _of_motors(recording),
+        carried=_carried(model, coefficients),
         residual=residual,
     )
 
 
-def _friction_of(model: Model, coefficients: np.ndarray) -> np.ndarray:
-    """Return the friction of the fitted model, Nm or N, (n, joints)."""
-    friction = model.recording.inverse - model.recording.rigid
-    for term, own in model.split(coefficients):
-        if term.rubs:
-            for joint, columns in model.transformed(kept_columns(term)).items():
-                friction[:, joint] += columns @ own
-    return np.asarray(friction)
+def _carried(model: Model, coefficients: np.ndarray) -> np.ndarray:
+    """Return what the fitted model's motors carry, without friction, Nm or N, (n, joints).
+
+    At the joint: no effort channel has passed it on, late or low-passed.
+    """
+    recording = model.recording
+    torque = recording.rigid - _of_motors(recording)
+    for joint, own in (model.given.torque if model.given is not None else {}).items():
+        torque[:, joint] += own[:, 0]
+    for term, found in model.split(coefficients):
+        if not term.rubs:
+            for joint, columns in kept_columns(term).items():
+                torque[:, joint] += columns @ found
+    return np.asarray(torque)
 
 
 def _of_motors(recording: Recording) -> np.ndarray:
