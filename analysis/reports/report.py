@@ -18,11 +18,11 @@ from analysis.reports import hover, tables
 from analysis.reports.html import render
 from analysis.reports.pictures import Picture, Subject, curve_pictures, pictures
 from analysis.reports.tables import Grid
+from analysis.sensitivity.estimator_state import EstimatorState
 from analysis.sensitivity.estimators import Estimator
 from analysis.sensitivity.estimators.other_formulas import uncentred
 from analysis.sensitivity.records import plan_of
 from analysis.sensitivity.remarks import remarks, warning
-from analysis.sensitivity.study_state import StudyState
 from analysis.sensitivity.table import Table
 
 _METHODS = {
@@ -57,7 +57,7 @@ def chapter(study: Mapping[str, Any], results: Path) -> Chapter:
     """
     plan = plan_of(study)
     table = read_table(plan, results)
-    state = StudyState(plan)
+    state = EstimatorState(plan)
     state.take(table.results())
     return Chapter(study=study, table=table, snapshot=state.snapshot(), estimator=state.estimator())
 

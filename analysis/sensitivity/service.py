@@ -11,8 +11,8 @@ from contextlib import AbstractContextManager, suppress
 from threading import Event
 from typing import Any, Protocol
 
+from analysis.sensitivity.estimator_state import EstimatorState, StaleStateError
 from analysis.sensitivity.records import LoggedResult, NoSuchStudyError, StudyPlan
-from analysis.sensitivity.study_state import StaleStateError, StudyState
 
 __all__ = ["LoggedResult", "ResultLog", "StudyPlan", "analyse", "catch_up", "follow"]
 
@@ -109,16 +109,16 @@ def _look(log: ResultLog, stop: Event) -> None:
 
 def analyse(plan: StudyPlan, results: Iterable[LoggedResult]) -> dict[str, Any]:
     """Return the snapshot of a study from its results at one go, in whatever order they come."""
-    state = StudyState(plan)
+    state = EstimatorState(plan)
     state.take(results)
     return state.snapshot()
 
 
-def _restore(plan: StudyPlan, data: bytes | None) -> StudyState:
+def _restore(plan: StudyPlan, data: bytes | None) -> EstimatorState:
     if data is None:
-        return StudyState(plan)
+        return EstimatorState(plan)
     try:
-        return StudyState.from_bytes(plan, data)
+        return EstimatorState.from_bytes(plan, data)
     except StaleStateError:
         # Nothing is lost: the log has it all, and the first commit replaces the old state.
-        return StudyState(plan)
+        return EstimatorState(plan)

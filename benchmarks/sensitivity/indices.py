@@ -11,8 +11,8 @@ import time
 
 import numpy as np
 
+from analysis.sensitivity.estimator_state import EstimatorState
 from analysis.sensitivity.estimators import SaltelliEstimator
-from analysis.sensitivity.study_state import StudyState
 from benchmarks.machine import describe_machine
 from benchmarks.sensitivity.coverage_tables import print_coverage_and_errors
 from benchmarks.sensitivity.latency import PLAN, lags, results
@@ -42,7 +42,7 @@ def print_speed(rows: int = 1_000_000) -> None:
 def print_latency() -> None:
     """Print what a study of 12 outputs costs the analysis, and how far its indices lag behind."""
     arrived = results(512 * 8)
-    state = StudyState(PLAN)
+    state = EstimatorState(PLAN)
     started = time.process_time()
     state.take(arrived)
     rate = len(arrived) / (time.process_time() - started)

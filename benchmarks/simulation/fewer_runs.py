@@ -12,10 +12,10 @@ from typing import Any
 
 from analysis.designs import DEFAULT_SAMPLING, instance_parameters
 from analysis.designs.distributions import Uniform
+from analysis.sensitivity.estimator_state import EstimatorState
 from analysis.sensitivity.fewer_runs.limits import LOOKS
 from analysis.sensitivity.judgement.stopping import SHARE_TARGET, Goal, next_step
 from analysis.sensitivity.records import LoggedResult, StudyPlan
-from analysis.sensitivity.study_state import StudyState
 from benchmarks.machine import describe_machine
 from sim.evaluation import evaluate
 from sim.models import MODELS
@@ -68,7 +68,7 @@ def assessed(plan: StudyPlan, model: str, rows: Sequence[int]) -> Iterator[Logge
 
 def fitted(model: str, seed: int) -> dict[str, Any]:
     """Return the last snapshot of a study that stops by itself; print what it says at each look."""
-    state = StudyState(plan_of(model, "surrogate", LOOKS[-1], seed))
+    state = EstimatorState(plan_of(model, "surrogate", LOOKS[-1], seed))
     start = 0
     for rows in LOOKS:
         state.take(assessed(state.plan, model, range(start, rows)))
@@ -111,7 +111,7 @@ def main(model: str, rows: str = "512", seed: str = "1000") -> None:
     sampled = None
     if int(rows):
         plan = plan_of(model, "saltelli", int(rows), int(seed) + 1)
-        state = StudyState(plan)
+        state = EstimatorState(plan)
         state.take(assessed(plan, model, range(int(rows))))
         sampled = state.snapshot()
         print(f"\nbeside {sum(sampled['evaluations'].values())} sampled assessments")

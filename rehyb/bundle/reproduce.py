@@ -119,9 +119,9 @@ def _failures(bundle: Bundle, table: "Table") -> Judgement:
 
 def _indices(bundle: Bundle, table: "Table") -> Judgement:
     """Compute the snapshot again from the results alone."""
-    from analysis.sensitivity.study_state import StudyState
+    from analysis.sensitivity.estimator_state import EstimatorState
 
-    state = StudyState(table.plan)
+    state = EstimatorState(table.plan)
     try:
         state.take(table.results())
     except ValueError as error:

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from analysis.designs import METHODS, SINGLE_POINTS
 from analysis.sensitivity import service
+from analysis.sensitivity.estimator_state import EstimatorState, StaleStateError
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse, catch_up, follow
 from analysis.sensitivity.snapshot import empty_snapshot
-from analysis.sensitivity.study_state import StaleStateError, StudyState
 from tests.testbed.studies import results_of, study_plan
 
 FAILED = [(0, 1), (4, 0), (7, 3)]
@@ -184,10 +184,10 @@ def test_two_services_at_once_leave_the_snapshot_of_one(monkeypatch: pytest.Monk
 
 def test_results_read_twice_count_once() -> None:
     log, expected = study("saltelli")
-    state = StudyState(log.of_study)
+    state = EstimatorState(log.of_study)
     assert state.take(log.results[:32]) == 32
     assert state.take(log.results[10:43]) == 11
-    state = StudyState.from_bytes(log.of_study, state.to_bytes())
+    state = EstimatorState.from_bytes(log.of_study, state.to_bytes())
     assert state.take(log.results) == len(log.results) - 43
     assert same(state.snapshot(), expected)
 
@@ -220,7 +220,7 @@ def test_a_study_may_be_extended_while_it_is_analysed() -> None:
 def test_a_state_of_another_format_is_rebuilt_from_the_log(monkeypatch: pytest.MonkeyPatch) -> None:
     log, expected = study("saltelli")
     log.visible = 33
-    monkeypatch.setattr("analysis.sensitivity.study_state.FORMAT", 0)
+    monkeypatch.setattr("analysis.sensitivity.estimator_state.FORMAT", 0)
     catch_up(log, "study")
     monkeypatch.undo()
     log.visible = len(log.results)
@@ -230,11 +230,11 @@ def test_a_state_of_another_format_is_rebuilt_from_the_log(monkeypatch: pytest.M
 
 def test_a_state_belongs_to_one_study() -> None:
     log, _ = study("morris")
-    state = StudyState(log.of_study)
+    state = EstimatorState(log.of_study)
     state.take(log.results)
     other = dataclasses.replace(log.of_study, seed=99)
     with pytest.raises(StaleStateError, match="does not belong to study study as planned"):
-        StudyState.from_bytes(other, state.to_bytes())
+        EstimatorState.from_bytes(other, state.to_bytes())
 
 
 def test_an_output_that_is_missing_is_a_failure_of_that_output() -> None:
@@ -264,7 +264,7 @@ def test_a_result_of_no_place_in_the_study_is_refused(row: int, position: int) -
     log, _ = study("morris")
     stray = dataclasses.replace(log.results[0], row=row, position=position)
     with pytest.raises(ValueError, match=f"is at row {row}, position {position}"):
-        StudyState(log.of_study).take([stray])
+        EstimatorState(log.of_study).take([stray])
 
 
 def test_following_ends_when_asked_even_amid_work() -> None:

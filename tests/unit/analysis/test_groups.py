@@ -13,10 +13,10 @@ from SALib.analyze import sobol as salib_sobol
 from analysis.designs import instance_parameters, row_width, unit_row
 from analysis.designs.distributions import Uniform
 from analysis.designs.groups import fault_in, places_of, units_of
+from analysis.sensitivity.estimator_state import EstimatorState, StaleStateError
 from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse
-from analysis.sensitivity.study_state import StaleStateError, StudyState
 from models.curves import Curve
 
 Array = NDArray[np.float64]
@@ -197,12 +197,12 @@ def test_a_study_says_its_indices_of_groups(method: str, sampling: str) -> None:
 
 def test_a_state_of_other_groups_is_another_study() -> None:
     study = plan("saltelli")
-    state = StudyState(study)
+    state = EstimatorState(study)
     state.take(results(study)[:5])
     data = state.to_bytes()
-    assert StudyState.from_bytes(study, data).cursor == 5
+    assert EstimatorState.from_bytes(study, data).cursor == 5
     with pytest.raises(StaleStateError):
-        StudyState.from_bytes(replace(study, groups={"outer": ("x2", "x3")}), data)
+        EstimatorState.from_bytes(replace(study, groups={"outer": ("x2", "x3")}), data)
 
 
 def test_instances_of_groups_have_every_factor() -> None:

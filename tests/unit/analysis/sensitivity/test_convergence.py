@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from analysis.designs import METHODS
+from analysis.sensitivity.estimator_state import EstimatorState
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse
-from analysis.sensitivity.study_state import StudyState
 from tests.testbed.studies import results_of, study_plan
 
 FAILED = [(0, 1), (4, 0), (9, 3), (17, 2)]
@@ -43,17 +43,17 @@ def test_order_batches_and_restarts_leave_the_same_bits(method: str) -> None:
     plan, results, expected = at_one_go(method)
     shuffled = list(results)
     random.Random(3).shuffle(shuffled)
-    state = StudyState(plan)
+    state = EstimatorState(plan)
     for start in range(0, len(shuffled), 29):
         state.take(shuffled[start : start + 29])
-        state = StudyState.from_bytes(plan, state.to_bytes())
+        state = EstimatorState.from_bytes(plan, state.to_bytes())
     assert state.snapshot() == expected
 
 
 def test_a_point_waits_for_every_row_before_it() -> None:
     plan = study_plan("saltelli", rows=32)
     results = results_of(plan)
-    state = StudyState(plan)
+    state = EstimatorState(plan)
     state.take(r for r in results if r.row != 5)
     assert state.snapshot()["outputs"]["y"]["convergence"]["rows"] == []
     assert state.snapshot()["rows_used"] == 31

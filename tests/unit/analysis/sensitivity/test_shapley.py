@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from scipy.special import ndtri
 
 from analysis.designs import unit_row
+from analysis.sensitivity.estimator_state import EstimatorState
 from analysis.sensitivity.estimators import SaltelliEstimator, ShapleyEffects, ShapleyEstimator
 from analysis.sensitivity.estimators.shares import LOW
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import analyse
-from analysis.sensitivity.study_state import StudyState
 from tests.testbed.functions.dependent import (
     Values,
     ishigami,
@@ -150,9 +150,9 @@ def test_of_a_copula_order_batches_and_restarts_leave_no_trace(data: st.DataObje
         y = every[i].outputs.get("y")
         assert y is None or y == float(weighted(row[every[i].position]))
     shuffled = [replace(every[i], seq=seq + 1) for seq, i in enumerate(order)]
-    state = StudyState(study)
+    state = EstimatorState(study)
     state.take(shuffled[:cut])
-    state = StudyState.from_bytes(study, state.to_bytes())
+    state = EstimatorState.from_bytes(study, state.to_bytes())
     state.take(shuffled[cut:])
     assert state.snapshot() == expected
 

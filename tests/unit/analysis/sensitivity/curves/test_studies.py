@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.designs import row_width, unit_row
+from analysis.sensitivity.estimator_state import EstimatorState
 from analysis.sensitivity.judgement.stopping import Goal, advise, next_step
 from analysis.sensitivity.records import LoggedResult, StudyPlan, output_of, plan_of
 from analysis.sensitivity.service import analyse
 from analysis.sensitivity.snapshot import empty_snapshot
-from analysis.sensitivity.study_state import StudyState
 from models.curves import Curve, columns
 from tests.testbed.functions.curves import ishigami_over_time
 
@@ -72,9 +72,9 @@ def test_order_batches_and_restarts_leave_no_trace(data: st.DataObject, method: 
     order = data.draw(st.permutations(range(len(every))))
     cut = data.draw(st.integers(0, len(every)))
     shuffled = [replace(every[i], seq=seq + 1) for seq, i in enumerate(order)]
-    state = StudyState(study)
+    state = EstimatorState(study)
     state.take(shuffled[:cut])
-    state = StudyState.from_bytes(study, state.to_bytes())
+    state = EstimatorState.from_bytes(study, state.to_bytes())
     state.take(shuffled[cut:])
     assert state.snapshot() == expected
 

@@ -5,9 +5,9 @@ import random
 from dataclasses import replace
 from functools import cache
 
+from analysis.sensitivity.estimator_state import EstimatorState
 from analysis.sensitivity.records import LoggedResult
 from analysis.sensitivity.service import analyse
-from analysis.sensitivity.study_state import StudyState
 from tests.testbed.studies import results_of, study_plan
 
 PLAN = replace(study_plan("surrogate", rows=140, sampling="sobol_blocks"), outputs=("y",))
@@ -21,12 +21,12 @@ def results() -> tuple[LoggedResult, ...]:
 def test_any_order_and_a_restart_leave_the_same_indices() -> None:
     expected = analyse(PLAN, results())
     mixed = random.Random(3).sample(results(), len(results()))
-    state = StudyState(PLAN)
+    state = EstimatorState(PLAN)
     state.take(mixed[:100])
     assert state.snapshot()["outputs"]["y"]["surrogate"] is None
-    state = StudyState.from_bytes(PLAN, state.to_bytes())
+    state = EstimatorState.from_bytes(PLAN, state.to_bytes())
     state.take(mixed[100:])
-    snapshot = StudyState.from_bytes(PLAN, state.to_bytes()).snapshot()
+    snapshot = EstimatorState.from_bytes(PLAN, state.to_bytes()).snapshot()
     assert json.dumps(snapshot) == json.dumps(expected)
 
 

@@ -41,7 +41,7 @@ class StaleStateError(ValueError):
     """This state is of another version or study: start again from the log."""
 
 
-class StudyState:
+class EstimatorState:
     """All that the results of one study say so far.
 
     It is a function of the set of results taken in: their order and their batches leave no trace.
