@@ -84,5 +84,5 @@ def test_garbage_is_looked_for_among_what_is_new_only() -> None:
         assert not any(one is here_before for one in gc.get_objects())
         assert gc.get_threshold()[0] > threshold[0]
     finally:
-        gc.unfreeze()
+        # To thaw what this test froze would thaw what the suite did (`tests/conftest.py`).
         gc.set_threshold(*threshold)
