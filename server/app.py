@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
-from models.own import own_models
+from models.built_in import built_in_models
 from server.clocks import Forward, steady
 from server.errors import NotFoundError
 from server.http import problems
@@ -78,7 +78,7 @@ def create_app(settings: Settings) -> FastAPI:
             app.state.clock = Forward(app.state.clock)
             app.state.clock.follow(lease_operations.latest(engine))
             now = app.state.clock()
-            model_operations.register_own(engine, own_models().values(), now=now)
+            model_operations.register_built_in(engine, built_in_models().values(), now=now)
             app.state.sweep.begin()
             await in_thread(studies_at_work.make_ready, engine)
             reaper = asyncio.create_task(

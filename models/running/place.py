@@ -8,10 +8,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Self
 
+from models.built_in import evaluate_built_in, load_built_in
 from models.description import Description, Kind
 from models.evaluation import Evaluation, Evaluator, ModelFailure
 from models.folder import read_folder
-from models.own import evaluate_own, load_own
 from models.packages import announced
 from models.running.outcomes import Outcome
 
@@ -65,7 +65,9 @@ def evaluate(instance: Mapping[str, Any]) -> Evaluation:
     """
     place: Place | None = instance.get("place")
     if place is None:
-        return evaluate_own(instance["model"], instance["parameters"], instance.get("curves", ()))
+        return evaluate_built_in(
+            instance["model"], instance["parameters"], instance.get("curves", ())
+        )
     model = evaluator(place)
     started = time.perf_counter()
     outputs = model(instance["parameters"], instance["seed"])
@@ -80,7 +82,7 @@ def load(instance: Mapping[str, Any]) -> None:
     """
     place: Place | None = instance.get("place")
     if place is None:
-        load_own(instance["model"])
+        load_built_in(instance["model"])
     else:
         evaluator(place)
 

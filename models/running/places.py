@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from models.built_in import built_in_models
 from models.description import Description, Kind
 from models.folder import MODEL_FILE, ModelError, ModelFolder, copied, read_folder, unpacked_into
-from models.own import own_models
 from models.packages import announced
 from models.running.place import Place
 
@@ -85,7 +85,7 @@ class Places:
             NoModelError: the model cannot be had.
         """
         version = instance["model"]
-        if version in own_models():
+        if version in built_in_models():
             return dict(instance)
         place = self.place(version)
         return {
@@ -106,7 +106,7 @@ class Places:
         return self.places[version]
 
     def _add(self, description: Description, where: str, url: str = "") -> None:
-        if description.name in own_models():
+        if description.name in built_in_models():
             raise NoModelError(f"{description.name} is a model of rehyb's own: choose another name")
         version = description.version
         self.descriptions[version] = description

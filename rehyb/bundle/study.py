@@ -59,17 +59,17 @@ def model_of(bundle: Bundle) -> "Description":
     Raises:
         Invalid: it neither comes with rehyb nor is in the bundle as the study names it.
     """
+    from models.built_in import built_in_models
     from models.description import Description
     from models.entries import DescriptionError
-    from models.own import own_models
 
     called = str(bundle.study.get("model"))
-    if called in own_models():
-        return own_models()[called]
+    if called in built_in_models():
+        return built_in_models()[called]
     if bundle.model is None:
         raise Invalid(
             f"study.json is of the model {called!r}, which does not come with rehyb, and there is "
-            f"no model.json; known are {', '.join(own_models())}"
+            f"no model.json; known are {', '.join(built_in_models())}"
         )
     try:
         model = Description.from_json(bundle.model, kept=True)

@@ -37,11 +37,11 @@ class Plan:
     @property
     def description(self) -> "Description":
         """The model's factors and outputs."""
+        from models.built_in import built_in_models
         from models.description import Description
-        from models.own import own_models
 
         if self.described is None:
-            return own_models()[self.model]
+            return built_in_models()[self.model]
         return Description.from_json(self.described, kept=True)
 
 

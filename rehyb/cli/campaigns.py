@@ -118,9 +118,9 @@ def run(
     }
     sizes |= {"ranges": ranges, "seed": seed, "most_rows": up_to, "target": target}
     sizes["outside_range"] = outside_range
-    from models.own import own_models
+    from models.built_in import built_in_models
 
-    own = own_models().get(model)
+    own = built_in_models().get(model)
     if own is not None:
         plan = _plan(preset, own, output, fix or (), **sizes)
     folder = Path(model) if (Path(model) / "model.toml").is_file() else None
@@ -166,7 +166,7 @@ def _plan(
     Raises:
         typer.BadParameter: there is no such preset, factor or output, or the precision is none.
     """
-    from models.own import own_models
+    from models.built_in import built_in_models
     from sim.parameters.wearer import RANGES
 
     if preset not in PRESETS:
@@ -184,7 +184,7 @@ def _plan(
     check_target(given["target"], "saltelli")
     chosen = {name: value for name, value in given.items() if value is not None}
     chosen["fixed"] = fixed_values(model, fix)
-    own = model.name in own_models()
+    own = model.name in built_in_models()
     if not own:
         chosen["described"] = model.as_json()
     called = model.name if own else model.version

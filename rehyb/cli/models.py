@@ -179,14 +179,14 @@ def serve(
 
 def _served(model: str) -> "tuple[Description, Any]":
     """Return a model's description, and where it is evaluated (None: it is rehyb's own)."""
-    from models.own import own_models
+    from models.built_in import built_in_models
     from models.running.place import Place
 
-    if model in own_models():
-        return own_models()[model], None
+    if model in built_in_models():
+        return built_in_models()[model], None
     if not Path(model).is_dir():
         raise typer.BadParameter(
-            f"there is no model {model!r}: give a folder, or one of {', '.join(own_models())}"
+            f"there is no model {model!r}: give a folder, or one of {', '.join(built_in_models())}"
         )
     read = _read(Path(model))
     return read.description, Place.of(read.description, str(read.path))

@@ -43,7 +43,7 @@ def to_sample(engine: Engine, called: str) -> ModelVersion:
     return found
 
 
-def register_own(engine: Engine, descriptions: Iterable[Description], *, now: float) -> None:
+def register_built_in(engine: Engine, descriptions: Iterable[Description], *, now: float) -> None:
     """Store the models that come with this version of rehyb."""
     found = [_version(description, own=True, by="", now=now) for description in descriptions]
     with writing(engine) as connection:

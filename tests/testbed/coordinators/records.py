@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from models.own import own_models
+from models.built_in import built_in_models
 from server.logic.fleet.verdicts import Report
 from server.logic.study.plans import draw_up
 from server.records import Plan
@@ -23,7 +23,7 @@ def plan(**changes: Any) -> Plan:
     }
     request |= changes
     called = request.pop("model")
-    return draw_up(model=own_models()[called], called=called, **request)
+    return draw_up(model=built_in_models()[called], called=called, **request)
 
 
 def report(instance: str, **changes: Any) -> Report:

@@ -91,7 +91,7 @@ def test_those_of_rehyb_are_announced_again_at_every_start_by_one_statement(
     asked: list[str] = []
     sa.event.listen(engine, "before_cursor_execute", lambda *event: asked.append(event[2]))
     for now in (5.0, 9.0):
-        models.register_own(engine, MODELS.values(), now=now)
+        models.register_built_in(engine, MODELS.values(), now=now)
     assert sum("models" in statement for statement in asked) == 2
     assert {model.name: model.announced_at for model in models.every(engine)} == dict.fromkeys(
         MODELS, 9.0

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from analysis.closeloop.report.effect_study import EffectStudyError, study_with_effects
-from models.own import own_models
+from models.built_in import built_in_models
 from rehyb.cli import app
 from server.logic.study.plans import FactorChoice, draw_up
 from sim.effects.catalogue import ASSESSED
@@ -89,7 +89,7 @@ def test_the_coordinator_takes_the_study(found: dict[str, Any], method: str) -> 
     ]
     plan = draw_up(
         **{**drawn, "sampling": "sobol", "factors": choices, "fixed": drawn["fixed"]}
-        | {"model": own_models()[drawn["model"]], "called": drawn["model"]},
+        | {"model": built_in_models()[drawn["model"]], "called": drawn["model"]},
     )
     assert len(plan.distributions) == len(drawn["factors"])
 

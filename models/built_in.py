@@ -10,20 +10,20 @@ from models.evaluation import Evaluation
 MODULE, EVALUATION = "sim.models", "sim.evaluation"
 
 
-def own_models() -> Mapping[str, Description]:
-    """Return the descriptions of rehyb's own models by name."""
+def built_in_models() -> Mapping[str, Description]:
+    """Return the descriptions of models that come with rehyb, by name."""
     found: Mapping[str, Description] = import_module(MODULE).MODELS
     return found
 
 
-def load_own(model: str) -> None:
-    """Have what evaluates a model of rehyb's own in this process, MuJoCo if it needs that."""
+def load_built_in(model: str) -> None:
+    """Load what evaluates a model that comes with rehyb, MuJoCo if it needs that."""
     import_module(EVALUATION).load(model)
 
 
-def evaluate_own(
+def evaluate_built_in(
     model: str, parameters: Mapping[str, float], curves: Collection[str] = ()
 ) -> Evaluation:
-    """Evaluate a model of rehyb's own."""
+    """Evaluate a model that comes with rehyb."""
     found: Evaluation = import_module(EVALUATION).evaluate(model, parameters, curves)
     return found
