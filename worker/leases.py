@@ -20,7 +20,7 @@ LeaseRequest = Mapping[str, Any]
 
 #: Work to ask for at once: little enough that the last rows of a study are spread over all
 #: workers, and much enough that asking does not matter.
-LEASE_SECONDS = 2.0
+WORK_SECONDS = 2.0
 #: What an instance takes at least, by all that is done about it.
 LEAST_SECONDS = 0.002
 #: More work is asked for when what waits for a child is done in this time.
@@ -253,7 +253,7 @@ def lease_size(seconds_each: float | None, processes: int, batch: int) -> int:
     """
     if seconds_each is None:
         return min(processes, batch)
-    wanted = int(LEASE_SECONDS * processes / max(seconds_each, LEAST_SECONDS))
+    wanted = int(WORK_SECONDS * processes / max(seconds_each, LEAST_SECONDS))
     return max(1, min(batch, wanted))
 
 

@@ -1,4 +1,6 @@
-"""Indices by functions fitted to the runs there are, with an honest error.
+"""Indices of any study by functions fitted to its runs, with an honest error.
+
+The method `surrogate`, whose design and stopping are its own, is `fewer_runs`.
 
 A Gaussian process answers, and a sparse polynomial chaos beside it where it can be had: two that
 agree although they are of different kinds are more than one.

@@ -201,7 +201,7 @@ def test_a_model_with_noise_of_its_own_tells_its_share(
     environment: dict[str, str], client: Client
 ) -> None:
     study = finished(client, model="noisy_pendulum")
-    # As tests/unit/server/logic/fleet/test_own_noise.py has it: 0.01^2 of 4.98e-4.
+    # As tests/unit/server/logic/study/test_own_noise.py has it: 0.01^2 of 4.98e-4.
     found = of(study, "rest_angle", "seed")["total_order"]
     width = found["high"] - found["low"]
     assert found["low"] - width / 2 <= 0.2008 <= found["high"] + width / 2

@@ -13,8 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import row_width
+from analysis.sensitivity.estimators.failure_association import (
+    ROW_SUMS,
+    Association,
+    association,
+    row_terms,
+)
 from analysis.sensitivity.estimators.intervals import Estimate, check_level
-from analysis.sensitivity.estimators.rows import ROW_SUMS, Association, association, row_terms
 from analysis.sensitivity.estimators.statistic import Index, Statistic
 from analysis.sensitivity.estimators.weightings import (
     FIRST,

@@ -1,1 +1,1 @@
-"""Indices from few runs: surrogates whose error is corrected and bounded by held-out runs."""
+"""The method `surrogate`: indices from few runs, whose error held-out runs correct and bound."""
