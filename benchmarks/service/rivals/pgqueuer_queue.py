@@ -26,18 +26,19 @@ def measure(server: Server) -> list[Rival]:
     """Return the throughput by batch."""
     name = f"PgQueuer {version('pgqueuer')}, PostgreSQL"
     return [
-        Rival(name=name, batch=batch, throughput=measure_batch(server, batch)) for batch in TASKS
+        Rival(name=name, batch=batch, throughput=measure_batch(server, batch, PROCESSES))
+        for batch in TASKS
     ]
 
 
-def measure_batch(server: Server, batch: int) -> Throughput:
-    """Return the throughput of workers that take `batch` jobs at once."""
+def measure_batch(server: Server, batch: int, workers: int) -> Throughput:
+    """Return the throughput of so many workers, each a process, that take `batch` jobs at once."""
     url = server.database(f"pgqueuer_{batch}")
     plain = url.replace("+psycopg", "")
     asyncio.run(submit(plain, TASKS[batch]))
     done = sa.text("SELECT count(*) FROM pgqueuer_log WHERE status = 'successful'")
     engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
-    with engine.connect() as connection, processes(PROCESSES, work, plain, batch) as pids:
+    with engine.connect() as connection, processes(workers, work, plain, batch) as pids:
         found = watch(lambda: connection.scalar(done) or 0, TASKS[batch], pids=[server.pid, *pids])
     engine.dispose()
     return found
