@@ -1,6 +1,7 @@
 """What can be told of a sample, as JSON; the same table gives the same answer."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -51,96 +52,47 @@ def analyse(
 
 def answer(sample: Sample) -> dict[str, Any]:
     """Return `analyse` of a sample that was read."""
-    remarks = list(sample.remarks)
-    whole = np.isfinite(sample.x).all()
-    found = layout.recognise(sample.x) if whole else None
-    complete = sample.complete
-    rows = np.flatnonzero(complete)
-    drawn = True
-    if found is not None:
-        remarks.append(found.sentence)
-        rows = found.independent[complete[found.independent]]
-        if len(rows) < FEWEST_ROWS:
-            remarks.append(
-                f"Only {len(rows)} of its runs share no value by design, and {FEWEST_ROWS} are "
-                "needed for the indices of samples: those of the design are all there is."
-            )
-            rows = rows[:0]
-    elif parts := in_parts(sample.x[rows]):
-        apart = sharing_nothing(sample.x[rows])
-        drawn = used = len(apart) >= FEWEST_ROWS
-        remarks.append(
-            f"{parts} of {len(rows)} rows differ from another in one factor only, as parts of a "
-            "Saltelli or Morris design do: they are not drawn independently. "
-            + (
-                f"Only the {len(apart)} rows that share no value are used. "
-                if used
-                else "Intervals are too narrow. "
-            )
-            + "If it is a design, give every line of it, in its order."
-        )
-        rows = rows[apart] if used else rows
-    x, y = sample.x[rows], sample.y[rows]
-    # Rows may come sorted by a factor, and equal values would then stay sorted.
-    order = np.random.default_rng(0).permutation(len(rows))
-    x, y = x[order], y[order]
-    if len(rows):
+    used = _used(sample)
+    x, y = used.x, used.y
+    remarks = [*sample.remarks, *used.remarks]
+    if len(x):
         # Several runs at the same point are one of the points that were drawn.
         points = x[first_of_each(x, x.shape[1])]
-        remarks.extend(related(sample.factors, points, drawn=drawn))
-    levels = {name: len(np.unique(x[:, f])) for f, name in enumerate(sample.factors)}
-    if few := [f"{name} ({count})" for name, count in levels.items() if 0 < count <= 10]:
-        remarks.append(
-            f"Factors of few values, whose order is taken to mean something: {', '.join(few)}."
-        )
-    withheld: tuple[str, ...] = ()
-    if len(rows) and quasi_random(x):
-        withheld = tuple(measure.name for measure in MEASURES if measure.needs_drawn)
-        remarks.append(
-            "The points lie more evenly than random ones, as those of Sobol's or Halton's "
-            f"sequences do: {', '.join(withheld)} is withheld, for in such points the other "
-            "factors' waves look like those of the factor itself. See delta, pawn and hsic."
-        )
-    short = [m for m in MEASURES if 0 < len(rows) < m.fewest_rows(len(sample.factors))]
-    for measure in short:
-        withheld += (measure.name,)
-        remarks.append(
-            f"{measure.name} is withheld: of {len(sample.factors)} factors it takes "
-            f"{measure.fewest_rows(len(sample.factors))} rows."
-        )
-    designed = {} if found is None else layout.indices(found, sample.x, sample.y, LEVEL)
-    measures = MEASURES if len(rows) else ()
+        remarks.extend(related(sample.factors, points, drawn=used.drawn))
+    withheld = _withheld_from(x, sample.factors)
+    remarks += [*_few_values(x, sample.factors), *(why for _, why in withheld)]
+    measures = MEASURES if len(x) else ()
     of_samples = {
         name: {
-            m.name: _withheld(sample.factors)
-            if m.name in withheld
+            m.name: _untold(sample.factors)
+            if any(m.name in names for names, _ in withheld)
             else _of_sample(m, x, y[:, o], sample.factors)
             for m in measures
         }
         for o, name in enumerate(sample.outputs)
     }
-    for name, found_of in of_samples.items():
-        if any(
-            one["value"] is None or one["low"] is None for one in found_of.get("delta", {}).values()
-        ):
-            remarks.append(
-                f"delta of {name} is not told, or without an interval: its tail is too heavy for a "
-                "density between its extremes; give its logarithm or its ranks."
-            )
+    remarks += [
+        f"delta of {name} is not told, or without an interval: its tail is too heavy for a "
+        "density between its extremes; give its logarithm or its ranks."
+        for name, found in of_samples.items()
+        if any(None in (one["value"], one["low"]) for one in found.get("delta", {}).values())
+    ]
+    design, complete = used.design, sample.complete
+    designed = {} if design is None else layout.indices(design, sample.x, sample.y, LEVEL)
     return {
         "file": sample.file,
         "rows": len(sample.x),
         "rows_used": int(complete.sum()),
         "level": LEVEL,
         "factors": list(sample.factors),
-        "design": found
-        and {"method": found.method, "rows": len(found.places), "width": found.places.shape[1]},
+        "design": design
+        and {"method": design.method, "rows": len(design.places), "width": design.places.shape[1]},
         "measures": {
             measure.name: {
                 "symbol": measure.symbol,
                 "assumes": measure.assumes,
                 "source": measure.source,
-                "rows": min(len(rows), measure.most_rows),
+                "rows": min(len(x), measure.most_rows),
             }
             for measure in measures
         },
@@ -155,6 +107,80 @@ def answer(sample: Sample) -> dict[str, Any]:
         },
         "remarks": remarks,
     }
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Used:
+    """What indices of samples are told from."""
+
+    #: Shapes (rows, factors) and (rows, outputs), in no order.
+    x: Array
+    y: Array
+    #: Whether the rows may have been drawn independently.
+    drawn: bool
+    #: The layout that was recognised.
+    design: layout.Layout | None
+    remarks: Sequence[str]
+
+
+def _used(sample: Sample) -> _Used:
+    """Return the rows that nobody laid out, as far as that can be seen."""
+    rows, remarks, drawn = np.flatnonzero(sample.complete), [], True
+    design = layout.recognise(sample.x) if np.isfinite(sample.x).all() else None
+    if design is not None:
+        remarks.append(design.sentence)
+        rows = design.independent[sample.complete[design.independent]]
+        if len(rows) < FEWEST_ROWS:
+            remarks.append(
+                f"Only {len(rows)} of its runs share no value by design, and {FEWEST_ROWS} are "
+                "needed for the indices of samples: those of the design are all there is."
+            )
+            rows = rows[:0]
+    elif parts := in_parts(sample.x[rows]):
+        apart = sharing_nothing(sample.x[rows])
+        drawn = len(apart) >= FEWEST_ROWS
+        remarks.append(
+            f"{parts} of {len(rows)} rows differ from another in one factor only, as parts of a "
+            "Saltelli or Morris design do: they are not drawn independently. "
+            + (
+                f"Only the {len(apart)} rows that share no value are used. "
+                if drawn
+                else "Intervals are too narrow. "
+            )
+            + "If it is a design, give every line of it, in its order."
+        )
+        rows = rows[apart] if drawn else rows
+    # Rows may come sorted by a factor, and equal values would then stay sorted.
+    rows = rows[np.random.default_rng(0).permutation(len(rows))]
+    return _Used(x=sample.x[rows], y=sample.y[rows], drawn=drawn, design=design, remarks=remarks)
+
+
+def _few_values(x: Array, factors: Sequence[str]) -> list[str]:
+    """Return the remark on factors that look like levels, if there are any."""
+    levels = {name: len(np.unique(x[:, f])) for f, name in enumerate(factors)}
+    few = [f"{name} ({count})" for name, count in levels.items() if 0 < count <= 10]
+    if not few:
+        return []
+    return [f"Factors of few values, whose order is taken to mean something: {', '.join(few)}."]
+
+
+def _withheld_from(x: Array, factors: Sequence[str]) -> list[tuple[Sequence[str], str]]:
+    """Return names of measures that these rows cannot tell, with a remark that says why."""
+    found: list[tuple[Sequence[str], str]] = []
+    if len(x) and quasi_random(x):
+        names = [measure.name for measure in MEASURES if measure.needs_drawn]
+        why = (
+            "The points lie more evenly than random ones, as those of Sobol's or Halton's "
+            f"sequences do: {', '.join(names)} is withheld, for in such points the other "
+            "factors' waves look like those of the factor itself. See delta, pawn and hsic."
+        )
+        found.append((names, why))
+    for measure in MEASURES:
+        fewest = measure.fewest_rows(len(factors))
+        if 0 < len(x) < fewest:
+            why = f"{measure.name} is withheld: of {len(factors)} factors it takes {fewest} rows."
+            found.append(([measure.name], why))
+    return found
 
 
 def _of_sample(measure: Measure, x: Array, y: Array, factors: Sequence[str]) -> dict[str, Any]:
@@ -177,7 +203,7 @@ def _of_sample(measure: Measure, x: Array, y: Array, factors: Sequence[str]) -> 
     }
 
 
-def _withheld(factors: Sequence[str]) -> dict[str, Any]:
+def _untold(factors: Sequence[str]) -> dict[str, Any]:
     """Return a measure of every factor that is not told."""
     return {factor: dict.fromkeys(("value", "low", "high")) for factor in factors}
 

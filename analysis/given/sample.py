@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.given.reading import Sheet, on_one_line
+from analysis.given.cells import on_one_line
+from analysis.given.reading import Sheet
 from analysis.given.refusals import GivenError
 from models.entries import RESULT_COLUMNS
 

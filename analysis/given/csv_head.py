@@ -1,0 +1,129 @@
+"""How a CSV file begins: its encoding, what cuts its cells, and what its columns are called."""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from analysis.given.cells import is_missing, is_number, on_one_line
+from analysis.given.refusals import GivenError
+
+#: So many bytes are enough to tell.
+START_BYTES = 1 << 16
+#: Between columns, as programs write them; blanks where none of these is.
+_SEPARATORS = (",", ";", "\t", "|")
+BLANKS = r"\s+"
+#: How a spreadsheet's CSV may begin: which separator it has.
+_SAID = re.compile(r'"?sep=([,;|:\t])"?', re.IGNORECASE)
+#: How a spreadsheet's "Unicode text" begins.
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CsvHead:
+    """How a CSV file begins."""
+
+    encoding: str
+    #: A character, or `BLANKS`.
+    separator: str
+    #: Of all columns, in order; column_N where there is none.
+    names: list[str]
+    #: Those of them that stand in no file, such as behind a separator at the end of every line.
+    nameless: frozenset[str]
+    #: How many columns there are up to the last one that has a name.
+    named: int
+    #: The first lines were numbers already.
+    unlabelled: bool
+    #: Lines above the table, which say what it is; and above its first numbers.
+    above: int
+    before: int
+
+
+def read_head(file: str, start: bytes) -> CsvHead:
+    """Return how a file begins.
+
+    Args:
+        file: what sentences call it.
+        start: its first `START_BYTES`.
+
+    Raises:
+        GivenError: it has no table.
+    """
+    encoding, text = _decoded(start)
+    every = text.splitlines()
+    said = _SAID.fullmatch(every[0]) if every else None
+    # Some programs say above a table what it is.
+    above = next(
+        (
+            n
+            for n, line in enumerate(every)
+            if line.strip() and not line.startswith("#") and not (said and n == 0)
+        ),
+        None,
+    )
+    if above is None:
+        raise GivenError("it has no table", file=file)
+    lines = [line for line in every[above:] if line.strip()]
+    separator = said[1] if said else _separator(lines)
+    first, header_lines = _first_record(lines, separator)
+    # A name of a column may be a year, but not all of them.
+    unlabelled = all(is_number(cell) or is_missing(cell) for cell in first)
+    names = [on_one_line(cell) for cell in first]
+    named = max((n for n, name in enumerate(names, 1) if name), default=0)
+    return CsvHead(
+        encoding=encoding,
+        separator=separator,
+        names=[
+            f"column_{number}" if unlabelled or not name else name
+            for number, name in enumerate(names, 1)
+        ],
+        nameless=frozenset(f"column_{n}" for n, name in enumerate(names, 1) if not name),
+        named=len(names) if unlabelled else named,
+        unlabelled=unlabelled,
+        above=above,
+        before=above + (0 if unlabelled else header_lines),
+    )
+
+
+def _decoded(start: bytes) -> tuple[str, str]:
+    """Return the encoding, and the text as far as it goes."""
+    encoding = "utf-16" if start.startswith(UTF_16) else "utf-8-sig"
+    try:
+        # The last character may be cut in two.
+        return encoding, start.decode(
+            encoding, errors="strict" if len(start) < START_BYTES else "ignore"
+        )
+    except UnicodeDecodeError:
+        return "latin-1", start.decode("latin-1")
+
+
+def _first_record(lines: Sequence[str], separator: str) -> tuple[list[str], int]:
+    """Return the first line's cells, and over how many lines they go."""
+    if separator == BLANKS:
+        return lines[0].split(), 1
+    # A name in quotes may go on in the next line.
+    ended = (f"{line}\n" for line in lines)
+    reader = csv.reader(ended, delimiter=separator, skipinitialspace=True)
+    first, header_lines = next(reader), reader.line_num
+    second = next(reader, [])
+    # Lines may all end in one separator more than their names.
+    if len(second) == len(first) + 1 and not second[-1].strip():
+        first.append("")
+    return first, header_lines
+
+
+def _separator(lines: Sequence[str]) -> str:
+    """Return what cuts the first lines into equally many cells, most of them; "," if nothing."""
+    counted = {}
+    for separator in _SEPARATORS:
+        records = list(csv.reader(lines[:20], delimiter=separator))
+        counts = [len(cells) for cells in records if len(cells) > 1]
+        if len(counts) >= len(records):
+            usual, often = Counter(counts).most_common(1)[0]
+            # Decimal commas may cut as evenly as semicolons do: what cuts the header cuts more.
+            counted[separator] = (often == len(counts), separator != ",", usual)
+    if not counted:
+        blank = [len(line.split()) for line in lines[:20]]
+        return BLANKS if Counter(blank).most_common(1)[0][0] == blank[0] > 1 else ","
+    return max(counted, key=lambda separator: counted[separator])
