@@ -60,47 +60,34 @@ log = logging.getLogger(__name__)
 TRACES_TO = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
 
 
+#: The first that fits a request is taken, so what workers ask all the time comes first.
+_NOUNS = (
+    results,
+    leases,
+    studies,
+    precision_goals,
+    progress,
+    indices,
+    analyses,
+    instances,
+    workers,
+    close_loop_leases,
+    sessions,
+    models,
+    close_loops,
+    metrics,
+    health,
+    sign_in,
+    assets,
+    pages,
+)
+
+
 def create_app(settings: Settings) -> FastAPI:
     """Return the application; it opens the database when it starts.
 
     Starting raises SchemaError unless `server.store.upgrade` has been run on the database.
     """
-
-    @asynccontextmanager
-    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        engine = app.state.engine
-        try:
-            require_current(engine)
-            if app.state.clock is own_clock:
-                # Several coordinators agree by the one clock that all of them can see.
-                app.state.clock = steady(partial(server_time, engine))
-            # Set back while nobody served, it would give old leases as much longer.
-            app.state.clock = Forward(app.state.clock)
-            app.state.clock.follow(lease_operations.latest(engine))
-            now = app.state.clock()
-            model_operations.register_built_in(engine, built_in_models().values(), now=now)
-            app.state.sweep.begin()
-            await in_thread(studies_at_work.make_ready, engine)
-            reaper = asyncio.create_task(
-                _reap_for_ever(
-                    app.state.sweep, engine, app.state.metrics, app.state.clock, settings
-                )
-            )
-            watcher = asyncio.create_task(fleet.watch(app.state))
-            try:
-                yield
-            finally:
-                for task in (reaper, watcher):
-                    task.cancel()
-                    with suppress(asyncio.CancelledError):
-                        await task
-        finally:
-            # Also of what refuses to start.
-            await app.state.exchange.close()
-            if traces is not None:
-                await in_thread(traces.close)
-            engine.dispose()
-
     traces = _traces()
     # The interactive documentation loads scripts from elsewhere; a lab may have no internet.
     app = FastAPI(
@@ -108,7 +95,7 @@ def create_app(settings: Settings) -> FastAPI:
         version="1",
         docs_url=None,
         redoc_url=None,
-        lifespan=lifespan,
+        lifespan=_lifespan,
         # `/metrics` is there; to ask whether anybody wants FastAPI's own costs every request.
         telemetry={
             "tracing": traces is not None,
@@ -119,10 +106,29 @@ def create_app(settings: Settings) -> FastAPI:
         },
     )
     app.state.traces = traces
+    _share(app, settings)
+    problems.install(app)
+    for noun in _NOUNS:
+        # As they are: to include them costs every request a second search.
+        app.router.routes.extend(noun.router.routes)
+    app.add_middleware(Gunzip, limit=MAX_BODY_BYTES)
+    app.add_middleware(BodyLimit, large=settings.session_bytes)
+    app.add_middleware(
+        Guard,
+        token=settings.token.get_secret_value(),
+        look_up=lambda secret_or_id: tokens.good(app.state.engine, secret_or_id),
+        clock=lambda: float(app.state.clock()),
+        believed=app.state.sign_in.believed,
+    )
+    return app
+
+
+def _share(app: FastAPI, settings: Settings) -> None:
+    """Make what requests and tasks of this coordinator share, `app.state`."""
     app.state.settings = settings
     app.state.engine = create_engine(settings.database_url, durability=settings.durability)
     app.state.exchange = Exchanges(app.state.engine)
-    app.state.clock = own_clock = steady()
+    app.state.clock = app.state.own_clock = steady()
     app.state.readiness = Readiness(app.state.engine)
     app.state.metrics = Metrics(app.state.engine, lambda: float(app.state.clock()))
     app.state.sweep = Sweep(
@@ -139,40 +145,45 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.fleet_history = FleetHistory()
     app.state.hub = Hub(app.state.stopping)
     app.state.sign_in = sign_in.SignIn(settings.token.get_secret_value())
-    problems.install(app)
-    # The first that fits is taken, so what workers ask all the time comes first.
-    for noun in (
-        results,
-        leases,
-        studies,
-        precision_goals,
-        progress,
-        indices,
-        analyses,
-        instances,
-        workers,
-        close_loop_leases,
-        sessions,
-        models,
-        close_loops,
-        metrics,
-        health,
-        sign_in,
-        assets,
-        pages,
-    ):
-        # As they are: to include them costs every request a second search.
-        app.router.routes.extend(noun.router.routes)
-    app.add_middleware(Gunzip, limit=MAX_BODY_BYTES)
-    app.add_middleware(BodyLimit, large=settings.session_bytes)
-    app.add_middleware(
-        Guard,
-        token=settings.token.get_secret_value(),
-        look_up=lambda secret_or_id: tokens.good(app.state.engine, secret_or_id),
-        clock=lambda: float(app.state.clock()),
-        believed=app.state.sign_in.believed,
-    )
-    return app
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    """Open the database and work unasked until the process is stopped.
+
+    Raises:
+        SchemaError: the database is not of this version.
+    """
+    state = app.state
+    try:
+        require_current(state.engine)
+        if state.clock is state.own_clock:
+            # Several coordinators agree by the one clock that all of them can see.
+            state.clock = steady(partial(server_time, state.engine))
+        # Set back while nobody served, it would give old leases as much longer.
+        state.clock = Forward(state.clock)
+        state.clock.follow(lease_operations.latest(state.engine))
+        now = state.clock()
+        model_operations.register_built_in(state.engine, built_in_models().values(), now=now)
+        state.sweep.begin()
+        await in_thread(studies_at_work.make_ready, state.engine)
+        reaper = asyncio.create_task(
+            _reap_for_ever(state.sweep, state.engine, state.metrics, state.clock, state.settings)
+        )
+        watcher = asyncio.create_task(fleet.watch(state))
+        try:
+            yield
+        finally:
+            for task in (reaper, watcher):
+                task.cancel()
+                with suppress(asyncio.CancelledError):
+                    await task
+    finally:
+        # Also of what refuses to start.
+        await state.exchange.close()
+        if state.traces is not None:
+            await in_thread(state.traces.close)
+        state.engine.dispose()
 
 
 def _traces() -> "Traces | None":
