@@ -51,7 +51,8 @@ def unpack(path: Path, folder: Path, limits: Limits, wrong: Wrong) -> None:
     except OSError as error:
         raise wrong(f"cannot be read: {error.strerror}") from None
     with archive:
-        members = [member for member in archive.infolist() if not member.is_dir()]
+        # Not `is_dir`, which fails at a member without a name.
+        members = [one for one in archive.infolist() if not one.filename.endswith("/")]
         if len(members) > limits.files:
             raise wrong(f"holds {len(members)} files; at most {limits.files}")
         seen: set[str] = set()

@@ -61,6 +61,12 @@ def test_a_path_that_leaves_the_folder_is_refused(tmp_path: Path, inner: str) ->
     refused(tmp_path / "s.zip", "no path inside")
 
 
+def test_a_file_without_a_name_is_refused(tmp_path: Path) -> None:
+    file = zipped(tmp_path / "s.zip", {"session.json": b"{}", "X": b""})
+    file.write_bytes(file.read_bytes().replace(b"X", b"\x00"))
+    refused(file, "no path inside")
+
+
 def test_a_link_is_refused(tmp_path: Path) -> None:
     member = zipfile.ZipInfo("a.csv")
     member.external_attr = (stat.S_IFLNK | 0o777) << 16
