@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Iterable
 from xml.etree import ElementTree
 
 from intake.zips import Wrong
@@ -51,6 +52,12 @@ def parse_model(text: str, wrong: Wrong) -> ElementTree.Element:
     if count > MAX_BODIES:
         raise wrong(f"has {count} bodies; at most {MAX_BODIES}")
     return root
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return the names that a file gives its elements, as far as a sentence has room for them."""
+    given = [name[:60] for name in names if name]
+    return ", ".join(given[:20]) or "none with a name"
 
 
 def _check_numbers(root: ElementTree.Element, wrong: Wrong) -> None:

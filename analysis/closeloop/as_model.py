@@ -20,6 +20,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import Device
+from models.mjcf.compiling import compiled
 
 #: Natural frequency of the servos, rad/s, critically damped by the joint's inertia at the start.
 SERVO = 2 * np.pi * 30.0
@@ -175,7 +176,7 @@ def _numbers(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str, Mapping
 
 def _with_servos(spec: mujoco.MjSpec, joints: list[str], path: np.ndarray) -> None:
     """Let each joint follow a position, from the path's start on, and measure its motor."""
-    model = spec.compile()
+    model = compiled(spec)
     data = mujoco.MjData(model)
     addresses = [int(model.joint(joint).qposadr[0]) for joint in joints]
     data.qpos[addresses] = path[0]

@@ -9,7 +9,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from intake.xml import listed
 from models.folder import ModelError, ModelFolder
+from models.mjcf.compiling import compiled
 
 #: What a path may begin with: MjSpec finds each by its name in a method that is called so.
 ELEMENTS = ("body", "joint", "geom", "site", "tendon", "actuator", "sensor", "equality")
@@ -133,11 +135,8 @@ def _element(spec: mujoco.MjSpec, element: str, name: str | None, where: str) ->
         raise ModelError(f"{where}: must name a {element}, as '{element}.NAME.ATTRIBUTE'")
     target = getattr(spec, element)(name)
     if target is None:
-        there = [e.name for e in _every(spec, element) if e.name]
-        raise ModelError(
-            f"{where}: there is no {element} {name[:60]!r}; the file has "
-            f"{', '.join(there[:20]) or 'none with a name'}"
-        )
+        there = listed(e.name for e in _every(spec, element))
+        raise ModelError(f"{where}: there is no {element} {name[:60]!r}; the file has {there}")
     return target
 
 
@@ -176,7 +175,7 @@ def _own_inertia(spec: mujoco.MjSpec, body: Any) -> None:
     """State the body's inertia in principal axes, as MuJoCo would compile it."""
     if body.explicitinertial and not np.isfinite(body.fullinertia[0]):
         return
-    model = spec.compile()
+    model = compiled(spec)
     number = model.body(body.name).id
     body.fullinertia[0] = np.nan
     body.explicitinertial = True

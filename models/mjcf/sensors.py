@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from intake.xml import listed
 from models.evaluation import ModelFailure
 from models.folder import ModelError, ModelFolder
 
@@ -99,11 +100,8 @@ def _column(model: mujoco.MjModel, said: Any, where: str) -> int:
     if match is not None:
         number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, match["name"])
     if match is None or number < 0:
-        names = [model.sensor(i).name for i in range(min(model.nsensor, 20))]
-        raise ModelError(
-            f"{where}: there is no sensor {str(said)[:60]!r}; the file has "
-            f"{', '.join(names) or 'none'}"
-        )
+        there = listed(model.sensor(i).name for i in range(model.nsensor))
+        raise ModelError(f"{where}: there is no sensor {str(said)[:60]!r}; the file has {there}")
     size, index = int(model.sensor_dim[number]), int(match["index"] or 0)
     if match["index"] is None and size > 1:
         raise ModelError(

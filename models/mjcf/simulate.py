@@ -9,9 +9,11 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+from intake.xml import listed
 from models.description import complete
 from models.evaluation import ModelFailure, columns
 from models.folder import ModelError, ModelFolder
+from models.mjcf.compiling import compiled
 from models.mjcf.factors import changes
 from models.mjcf.sensors import Array, readings
 from models.mjcf.xml import inside, read_spec
@@ -57,7 +59,7 @@ class Simulation:
             raise ModelError("mjcf.collisions must be true or false")
         self._spec = read_spec(folder.path, run["file"], collisions=collisions)
         try:
-            model = self._spec.compile()
+            model = compiled(self._spec)
             self._changes = changes(folder, self._spec)
         except ModelError:
             raise
@@ -85,7 +87,7 @@ class Simulation:
         for change in self._changes:
             change.apply(values[change.factor])
         try:
-            model = self._spec.compile()
+            model = compiled(self._spec)
         except (ValueError, RuntimeError) as error:
             raise ModelFailure("invalid_model", f"MuJoCo refuses it: {_line(error)}") from None
         times, sensors = self._run(model)
@@ -101,17 +103,17 @@ class Simulation:
             ModelError: one does not: what it sets stands in the file in another form.
         """
         for factor in self._description.factors:
-            compiled = []
+            contents = []
             for value in (factor.low, factor.high):
                 for change in self._changes:
                     if change.factor == factor.name:
                         change.apply(value)
                 try:
-                    compiled.append(_content(self._spec.compile()))
+                    contents.append(_content(compiled(self._spec)))
                 except (ValueError, RuntimeError):
                     # A corner that MuJoCo refuses is a failure of that point, not of the model.
-                    compiled.append(b"")
-            if compiled[0] == compiled[1]:
+                    contents.append(b"")
+            if contents[0] == contents[1]:
                 paths = ", ".join(c.path for c in self._changes if c.factor == factor.name)
                 raise ModelError(
                     f"factor {factor.name} changes nothing: the file states {paths} in another "
@@ -162,8 +164,7 @@ def _keyframe(model: mujoco.MjModel, name: Any) -> int | None:
     names = [model.key(i).name for i in range(model.nkey)]
     if name not in names:
         raise ModelError(
-            f"mjcf.keyframe: there is no keyframe {str(name)[:60]!r}; the file has "
-            f"{', '.join(names) or 'none'}"
+            f"mjcf.keyframe: there is no keyframe {str(name)[:60]!r}; the file has {listed(names)}"
         )
     return names.index(name)
 
@@ -179,9 +180,7 @@ def _controls(
     for name, value in said.items():
         where = f"mjcf.controls.{name[:80]}"
         if name not in names:
-            raise ModelError(
-                f"{where}: there is no such actuator; the file has {', '.join(names) or 'none'}"
-            )
+            raise ModelError(f"{where}: there is no such actuator; the file has {listed(names)}")
         found[names.index(name)] = _signal(folder, value, where)
     return found
 

@@ -20,6 +20,7 @@ from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.session.contents import AddedMass, Trial
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
+from models.mjcf.compiling import compiled
 from sim.effects.applied import AppliedEffects
 from sim.effects.elements import PREFIX
 
@@ -175,7 +176,7 @@ def simulate(
     spec.option.disableflags |= (
         mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
     )
-    model = spec.compile()
+    model = compiled(spec)
     data, effects = mujoco.MjData(model), AppliedEffects(model)
     clock = recording.time[piece]
     time = np.arange(clock[0], min(clock[-1], clock[0] + LONGEST), model.opt.timestep)

@@ -7,6 +7,7 @@ import mujoco
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.session.device import Device
+from models.mjcf.compiling import compiled
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.elements import set_inertia
 
@@ -49,7 +50,7 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
         spec, element, lacking = _with_effect(spec, effect["name"], effect["joint"], values)
         elements.append(element or "none: described in the report only")
         warnings += lacking
-    spec.compile()
+    compiled(spec)
     return spec.to_xml(), elements, warnings
 
 
@@ -69,7 +70,7 @@ def _with_effect(
         why = "MuJoCo has no element for it"
         return spec, None, [f"model_after.xml lacks {name} of {joint}: {why}"]
     try:
-        trial.compile()
+        compiled(trial)
     except ValueError:
         why = "no body or joint can be what it makes of them; check the declared model and the data"
         return spec, None, [f"model_after.xml lacks {name} of {joint}: {why}"]

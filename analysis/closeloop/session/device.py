@@ -8,6 +8,8 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
+from models.mjcf.compiling import compiled
+
 # A declared model may draw a warning, which MuJoCo would append to a file in the working directory.
 mujoco.set_mju_user_warning(lambda message: None)
 
@@ -34,7 +36,7 @@ class Device:
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        return self.spec.compile()
+        return compiled(self.spec)
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
@@ -141,7 +143,7 @@ class Device:
         spec.option.disableflags |= (
             mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
         )
-        model = spec.compile()
+        model = compiled(spec)
         data = mujoco.MjData(model)
         torque = np.empty_like(position)
         qpos, qvel, qacc, out = data.qpos, data.qvel, data.qacc, data.qfrc_inverse

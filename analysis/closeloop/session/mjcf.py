@@ -7,15 +7,18 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import mujoco
+import numpy as np
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.files import SESSION_FILE, inside, read_text
-from intake.xml import XmlError, parse_model
+from intake.xml import XmlError, listed, parse_model
 from sim.assessment.nominal import nominal_spec
 
 MAX_MODEL_BYTES = 5_000_000
+#: m and kg: beyond, nothing that a joint moves is meant, and squares of it have no digits left.
+MAX_LENGTH, MAX_MASS = 1e3, 1e6
 #: Elements and attributes of an MJCF file that reach outside it or break an open chain.
 REFUSED_ELEMENTS = {
     "include": "an included file",
@@ -50,6 +53,7 @@ def load_device(session: Session) -> Device:
         joint_types = device.model.jnt_type
     except ValueError as error:
         raise _refused(error, session.model) from None
+    _check_sizes(device.model, session.model)
     kinds = {mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE}
     if any(mujoco.mjtJoint(joint_type) not in kinds for joint_type in joint_types):
         raise SessionError("may have hinge and slide joints only", file=session.model)
@@ -72,10 +76,24 @@ def load_device(session: Session) -> Device:
     return device
 
 
+def _check_sizes(model: mujoco.MjModel, name: str) -> None:
+    for word, most, numbers in (
+        ("places", MAX_LENGTH, np.abs(np.hstack([model.body_pos, model.body_ipos])).max(axis=1)),
+        ("masses", MAX_MASS, model.body_mass),
+    ):
+        worst = int(np.argmax(numbers))
+        if not numbers[worst] < most:
+            why = (
+                f"body {model.body(worst).name[:60]!r} has {word} of {numbers[worst]:g}; lengths "
+                f"are in m, masses in kg, and at most {most:g}"
+            )
+            raise SessionError(why, file=name)
+
+
 def _known(name: str, names: tuple[str, ...], where: str) -> None:
     if name not in names:
         raise SessionError(
-            f"{where} {name!r} is unknown; the model has {', '.join(n for n in names if n)}",
+            f"{where} {name[:60]!r} is unknown; the model has {listed(names)}",
             file=SESSION_FILE,
         )
 

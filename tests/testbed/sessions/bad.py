@@ -169,6 +169,15 @@ BAD: dict[str, tuple[Spoil, str]] = {
         model("<worldbody>", "<worldbody>" + "<body>" * 5000 + "</body>" * 5000),
         "nests elements",
     ),
+    "a body a thousand kilometres long": (
+        model('<body name="forearm" pos="0.3 0 0">', '<body name="forearm" pos="1e6 0 0">'),
+        "'forearm' has places of 1e\\+06; lengths are in m",
+    ),
+    "a centre of mass beyond all stars": (
+        model('<inertial pos="0.15 0 0"', '<inertial pos="0 -1e99 0"'),
+        "'upper_arm' has places of 1e\\+99",
+    ),
+    "a link in micrograms": (model('mass="2"', 'mass="2e9"'), "has masses of 2e\\+09; .* in kg"),
     "a crowd of bodies": (model("<worldbody>", "<worldbody>" + "<body/>" * 201), "at most 200"),
     "a time step of nothing": (
         model("<worldbody>", '<option timestep="nan"/><worldbody>'),

@@ -10,7 +10,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
 from analysis.closeloop.loop import close_loop
 from rehyb.cli import app
-from tests.testbed.sessions.bad import BAD, words
+from tests.testbed.sessions.bad import BAD, model, words
 from tests.testbed.sessions.small import HEADER, Folder, rows
 
 
@@ -44,6 +44,16 @@ def test_files_saved_with_a_byte_order_mark_are_read(folder: Path) -> None:
     for path in folder.iterdir():
         path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
     load_session(folder)
+
+
+def test_three_hinges_that_lock_as_a_gimbal_in_their_first_position_are_no_fault(
+    folder: Path,
+) -> None:
+    shoulder = '<joint name="shoulder" type="hinge" axis="0 -1 0"/>'
+    first = [shoulder.replace("shoulder", name).replace("0 -1 0", "1 0 0") for name in ("a", "b")]
+    words(ignored_joints=["a", "b"])(folder)
+    model(shoulder, f"{first[0]}{shoulder}{first[1]}")(folder)
+    assert load_session(folder).device.joints == ("a", "shoulder", "b", "elbow")
 
 
 def test_a_folder_that_is_no_folder_is_said(tmp_path: Path) -> None:
