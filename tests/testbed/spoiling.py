@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -24,6 +25,8 @@ _EDIT = st.tuples(
     st.sampled_from(WORDS),
 )
 EDITS = st.lists(_EDIT, min_size=1, max_size=4)
+#: Mostly none: most bytes that are changed make no JSON and no XML.
+SOME_EDITS = st.one_of(st.just([]), st.just([]), EDITS)
 #: As a value is replaced: which, by what; "" drops it.
 SWAPS = st.lists(st.tuples(st.integers(0, 60), st.sampled_from((b"", *WORDS))), max_size=3)
 
@@ -64,6 +67,43 @@ def swapped(content: Any, swaps: list[tuple[int, bytes]]) -> bytes:
     for mark, word in replaced.items():
         text = text.replace(mark.encode(), word)
     return text
+
+
+#: Numbers, and lists of them, that an attribute of XML may hold beside `WORDS`.
+NUMBERS = (
+    *(b"", b"1", b"-1 0 0", b"0 0 0 0", b"1e-320", b"1e30", b"-1e308 1e308", b"1e99 1 1"),
+    *(b"2147483648", b"nan", b"inf 0 0", b"0x1p3", b"1,0", b"hinge", b"forearm", b"auto"),
+)
+XmlSwap = tuple[str, int, bytes]
+#: What is done to XML: to which attribute or element, and what the attribute says then.
+_XML_SWAP = st.tuples(
+    st.sampled_from(["say", "unsay", "drop", "twice", "inside"]),
+    st.integers(0, 60),
+    st.sampled_from((*NUMBERS, *(word for word in WORDS if not {*word} & {*b'"<&'}))),
+)
+XML_SWAPS = st.lists(_XML_SWAP, max_size=3)
+_ATTRIBUTE, _ELEMENT = re.compile(rb' [a-z]+="([^"]*)"'), re.compile(rb"<[^<>?]+/>")
+
+
+def swapped_xml(content: bytes, swaps: list[XmlSwap]) -> bytes:
+    """Return XML whose attributes say something else, and whose empty elements are elsewhere."""
+    for how, number, word in swaps:
+        found = [*(_ATTRIBUTE if how in ("say", "unsay") else _ELEMENT).finditer(content)]
+        if not found:
+            continue
+        place = found[number % len(found)]
+        start, stop = place.span(1) if how == "say" else place.span()
+        here = content[start:stop]
+        # Into the next tag that is open, wherever that is.
+        inside = content.find(b">", stop) + 1 or stop
+        content = {
+            "say": content[:start] + word + content[stop:],
+            "unsay": content[:start] + content[stop:],
+            "drop": content[:start] + content[stop:],
+            "twice": content[:stop] + here + content[stop:],
+            "inside": content[:start] + content[stop:inside] + here + content[inside:],
+        }[how]
+    return content
 
 
 #: How a body is wrapped: its `Content-Encoding`, and what is made of it.

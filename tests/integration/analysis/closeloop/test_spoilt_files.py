@@ -4,6 +4,7 @@ import io
 import json
 import os
 import zipfile
+from collections import Counter
 from pathlib import Path
 
 from hypothesis import HealthCheck, Phase, given, settings
@@ -39,30 +40,39 @@ def test_a_spoilt_file_of_a_session_is_read_or_refused_with_a_sentence(tmp_path:
     files = {name: (tmp_path / name).read_bytes() for name in ("session.json", "device.xml")}
     files["a.csv"] = (tmp_path / "a.csv").read_bytes()
     asked = json.loads(files["session.json"])
-    ends = {"read": 0, "refused": 0}
+    ends: Counter[str] = Counter()
 
     @FUZZ
     @given(
         name=st.sampled_from([*files]),
         swaps=spoiling.SWAPS,
-        edits=st.one_of(st.just([]), spoiling.EDITS),
+        xml=spoiling.XML_SWAPS,
+        edits=spoiling.SOME_EDITS,
     )
-    def spoil(name: str, swaps: list[tuple[int, bytes]], edits: list[spoiling.Edit]) -> None:
+    def spoil(
+        name: str,
+        swaps: list[tuple[int, bytes]],
+        xml: list[spoiling.XmlSwap],
+        edits: list[spoiling.Edit],
+    ) -> None:
         content = files[name]
         if name == "session.json":
             content = spoiling.swapped(asked, swaps)
+        if name == "device.xml":
+            content = spoiling.swapped_xml(content, xml)
         try:
             (tmp_path / name).write_bytes(spoiling.edited(content, edits))
             load_session(tmp_path)
-            ends["read"] += 1
+            ends[f"{name} read"] += 1
         except SessionError as error:
             _refused(error)
-            ends["refused"] += 1
+            ends[f"{name} refused"] += 1
         finally:
             (tmp_path / name).write_bytes(files[name])
 
     spoil()
-    assert all(ends.values()), ends
+    assert {"read", "refused"} == {end.split()[-1] for end in ends}, ends
+    print(dict(ends))
 
 
 def test_a_spoilt_zip_file_is_unpacked_or_refused_with_a_sentence(tmp_path: Path) -> None:
@@ -70,6 +80,8 @@ def test_a_spoilt_zip_file_is_unpacked_or_refused_with_a_sentence(tmp_path: Path
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("s/session.json", json.dumps({"schema": 1}) * 20)
         archive.writestr("s/a.csv", "time,elbow.position\n" * 50)
+
+    ends: Counter[str] = Counter()
 
     @FUZZ
     @given(edits=spoiling.EDITS)
@@ -79,7 +91,10 @@ def test_a_spoilt_zip_file_is_unpacked_or_refused_with_a_sentence(tmp_path: Path
         try:
             with unpacked(file) as folder:
                 assert (folder / "session.json").exists()
+            ends["session.zip unpacked"] += 1
         except SessionError as error:
             _refused(error)
+            ends["session.zip refused"] += 1
 
     spoil()
+    print(dict(ends))
