@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -79,14 +80,12 @@ def _points(name: str, value: Any, count: int) -> Sequence[Any]:
 
 
 def _number(name: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise ModelFailure(
-            "bad_answer", f"output {name} must be a number, not {str(value)[:60]!r}"
-        ) from None
-    if isinstance(value, str | bool):
-        raise ModelFailure("bad_answer", f"output {name} must be a number, not {value!r}")
+    number = None
+    if not isinstance(value, str | bool):
+        with suppress(TypeError, ValueError, OverflowError):
+            number = float(value)
+    if number is None:
+        raise ModelFailure("bad_answer", f"output {name} must be a number, not {str(value)[:60]!r}")
     if not isfinite(number):
         raise ModelFailure("not_finite", f"{name} came out as {number}")
     return number

@@ -80,12 +80,13 @@ def test_of_a_lease_that_is_lost_nothing_more_is_begun_or_told(
     coordinator.lost = True
     client: Any = coordinator
     leases.renew(client, 10.0)
-    leases.drop_lost()
     leases.renew(client, 20.0)
+    leases.drop_lost()
+    leases.renew(client, 30.0)
     leases.release()
     assert (len(leases), len(leases.queue)) == (0, 0)
     assert coordinator.told == [("renew", "l", 7)]
-    assert "lease l expired" in caplog.text
+    assert caplog.messages == ["lease l expired: its instances go to other workers"]
 
 
 def test_a_lease_that_ended_with_its_last_result_is_dropped_without_alarm(
@@ -113,6 +114,39 @@ def test_what_is_given_up_is_released(
     assert (len(leases), coordinator.told) == (0, [("release", "l", 7)])
 
 
+def test_what_is_given_up_in_two_steps_is_released_and_not_renewed_before(
+    leases: Leases, coordinator: Coordinator
+) -> None:
+    granted(leases)
+    leases.give_up_queue()
+    leases.give_up()
+    client: Any = coordinator
+    leases.renew(client, 10.0)
+    leases.release()
+    assert (len(leases), coordinator.told) == (0, [("release", "l", 7)])
+
+
+def test_a_lease_of_which_a_child_has_a_part_is_renewed_although_the_rest_is_given_up(
+    leases: Leases, coordinator: Coordinator
+) -> None:
+    granted(leases)
+    leases.queue.popleft()
+    leases.give_up_queue()
+    client: Any = coordinator
+    leases.renew(client, 10.0)
+    assert coordinator.told == [("renew", "l", 7)]
+
+
+def test_a_lease_that_is_due_is_renewed_beside_one_that_is_not(
+    leases: Leases, coordinator: Coordinator
+) -> None:
+    granted(leases, now=5.0)
+    granted(leases)
+    client: Any = coordinator
+    leases.renew(client, 10.0)
+    assert len(coordinator.told) == 1
+
+
 def test_a_lease_with_every_result_needs_no_release(
     leases: Leases, coordinator: Coordinator
 ) -> None:
@@ -138,7 +172,54 @@ def test_without_work_it_waits_half_to_all_of_what_it_is_told_and_logs_a_reason_
         leases.take(None, "begun with MuJoCo 3", 100.0)
     assert leases.request(103.9) is None
     assert leases.request(108.0) is not None
-    assert caplog.text.count("begun with MuJoCo 3") == 1
+    assert caplog.messages == ["begun with MuJoCo 3"]
+
+
+def test_a_coordinator_that_refuses_the_machine_is_asked_again_after_a_while(
+    leases: Leases, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: Any, **_request: Any) -> None:
+        raise Conflict("begun with MuJoCo 3")
+
+    monkeypatch.setattr(Coordinator, "lease", refuse)
+    granted(leases, now=100.0)
+    assert leases.request(103.9) is None and leases.request(108.0) is not None
+    assert caplog.messages == ["begun with MuJoCo 3"]
+
+
+def test_it_asks_for_the_models_that_it_has_by_then_and_tells_their_canaries(
+    leases: Leases,
+) -> None:
+    times: list[float] = []
+
+    def models(now: float) -> dict[str, str]:
+        times.append(now)
+        return {"m": "", "n": "c0ffee"}
+
+    leases.worker, leases.models = {"id": "w"}, models
+    assert leases.request(3.0) == {
+        "worker": {"id": "w", "canaries": {"n": "c0ffee"}},
+        "models": ["m", "n"],
+        "max_instances": 3,
+    }
+    assert times == [3.0]
+    leases.models = lambda _: {"m": ""}
+    asked = leases.request(3.0)
+    assert asked is not None and asked["worker"] == {"id": "w"}
+
+
+def test_how_long_an_instance_takes_is_a_running_mean_with_a_fifth_of_the_newest(
+    leases: Leases,
+) -> None:
+    leases.left = None
+    granted(leases)
+    sizes = []
+    # Two seconds of work on three processes: 6 of 1 s each, 5 of 1.2 s.
+    for seconds in (1.0, 2.0):
+        leases.finish(leases.queue.popleft(), seconds)
+        asked = leases.request(0.0)
+        sizes.append(asked and asked["max_instances"])
+    assert sizes == [6, 5]
 
 
 @pytest.mark.parametrize(
@@ -175,6 +256,7 @@ def test_a_worker_asks_for_two_seconds_of_work(
         (0.0, 2, 1000, 100),
         # Towards the end fewer, so that no child is left with much.
         (0.0, 2, 40, 10),
+        (0.0, 2, 43, 10),
         (0.0, 2, 3, 1),
         (0.0, 64, 100, 1),
     ],
@@ -203,6 +285,7 @@ def test_more_work_is_asked_for_before_quick_instances_run_out(
         # Before anything is known: one for each process.
         (100.0, 0.0, 0.0, 4),
         (100.0, 10.0, 10.0, 40),
+        (10.0, 0.5, 0.5, 80),
         # The last one may be as slow as the slowest.
         (100.0, 10.0, 50.0, 24),
         (50.0, 10.0, 50.0, 0),
