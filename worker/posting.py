@@ -47,7 +47,8 @@ class Posting:
 
         Args:
             request: None: ask for no work.
-            hopeless: the coordinator has failed too often at what the batch is part of.
+            hopeless: the batch is one result of several at which the coordinator has failed too
+                often.
 
         Raises:
             ServerError: the coordinator fails; the batch stays in the spool.
@@ -60,8 +61,8 @@ class Posting:
         except Invalid as error:
             if request is not None:
                 # An older coordinator leases nothing with results.
-                self.post(batch, hopeless=hopeless)
-            elif not self._post_one_by_one(batch, hopeless):
+                self.post(batch)
+            elif not self._post_one_by_one(batch, hopeless=False):
                 log.error("the coordinator cannot use a result: %s: %s", error, batch.results[0])
                 self.spool.acknowledge(batch.keys)
             return
@@ -99,7 +100,7 @@ class Posting:
             return {"verdicts": self.client.post_results(**posted)}
         return self.client.exchange(**posted, request=request)
 
-    def _post_one_by_one(self, batch: Batch, hopeless: bool) -> bool:
+    def _post_one_by_one(self, batch: Batch, *, hopeless: bool) -> bool:
         """Post each result by itself, where one spoils the request for the others."""
         if len(batch.results) == 1:
             return False

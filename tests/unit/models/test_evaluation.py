@@ -35,6 +35,7 @@ def test_an_answer_is_one_number_a_column_in_the_order_of_the_description() -> N
         ({"angle": "x" * 70}, "bad_answer", f"output angle must be a number, not {'x' * 60!r}"),
         ({"angle": "1" * 70}, "bad_answer", f"output angle must be a number, not {'1' * 60!r}"),
         ({"angle": True}, "bad_answer", "output angle must be a number, not 'True'"),
+        ({"angle": np.array("x")}, "bad_answer", "output angle must be a number, not 'x'"),
         ({"angle": None}, "bad_answer", "output angle must be a number, not 'None'"),
         ({"angle": 10**400}, "bad_answer", f"output angle must be a number, not '1{'0' * 59}'"),
         ({"path": [1, None, 3]}, "bad_answer", "output path[1] must be a number, not 'None'"),
