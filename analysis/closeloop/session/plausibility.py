@@ -11,7 +11,7 @@ from scipy.stats import median_abs_deviation, siegelslopes
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import MAX_HINGE, Device
-from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.recording import MOVING, Recording
 from analysis.closeloop.session.runs import saturated_line
 
 #: A hinge that may turn for ever is recorded in degrees if it turns faster than that, rad/s: no
@@ -152,7 +152,12 @@ def _check_stuck(trial: Trial, joint: str, position: np.ndarray, velocity: np.nd
 
 
 def _check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np.ndarray) -> None:
-    """Compare a recorded velocity with the slope of its position, both smoothed alike."""
+    """Compare a recorded velocity with the slope of its position, both smoothed alike.
+
+    Of a joint that is held, both are what an encoder's last digit and a robot's own filter make.
+    """
+    if np.ptp(position) <= MOVING:
+        return
     slope = np.gradient(position, trial.time)
     rate = 1.0 / float(np.median(np.diff(trial.time)))
     sos = butter(2, min(5.0 / rate * 2.0, 0.9), output="sos")

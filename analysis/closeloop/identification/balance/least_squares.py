@@ -51,10 +51,18 @@ def keep_independent(base: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray,
 
 
 def inverse_of(matrix: np.ndarray) -> np.ndarray:
-    """Return the inverse of Gram matrices, (..., n, n), whose columns differ in size."""
-    scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
+    """Return the inverse of Gram matrices, (..., n, n), whose columns differ in size.
+
+    A column that is zero in all rows has zeros there: nothing tells its coefficient.
+    """
+    scale = _sizes(np.diagonal(matrix, axis1=-2, axis2=-1))
     both = scale[..., :, None] * scale[..., None, :]
     return np.asarray(np.linalg.inv(matrix / both + 1e-10 * np.eye(matrix.shape[-1])) / both)
+
+
+def _sizes(power: np.ndarray) -> np.ndarray:
+    """Return what columns of these sums of squares are divided by; infinite where there is none."""
+    return np.where(power > 0.0, np.sqrt(np.maximum(power, 1e-300)), np.inf)
 
 
 def solve(gram: np.ndarray, lower: np.ndarray) -> np.ndarray:
@@ -64,7 +72,7 @@ def solve(gram: np.ndarray, lower: np.ndarray) -> np.ndarray:
     """
     size = len(gram) - 1
     free = list(range(size))
-    scale = np.sqrt(np.maximum(gram.diagonal()[:size], 1e-300))
+    scale = _sizes(gram.diagonal()[:size])
     every = gram[:size, :size] / (scale[:, None] * scale)
     every.flat[:: size + 1] += 1e-10
     moments = gram[:size, size] / scale

@@ -97,6 +97,16 @@ def test_a_velocity_in_degrees_is_refused(folder: Folder) -> None:
     assert error.column == "elbow.velocity" and "degrees" in str(error)
 
 
+def test_the_velocity_of_a_held_joint_whose_encoder_trembles_is_no_fault(folder: Folder) -> None:
+    # A robot's filter leaves a twentieth of what the last digit does.
+    digit = 1.5e-3 * np.random.default_rng(4).integers(0, 2, len(folder.table))
+    folder.table[:, 1] += digit
+    folder.header += ",shoulder.velocity"
+    velocity = 0.04 * np.gradient(digit, folder.table[:, 0])
+    folder.table = np.column_stack([folder.table, velocity])
+    load_session(folder.write())
+
+
 def test_a_velocity_of_the_other_sign_is_refused(folder: Folder) -> None:
     folder.table[:, 3] *= -1
     error = refusal(folder)

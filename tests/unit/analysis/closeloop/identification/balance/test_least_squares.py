@@ -5,6 +5,7 @@ import pytest
 
 from analysis.closeloop.identification.balance.least_squares import (
     gram_matrices,
+    inverse_of,
     keep_independent,
     solve,
     sums_of_others,
@@ -17,6 +18,18 @@ def test_columns_that_others_explain_are_dropped() -> None:
     new = rng.standard_normal(500)
     columns = np.column_stack([base @ [1.0, 2.0], new, new + 1e-4 * base[:, 0]])
     assert keep_independent(base, columns)[1] == (1,)
+
+
+def test_a_column_that_no_row_has_gets_zero_and_leaves_the_others_alone() -> None:
+    # As where the one second that holds a backlash is left out.
+    rng = np.random.default_rng(3)
+    x = np.column_stack([rng.standard_normal((200, 2)), np.zeros(200)])
+    table = np.column_stack([x, x[:, :2] @ [2.0, -1.0]])
+    gram = table.T @ table
+    assert solve(gram, np.full(3, -np.inf)) == pytest.approx([2.0, -1.0, 0.0])
+    inverse = inverse_of(np.stack([gram[:3, :3]]))[0]
+    assert inverse[:2, :2] == pytest.approx(np.linalg.inv(gram[:2, :2]))
+    assert not inverse[2].any() and not inverse[:, 2].any()
 
 
 def test_a_bounded_coefficient_stays_at_zero() -> None:
