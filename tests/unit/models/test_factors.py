@@ -71,6 +71,9 @@ def test_what_means_nothing_is_told_with_what_would(
 
 def test_a_choice_is_a_whole_number_of_its_names() -> None:
     one = factor(0.0, 2.0, bounds=(0.0, 2.0), choices=("a", "b", "c"))
+    # What is not said is nominal.
+    for values in ({"mass": 1.0}, {}):
+        check_bounds((one,), values)
     with pytest.raises(ValueError) as caught:
         check_bounds((one,), {"mass": 0.5})
     assert str(caught.value) == "mass must be a, b or c, or a number of these from 0, not 0.5"

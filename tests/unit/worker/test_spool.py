@@ -96,6 +96,46 @@ def test_results_of_a_worker_that_died_are_adopted_with_its_name_and_fence(tmp_p
     assert [path.name for path in tmp_path.glob("*.spool")] == ["heir.spool"]
 
 
+def left_by(folder: Path, worker: str, *instances: str) -> Path:
+    """Leave results of a worker that is gone, and return their file."""
+    dead = Spool(folder, worker)
+    dead.add([("a", 1, result(instance)) for instance in instances])
+    dead.close()
+    return folder / f"{worker}.spool"
+
+
+def test_every_dead_worker_s_results_are_adopted_past_what_cannot_be(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    living = Spool(tmp_path, "a")
+    living.add([("a", 1, result("1"))])
+    stray = tmp_path / "b.spool"
+    stray.write_text("this is not a database, and long enough to be taken for the header of one")
+    spool = Spool(tmp_path, "c")
+    left_by(tmp_path, "d", "2")
+    left_by(tmp_path, "e", "3", "4")
+    assert spool.adopt() == 3
+    assert len(spool) == 3
+    # One that lives is nobody's business.
+    assert caplog.messages == [f"{stray} is not a spool: file is not a database"]
+
+
+def test_what_does_not_fit_is_left_where_it_is_and_the_next_is_adopted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    large, small = left_by(tmp_path, "large", "1", "2"), left_by(tmp_path, "small", "3")
+    spool = Spool(tmp_path, "heir")
+    insert = spool._insert
+    monkeypatch.setattr(
+        spool, "_insert", lambda rows: _no_room(rows) if len(rows) > 1 else insert(rows)
+    )
+    assert spool.adopt() == 1
+    assert large.exists() and not small.exists()
+    assert caplog.messages == [f"{large} cannot be adopted: database or disk is full"]
+    monkeypatch.undo()
+    assert spool.adopt() == 2
+
+
 def test_results_of_a_worker_that_lives_are_left_alone(tmp_path: Path) -> None:
     living = Spool(tmp_path, "living")
     living.add([("a", 1, result("1"))])
@@ -146,6 +186,26 @@ def test_a_full_disk_costs_no_result(tmp_path: Path) -> None:
         spool.acknowledge(batch.keys)
     assert posted == [str(number) for number in range(40)]
     assert len(spool) == 0
+
+
+def test_what_is_in_memory_is_kept_apart_by_lease_and_from_what_is_on_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    spool = Spool(tmp_path / "made" / "if missing", "w")
+    spool.add([("a", 1, result("0"))])
+    monkeypatch.setattr(spool, "_insert", _no_room)
+    spool.add([("b", 2, result(name)) for name in "123"])
+    spool.add([("c", 3, result("4"))])
+    posted: list[tuple[str, list[object]]] = []
+    while batch := spool.next_batch():
+        posted.append((batch.lease, [one["instance"] for one in batch.results]))
+        spool.acknowledge(batch.keys)
+    assert posted == [("a", ["0"]), ("b", ["1", "2", "3"]), ("c", ["4"])]
+    # Once is enough while it lasts.
+    file = tmp_path / "made" / "if missing" / "w.spool"
+    assert caplog.messages == [
+        f"{file}: database or disk is full; results are kept in memory",
+    ]
 
 
 def test_what_a_full_disk_cannot_forget_is_not_posted_again(tmp_path: Path) -> None:
