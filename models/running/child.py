@@ -163,7 +163,7 @@ def failed(
 def result_of(
     outcome: str,
     wall_seconds: float,
-    reason: str = "",
+    reason: str,
     state: object = None,
     outputs: Mapping[str, float] | None = None,
 ) -> Result:

@@ -1,6 +1,7 @@
 """A child process writes one result for each instance, as JSON that any coordinator takes."""
 
 import json
+import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Mapping
 from math import inf, nan
@@ -93,20 +94,17 @@ def test_the_parent_is_called_when_there_is_enough_to_read_or_time_has_passed(
         pipes.now += instance["takes"]
         return double(instance)
 
-    takes = [0.01, 0.01, 0.019, 0.001, 0.001]
+    monkeypatch.setattr(child, "CALL_SECONDS", 0.25)
+    takes = [0.125, 0.125, 0.125, 0.25, 0.125]
     lines, calls = pipes.work(slow, *(asked(f"{i}", takes=one) for i, one in enumerate(takes)))
-    # After 0.02 s, again after 0.02 s, and at the end.
+    # After a quarter of a second, again after more than one, and at the end.
     assert calls == 3
-    assert [round(when - 100.0, 6) for name, when, _ in lines if name] == [
-        0.01,
-        0.02,
-        0.039,
-        0.04,
-        0.041,
-    ]
-    length = len(json.dumps(("0", 100.041, lines[-1][2])) + "\n")
-    monkeypatch.setattr(child, "CALL_BYTES", 2 * length)
-    assert pipes.work(double, *(asked(f"{i}") for i in range(5)))[1] == 3
+    assert [when for name, when, _ in lines if name] == [100.125, 100.25, 100.375, 100.625, 100.75]
+    length = len(json.dumps(("0", pipes.now, lines[-1][2])) + "\n")
+    # After two lines, after four and at the end; after three and at the end.
+    for size, instances, calls in ((2 * length, 5, 3), (2 * length + 1, 6, 2)):
+        monkeypatch.setattr(child, "CALL_BYTES", size)
+        assert pipes.work(double, *(asked(f"{i}") for i in range(instances)))[1] == calls
 
 
 def test_a_success_is_told_whole(pipes: Pipes) -> None:
@@ -217,6 +215,72 @@ def test_a_result_is_written_whole_however_little_a_pipe_takes(
     monkeypatch.setattr(child, "os", SimpleNamespace(write=write))
     child._write(7, b"a result\n")
     assert taken == [b"a r", b"esu", b"lt\n"]
+
+
+class System:
+    """What a child asks of its operating system when it begins."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.asked: list[Any] = []
+        self.environ: dict[str, str] = {}
+
+        def noted(what: str) -> Callable[..., None]:
+            return lambda *said: self.asked.append((what, *said))
+
+        kernel = SimpleNamespace(nice=noted("nice"), environ=self.environ, write=os.write)
+        limits = SimpleNamespace(setrlimit=noted("limit"), RLIMIT_DATA="data")
+        signals = SimpleNamespace(
+            signal=noted("signal"), SIG_IGN=1, SIGINT=2, SIGTERM=15, SIGKILL=9
+        )
+        monkeypatch.setattr(child, "os", kernel)
+        monkeypatch.setattr(child, "resource", limits)
+        monkeypatch.setattr(child, "signal", signals)
+        monkeypatch.setattr(child, "die_with_parent", noted("die with"))
+        monkeypatch.setattr(child, "adopt_orphans", noted("adopt"))
+
+
+@pytest.mark.usefixtures("pipes")
+@pytest.mark.parametrize("memory_mb", [None, 3])
+def test_a_child_serves_its_parent_alone_and_leaves_the_machine_to_its_owner(
+    memory_mb: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    system = System(monkeypatch)
+    parent, theirs = multiprocessing.Pipe()
+    bell_in, bell_out = multiprocessing.Pipe(duplex=False)
+    with parent, theirs, bell_in, bell_out:
+        # Bundle after bundle, until it can write no more.
+        for names in ("ab", "c"):
+            parent.send([asked(name) for name in names])
+        served: list[str] = []
+
+        def evaluate(instance: Mapping[str, Any]) -> Evaluation:
+            served.append(instance["id"])
+            if instance["id"] == "c":
+                bell_in.close()
+            return double(instance)
+
+        with monkeypatch.context() as ignoring:
+            ignoring.setattr("models.running.place.load", lambda instance: None)
+            child.evaluate_until_closed(theirs, bell_out, evaluate, 77, memory_mb)
+    assert served == ["a", "b", "c"]
+    limit = [] if memory_mb is None else [("limit", "data", (3 * 2**20, 3 * 2**20))]
+    assert system.asked == [
+        ("signal", 2, 1),
+        ("signal", 15, 1),
+        ("die with", 77, 9),
+        ("adopt",),
+        ("nice", child.NICENESS),
+        *limit,
+    ]
+    assert system.environ == dict.fromkeys(child.SINGLE_THREAD, "1")
+
+
+def test_a_child_whose_parent_closes_the_pipe_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    System(monkeypatch)
+    parent, theirs = multiprocessing.Pipe()
+    parent.close()
+    with theirs:
+        child.evaluate_until_closed(theirs, theirs, double, 77, None)
 
 
 def test_an_instance_needs_its_place_or_a_model_of_rehyb_s_own() -> None:

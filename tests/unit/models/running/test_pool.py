@@ -163,6 +163,10 @@ def test_of_two_children_each_is_heard(pool: Pool, children: list[Process]) -> N
     children[0].says(("a", 101.0, OK))
     assert told(pool.wait(0.0)) == [("A", "a", "ok")]
     assert pool.free == 2
+    for name, child in zip("cd", children, strict=True):
+        pool.start(asked(name), name.upper())
+        child.says((name, 101.0, OK))
+    assert told(pool.wait(0.0)) == [("C", "c", "ok"), ("D", "d", "ok")]
 
 
 def test_a_child_that_is_gone_loses_what_it_was_at_and_another_takes_the_rest(
@@ -177,15 +181,48 @@ def test_a_child_that_is_gone_loses_what_it_was_at_and_another_takes_the_rest(
     assert done[1].result["reason"] == "the process evaluating it exited with status 3"
     assert done[1].result["wall_seconds"] == 3.0
     assert children[1].given() == ["c"]
+    assert (children[1].evaluate, children[1].memory_mb) == (pools.evaluate_model, 99)
     assert (pool.free, pool.running) == (1, 1)
 
 
-def test_a_child_that_a_signal_ended_says_which(pool: Pool, children: list[Process]) -> None:
+@pytest.mark.parametrize(
+    ("code", "how"),
+    [(-11, "was ended by SIGSEGV"), (0, "exited with status 0"), (1, "exited with status 1")],
+)
+def test_a_child_that_is_gone_says_how_it_ended(
+    pool: Pool, children: list[Process], code: int, how: str
+) -> None:
     pool.start(asked("a"), "A")
-    children[0].end(-11)
+    children[0].end(code)
     (done,) = pool.wait(0.0)
-    assert done.result["reason"] == "the process evaluating it was ended by SIGSEGV"
+    assert done.result["reason"] == f"the process evaluating it {how}"
     assert pool.free == 2
+
+
+def test_a_child_that_calls_without_a_word_is_at_work(
+    pool: Pool, children: list[Process], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pool.start(asked("a"), "A")
+    monkeypatch.setattr(pools, "wait", lambda bells, seconds: bells)
+    assert pool.wait(0.0) == []
+    assert not children[0].killed
+    # What is sent to it is sent whole.
+    assert os.get_blocking(pool._busy[0]._connection.fileno())
+
+
+def test_cores_are_those_that_this_process_may_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 9)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 3, 5}, raising=False)
+    assert pools.available_cores() == 3
+    monkeypatch.delattr(os, "sched_getaffinity")
+    assert pools.available_cores() == 9
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    assert pools.available_cores() == 1
+
+
+def test_a_child_evaluates_an_instance_of_any_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("models.running.place.evaluate", lambda instance: instance["model"])
+    assert pools.evaluate_model(asked("a")) == "m"
 
 
 @pytest.mark.parametrize(
@@ -289,6 +326,7 @@ def test_a_child_that_died_while_idle_costs_no_instance(
     children[0].end(-9)
     pool.start(asked("b"), "B")
     assert children[1].given() == ["b"]
+    assert (children[1].evaluate, children[1].memory_mb) == (pools.evaluate_model, 99)
     assert (pool.free, pool.running) == (1, 1)
 
 
