@@ -14,5 +14,5 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
         ValueError: MuJoCo refuses it.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
+        warnings.filterwarnings("ignore", "Inertia matrix is too close to singular", UserWarning)
         return spec.compile()
