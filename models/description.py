@@ -190,7 +190,7 @@ class Description:
         limit = fields.get("time_limit")
         if limit is not None and not 0.0 < limit <= 1e7:
             raise DescriptionError(
-                "model.time_limit", f"must lie above 0 s and below 1e7 s, not {limit:g}"
+                "model.time_limit", f"must lie above 0 s and be at most 1e7 s, not {limit:g}"
             )
         if len(fields["factors"]) > MAX_FACTORS:
             raise DescriptionError(

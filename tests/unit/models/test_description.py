@@ -1,12 +1,14 @@
 """A description says what a model maps, and two that evaluate alike have one digest."""
 
+import json
 from copy import deepcopy
 from math import inf
 from typing import Any
 
 import pytest
 
-from models.description import Description, complete
+from models.curves import MAX_POINTS, Curve
+from models.description import MAX_FACTORS, MAX_OUTPUTS, Description, complete
 from models.entries import RESULT_COLUMNS, DescriptionError
 from models.factors import Factor
 
@@ -37,8 +39,44 @@ def said(**changes: Any) -> dict[str, Any]:
 
 def test_what_is_read_can_be_written_and_read_again() -> None:
     read = Description.from_json(SAID)
-    assert Description.from_json(read.as_json()) == read
+    written = json.loads(json.dumps(read.as_json(), allow_nan=False))
+    assert Description.from_json(written) == read
+    assert written["factors"][0]["bounds"] == [0.0, None]
+    assert written["factors"][0]["choices"] == []
     assert read.factor("stiffness").bounds == (0.0, inf)
+    assert read.description == "it swings"
+    with pytest.raises(KeyError, match="mass"):
+        read.factor("mass")
+
+
+def test_what_need_not_be_said_is_nothing() -> None:
+    bare = {name: SAID[name] for name in ("name", "kind", "factors", "outputs")}
+    read = Description.from_json(bare)
+    assert (read.description, read.code, read.time_limit) == ("", "", None)
+    assert read.deterministic
+
+
+AXIS = {"over": "phase", "over_unit": "rad", "low": -1.0, "high": 2.0}
+
+
+def test_a_curve_lies_over_its_axis_and_may_be_left_out() -> None:
+    asked = said(outputs=[{"name": "y", "unit": "m", "curve": 2, **AXIS, "optional": True}])
+    read = Description.from_json(asked)
+    assert read.curves == {"y": Curve(points=2, over="phase", unit="rad", low=-1.0, high=2.0)}
+    assert Description.from_json(read.as_json()) == read
+    assert read.outputs == ()
+
+
+def test_limits_may_be_reached() -> None:
+    for limit in (0.5, 1e7):
+        assert Description.from_json(said(time_limit=limit)).time_limit == limit
+    factors = [{**FACTOR, "name": f"f{i}"} for i in range(MAX_FACTORS)]
+    assert len(Description.from_json(said(factors=factors)).factors) == MAX_FACTORS
+    curve = {"name": "y", "unit": "m", "curve": MAX_OUTPUTS - 1}
+    outputs = [{"name": "z", "unit": "m"}, curve]
+    assert len(Description.from_json(said(outputs=outputs)).units) == MAX_OUTPUTS
+    alone = {**curve, "curve": MAX_POINTS}
+    assert len(Description.from_json(said(outputs=[alone])).units) == MAX_POINTS
 
 
 def test_a_curve_is_as_many_numbers_as_it_has_points() -> None:
@@ -73,6 +111,13 @@ FACTOR = SAID["factors"][0]
         (said(name="Pendulum"), "model.name", "a to z"),
         (said(name="x" * 41), "model.name", "1 to 40"),
         (said(name="a@b"), "model.name", "a to z"),
+        (said(name="X" * 81), "model.name", f"{'X' * 80!r} must be"),
+        (said(kind="x" * 81), "model.kind", f"{'x' * 80!r} must be"),
+        (
+            said(time_limit=10000001),
+            "model.time_limit",
+            "at most 1e7 s, not 1e+07",
+        ),
         (said(kind="fmu"), "model.kind", "mjcf, python, command, umbridge"),
         (said(factor=[]), "model.factor", "is unknown"),
         (said(time_limit=0), "model.time_limit", "above 0"),
@@ -93,6 +138,22 @@ FACTOR = SAID["factors"][0]
         (said(outputs=[{"name": "y"}]), "outputs[0].unit", "is missing"),
         (said(outputs=[{"name": "y", "unit": "m", "curve": 1}]), "outputs[0].curve", "2 to"),
         (said(outputs=[{"name": "y", "unit": "m", "curve": True}]), "outputs[0].curve", "whole"),
+        *(
+            (
+                said(outputs=[{"name": "y", "unit": "m", name: value}]),
+                f"outputs[0].{name}",
+                "is for a curve only",
+            )
+            for name, value in AXIS.items()
+        ),
+        *(
+            (
+                said(outputs=[{"name": "y", "unit": "m", "curve": 2, "low": low, "high": high}]),
+                "outputs[0].high",
+                f"{high:g} must lie above low, {low:g}",
+            )
+            for low, high in ((1.0, 1.0), (2.0, 1.0), (-inf, 1.0), (1.0, inf))
+        ),
         (said(outputs=[{"name": "y", "unit": "\n"}]), "outputs[0].unit", "one line"),
         (
             said(outputs=[{"name": f"y{i}", "unit": "m", "curve": 9000} for i in range(2)]),
