@@ -50,7 +50,8 @@ soak: $(READY)  ## Disturb studies in every way, twenty times over; an hour
 		tests/acceptance/test_chaos.py tests/acceptance/test_acknowledged.py \
 		tests/integration/server/test_protocol.py tests/integration/server/routes/test_contract.py \
 		tests/integration/server/routes/test_fuzz.py \
-		tests/integration/analysis/closeloop/test_spoilt_files.py
+		tests/integration/analysis/closeloop/test_spoilt_files.py \
+		tests/integration/models/test_spoilt_files.py
 
 mutants: $(READY)  ## Break what decides in every small way, and list what no test notices (ROOM="server.logic.fleet*")
 	$(BIN)/mutmut run $(if $(ROOM),"$(ROOM)")

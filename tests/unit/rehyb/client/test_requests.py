@@ -2,7 +2,9 @@
 
 import json
 from collections.abc import Callable
+from math import inf
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import httpx2
@@ -337,6 +339,56 @@ def test_an_answer_to_results_without_verdicts_is_an_error_in_its_own_words() ->
         Recorder({"detail": "another's"}, status=409).client.post_results(**said)
     with pytest.raises(ServerError, match=r"^it is full$"):
         Recorder({"detail": "it is full"}, status=503).client.post_results(**said)
+
+
+def test_results_are_posted_under_their_lease_and_its_fence() -> None:
+    there = Recorder({"verdicts": [1]})
+    said: dict[str, Any] = {"lease": "l", "fence": 7, "worker": "w", "results": [{"instance": "i"}]}
+    assert there.client.post_results(**said) == [1]
+    assert there.told == ("POST", "/v1/results", said)
+
+
+@pytest.mark.parametrize(
+    ("url", "verify", "trusting"),
+    [
+        ("https://lab:9000", True, True),
+        ("http://lab:9000", False, True),
+        ("https://127.0.0.1:9000", True, False),
+        ("http://localhost:9000", False, False),
+    ],
+)
+def test_certificates_are_looked_at_and_no_proxy_is_asked_of_this_machine(
+    url: str, verify: bool, trusting: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[dict[str, Any]] = []
+    general = httpx2.Client
+
+    def make(**said: Any) -> httpx2.Client:
+        made.append(said)
+        return general(base_url=said["base_url"])
+
+    monkeypatch.setattr(httpx2, "Client", make)
+    for patience in ({}, {"timeout": 7.0}):
+        client = Client(url, "t", **patience)
+        assert client.retry_after == 1.0
+        client.close()
+    assert [(one["verify"], one["trust_env"]) for one in made] == [(verify, trusting)] * 2
+    assert [one["timeout"] for one in made] == [30.0, 7.0]
+
+
+def test_an_answer_is_waited_for_no_longer_than_it_may_take(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("rehyb.client.connection.time", SimpleNamespace(monotonic=lambda: 100.0))
+    there = Recorder()
+    for answer_by, seconds in ((inf, 30.0), (200.0, 30.0), (100.5, 0.5)):
+        there.client.answer_by = answer_by
+        there.client.work()
+        assert there.last is not None
+        assert there.last.extensions["timeout"]["read"] == seconds
+    there.client.answer_by = 100.0
+    with pytest.raises(Unreachable):
+        there.client.work()
 
 
 def test_nothing_is_asked_once_the_time_is_over(tmp_path: Path) -> None:
