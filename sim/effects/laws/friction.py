@@ -2,8 +2,9 @@
 
 Armstrong-Helouvry, Dupont and Canudas de Wit 1994 (survey of friction models); direction-dependent
 friction as found in ball screws (Janot, Gautier and Brunot 2019); dependence on position after
-Swevers, Verdonck and De Schutter 2007. MuJoCo has `frictionloss` and `damping`; what else varies
-enters as an applied torque, or as a level that is set anew at each step.
+Popovic and Goldenberg 1998, Modeling of friction using spectral analysis. MuJoCo has `frictionloss`
+and `damping`; what else varies enters as an applied torque, or as a level that is set anew at each
+step.
 """
 
 from abc import abstractmethod
@@ -14,7 +15,7 @@ import numpy as np
 
 from sim.effects.effect import Columns, Law, Theta
 from sim.effects.elements import add_damping, joint_of
-from sim.effects.functions import Signal, choose, exp, magnitude
+from sim.effects.functions import Signal, choose, exp, magnitude, sin
 from sim.effects.motion import Motion, RecordedJoint
 from sim.effects.parameter import (
     RELATIVE,
@@ -35,6 +36,10 @@ COARSE = Nonlinear("smooth", (0.004, 0.02))
 #: Speed at which friction loses what it has more when slow, over the top speed. The least was added
 #: for an arm of the unkind bench (seed 902).
 SPEED = Nonlinear("speed", (0.015, 0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE)
+
+#: Waves of friction over the range of motion; of none a parabola is left. A search begins at whole
+#: waves, since what differs by half of one over the range still takes most of it.
+WAVES = Nonlinear("waves", (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0), scaling=0.2, step=RELATIVE)
 
 
 def slowness(parameters: Values, motion: Motion) -> Signal:
@@ -193,43 +198,61 @@ class Asymmetric(Friction):
 
 
 class PositionDependent(Friction):
-    """Friction that varies along the range: (F0 + F1 x + F2 x^2) sign(v), x from its middle."""
+    """Friction that varies along the range, as waves over position: teeth, bearings, eccentricity.
+
+    (F + a sin(n x) / n + b (sin(n x / 2) / (n / 2))^2) sign(v), x from the middle of the range: a
+    mean level and one wave of n periods a turn, in any phase, as a spectrum over position shows it
+    (Popovic and Goldenberg 1998, IEEE Transactions on Robotics and Automation 14(1), 114-122). Of
+    waves much longer than the range, n = 0, the parabola F + a x + b x^2 is left.
+    """
 
     name = "position_dependent_friction"
-    complexity = 3
+    complexity = 4
     signature = "the step with the velocity's sign changes along the range"
     separating_trial = "repeat one movement in another posture, so that load and position part"
     includes = ("coulomb_friction",)
     parameters = named(
         torque_middle=size("Nm", 3.0, "friction in the middle of the range"),
-        torque_slope=size("Nm/rad", 1.0, "its slope over the angle", low=-1.0),
-        torque_curvature=size("Nm/rad2", 1.0, "its curvature", low=-1.0),
+        torque_slope=size("Nm/rad", 1.0, "its slope over the angle there", low=-1.0),
+        torque_curvature=size("Nm/rad2", 1.0, "half its second derivative there", low=-1.0),
         middle=Parameter("rad", "middle of the range", 0.5, 1.5, neutral=1.0, in_joint_frame=True),
+        order=Parameter("1/rad", "waves a turn; 0 is a parabola", 0.0, 6.0, floor=0.0, choice=True),
     )
     lower = (0.0, -np.inf, -np.inf)
-    nonlinear = (COARSE,)
+    nonlinear = (COARSE, WAVES)
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
-        x = motion.position - parameters["middle"]
-        slope, curvature = parameters["torque_slope"], parameters["torque_curvature"]
+        order = parameters.get("order", 0.0)
+        straight, bent = _waved(motion.position - parameters["middle"], order)
+        varying = parameters["torque_slope"] * straight + parameters["torque_curvature"] * bent
         # Where Coulomb friction is declared already, only how it varies is the effect's own.
-        return parameters.get("torque_middle", 0.0) + slope * x + curvature * x * x
+        return parameters.get("torque_middle", 0.0) + varying
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         # Over half the range, so that the columns are alike in size.
         sign = self.motion(joint, theta).direction
         middle, half = joint.travel
-        x = (joint.position - middle) / half
-        return {joint.number: np.column_stack([sign, sign * x, sign * x**2])}
+        straight, bent = _waved((joint.position - middle) / half, np.pi * theta["waves"])
+        return {joint.number: np.column_stack([sign, sign * straight, sign * bent])}
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        return {"middle": joint.travel[0]}
+        middle, half = joint.travel
+        order = {"order": np.pi * theta["waves"] / half} if theta["waves"] else {}
+        return {"middle": middle, **order}
 
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
-        middle, half = joint.travel
+        _, half = joint.travel
+        fixed = self.fixed(joint, theta)
         return {
             "torque_middle": Reading(column=0),
             "torque_slope": Reading(column=1, scale=1 / half),
             "torque_curvature": Reading(column=2, scale=1 / half**2),
-            "middle": Reading(value=middle),
+            **{name: Reading(value=value) for name, value in fixed.items()},
         }
+
+
+def _waved(x: Signal, order: float) -> tuple[Signal, Signal]:
+    """Return what begins at 0 as x and as its square, and is a wave; both themselves of order 0."""
+    if not order:
+        return x, x * x
+    return sin(order * x) / order, (sin(0.5 * order * x) / (0.5 * order)) ** 2

@@ -29,7 +29,7 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
     ),
     "directional_load_friction": ({"smooth": 0.004, "load": 0}, (0.3, 0.3, 0.15)),
     "quadratic_load_friction": ({"smooth": 0.004, "load": 0}, (0.3, 0.1, 0.02)),
-    "position_dependent_friction": ({"smooth": 0.004}, (0.9, 0.3, 0.2)),
+    "position_dependent_friction": ({"smooth": 0.004, "waves": 1.5}, (0.9, 0.3, 0.2)),
     "torque_offset": ({}, (0.7,)),
     "torque_gain": ({}, (-0.1,)),
     "payload": ({"distance": 1.6}, (0.4,)),
