@@ -95,6 +95,7 @@ def test_a_digest_tells_what_decides_an_answer_and_not_what_people_call_it() -> 
 def test_a_factor_that_is_left_out_is_nominal() -> None:
     model = Description.from_json(SAID)
     assert complete(model, {}) == {"stiffness": 10.0}
+    assert complete(model, {"stiffness": 12}) == {"stiffness": 12.0}
     with pytest.raises(ValueError, match="pendulum has no factor 'mass': it has stiffness"):
         complete(model, {"mass": 1.0})
     with pytest.raises(ValueError, match="stiffness must be finite"):
