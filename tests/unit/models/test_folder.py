@@ -1,11 +1,12 @@
 """A model's folder is read, packed and unpacked, and what is wrong in it is one sentence."""
 
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from models.folder import ModelError, copied, pack, read_folder, unpacked_into
+from models.folder import LIMITS, ModelError, copied, pack, read_folder, unpacked_into
 from tests.testbed.models import EXAMPLES, edited
 
 
@@ -48,6 +49,61 @@ def test_what_is_wrong_in_it_is_one_sentence(
         read_folder(folder)
     assert words in str(caught.value)
     assert str(caught.value).startswith("model.toml: ")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "over", "unit", "ends"),
+    [
+        ("", "", "time", "s", (0.0, 0.5)),
+        ('over = "time"\n', "", "time", "s", (0.0, 0.5)),
+        ("duration = 0.5", "duration = 2\nrecord_from = 1.5", "time", "s", (1.5, 2.0)),
+        ('over = "time"', 'over = "elbow.position"', "elbow.position", "1", (0.0, 1.0)),
+        # What is wrong with these, whoever reads them says.
+        ("duration = 0.5", "", "time", "1", (0.0, 1.0)),
+        ("duration = 0.5", 'duration = 2\nrecord_from = "x"', "time", "1", (0.0, 1.0)),
+        ("duration = 0.5", "duration = 0.5\nrecord_from = 0.5", "time", "1", (0.0, 1.0)),
+    ],
+)
+def test_a_curve_of_a_sensor_lies_over_what_is_recorded_of_time_or_over_another_sensor(
+    tmp_path: Path, old: str, new: str, over: str, unit: str, ends: tuple[float, float]
+) -> None:
+    folder = edited("robot", tmp_path, {old: new} if old else {})
+    axis = read_folder(folder).description.curves["elbow_over_time"]
+    assert (axis.points, axis.over, axis.unit, (axis.low, axis.high)) == (11, over, unit, ends)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("time_limit = 60", "#" * 1999 + "\n" * 500_001, "model.toml: is larger than 500 kB"),
+        ("time_limit = 60", "x = " + "[" * 1990, "model.toml: is nested too deeply"),
+    ],
+)
+def test_a_description_of_no_sense_is_told_whole(
+    tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    folder = edited("pendulum", tmp_path, {old: new})
+    with pytest.raises(ModelError) as caught:
+        read_folder(folder)
+    assert str(caught.value) == words
+
+
+def test_files_in_folders_of_the_folder_are_copied_and_too_many_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = edited("pendulum", tmp_path)
+    (folder / "a" / "b").mkdir(parents=True)
+    (folder / "a" / "b" / "c.csv").write_text("12345")
+    read = read_folder(folder)
+    assert (copied(read, tmp_path / "copy").path / "a" / "b" / "c.csv").read_text() == "12345"
+    size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    for limits in (replace(LIMITS, files=3), replace(LIMITS, unpacked=size)):
+        monkeypatch.setattr("models.folder.LIMITS", limits)
+        read_folder(folder)
+    for limits in (replace(LIMITS, files=2), replace(LIMITS, unpacked=size - 1)):
+        monkeypatch.setattr("models.folder.LIMITS", limits)
+        with pytest.raises(ModelError, match="the folder holds 3 files of 0 MB; at most"):
+            read_folder(folder)
 
 
 def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:

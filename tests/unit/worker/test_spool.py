@@ -195,6 +195,7 @@ def test_what_is_in_memory_is_kept_apart_by_lease_and_from_what_is_on_disk(
     spool.add([("a", 1, result("0"))])
     monkeypatch.setattr(spool, "_insert", _no_room)
     spool.add([("b", 2, result(name)) for name in "123"])
+    assert len(caplog.messages) == 1
     spool.add([("c", 3, result("4"))])
     posted: list[tuple[str, list[object]]] = []
     while batch := spool.next_batch():
