@@ -53,6 +53,9 @@ def evaluate_until_closed(
     adopt_orphans()
     os.nice(NICENESS)
     os.environ.update(dict.fromkeys(SINGLE_THREAD, "1"))
+    # A model of somebody's own, or a program that it runs, has no use for a fleet's token.
+    for name in [name for name in os.environ if name.startswith("REHYB_")]:
+        del os.environ[name]
     if memory_mb is not None:
         # Of what the process writes to; libraries reserve more address space than they use.
         resource.setrlimit(resource.RLIMIT_DATA, (memory_mb * 2**20, memory_mb * 2**20))

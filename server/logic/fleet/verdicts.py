@@ -15,8 +15,8 @@ from server.states import InstanceState, Outcome, Verdict
 
 #: Characters kept of a reason: a sentence or a traceback, not a log.
 REASON_LENGTH = 4000
-#: Levels of nesting a state may have.
-STATE_DEPTH = 32
+#: Levels of nesting a state may have, and how many values and characters.
+STATE_DEPTH, STATE_VALUES = 32, 100_000
 
 _NONE: Mapping[str, Curve] = MappingProxyType({})
 _OUTCOME = re.compile(r"[a-z_]{1,40}")
@@ -186,8 +186,10 @@ def fault_in(
     wall = report.wall_seconds
     if wall is not None and not (is_finite_number(wall) and wall >= 0):
         return "wall_seconds must be a finite number, 0 or more, or null"
-    if report.state is not None and (flaw := flaw_in(report.state, STATE_DEPTH)) is not None:
-        return _FLAWS[flaw]
+    if report.state is not None:
+        flaw = flaw_in(report.state, STATE_DEPTH, STATE_VALUES)
+        if flaw is not None:
+            return _FLAWS[flaw]
     if not ok:
         return None
     given = report.outputs or {}
@@ -235,4 +237,5 @@ def as_result(
 _FLAWS = {
     "nested": f"the state is nested more than {STATE_DEPTH} deep",
     "infinite": "the state holds a number that is not finite: send null instead",
+    "long": f"the state holds more than {STATE_VALUES:,} values and characters",
 }

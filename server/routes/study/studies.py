@@ -1,7 +1,7 @@
 """Studies: submit, list, show, and what an operator does with one under way."""
 
 import hashlib
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from fastapi import APIRouter, Header, Request, Response
 from pydantic import (
@@ -174,6 +174,12 @@ class RerunBody(Body):
 
     which: Literal["failed", "all"] = "failed"
     outcomes: list[Name] | None = Field(default=None, min_length=1, max_length=100)
+
+    @model_validator(mode="after")
+    def _outcomes_are_of_failures(self) -> Self:
+        if self.which == "all" and self.outcomes:
+            raise ValueError("all takes back every result: leave out outcomes, or say failed")
+        return self
 
 
 @router.post("", status_code=201)

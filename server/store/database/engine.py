@@ -6,20 +6,23 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection, Engine
-from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import ArgumentError, DBAPIError, InterfaceError, OperationalError
 
+from server.errors import CoordinatorError
 from server.store.database.prepared import failure
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
+#: Of databases, as SQLAlchemy's URLs call them.
+KINDS = ("sqlite", "postgresql+psycopg")
 #: Writes what goes into columns of JSON: `json.dumps` would make a new encoder for every value.
 JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 #: Seconds a transaction waits for another process to finish writing.
@@ -39,9 +42,12 @@ def create_engine(url: str, *, durability: str = "normal") -> Engine:
         url: sqlite:///FILE or postgresql+psycopg://...; the file need not exist yet.
         durability: "full": a commit waits until the disk has it. SQLite does not by itself;
             PostgreSQL does unless its `synchronous_commit` is off.
+
+    Raises:
+        CoordinatorError: there is no such kind of database, or the URL is none.
     """
     engine = sa.create_engine(
-        url,
+        _of_known_kind(url),
         json_serializer=JSON.encode,
         execution_options={"writer": threading.Lock()},
         pool_size=10,
@@ -61,6 +67,18 @@ def create_engine(url: str, *, durability: str = "normal") -> Engine:
     elif durability == "full":
         sa.event.listen(engine, "connect", _wait_for_the_disk)
     return engine
+
+
+def _of_known_kind(url: str) -> sa.URL:
+    with suppress(ArgumentError, ValueError):
+        found = sa.make_url(url)
+        if found.drivername in KINDS:
+            return found
+    kind = url.partition("://")[0]
+    raise CoordinatorError(
+        "the database's URL must be sqlite:///FILE or postgresql+psycopg://USER@HOST:PORT/NAME; "
+        f"the one that begins with {kind[:40]!r} cannot be used"
+    )
 
 
 @contextmanager

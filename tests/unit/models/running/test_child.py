@@ -245,6 +245,8 @@ def test_a_child_serves_its_parent_alone_and_leaves_the_machine_to_its_owner(
     memory_mb: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     system = System(monkeypatch)
+    # Nor is a fleet's token any model's business.
+    system.environ |= {"REHYB_TOKEN": "secret", "REHYB_URL": "http://there"}
     parent, theirs = multiprocessing.Pipe()
     bell_in, bell_out = multiprocessing.Pipe(duplex=False)
     with parent, theirs, bell_in, bell_out:

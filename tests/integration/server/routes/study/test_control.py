@@ -73,6 +73,16 @@ def test_the_failed_run_again(client: TestClient, study: str) -> None:
     assert client.post(f"/v1/studies/{study}/rerun", json={"which": "x"}).status_code == 422
 
 
+def test_all_is_not_taken_back_where_only_some_failures_were_meant(
+    client: TestClient, study: str
+) -> None:
+    work(client, fail=2)
+    refused = client.post(f"/v1/studies/{study}/rerun", json={"which": "all", "outcomes": ["lost"]})
+    assert refused.status_code == 422 and "leave out outcomes" in refused.text
+    progress = client.get(f"/v1/studies/{study}/progress").json()
+    assert (progress["state"], progress["ok"]) == ("complete", 8)
+
+
 @pytest.mark.parametrize("which", ["failed", "all"])
 def test_a_request_that_is_repeated_does_not_undo_that_its_results_were_taken_back(
     client: TestClient, study: str, clock: Clock, which: str
