@@ -88,6 +88,25 @@ def test_a_description_of_no_sense_is_told_whole(
     assert str(caught.value) == words
 
 
+def test_what_only_mjcf_reads_is_refused_of_other_kinds(tmp_path: Path) -> None:
+    folder = edited("ishigami_python", tmp_path, {"[[outputs]]": '[[outputs]]\nsensor = "s"'})
+    with pytest.raises(ModelError) as caught:
+        read_folder(folder)
+    assert str(caught.value) == ("model.toml: outputs[0].sensor is for models of kind mjcf only")
+    with pytest.raises(ModelError) as caught:
+        read_folder(EXAMPLES / "ishigami_python").check_run({"b", "a"})
+    assert str(caught.value).endswith("is unknown: expected a, b")
+
+
+def test_a_program_says_itself_what_its_curve_is_over(tmp_path: Path) -> None:
+    curve = '[[outputs]]\ncurve = 3\nover = "phase"'
+    folder = edited("ishigami_python", tmp_path, {"[[outputs]]": curve})
+    assert read_folder(folder).description.curves["y"].over == "phase"
+    (folder / "model.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(ModelError, match=r"^model\.toml: is not UTF-8 text$"):
+        read_folder(folder)
+
+
 def test_files_in_folders_of_the_folder_are_copied_and_too_many_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -109,7 +128,7 @@ def test_files_in_folders_of_the_folder_are_copied_and_too_many_are_refused(
 def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
     folder = edited("pendulum", tmp_path)
     (folder / "secret").symlink_to("/etc/passwd")
-    with pytest.raises(ModelError, match="leads out of the model's folder"):
+    with pytest.raises(ModelError, match=r"^secret: leads out of the model's folder; keep"):
         read_folder(folder)
 
 
@@ -119,7 +138,7 @@ def test_an_empty_folder_and_a_zip_without_a_model_say_what_is_missing(tmp_path:
     with zipfile.ZipFile(tmp_path / "m.zip", "w") as archive:
         archive.writestr("../../model.toml", "")
     (tmp_path / "out").mkdir()
-    with pytest.raises(ModelError, match="no path inside a model's folder"):
+    with pytest.raises(ModelError, match=r"^m\.zip: .* no path inside a model's folder"):
         unpacked_into(tmp_path / "m.zip", tmp_path / "out")
 
 
