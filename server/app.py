@@ -21,6 +21,7 @@ from server.http.compression import Gunzip
 from server.http.guards import MAX_BODY_BYTES, BodyLimit, Guard
 from server.logic.fleet.history import FleetHistory
 from server.logic.fleet.idling import Idle
+from server.logic.fleet.unserved import Patience
 from server.metrics import Metrics
 from server.operations import close_loops as close_loop_operations
 from server.operations import models as model_operations
@@ -164,6 +165,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         state.clock = Forward(state.clock)
         state.clock.follow(lease_operations.latest(state.engine))
         now = state.clock()
+        state.patience = Patience(seconds=state.settings.stranded_seconds, since=now)
         model_operations.register_built_in(state.engine, built_in_models().values(), now=now)
         state.sweep.begin()
         await in_thread(studies_at_work.make_ready, state.engine)

@@ -14,6 +14,7 @@ from sqlalchemy.engine import Engine
 from starlette.types import Receive, Scope, Send
 
 from server.logic.conditional_requests import is_known
+from server.logic.fleet.unserved import Patience
 from server.metrics import Metrics
 from server.settings import Settings
 
@@ -107,6 +108,7 @@ def not_modified(tag: str, if_none_match: str | None) -> Response | None:
 
 Store = Annotated[Engine, _of_app("engine")]
 Configured = Annotated[Settings, _of_app("settings")]
+RowPatience = Annotated[Patience, _of_app("patience")]
 Measures = Annotated[Metrics, _of_app("metrics")]
 Now = Annotated[float, Depends(_moment)]
 

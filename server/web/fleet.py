@@ -14,6 +14,7 @@ from server.logic.fleet.unserved import why_it_waits
 from server.operations import watching
 from server.operations.fleet import comparisons
 from server.operations.study import studies
+from server.records import Study
 from server.threads import in_thread
 from server.web.page import Look, Page
 
@@ -65,7 +66,7 @@ def look(asked: Look) -> dict[str, Any]:
         {"study": study, "why": why}
         for study in studies.every(asked.engine)
         if study.state.is_served and study.pending
-        if (why := why_it_waits(study, alive)) is not None
+        if (why := why_it_waits(study, alive) or _why_its_rows_wait(asked, study)) is not None
     ]
     return {
         "rows": rows,
@@ -76,6 +77,10 @@ def look(asked: Look) -> dict[str, Any]:
         "rate": sum(row["pulse"].results_per_second for row in rows if row["alive"]),
         "busy": sum(row["held"] > 0 for row in rows if row["alive"]),
     }
+
+
+def _why_its_rows_wait(asked: Look, study: Study) -> str | None:
+    return studies.why_rows_wait(asked.engine, study, asked.now, asked.state.patience)
 
 
 PAGE = Page(path="/fleet", template="fleet.html", look=look, choices=("all",))

@@ -50,7 +50,7 @@ def look(asked: Look) -> dict[str, Any]:
     found.sort(key=SORTS[by], reverse=True)
     shown = found[:MOST_SHOWN]
     for row in shown:
-        row |= detail(asked.engine, row["study"], goals.get(row["study"].id), asked.now)
+        row |= detail(asked, row["study"], goals.get(row["study"].id))
     return {
         "rows": shown,
         "hidden": len(found) - len(shown),
@@ -64,9 +64,12 @@ def look(asked: Look) -> dict[str, Any]:
 PAGE = Page(path="/", template="studies.html", look=look, choices=("state", "find", "sort"))
 
 
-def detail(engine: Engine, study: Study, goal: PrecisionGoal | None, now: float) -> dict[str, Any]:
+def detail(asked: Look, study: Study, goal: PrecisionGoal | None) -> dict[str, Any]:
     """Return what costs a query of its own: a study's speed, end and precision."""
-    standing = studies.standing(engine, study.id, now=now) if study.state.is_served else None
+    engine, now = asked.engine, asked.now
+    standing = None
+    if study.state.is_served:
+        standing = studies.standing(engine, study.id, now=now, patience=asked.state.patience)
     speed: Pace | None = None
     if standing is not None:
         speed = standing.pace(now)

@@ -8,7 +8,7 @@ from sqlalchemy.engine import Connection, Engine
 
 from server.errors import ConflictError
 from server.logic.fleet.hosts import GONE_SECONDS
-from server.logic.fleet.unserved import why_it_waits
+from server.logic.fleet.unserved import Patience, why_it_waits, why_its_rows_wait
 from server.logic.study import studies as life
 from server.logic.study.points import parameters
 from server.logic.study.progress import Pace, block_ends, pace, window_start
@@ -17,7 +17,7 @@ from server.states import StudyState
 from server.store import models
 from server.store.database.engine import alone_reading, reading, writing
 from server.store.fleet import leases, results, workers
-from server.store.study import precision_goals, studies
+from server.store.study import instances, precision_goals, studies
 
 get = alone_reading(studies.find)
 every = alone_reading(studies.every)
@@ -106,7 +106,7 @@ def create(
     return first, False
 
 
-def standing(engine: Engine, study_id: str, *, now: float) -> Standing:
+def standing(engine: Engine, study_id: str, *, now: float, patience: Patience) -> Standing:
     """Return a study and how it has been going."""
     with reading(engine) as connection:
         study = studies.find(connection, study_id)
@@ -123,7 +123,7 @@ def standing(engine: Engine, study_id: str, *, now: float) -> Standing:
             passed_at=tuple(arrived_at[number] for number in ends),
             workers=holding,
             waits_for=missing,
-            why_it_waits=_why_it_waits(connection, study, now) if idle else None,
+            why_it_waits=_why_it_waits(connection, study, now, patience) if idle else None,
         )
 
 
@@ -141,10 +141,29 @@ def _waits_for(connection: Connection, study: Study, now: float) -> str | None:
     return model
 
 
-def _why_it_waits(connection: Connection, study: Study, now: float) -> str | None:
+def _why_it_waits(
+    connection: Connection, study: Study, now: float, patience: Patience
+) -> str | None:
     # Of ten thousand workers the last few tell as much as all.
     alive = workers.heard(connection, after=now - GONE_SECONDS, most=MOST_ASKED)
-    return why_it_waits(study, alive)
+    return why_it_waits(study, alive) or _why_its_rows_wait(connection, study, now, patience)
+
+
+def _why_its_rows_wait(
+    connection: Connection, study: Study, now: float, patience: Patience
+) -> str | None:
+    if not study.returned:
+        return None
+    return why_its_rows_wait(
+        study,
+        instances.waiting_by_class(connection, study.id),
+        workers.heard(connection, after=now - patience.seconds),
+        now=now,
+        patience=patience,
+    )
+
+
+why_rows_wait = alone_reading(_why_its_rows_wait)
 
 
 def cancel(engine: Engine, study_id: str, *, now: float) -> Study:

@@ -10,7 +10,7 @@ from server.logic.study.precision_goals import is_settled
 from server.logic.study.precision_goals import shown as goal_shown
 from server.operations.study import studies
 from server.operations.study.studies import Standing
-from server.routes.common import Id, IfNoneMatch, Now, Store, not_modified
+from server.routes.common import Id, IfNoneMatch, Now, RowPatience, Store, not_modified
 from server.routes.events import Moment, stream
 
 router = APIRouter(prefix="/v1/studies/{study_id}", tags=["studies"])
@@ -23,13 +23,18 @@ STALE_SECONDS = 10.0
 
 @router.get("/progress", response_model=None)
 def progress(
-    study_id: Id, store: Store, now: Now, response: Response, if_none_match: IfNoneMatch = None
+    study_id: Id,
+    store: Store,
+    now: Now,
+    patience: RowPatience,
+    response: Response,
+    if_none_match: IfNoneMatch = None,
 ) -> dict[str, Any] | Response:
     """Tell how many instances are where, how fast results come, and when they will all be in.
 
     304 if nothing has happened since the answer whose ETag the request names.
     """
-    standing = studies.standing(store, study_id, now=now)
+    standing = studies.standing(store, study_id, now=now, patience=patience)
     seen = _tag(standing, now)
     if known := not_modified(seen, if_none_match):
         return known
@@ -38,12 +43,14 @@ def progress(
 
 
 @router.get("/events")
-async def events(study_id: Id, store: Store, request: Request) -> StreamingResponse:
+async def events(
+    study_id: Id, store: Store, patience: RowPatience, request: Request
+) -> StreamingResponse:
     """Stream progress as server-sent events, one per change, until the study has ended."""
 
     def look() -> Moment:
         now = request.app.state.clock()
-        standing = studies.standing(store, study_id, now=now)
+        standing = studies.standing(store, study_id, now=now, patience=patience)
         study, goal = standing.study, standing.goal
         # One with a goal may yet be extended.
         over = study.state.has_ended and (goal is None or is_settled(study, goal))

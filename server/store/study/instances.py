@@ -59,6 +59,13 @@ def _pending(*conditions: sa.ColumnElement[bool]) -> tuple[Prepared, Prepared]:
 
 
 _PENDING = {None: _pending(), False: _pending(sa.not_(_TRIED_HERE)), True: _pending(_TRIED_HERE)}
+_BY_CLASS = Prepared(
+    sa.select(instances.c.host_class, sa.func.count())
+    .where(_OF_STUDY, instances.c.state == sa.literal_column("'pending'"))
+    .group_by(instances.c.host_class),
+    "of_study",
+    index="instances_returned",
+)
 _UPDATE = sa.update(instances).where(
     _OF_STUDY,
     instances.c.row == sa.bindparam("at_row"),
@@ -98,6 +105,11 @@ def pending(
     """
     values = (study_id, host_class, limit, host, JSON.encode(host))
     return [query.statement(dialect, *values) for query in _PENDING[tried]]
+
+
+def waiting_by_class(connection: Connection, study_id: str) -> dict[str | None, int]:
+    """Return how many instances of begun rows nobody holds, by kind of machine; None: any."""
+    return dict(_BY_CLASS.execute(connection, study_id).fetchall())
 
 
 def update(connection: Connection, study_id: str, changed: Iterable[Instance]) -> None:

@@ -55,7 +55,7 @@ def look(asked: Look) -> dict[str, Any]:
     alarm = warning(snapshot)
     return {
         "study": study,
-        "detail": detail(asked.engine, study, goal, asked.now),
+        "detail": detail(asked, study, goal),
         "output": output,
         "names": names_of(study),
         "name": name,

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError, NotFoundError
+from server.logic.fleet.unserved import Patience
 from server.logic.study.plans import MAX_ROWS
 from server.logic.study.points import instance_id, parameters
 from server.operations.fleet import leases, results
@@ -174,9 +175,10 @@ def test_a_lease_is_over_with_the_last_of_its_results(
     grant = leased(engine)
     first, *others = [report(name) for name in ids(grant)]
     post(engine, grant, [first])
-    assert studies.standing(engine, study.id, now=1.0).workers == 1
+    patience = Patience(seconds=3600.0, since=0.0)
+    assert studies.standing(engine, study.id, now=1.0, patience=patience).workers == 1
     post(engine, grant, others)
-    assert studies.standing(engine, study.id, now=1.0).workers == 0
+    assert studies.standing(engine, study.id, now=1.0, patience=patience).workers == 0
     with pytest.raises(ConflictError, match="the lease is finished"):
         leases.renew(engine, grant.lease.id, fence=grant.lease.fence, now=1.0, ttl=TTL)
     assert [v.verdict for v in post(engine, grant, [first])] == ["duplicate"]

@@ -222,24 +222,6 @@ def test_progress_adds_up(client: TestClient, study: Json, lease: Json, clock: A
     }
 
 
-def test_progress_says_why_nobody_who_is_there_works_on_a_study(
-    client: TestClient, study: Json, lease: Json
-) -> None:
-    path = f"/v1/studies/{study['id']}"
-
-    def why() -> Any:
-        return client.get(f"{path}/progress").json()["why_it_waits"]
-
-    client.post("/v1/results", json=posting(lease, [result(i) for i in lease["instances"]]))
-    assert why() is None
-    # After an update of its host the worker is of another version.
-    other = {"id": "w", "host": "spare-pc", "versions": {"mujoco": "9.9.9"}}
-    assert client.post("/v1/leases", json=asking(worker=other)).status_code == 409
-    assert "begun with code unknown, mujoco 4.0.1, but this worker has" in why()
-    page = client.get(f"/studies/{study['id']}", headers={"Accept": "text/html"}).text
-    assert "No worker is on this study now: study" in page and "mujoco 9.9.9" in page
-
-
 def test_indices_are_empty_until_the_analysis_has_published(
     client: TestClient, app: FastAPI, study: Json, lease: Json
 ) -> None:
