@@ -49,5 +49,9 @@ class SchemaError(CoordinatorError):
     """The database's schema is not the one this version works with."""
 
 
+class DatabaseAwayError(CoordinatorError):
+    """No database server is there, or it takes nobody yet or any more."""
+
+
 class DamagedError(CoordinatorError):
     """The file of the database has pages that cannot be right."""

@@ -6,7 +6,8 @@ still where it found it and the study is as it was planned. So every result coun
 first, and a process may die at any moment (docs/decisions/0004).
 """
 
-from collections.abc import Iterable
+import logging
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, suppress
 from threading import Event
 from typing import Any, Protocol
@@ -14,8 +15,16 @@ from typing import Any, Protocol
 from analysis.sensitivity.estimator_state import EstimatorState, StaleStateError
 from analysis.sensitivity.records import LoggedResult, NoSuchStudyError, StudyPlan
 
-__all__ = ["LoggedResult", "ResultLog", "StudyPlan", "analyse", "catch_up", "follow"]
+__all__ = ["LoggedResult", "ResultLog", "StudyPlan", "analyse", "catch_up", "follow", "patiently"]
 
+logger = logging.getLogger(__name__)
+
+#: Says of an error why the store is away, in a sentence; None: it is not.
+WhyAway = Callable[[Exception], str | None]
+#: Seconds between two looks for news.
+POLL_SECONDS = 0.5
+#: The most of them between two looks for a store that is away.
+LONGEST_PAUSE = 8.0
 #: Results between two commits: few enough that a snapshot is never long in coming.
 BATCH = 2000
 
@@ -88,13 +97,52 @@ def catch_up(log: ResultLog, study_id: str) -> int:
     return taken
 
 
-def follow(log: ResultLog, *, stop: Event, poll_seconds: float = 0.5) -> None:
-    """Keep every study caught up, and those with a goal growing, until `stop` is set."""
-    while not stop.is_set():
+def follow(
+    log: ResultLog,
+    *,
+    stop: Event,
+    poll_seconds: float = POLL_SECONDS,
+    why_away: WhyAway = lambda error: None,
+) -> None:
+    """Keep every study caught up, and those with a goal growing, until `stop` is set.
+
+    A store that is away is waited for, as `patiently` does.
+    """
+
+    def look() -> bool:
         with log.alone() as mine:
             if mine:
                 _look(log, stop)
-        stop.wait(poll_seconds)
+        return False
+
+    patiently(look, stop=stop, why_away=why_away, poll_seconds=poll_seconds)
+
+
+def patiently(
+    act: Callable[[], bool], *, stop: Event, why_away: WhyAway, poll_seconds: float = POLL_SECONDS
+) -> None:
+    """Act again and again until it is done, says `act`, or `stop` is set.
+
+    While the store is away the pauses grow. That it goes and that it is back is logged, once each;
+    any other error is raised.
+    """
+    away, pause = False, poll_seconds
+    while not stop.is_set():
+        try:
+            done = act()
+        except Exception as error:
+            if (why := why_away(error)) is None:
+                raise
+            if not away:
+                logger.warning("the database is away, and waited for: %s", why)
+            away, pause = True, min(2.0 * pause, LONGEST_PAUSE)
+        else:
+            if away:
+                logger.warning("the database is back")
+            away, pause = False, poll_seconds
+            if done:
+                return
+        stop.wait(pause)
 
 
 def _look(log: ResultLog, stop: Event) -> None:

@@ -1,6 +1,7 @@
 """Commands about the coordinator's database: `db upgrade`, `backup`, `copy`, `check`."""
 
 import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -89,8 +90,12 @@ def copy(
 
 
 @contextmanager
-def opened(*, upgraded: bool = False) -> Iterator["Engine"]:
+def opened(*, upgraded: bool = False, stop: threading.Event | None = None) -> Iterator["Engine"]:
     """Open the database at REHYB_DATABASE_URL, for which no token is needed.
+
+    Args:
+        upgraded: bring it to this version's schema first.
+        stop: if given, a server that is not there yet is waited for until it is set.
 
     Raises:
         RehybError: it cannot be used, or has another version's schema and is not `upgraded` first.
@@ -104,10 +109,38 @@ def opened(*, upgraded: bool = False) -> Iterator["Engine"]:
             upgrade(url)
         engine = create_engine(url)
         try:
-            require_current(engine)
+            if stop is None:
+                require_current(engine)
+            else:
+                _require_once_there(engine, stop)
             yield engine
         finally:
             engine.dispose()
+
+
+def _require_once_there(engine: "Engine", stop: threading.Event) -> None:
+    """Look at the schema as soon as a server is there, which may refuse us for good then."""
+    from sqlalchemy.exc import SQLAlchemyError
+
+    from analysis.sensitivity.service import patiently
+    from server.errors import DatabaseAwayError
+    from server.store import require_current
+    from server.store.database.engine import require_answer
+
+    def look() -> bool:
+        require_answer(engine)
+        try:
+            require_current(engine)
+        except SQLAlchemyError:
+            # It may have gone meanwhile.
+            require_answer(engine)
+            raise
+        return True
+
+    def why_away(error: Exception) -> str | None:
+        return str(error) if isinstance(error, DatabaseAwayError) else None
+
+    patiently(look, stop=stop, why_away=why_away)
 
 
 def _url() -> str:

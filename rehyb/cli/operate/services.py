@@ -17,8 +17,6 @@ from rehyb.client import Client
 from rehyb.errors import Invalid, RehybError, needs_extra
 
 SUPERVISE_SECONDS = 1.0
-#: Between two looks of the analysis for news.
-POLL_SECONDS = 0.5
 
 
 def up(
@@ -118,15 +116,19 @@ def coordinator() -> None:
 def analysis() -> None:
     """Turn results into indices as they arrive.
 
-    Runs until SIGTERM or Ctrl-C. REHYB_DATABASE_URL names the coordinator's database. Several may
-    run: whoever commits first wins, and the others carry on from there.
+    Runs until SIGTERM or Ctrl-C; a database that is away is waited for. REHYB_DATABASE_URL names
+    the coordinator's database. Several may run: whoever commits first wins, and the others carry on
+    from there.
     """
     with needs_extra("rehyb analysis", "server"):
         from analysis.sensitivity.service import follow
+        from server.logs import configure
         from server.operations.study.result_log import StoreResultLog
+        from server.store.database.engine import why_away
 
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    with opened() as engine:
-        follow(StoreResultLog(engine), stop=stop, poll_seconds=POLL_SECONDS)
+    configure("warning")
+    with opened(stop=stop) as engine:
+        follow(StoreResultLog(engine), stop=stop, why_away=why_away)

@@ -15,7 +15,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection, Engine
 from sqlalchemy.exc import ArgumentError, DBAPIError, InterfaceError, OperationalError
 
-from server.errors import CoordinatorError
+from server.errors import CoordinatorError, DatabaseAwayError
 from server.store.database.prepared import failure
 
 P = ParamSpec("P")
@@ -141,6 +141,36 @@ def is_away(error: DBAPIError) -> bool:
         # The low byte is the kind, the others say more (sqlite.org/rescode.html).
         return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in _PASSING
     return isinstance(error, OperationalError | InterfaceError)
+
+
+def why_away(error: Exception) -> str | None:
+    """Return in a sentence why the database is away, or the connection lost; None: it is not.
+
+    A connection that its server cuts for its own reasons fails in ways of its own.
+    """
+    if isinstance(error, DBAPIError) and (error.connection_invalidated or is_away(error)):
+        return str(error.orig).partition("\n")[0]
+    return None
+
+
+def require_answer(engine: Engine) -> None:
+    """Raise DatabaseAwayError if no server is there, or it takes nobody yet or any more.
+
+    The driver's errors tell that from a wrong password in words only, of the server's language. One
+    that answers may still refuse, which goes on until somebody changes something.
+    """
+    if engine.dialect.name == "sqlite":
+        return
+    from psycopg import pq
+    from psycopg.conninfo import make_conninfo
+
+    _, named = engine.dialect.create_connect_args(engine.url)
+    named.pop("context", None)
+    answer = pq.PGconn.ping(make_conninfo(**named).encode())
+    if answer == pq.Ping.NO_RESPONSE:
+        raise DatabaseAwayError("its server does not answer")
+    if answer == pq.Ping.REJECT:
+        raise DatabaseAwayError("its server starts up or shuts down")
 
 
 def server_time(engine: Engine) -> float:

@@ -281,3 +281,49 @@ def test_goals_are_pursued_after_what_is_new_was_taken_in() -> None:
     log.after_goals = stop.set
     follow(log, stop=stop, poll_seconds=60.0)
     assert log.pursued_at == [len(log.results)]
+
+
+def test_a_store_that_goes_is_waited_for_with_growing_pauses_and_told_of_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    log, expected = study("morris")
+    stop, failures = Pauses(), 12
+
+    def go() -> None:
+        if len(stop.pauses) < failures:
+            raise ConnectionError("gone")
+
+    log.before_commit = go
+    log.after_goals = stop.set
+    follow(log, stop=stop, why_away=lambda error: f"it is {error}")
+    assert same(log.snapshot, expected)
+    assert stop.pauses[:failures] == [1.0, 2.0, 4.0, *[8.0] * 9]
+    assert stop.pauses[failures:] == [0.5]
+    assert [record.message for record in caplog.records] == [
+        "the database is away, and waited for: it is gone",
+        "the database is back",
+    ]
+
+
+def test_an_error_that_is_not_about_the_connection_ends_the_service() -> None:
+    log, _ = study("morris")
+
+    def fail() -> None:
+        raise ConnectionError("another error")
+
+    log.before_commit = fail
+    with pytest.raises(ConnectionError, match="another error"):
+        follow(log, stop=Pauses(), why_away=lambda error: None)
+
+
+class Pauses(threading.Event):
+    """An event that nobody waits for, and for how long they would have."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.pauses: list[float] = []
+
+    def wait(self, timeout: float | None = None) -> bool:
+        assert timeout is not None
+        self.pauses.append(timeout)
+        return self.is_set()

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +28,8 @@ class Server:
     url: str
     #: Kills it as a power cut does, its files left as they are, and starts it again.
     crash: Callable[[], None]
+    #: For as long as a block lasts it is not there: killed as by `crash` and started again.
+    away: Callable[[], AbstractContextManager[None]]
     #: The number of its first process as of now: after a crash it is another.
     process: Callable[[], int]
 
@@ -119,7 +121,8 @@ def _serve(binaries: Path, folder: Path, options: Sequence[str]) -> Iterator[Ser
                 stderr=log,
             )
 
-    def crash() -> None:
+    @contextmanager
+    def away() -> Iterator[None]:
         nonlocal server
         # Each has a session of its own; the first must not see the others go.
         others = psutil.Process(server.pid).children(recursive=True)
@@ -129,13 +132,18 @@ def _serve(binaries: Path, folder: Path, options: Sequence[str]) -> Iterator[Ser
         server.wait(30)
         while any(map(_runs, others)):
             time.sleep(0.01)
+        yield
         server = start()
         _wait_for(url, server, folder / "log")
+
+    def crash() -> None:
+        with away():
+            pass
 
     server = start()
     try:
         _wait_for(url, server, folder / "log")
-        yield Server(url=url, crash=crash, process=lambda: server.pid)
+        yield Server(url=url, crash=crash, away=away, process=lambda: server.pid)
     finally:
         # Its immediate shutdown: nobody will want to read this again.
         server.send_signal(signal.SIGQUIT)

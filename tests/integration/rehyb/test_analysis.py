@@ -1,0 +1,143 @@
+"""`rehyb analysis` outlives its database's server, and ends where waiting would not help."""
+
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+import pytest
+from sqlalchemy.engine import Engine
+
+from server.operations.study import studies
+from server.operations.study.result_log import StoreResultLog
+from server.store import create_engine, upgrade
+from tests.testbed.coordinators import exchanges
+from tests.testbed.coordinators.postgresql import Server, serving
+from tests.testbed.coordinators.records import plan
+
+#: Until something that is certain to happen must have happened; the longest pause is 8 s.
+PATIENCE_SECONDS = 60.0
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Server]:
+    """A PostgreSQL server that may be killed."""
+    with serving(("autovacuum=off",)) as server:
+        yield server
+
+
+class Analysis:
+    """A process of `rehyb analysis`, and the lines that it says on standard error."""
+
+    def __init__(self, url: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "rehyb", "analysis"],
+            env=os.environ | {"REHYB_DATABASE_URL": url},
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self._lines = queue.Queue[str]()
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stderr is not None
+        with self.process.stderr as lines:
+            for line in lines:
+                self._lines.put(line)
+
+    def said(self) -> str:
+        """Return its next line, which is waited for."""
+        return self._lines.get(timeout=PATIENCE_SECONDS)
+
+    def stop(self) -> int:
+        """Ask it to end as an operator does, and return its exit status."""
+        self.process.send_signal(signal.SIGTERM)
+        return self.ended()
+
+    def ended(self) -> int:
+        """Wait until it ends by itself, and return its exit status."""
+        status = self.process.wait(PATIENCE_SECONDS)
+        self._reader.join()
+        return status
+
+    def is_silent(self) -> bool:
+        """Say whether there is no further line yet."""
+        return self._lines.empty()
+
+
+@contextmanager
+def analysing(url: str) -> Iterator[Analysis]:
+    """Run an analysis for as long as the block lasts."""
+    analysis = Analysis(url)
+    try:
+        yield analysis
+    finally:
+        analysis.process.kill()
+        analysis.ended()
+
+
+def test_an_analysis_outlives_its_server_at_its_start_and_while_it_is_idle(server: Server) -> None:
+    url = server.database("outlived")
+    upgrade(url)
+    engine = create_engine(url)
+    with ExitStack() as running:
+        with server.away():
+            analysis = running.enter_context(analysing(url))
+            assert "is away, and waited for: its server does not answer" in analysis.said()
+        assert "the database is back" in analysis.said()
+        wait_for_indices(engine, worked_off(engine))
+        assert analysis.is_silent()
+        with server.away():
+            assert "is away, and waited for: " in analysis.said()
+        assert "the database is back" in analysis.said()
+        wait_for_indices(engine, worked_off(engine))
+        assert analysis.stop() == 0
+        assert analysis.is_silent()
+    engine.dispose()
+
+
+def test_an_analysis_that_is_stopped_while_it_waits_ends_without_an_error(server: Server) -> None:
+    with server.away(), analysing(server.url) as analysis:
+        assert "waited for" in analysis.said()
+        assert analysis.stop() == 0
+        assert analysis.is_silent()
+
+
+def test_what_waiting_does_not_mend_ends_an_analysis_at_its_start(server: Server) -> None:
+    for url, words in (
+        (server.database("bare"), "the database has schema none"),
+        (server.url.replace("/postgres", "/elsewhere"), 'database "elsewhere" does not exist'),
+        (server.url.replace("rehyb@", "nobody@"), 'role "nobody" does not exist'),
+    ):
+        with analysing(url) as analysis:
+            assert analysis.ended() == 1
+            said = analysis.said()
+            assert said.startswith("rehyb: ") and words in said
+            assert analysis.is_silent()
+
+
+def worked_off(engine: Engine) -> str:
+    """Make a study and the results of its two rows; return its name."""
+    study, _ = studies.create(engine, plan(), key=None, digest="", now=0.0)
+    _, held = exchanges.serve(
+        engine, exchanges.Exchange(request=exchanges.asking("w", 8), now=0.0, ttl=1e6)
+    )
+    assert isinstance(held, exchanges.Grant) and held.study.id == study.id
+    everything = [(n, {"outputs": {"y": float(n)}}) for n in range(len(held.lease.instances))]
+    posted = exchanges.posting(held, everything)
+    exchanges.serve(engine, exchanges.Exchange(posted=posted, now=1.0, ttl=1e6))
+    return study.id
+
+
+def wait_for_indices(engine: Engine, study: str) -> None:
+    """Wait until the indices of a study are of both its rows."""
+    deadline = time.monotonic() + PATIENCE_SECONDS
+    while (StoreResultLog(engine).snapshot(study) or {"rows_complete": 0})["rows_complete"] < 2:
+        assert time.monotonic() < deadline, "no analysis took in what was there"
+        time.sleep(0.1)
