@@ -122,8 +122,11 @@ def with_ordinary(model: Model, rows: Rows) -> Model:
             if (name, recording.name(joint)) in declared or (name, joint) in there:
                 continue
             device = recording.device
-            corrects = device.friction[joint] or device.model.dof_damping[joint]
-            # Inertia that is taken away is what wrong links look like.
+            # What is found beside declared friction corrects it. Inertia that is taken away is what
+            # wrong links look like, and in a motion of one frequency a spring.
+            corrects = name != "added_inertia" and (
+                device.friction[joint] or device.model.dof_damping[joint]
+            )
             lower = (-np.inf,) if corrects or name == "torque_offset" else (0.0,)
             choices = [
                 with_independent(

@@ -34,6 +34,16 @@ def test_damping_that_a_ripple_hides_is_found_beside_it(monkeypatch: pytest.Monk
     }
 
 
+def test_beside_declared_damping_friction_may_be_less_and_inertia_may_not() -> None:
+    """Where a motion has one frequency, inertia that is taken away is a spring."""
+    arm = rich_recording()
+    arm.device.model.dof_damping[ELBOW] = 0.5
+    model = robot.with_ordinary(Model(arm), select_rows(arm, (0,)))
+    lowest = {term.effect.name: term.lower for term in model.terms if term.joint == ELBOW}
+    assert lowest["viscous_friction"] == lowest["coulomb_friction"] == (-np.inf,)
+    assert lowest["added_inertia"] == (0.0,)
+
+
 def test_what_is_part_of_an_effect_that_is_there_is_not_added_again() -> None:
     arm = rich_recording()
     asymmetric, theta = BY_NAME["asymmetric_friction"], {"smooth": 0.02, "viscous": 1.0}
