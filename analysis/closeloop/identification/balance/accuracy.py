@@ -39,6 +39,8 @@ def settled(model: Model, coefficients: np.ndarray) -> np.ndarray:
             held[piece] = np.where(last >= 0, sliding[piece][np.maximum(last, 0)], 0.0)
             rests[piece] = still
         fitted = rests & np.isin(recording.trial, recording.fit_trials)
+        # A trial may lack the joint's effort.
+        fitted &= np.isfinite(recording.effort[:, joint])
         missing = recording.effort[fitted, joint] - predicted[fitted, joint] + sliding[fitted]
         if _creeps(held[fitted], sliding[fitted], missing, recording.trial[fitted]):
             continue
