@@ -117,13 +117,17 @@ class Reading:
         Args:
             coefficients: by column; one that `also` names may be missing.
             scaled: torque at the joint over the effort reported, which divides the whole balance.
+
+        Returns:
+            Its value; not finite where what it is divided by is zero, as the place of no mass.
         """
         if self.column is None:
             assert self.value is not None
             return self.value
         found = coefficients[self.column]
         if self.over is not None:
-            return (self.value or 0.0) + found / coefficients[self.over]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return (self.value or 0.0) + np.divide(found, coefficients[self.over])
         if self.gain:
             return 1.0 / np.maximum(1.0 + found, 0.05)
         if self.also is not None and self.also[0] in coefficients:

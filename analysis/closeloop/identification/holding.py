@@ -25,6 +25,7 @@ from analysis.closeloop.identification.growing.steps import Grown
 from analysis.closeloop.identification.selection import MIN_GAIN
 from analysis.closeloop.identification.spectrum import below
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
+from sim.effects.laws.inertia import LEAST_LOAD
 
 #: Least upper edge of an octave, Hz.
 LOWEST = 0.5
@@ -60,14 +61,17 @@ def determined(grown: Grown, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
     """Take out effects that may be nothing (`surely_there`), the least sure first.
 
     What lowers the error is no reason to name a cause as long as its own size does not show it.
-    What joints share is judged by its own intervals (`arms.spread`). Arguments and result are those
-    of `held_in_octaves`.
+    What joints share is judged by its own intervals (`arms.spread`); a load without a mass is none,
+    wherever it hangs. Arguments and result are those of `held_in_octaves`.
     """
     return _without(grown, rows, lambda grown: _least_sure(grown, rows), "its size may be zero")
 
 
 def _least_sure(grown: Grown, rows: Rows) -> Step | None:
     """Return the step whose effect is nearest to nothing; None if all are surely there."""
+    for step in grown.steps:
+        if step.key[0] == PLACED.name and _mass(grown, step) < LEAST_LOAD:
+            return step
     own = [s for s in grown.steps if s.key[0] not in (LINK_INERTIA, PLACED.name)]
     if not own:
         return None
@@ -78,6 +82,14 @@ def _least_sure(grown: Grown, rows: Rows) -> Step | None:
     }
     least = min(own, key=lambda step: sure[step.key])
     return least if sure[least.key] <= 1.0 else None
+
+
+def _mass(grown: Grown, step: Step) -> float:
+    """Return the mass of a load, kg."""
+    for term, own in grown.model.split(grown.score.coefficients):
+        if term.candidate == step.taken.candidate and 0 in term.kept:
+            return float(own[term.kept.index(0)])
+    return 0.0
 
 
 def _without(

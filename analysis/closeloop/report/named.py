@@ -210,12 +210,15 @@ def _parameters(
             bound = part.bound(reading.column) if isinstance(part, Term) else -np.inf
             lowest = reading.lowest(bound, scale)
             every = np.asarray(reading.of(refitted, scale))
-            free = fits.interval(every, float(value))
+            free = fits.interval(every, float(value)) if np.isfinite(value) else None
         else:
             continue
         unit = unit_at(effect.unit(key, theta), hinge=model.recording.is_hinge(candidate.joint))
-        interval = list(fits.interval(every, float(value), lowest))
         what = effect.parameters[key].description
+        if not np.isfinite(value):
+            entries[key] = {"value": None, "ci90": None, "unit": unit, "description": what}
+            continue
+        interval = list(fits.interval(every, float(value), lowest))
         entries[key] = {"value": value, "ci90": interval, "unit": unit, "description": what}
         signed = reading.column is not None and _is_difference(model, part)
         if free is not None and part.candidate is not None and not signed:

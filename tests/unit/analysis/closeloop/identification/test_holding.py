@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Channel,
@@ -123,6 +124,34 @@ def test_what_may_be_nothing_within_its_interval_is_not_named(
     found, notes = determined(Grown(model, score, steps), rows)
     assert [step.key[0] for step in found.steps] == ["time_delay"] * stays + ["coulomb_friction"]
     assert len(notes) == (not stays) and all("may be zero" in note for note in notes)
+
+
+@pytest.mark.parametrize(("mass", "stays"), [(0.3, True), (0.0, False)])
+def test_a_load_without_a_mass_is_none_wherever_it_hangs(mass: float, stays: bool) -> None:
+    recording = rich_recording(10)
+    theta = {"position_x": 0.1, "position_y": 0.0, "position_z": 0.0}
+    columns = PLACED.columns(unfitted(recording, ELBOW), theta)
+    load = Candidate(effect=PLACED, joint=ELBOW)
+    term = Term(
+        effect=PLACED,
+        joint=ELBOW,
+        columns=columns,
+        lower=PLACED.lower,
+        kept=(0,),
+        theta=theta,
+        candidate=load,
+    )
+    own = {joint: mass * column[:, 0] for joint, column in columns.items()}
+    # A little less than nothing, so that the mass is held at zero.
+    effort = np.array(recording.inverse)
+    for joint, torque in own.items():
+        effort[:, joint] += torque - 1e-3 * columns[joint][:, 0]
+    recording = replace(recording, effort=recording.filtered(effort), cache={})
+    rows = select_rows(recording, (0,))
+    model = Model(recording, terms=(term,))
+    score = evaluate(model, rows)
+    found, notes = determined(Grown(model, score, (added(load, model, score),)), rows)
+    assert bool(found.steps) == stays and len(notes) == (not stays)
 
 
 def test_friction_whose_form_is_unsure_leaves_the_simple_one() -> None:
