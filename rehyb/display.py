@@ -42,6 +42,15 @@ def failures_in_words(failures: Mapping[str, int]) -> str:
     return ", ".join(f"{cause} {count}" for cause, count in ordered if count)
 
 
+def left_in_words(progress: Mapping[str, Any]) -> str:
+    """Return in a sentence that results wait for an analysis; empty if none do."""
+    # An older coordinator does not say.
+    if not (left := progress.get("left_by_analysis")):
+        return ""
+    wait = "result waits" if left == 1 else "results wait"
+    return f"{left} {wait} for an analysis: if none runs, start `rehyb analysis` (or `rehyb up`)"
+
+
 def progress_in_words(progress: Mapping[str, Any]) -> str:
     """Return a study's progress as one line."""
     done = progress["ok"] + progress["failed"]
@@ -52,12 +61,13 @@ def progress_in_words(progress: Mapping[str, Any]) -> str:
         eta += f" [{duration(low)}, {duration(high)}]"
     missing = progress.get("waits_for")
     waits = f"waits for a worker with {missing}, " if missing else ""
-    why = progress.get("why_it_waits")
+    said = (progress.get("why_it_waits"), left_in_words(progress))
+    why = "".join(f"; {sentence}" for sentence in said if sentence)
     return (
         f"{waits}{done}/{progress['instances']} results, "
         f"{progress['rows_complete']}/{progress['rows']} rows, {rate:.1f}/s, "
         f"ETA {eta}, {progress['workers']} workers, "
-        f"failures: {failures_in_words(progress['failures'])}{f'; {why}' if why else ''}"
+        f"failures: {failures_in_words(progress['failures'])}{why}"
     )
 
 

@@ -192,6 +192,7 @@ def indices(
     check_target(target)
     with Client(url, token) as client:
         snapshot = client.indices(study)
+        now = client.progress(study)
     # Of which method it is, only the coordinator knows.
     check_target(target, snapshot["method"])
     outputs = list(snapshot["outputs"])
@@ -205,7 +206,7 @@ def indices(
         draw = plane if snapshot["method"] == "morris" else bars
         drawn = draw(snapshot, outputs[0]) if outputs else curve(snapshot, curves[0])
         on_paper(drawn).savefig(plot)
-    return Answer(snapshot, partial(_print_indices, snapshot, target))
+    return Answer(snapshot, partial(_print_indices, snapshot, now, target))
 
 
 @app.command()
@@ -257,14 +258,18 @@ def _described(study: Json, given: dict[str, Any]) -> Json:
     return study
 
 
-def _print_indices(snapshot: Json, target: float | None) -> None:
+def _print_indices(snapshot: Json, progress: Json, target: float | None) -> None:
     from rich.console import Console
 
     from analysis.sensitivity.remarks import remarks, warning
-    from rehyb.display import indices_table, pairs_table, spread_table
+    from rehyb.display import indices_table, left_in_words, pairs_table, spread_table
 
     console = Console()
-    console.print(f"{snapshot['rows_complete']} of {snapshot['rows']} rows are complete")
+    seen, complete = snapshot["rows_complete"], progress["rows_complete"]
+    behind = f"; the indices are of {seen} of them" if seen < complete else ""
+    console.print(f"{complete} of {progress['rows']} rows are complete{behind}")
+    if left := left_in_words(progress):
+        console.print(left, style="bold red", markup=False)
     if alarm := warning(snapshot):
         console.print(alarm, style="bold red", markup=False)
 

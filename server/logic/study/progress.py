@@ -7,6 +7,7 @@ from math import sqrt
 from statistics import mean, stdev
 
 from server.records import Study
+from server.states import StudyState
 
 #: The rate is taken over this many results: enough to be calm, few enough to follow the fleet.
 RATE_WINDOW = 500
@@ -15,6 +16,10 @@ RATE_WINDOW = 500
 BLOCKS = 10
 #: Student's t for a two-sided interval of 90 % with BLOCKS - 1 degrees of freedom.
 STUDENT_T = 1.833
+
+
+#: Seconds that an analysis may take over what is new; then it seems that none runs.
+ANALYSIS_SECONDS = 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +91,23 @@ def pace(
         eta_high_seconds=None if eta is None or off is None else eta + off,
         elapsed_seconds=max(0.0, now - study.created_at),
     )
+
+
+def first_left(study: Study, *, cursor: int, rows_seen: int) -> int | None:
+    """Return the number of a result at whose arrival the analysis had news; None: it has none.
+
+    It may have had them before. While a study runs, results of incomplete rows are no news. Rows
+    that it has not seen were completed by as many results: the first of them is among the last so
+    many.
+
+    Args:
+        cursor: how many results the analysis has taken in.
+        rows_seen: how many complete rows its snapshot has.
+    """
+    unseen = study.rows_complete - rows_seen
+    if study.result_count <= cursor or (study.state == StudyState.RUNNING and unseen <= 0):
+        return None
+    return study.result_count + 1 - max(unseen, 1)
 
 
 def _without_pause(took: list[float]) -> tuple[list[float], float]:

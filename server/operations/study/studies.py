@@ -11,13 +11,20 @@ from server.logic.fleet.hosts import GONE_SECONDS
 from server.logic.fleet.unserved import Patience, why_it_waits, why_its_rows_wait
 from server.logic.study import studies as life
 from server.logic.study.points import parameters
-from server.logic.study.progress import Pace, block_ends, pace, window_start
+from server.logic.study.progress import (
+    ANALYSIS_SECONDS,
+    Pace,
+    block_ends,
+    first_left,
+    pace,
+    window_start,
+)
 from server.records import Plan, PrecisionGoal, Study
 from server.states import StudyState
 from server.store import models
 from server.store.database.engine import alone_reading, reading, writing
 from server.store.fleet import leases, results, workers
-from server.store.study import instances, precision_goals, studies
+from server.store.study import instances, precision_goals, snapshots, studies
 
 get = alone_reading(studies.find)
 every = alone_reading(studies.every)
@@ -42,6 +49,8 @@ class Standing:
     waits_for: str | None
     #: Why nobody holds any of it, in a sentence; None if a worker may, or its model is missing.
     why_it_waits: str | None
+    #: Results that no analysis has taken in, though it should have for a while.
+    left_by_analysis: int
 
     def pace(self, now: float) -> Pace:
         """Return how fast results come."""
@@ -111,7 +120,10 @@ def standing(engine: Engine, study_id: str, *, now: float, patience: Patience) -
     with reading(engine) as connection:
         study = studies.find(connection, study_id)
         opening, ends = window_start(study.result_count), block_ends(study.result_count)
-        arrivals = results.arrivals(connection, study_id, [opening, *ends])
+        cursor, rows_seen = snapshots.seen(connection, study_id)
+        left = first_left(study, cursor=cursor, rows_seen=rows_seen)
+        wanted = [opening, *ends] if left is None else [opening, *ends, left]
+        arrivals = results.arrivals(connection, study_id, wanted)
         arrived_at = {0: study.created_at} | arrivals
         holding = leases.workers_of(connection, study_id, now=now)
         missing = _waits_for(connection, study, now)
@@ -124,6 +136,9 @@ def standing(engine: Engine, study_id: str, *, now: float, patience: Patience) -
             workers=holding,
             waits_for=missing,
             why_it_waits=_why_it_waits(connection, study, now, patience) if idle else None,
+            left_by_analysis=study.result_count - cursor
+            if left is not None and now > arrived_at[left] + ANALYSIS_SECONDS
+            else 0,
         )
 
 

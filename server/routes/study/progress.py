@@ -70,6 +70,7 @@ def _tag(standing: Standing, now: float) -> str:
         standing.workers,
         standing.waits_for,
         standing.why_it_waits,
+        standing.left_by_analysis,
         stale,
         goal_shown(study, standing.goal),
         weak=True,
@@ -96,6 +97,7 @@ def _shown(standing: Standing, now: float) -> dict[str, Any]:
         "workers": standing.workers,
         "waits_for": standing.waits_for,
         "why_it_waits": standing.why_it_waits,
+        "left_by_analysis": standing.left_by_analysis,
         "elapsed_seconds": speed.elapsed_seconds,
         "precision": goal_shown(study, standing.goal),
     }

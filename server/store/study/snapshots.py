@@ -34,6 +34,17 @@ def studies_with_news(connection: Connection) -> list[str]:
     return list(connection.scalars(query))
 
 
+def seen(connection: Connection, study_id: str) -> tuple[int, int]:
+    """Return how many results the analysis has taken in, and how many complete rows it shows."""
+    query = (
+        sa.select(estimator_states.c.cursor, snapshots.c.snapshot["rows_complete"].as_integer())
+        .outerjoin_from(estimator_states, snapshots, snapshots.c.study_id == study_id)
+        .where(estimator_states.c.study_id == study_id)
+    )
+    row = connection.execute(query).one_or_none()
+    return (0, 0) if row is None else (row[0], row[1] or 0)
+
+
 def state(connection: Connection, study_id: str) -> tuple[int, bytes | None]:
     """Return the cursor and the state last committed; (0, None) before the first commit."""
     query = sa.select(estimator_states).where(estimator_states.c.study_id == study_id)

@@ -73,6 +73,11 @@ class FinishedStudy:
             distributions=self.ranges,
         )
         self.indices = analyse(self.plan, self.results)
+        self.progress: Json = {
+            "rows": self.plan.rows,
+            "rows_complete": self.indices["rows_complete"],
+            "left_by_analysis": 0,
+        }
 
     @cached_property
     def identity(self) -> dict[str, str]:
@@ -97,6 +102,7 @@ class FinishedStudy:
         answers = {
             "/v1/studies/s1": self.study,
             "/v1/studies/s1/indices": self.indices,
+            "/v1/studies/s1/progress": self.progress,
             "/v1/studies/s1/instances/0/0": {"identity": self.identity},
             "/v1/workers": {
                 "workers": [

@@ -10,12 +10,14 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from pyarrow import parquet
 from sqlalchemy import event
+from sqlalchemy.engine import Engine
 
 from analysis.designs import instance_parameters
 from analysis.designs.distributions import Uniform
 from analysis.files.parquet import STUDY_KEY
 from analysis.sensitivity.service import catch_up
 from server.logic.fleet.hosts import host_class
+from server.logic.study.progress import ANALYSIS_SECONDS
 from server.operations.fleet import leases
 from server.operations.study.result_log import StoreResultLog
 from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, is_problem, posting, result
@@ -193,6 +195,25 @@ def test_a_post_without_shape_is_a_problem(client: TestClient, lease: Json) -> N
         is_problem(client.post("/v1/results", json={**body, **changes}), 422)
 
 
+def test_progress_says_how_many_results_no_analysis_has_taken_in_for_a_while(
+    client: TestClient, engine: Engine, study: Json, lease: Json, clock: Any
+) -> None:
+    path = f"/v1/studies/{study['id']}/progress"
+
+    def left() -> Any:
+        return client.get(path).json()["left_by_analysis"]
+
+    client.post("/v1/results", json=posting(lease, [result(i) for i in lease["instances"]]))
+    seen = client.get(path).headers["ETag"]
+    clock.advance(ANALYSIS_SECONDS)
+    assert left() == 0
+    clock.advance(1.0)
+    assert left() == len(lease["instances"])
+    assert client.get(path, headers={"If-None-Match": seen}).status_code == 200
+    catch_up(StoreResultLog(engine), study["id"])
+    assert left() == 0
+
+
 def test_progress_adds_up(client: TestClient, study: Json, lease: Json, clock: Any) -> None:
     clock.advance(10.0)
     a, b, c, d, e, _ = lease["instances"]
@@ -217,6 +238,7 @@ def test_progress_adds_up(client: TestClient, study: Json, lease: Json, clock: A
         "workers": 1,
         "waits_for": None,
         "why_it_waits": None,
+        "left_by_analysis": 0,
         "elapsed_seconds": 20.0,
         "precision": None,
     }

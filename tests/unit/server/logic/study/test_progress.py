@@ -8,7 +8,14 @@ from typing import Any
 
 import pytest
 
-from server.logic.study.progress import BLOCKS, RATE_WINDOW, block_ends, pace, window_start
+from server.logic.study.progress import (
+    BLOCKS,
+    RATE_WINDOW,
+    block_ends,
+    first_left,
+    pace,
+    window_start,
+)
 from server.records import Plan, Study
 
 
@@ -24,12 +31,12 @@ def study(plan: Callable[..., Plan]) -> Callable[..., Study]:
             "leased": 0,
             "result_count": 0,
             "ok_count": 0,
+            "rows_complete": 0,
         }
         return Study(
             id="s",
             plan=plan(rows=1000),
             created_at=100.0,
-            rows_complete=0,
             failures={},
             **{**standing, **changes},
         )
@@ -189,3 +196,29 @@ def test_blocks_that_differ_by_little_foretell_little_uncertainty(
     speed = pace(study(result_count=100), window_opened_at=100.0, now=200.0, passed_at=nearly)
     assert speed.eta_seconds == 3900.0
     assert speed.eta_low_seconds is not None and 3800.0 < speed.eta_low_seconds < 3900.0
+
+
+@pytest.mark.parametrize(
+    ("state", "results", "rows", "cursor", "rows_seen", "first"),
+    [
+        ("running", 20, 5, 20, 5, None),
+        # Of incomplete rows: no index changes by them.
+        ("running", 23, 5, 20, 5, None),
+        ("paused", 23, 5, 20, 5, 23),
+        ("running", 24, 6, 20, 5, 24),
+        # Eleven rows cannot have been completed by fewer than the last eleven results.
+        ("running", 70, 16, 20, 5, 60),
+        ("complete", 4000, 1000, 0, 0, 3001),
+    ],
+)
+def test_the_analysis_has_news_since_the_first_of_as_many_results_as_there_are_new_rows(
+    study: Callable[..., Study],
+    state: str,
+    results: int,
+    rows: int,
+    cursor: int,
+    rows_seen: int,
+    first: int | None,
+) -> None:
+    now = study(state=state, result_count=results, rows_complete=rows)
+    assert first_left(now, cursor=cursor, rows_seen=rows_seen) == first
