@@ -10,6 +10,8 @@ from rich.table import Table
 LEFT_OUT = ("mu", "full_total_order", "independent_first_order")
 #: What ranks the factors, most influential first.
 RANKED_BY = ("mu_star", "total_order", "shapley")
+#: What to do where nothing is heard of an analysis.
+START_ONE = "if none runs, start `rehyb analysis` (or `rehyb up`)"
 
 
 def plain_table(*columns: str, title: str | None = None, caption: str | None = None) -> Table:
@@ -48,7 +50,7 @@ def left_in_words(progress: Mapping[str, Any]) -> str:
     if not (left := progress.get("left_by_analysis")):
         return ""
     wait = "result waits" if left == 1 else "results wait"
-    return f"{left} {wait} for an analysis: if none runs, start `rehyb analysis` (or `rehyb up`)"
+    return f"{left} {wait} for an analysis: {START_ONE}"
 
 
 def progress_in_words(progress: Mapping[str, Any]) -> str:

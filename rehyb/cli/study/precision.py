@@ -1,6 +1,8 @@
 """The commands about a study's precision goal: `study watch`, and what `submit` does after."""
 
 import sys
+import time
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -8,6 +10,7 @@ import typer
 from rehyb.cli.answers import Answer, Token, Url, answering
 from rehyb.cli.options import Output, StudyId, Target, optional
 from rehyb.client import Client, Json
+from rehyb.client.studies import ANALYSIS_SECONDS
 
 
 @answering
@@ -35,15 +38,25 @@ def watch(
     return Answer(answer, status=0 if answer["reached"] else 1)
 
 
-def wait_for_precision(client: Client, study: str, *, as_json: bool) -> Json:
-    """Wait for a study with a goal, saying what is decided; returns its goal, rows and id."""
-    from rehyb.display import progress_in_words
+def wait_for_precision(
+    client: Client, study: str, *, as_json: bool, clock: Callable[[], float] = time.monotonic
+) -> Json:
+    """Wait for a study with a goal, saying what is decided; returns its goal, rows and id.
 
-    last = ""
+    If nothing is decided within `ANALYSIS_SECONDS` of `clock` though all results are in, it is said
+    who would decide.
+    """
+    from rehyb.display import START_ONE, progress_in_words
+
+    last, rows, since = "", 0, clock()
 
     def on_progress(progress: Json) -> None:
-        nonlocal last
+        nonlocal last, rows, since
         line = progress_in_words(progress)
+        if progress["state"] != "complete" or progress["rows"] != rows:
+            rows, since = progress["rows"], clock()
+        elif clock() > since + ANALYSIS_SECONDS and not progress.get("left_by_analysis"):
+            line += f"; its precision waits for an analysis: {START_ONE}"
         if line != last:
             print(line, file=sys.stderr, flush=True)
         last = line

@@ -2,15 +2,17 @@
 
 import copy
 import json
+import sys
 from collections.abc import Callable
 from functools import cache, partial
-from typing import Any
+from typing import Any, cast
 
 import httpx2
 import pytest
 
 from analysis.sensitivity.judgement.stopping import Goal, next_step
-from rehyb.client import Client
+from rehyb.cli.study.precision import wait_for_precision
+from rehyb.client import Client, Json
 from rehyb.errors import Conflict, Invalid
 from tests.testbed.clock import Clock
 from tests.testbed.coordinators.finished_study import STUDY, FinishedStudy
@@ -140,3 +142,30 @@ def test_the_command_says_what_it_decides_and_by_its_status_whether_it_got_there
     assert status == 0 and "Every index of y is within ±9" in out
     status, _, err = study(f"{submit} --target 9")
     assert status == 2 and "--target needs --up-to" in err
+
+
+def test_a_goal_that_nobody_judges_says_who_would_once_that_takes_long(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    coordinator, clock = Coordinator(), Clock()
+    coordinator.state = "running"
+    client = coordinator.client()
+    client.set_precision_goal("s1", 10_000, 0.15)
+    progress = client.progress("s1")
+
+    class Unjudged:
+        def wait_for_precision(
+            self, study: str, on_progress: Callable[[Json], None], **_: Any
+        ) -> Json:
+            polls = (("running", 1.0), ("running", 60.0), ("complete", 1.0), ("complete", 9.0))
+            for state, seconds in (*polls, ("complete", 1.0)):
+                clock.advance(seconds)
+                print(f"{state} after {seconds} s", file=sys.stderr)
+                on_progress(progress | {"state": state})
+            return {"reached": False}
+
+    wait_for_precision(cast(Client, Unjudged()), "s1", as_json=False, clock=clock)
+    said = capsys.readouterr().err.splitlines()
+    waits = "its precision waits for an analysis: if none runs, start `rehyb analysis`"
+    assert waits in said[-1]
+    assert not any(waits in line for line in said[:-1])
