@@ -69,6 +69,9 @@ def beyond_physics(model: Model, scored: Score, candidate: Candidate) -> str:
     parts: list[Term | Channel] = [*model.terms, *model.channels]
     theta = next(part.theta for part in parts if part.candidate == candidate)
     differs = candidate.effect.rubs and corrects(model.without(candidate), candidate)
+    # Damping is a difference where some is declared, which its bound keeps from going below none.
+    damped = model.recording.device.model.dof_damping[candidate.joint] > 0.0
+    differs = differs or bool(candidate.effect.name == "viscous_friction" and damped)
     return candidate.effect.beyond(joint, theta, own, difference=differs)
 
 

@@ -37,8 +37,7 @@ COARSE = Nonlinear("smooth", (0.004, 0.02))
 #: for an arm of the unkind bench (seed 902).
 SPEED = Nonlinear("speed", (0.015, 0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE)
 
-#: Waves of friction over the range of motion; of none a parabola is left. A search begins at whole
-#: waves, since what differs by half of one over the range still takes most of it.
+#: Waves of friction over the range of motion; of none a parabola is left.
 WAVES = Nonlinear("waves", (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0), scaling=0.2, step=RELATIVE)
 
 

@@ -43,6 +43,7 @@ from analysis.closeloop.identification.balance.regression import (
 from analysis.closeloop.identification.candidates import candidates, refined
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing.steps import Grown, grow
+from analysis.closeloop.identification.nameable import lowest
 from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.selection import MIN_GAIN, MIN_TORQUE
 from sim.effects.catalogue import BY_NAME
@@ -121,13 +122,11 @@ def with_ordinary(model: Model, rows: Rows) -> Model:
             effect = BY_NAME[name]
             if (name, recording.name(joint)) in declared or (name, joint) in there:
                 continue
-            device = recording.device
-            # What is found beside declared friction corrects it. Inertia that is taken away is what
-            # wrong links look like, and in a motion of one frequency a spring.
-            corrects = name != "added_inertia" and (
-                device.friction[joint] or device.model.dof_damping[joint]
-            )
-            lower = (-np.inf,) if corrects or name == "torque_offset" else (0.0,)
+            here = Candidate(effect=effect, joint=joint)
+            # Beside declared friction less is found, too. Inertia that is taken away is what wrong
+            # links look like, and in a motion of one frequency a spring.
+            free = {"torque_offset": -np.inf, "added_inertia": 0.0}
+            lower = (free[name],) if name in free else lowest(model, here)
             choices = [
                 with_independent(
                     model,
@@ -137,7 +136,7 @@ def with_ordinary(model: Model, rows: Rows) -> Model:
                         columns=effect.columns(unfitted(recording, joint), theta),
                         lower=lower,
                         theta=theta,
-                        candidate=Candidate(effect=effect, joint=joint),
+                        candidate=here,
                     ),
                     rows,
                 )
