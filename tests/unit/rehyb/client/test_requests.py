@@ -2,41 +2,17 @@
 
 import json
 from collections.abc import Callable
-from math import inf
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import httpx2
 import pytest
 
-from rehyb import Client, Conflict, Invalid, ServerError, Unreachable
-from rehyb.client.connection import COMPRESS_BYTES, DEFAULT_URL, Connection
+from rehyb import Client, Conflict, Invalid
 from tests.testbed.clock import Clock
+from tests.testbed.recorder import Recorder
 
 GOAL = {"settled": False, "steps": []}
-
-
-class Recorder:
-    """Notes the last request, and answers with the next of some bodies, over and over the last."""
-
-    def __init__(self, *answers: Any, status: int = 200, headers: dict[str, str] | None = None):
-        self._answers, self._status, self._headers = list(answers) or [{}], status, headers
-        self.last: httpx2.Request | None = None
-        self.client = Client("http://c:1", "t", transport=httpx2.MockTransport(self))
-
-    def __call__(self, request: httpx2.Request) -> httpx2.Response:
-        request.read()
-        self.last = request
-        answer = self._answers.pop(0) if len(self._answers) > 1 else self._answers[0]
-        return httpx2.Response(self._status, json=answer, headers=self._headers)
-
-    @property
-    def told(self) -> tuple[str, str, Any]:
-        """Method, path with its query, and body of the last request."""
-        assert self.last is not None
-        content = self.last.content
-        return self.last.method, self.last.url.raw_path.decode(), json.loads(content or b"null")
 
 
 Call = Callable[[Client], Any]
@@ -303,109 +279,3 @@ def test_precision_that_nobody_asked_for_or_that_is_cancelled_is_said() -> None:
     there = Recorder({"state": "cancelled", "precision": {**GOAL, "settled": True}})
     with pytest.raises(Conflict, match=r"^study s was cancelled before it was precise enough$"):
         there.client.wait_for_precision("s")
-
-
-def test_a_place_without_an_address_is_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("REHYB_URL", raising=False)
-    assert Connection(token="t").url == DEFAULT_URL
-    assert Connection("http://lab:9000//", "t").url == "http://lab:9000"
-    monkeypatch.setenv("REHYB_URL", "http://else:1")
-    assert Connection("http://lab:9000", "t").url == "http://lab:9000"
-    with pytest.raises(Invalid, match=r"^http://lab:no is not a coordinator's address: "):
-        Connection("http://lab:no", "t")
-
-
-@pytest.mark.parametrize(("said", "seconds"), [("12", 12.0), ("", 1.0), ("soon", 1.0)])
-def test_how_long_to_leave_a_coordinator_alone_is_whole_seconds(said: str, seconds: float) -> None:
-    idle = Recorder(status=204, headers={"Retry-After": said})
-    idle.client.retry_after = 5.0
-    assert idle.client.lease(worker={}, models=[], max_instances=1) is None
-    assert idle.client.retry_after == seconds
-
-
-def test_a_body_as_long_as_may_be_is_sent_as_it_is_and_a_longer_one_is_not() -> None:
-    there = Recorder()
-    frame = len('{"x":""}')
-    for length, packed in ((COMPRESS_BYTES, None), (COMPRESS_BYTES + 1, "gzip")):
-        there.client.submit({"x": "x" * (length - frame)})
-        assert there.last is not None
-        assert there.last.headers.get("Content-Encoding") == packed
-        assert there.last.headers["Content-Type"] == "application/json"
-
-
-def test_an_answer_to_results_without_verdicts_is_an_error_in_its_own_words() -> None:
-    said: dict[str, Any] = {"lease": "l", "fence": 1, "worker": "w", "results": []}
-    with pytest.raises(Conflict, match=r"^another's$"):
-        Recorder({"detail": "another's"}, status=409).client.post_results(**said)
-    with pytest.raises(ServerError, match=r"^it is full$"):
-        Recorder({"detail": "it is full"}, status=503).client.post_results(**said)
-
-
-def test_results_are_posted_under_their_lease_and_its_fence() -> None:
-    there = Recorder({"verdicts": [1]})
-    said: dict[str, Any] = {"lease": "l", "fence": 7, "worker": "w", "results": [{"instance": "i"}]}
-    assert there.client.post_results(**said) == [1]
-    assert there.told == ("POST", "/v1/results", said)
-
-
-@pytest.mark.parametrize(
-    ("url", "verify", "trusting"),
-    [
-        ("https://lab:9000", True, True),
-        ("http://lab:9000", False, True),
-        ("https://127.0.0.1:9000", True, False),
-        ("http://localhost:9000", False, False),
-    ],
-)
-def test_certificates_are_looked_at_and_no_proxy_is_asked_of_this_machine(
-    url: str, verify: bool, trusting: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made: list[dict[str, Any]] = []
-    general = httpx2.Client
-
-    def make(**said: Any) -> httpx2.Client:
-        made.append(said)
-        return general(base_url=said["base_url"])
-
-    monkeypatch.setattr(httpx2, "Client", make)
-    for patience in ({}, {"timeout": 7.0}):
-        client = Client(url, "t", **patience)
-        assert client.retry_after == 1.0
-        client.close()
-    assert [(one["verify"], one["trust_env"]) for one in made] == [(verify, trusting)] * 2
-    assert [one["timeout"] for one in made] == [30.0, 7.0]
-
-
-def test_an_answer_is_waited_for_no_longer_than_it_may_take(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("rehyb.client.connection.time", SimpleNamespace(monotonic=lambda: 100.0))
-    there = Recorder()
-    for answer_by, seconds in ((inf, 30.0), (200.0, 30.0), (100.5, 0.5)):
-        there.client.answer_by = answer_by
-        there.client.work()
-        assert there.last is not None
-        assert there.last.extensions["timeout"]["read"] == seconds
-    there.client.answer_by = 100.0
-    with pytest.raises(Unreachable):
-        there.client.work()
-
-
-def test_nothing_is_asked_once_the_time_is_over(tmp_path: Path) -> None:
-    there = Recorder()
-    there.client.answer_by = 0.0
-    for call in (
-        lambda: there.client.work(),
-        lambda: there.client.results_csv("s", tmp_path / "r.csv"),
-        lambda: there.client.analyse_study("s"),
-    ):
-        with pytest.raises(Unreachable, match=r"\(there is no time left to ask\): start one with"):
-            call()
-    assert there.last is None and list(tmp_path.iterdir()) == []
-
-
-def test_an_address_with_a_line_break_is_told_in_part() -> None:
-    with pytest.raises(Invalid) as caught:
-        Recorder().client.study("a\n" + "b" * 99)
-    start = repr("/v1/studies/a\n" + "b" * 66)
-    assert str(caught.value).startswith(f"{start} is no address at http://c:1: ")
