@@ -65,8 +65,6 @@ def copy(
     copy contradicts itself.
     """
     with needs_extra("the database", "server"):
-        from sqlalchemy.exc import ArgumentError
-
         from server.instance_lock import instance_lock
         from server.operations import check as checks
         from server.store import create_engine, upgrade
@@ -77,8 +75,8 @@ def copy(
         try:
             upgrade(target)
             engine = create_engine(target)
-        except (ArgumentError, ModuleNotFoundError) as error:
-            raise Invalid(f"{target!r} is no database's URL: {error}") from None
+        except ModuleNotFoundError as error:
+            raise Invalid(f"{target!r} needs the extra postgresql: {error}") from None
         try:
             copied(source, engine, counts.__setitem__)
             found = checks.faults(engine)

@@ -16,7 +16,7 @@ CARRIERS = {
     *("reports/tables.py", "reports/validation.py", "reports/figures/shared.py"),
     *("sensitivity/records.py", "sensitivity/remarks.py", "sensitivity/table.py"),
     *("given/answer.py", "given/check.py", "given/reading.py", "given/refusals.py"),
-    *("given/sample.py",),
+    *("given/sample.py", "given/cells.py", "given/csv_head.py"),
     *("files/results_csv.py", "files/netcdf.py", "files/parquet.py"),
     *("interpretation/answer.py", "interpretation/build.py", "interpretation/errors.py"),
     *("interpretation/bank/archive.py", "interpretation/contract.py"),

@@ -135,7 +135,7 @@ def test_the_command_copies_and_checks_and_says_what_is_wrong_in_a_sentence(
     assert json.loads(out)["faults"] == [] and json.loads(out)["rows"]["results"] == 16
     for wrong, words in (
         (target, "the target is not empty: it has"),
-        ("nonsense", "'nonsense' is no database's URL"),
+        ("nonsense", "the one that begins with 'nonsense' cannot be used"),
         ("postgresql+psycopg://nobody@127.0.0.1:1/none", "the database cannot be used"),
         (url, "the target is not empty"),
     ):

@@ -13,6 +13,7 @@ from sqlalchemy.engine import Engine
 
 from analysis.sensitivity.service import catch_up
 from server.errors import ConflictError, InvalidStudyError, NotFoundError
+from server.logic.fleet.unserved import Patience
 from server.logic.fleet.verdicts import Report
 from server.logic.study.points import instance_id, parameters
 from server.logic.study.precision_goals import is_settled, next_extension, precision_goal, shown
@@ -130,8 +131,8 @@ def test_events_go_on_while_a_complete_study_may_yet_be_extended(
 
     async def told() -> list[Json]:
         state = SimpleNamespace(stopping=asyncio.Event(), clock=lambda: 1e6)
-        app = SimpleNamespace(state=state)
-        answer = await events(study.id, engine, SimpleNamespace(app=app))  # type: ignore[arg-type]
+        request: Any = SimpleNamespace(app=SimpleNamespace(state=state))
+        answer = await events(study.id, engine, Patience(seconds=60.0, since=0.0), request)
         stream: Any = answer.body_iterator
         said = [await anext(stream)]
         precision_goals.remove(engine, study.id)
