@@ -2,12 +2,24 @@
 
 import gzip
 import json
+import os
 import re
 from collections.abc import Callable
 from typing import Any
 
+from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 
+#: Without the setting always the same few, since a file of a model may crash MuJoCo itself.
+FILES = int(os.environ.get("REHYB_FUZZ", "40"))
+FUZZ = settings(
+    max_examples=FILES,
+    deadline=None,
+    database=None,
+    derandomize="REHYB_FUZZ" not in os.environ,
+    phases=[Phase.generate],
+    suppress_health_check=list(HealthCheck),
+)
 #: What JSON and CSV hold in a place where something else belongs; not all of it is JSON.
 WORDS = (
     *(b"null", b"true", b"-1", b"0", b"1e400", b"-0.0", b"NaN", b"Infinity", b"1e308", b"5e-324"),

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from models.folder import ModelError, read_folder
 from models.mjcf.simulate import Simulation
-from tests.integration.analysis.closeloop.test_spoilt_files import FUZZ
 from tests.testbed import spoiling
 from tests.testbed.models import edited
 
@@ -22,7 +21,7 @@ def test_a_spoilt_file_of_a_model_is_read_or_refused_with_a_sentence(
     files = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
     ends: Counter[str] = Counter()
 
-    @FUZZ
+    @spoiling.FUZZ
     @given(
         name=st.sampled_from([*files]),
         xml=spoiling.XML_SWAPS,

@@ -2,12 +2,11 @@
 
 import io
 import json
-import os
 import zipfile
 from collections import Counter
 from pathlib import Path
 
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.closeloop.errors import SessionError
@@ -15,17 +14,6 @@ from analysis.closeloop.load import load_session
 from analysis.closeloop.session.archive import unpacked
 from tests.testbed import spoiling
 from tests.testbed.sessions.small import Folder
-
-#: Without the setting always the same few, since a file of a model may crash MuJoCo itself.
-FILES = int(os.environ.get("REHYB_FUZZ", "40"))
-FUZZ = settings(
-    max_examples=FILES,
-    deadline=None,
-    database=None,
-    derandomize="REHYB_FUZZ" not in os.environ,
-    phases=[Phase.generate],
-    suppress_health_check=list(HealthCheck),
-)
 
 
 def _refused(error: SessionError) -> None:
@@ -42,7 +30,7 @@ def test_a_spoilt_file_of_a_session_is_read_or_refused_with_a_sentence(tmp_path:
     asked = json.loads(files["session.json"])
     ends: Counter[str] = Counter()
 
-    @FUZZ
+    @spoiling.FUZZ
     @given(
         name=st.sampled_from([*files]),
         swaps=spoiling.SWAPS,
@@ -83,7 +71,7 @@ def test_a_spoilt_zip_file_is_unpacked_or_refused_with_a_sentence(tmp_path: Path
 
     ends: Counter[str] = Counter()
 
-    @FUZZ
+    @spoiling.FUZZ
     @given(edits=spoiling.EDITS)
     def spoil(edits: list[spoiling.Edit]) -> None:
         file = tmp_path / "session.zip"
