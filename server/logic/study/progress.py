@@ -16,10 +16,8 @@ RATE_WINDOW = 500
 BLOCKS = 10
 #: Student's t for a two-sided interval of 90 % with BLOCKS - 1 degrees of freedom.
 STUDENT_T = 1.833
-
-
 #: Seconds that an analysis may take over what is new; then it seems that none runs.
-ANALYSIS_SECONDS = 30.0
+UNSEEN_SECONDS = 30.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from server.logic.fleet.unserved import Patience, why_it_waits, why_its_rows_wai
 from server.logic.study import studies as life
 from server.logic.study.points import parameters
 from server.logic.study.progress import (
-    ANALYSIS_SECONDS,
+    UNSEEN_SECONDS,
     Pace,
     block_ends,
     first_left,
@@ -120,7 +120,7 @@ def standing(engine: Engine, study_id: str, *, now: float, patience: Patience) -
     with reading(engine) as connection:
         study = studies.find(connection, study_id)
         opening, ends = window_start(study.result_count), block_ends(study.result_count)
-        cursor, rows_seen = snapshots.seen(connection, study_id)
+        cursor, rows_seen = snapshots.seen(connection, study_id, of=study.result_count)
         left = first_left(study, cursor=cursor, rows_seen=rows_seen)
         wanted = [opening, *ends] if left is None else [opening, *ends, left]
         arrivals = results.arrivals(connection, study_id, wanted)
@@ -137,7 +137,7 @@ def standing(engine: Engine, study_id: str, *, now: float, patience: Patience) -
             waits_for=missing,
             why_it_waits=_why_it_waits(connection, study, now, patience) if idle else None,
             left_by_analysis=study.result_count - cursor
-            if left is not None and now > arrived_at[left] + ANALYSIS_SECONDS
+            if left is not None and now > arrived_at[left] + UNSEEN_SECONDS
             else 0,
         )
 

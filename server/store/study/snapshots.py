@@ -34,11 +34,16 @@ def studies_with_news(connection: Connection) -> list[str]:
     return list(connection.scalars(query))
 
 
-def seen(connection: Connection, study_id: str) -> tuple[int, int]:
-    """Return how many results the analysis has taken in, and how many complete rows it shows."""
+def seen(connection: Connection, study_id: str, *, of: int) -> tuple[int, int]:
+    """Return how many results the analysis has taken in, and how many complete rows it shows.
+
+    Not the rows (0) if it has taken in all `of` the results: a snapshot is large, and one of a
+    finished study would be read at every look for nothing.
+    """
+    behind = sa.and_(snapshots.c.study_id == study_id, estimator_states.c.cursor < of)
     query = (
         sa.select(estimator_states.c.cursor, snapshots.c.snapshot["rows_complete"].as_integer())
-        .outerjoin_from(estimator_states, snapshots, snapshots.c.study_id == study_id)
+        .outerjoin_from(estimator_states, snapshots, behind)
         .where(estimator_states.c.study_id == study_id)
     )
     row = connection.execute(query).one_or_none()

@@ -17,7 +17,7 @@ from analysis.designs.distributions import Uniform
 from analysis.files.parquet import STUDY_KEY
 from analysis.sensitivity.service import catch_up
 from server.logic.fleet.hosts import host_class
-from server.logic.study.progress import ANALYSIS_SECONDS
+from server.logic.study.progress import UNSEEN_SECONDS
 from server.operations.fleet import leases
 from server.operations.study.result_log import StoreResultLog
 from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, is_problem, posting, result
@@ -205,7 +205,7 @@ def test_progress_says_how_many_results_no_analysis_has_taken_in_for_a_while(
 
     client.post("/v1/results", json=posting(lease, [result(i) for i in lease["instances"]]))
     seen = client.get(path).headers["ETag"]
-    clock.advance(ANALYSIS_SECONDS)
+    clock.advance(UNSEEN_SECONDS)
     assert left() == 0
     clock.advance(1.0)
     assert left() == len(lease["instances"])
